@@ -32,7 +32,8 @@ from esea_gen.identify.identification import fit_split
 from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.peers import PEERS, fit_peer
-from esea_gen.identify.recording import Recording, load_recordings
+from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording import load_recordings
 from esea_gen.language.ports import Array
 from esea_gen.model.family import Member
 from esea_gen.model.rubber import fitted_of

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.mapping import Cycles
+from esea_gen.identify.recorded import Recording
 from esea_gen.toml_file import nearest
-
-if TYPE_CHECKING:
-    from esea_gen.identify.recording import Recording
 
 # With fewer, leaving one out leaves too little, or one on one side only.
 LEAST_CONDITIONS = 3

@@ -16,7 +16,8 @@ from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.fit import Fit
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.parameters import EPS2_DEFAULT, at_bound, with_parameters
-from esea_gen.identify.recording import MAX_TAU_NM, MAX_THETA_RAD, Recording
+from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording import MAX_TAU_NM, MAX_THETA_RAD
 from esea_gen.identify.uncertainty import Uncertainty
 from esea_gen.model.elastomer import RATE_KEYS
 

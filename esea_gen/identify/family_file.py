@@ -12,7 +12,8 @@ from esea_gen.devices.rubber import Family, FamilyTerm
 from esea_gen.devices.writing import render_toml
 from esea_gen.identify.drafting import draft, files_of, origin_of, round_up
 from esea_gen.identify.mapping import MappingFile
-from esea_gen.identify.recording import MAX_TAU_NM, Recording
+from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording import MAX_TAU_NM
 from esea_gen.model.family import FittedMember, Start, Term
 from esea_gen.model.family_step import ROOM
 from esea_gen.model.rubber import POWERS

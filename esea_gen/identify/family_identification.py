@@ -18,7 +18,8 @@ from esea_gen.identify.identified import Identified
 from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.notes import band_notes, recording_notes, specimen_notes
 from esea_gen.identify.quality_gate import gate_notes, gated
-from esea_gen.identify.recording import Recording, load_recordings
+from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording import load_recordings
 from esea_gen.identify.resampling import LeftOut
 from esea_gen.identify.verdict import Verdict, judge
 from esea_gen.model.family import FittedMember, Member

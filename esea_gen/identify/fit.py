@@ -30,7 +30,7 @@ from esea_gen.identify.population import (
     runner_up,
     sobol_population,
 )
-from esea_gen.identify.recording import Recording
+from esea_gen.identify.recorded import Recording
 from esea_gen.identify.space import Space, edges_of, linear_bounds, parameters_of
 from esea_gen.language.ports import Array
 

@@ -18,7 +18,8 @@ from esea_gen.identify.notes import band_notes, notes_of
 from esea_gen.identify.parameters import at_bound, bounds_of
 from esea_gen.identify.plant import FittedPlant
 from esea_gen.identify.quality_gate import gate_notes, gated
-from esea_gen.identify.recording import Recording, load_recordings
+from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording import load_recordings
 from esea_gen.identify.space import Space
 from esea_gen.identify.uncertainty import Uncertainty, uncertainty
 from esea_gen.identify.verdict import Verdict, judge

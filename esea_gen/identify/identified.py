@@ -11,7 +11,7 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.identify.device_file import marked_toml, write_marked
 from esea_gen.identify.mapping import MappingFile
-from esea_gen.identify.recording import Recording
+from esea_gen.identify.recorded import Recording
 from esea_gen.identify.verdict import Verdict
 from esea_gen.language.ports import Array
 

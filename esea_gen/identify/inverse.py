@@ -45,7 +45,7 @@ from esea_gen.identify.population import (
     runner_up,
     sobol_population,
 )
-from esea_gen.identify.recording import Recording
+from esea_gen.identify.recorded import Recording
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import chosen_inverse, inverse_system
 from esea_gen.model.published_inverse import PLAY_DEFAULTS, PLAYS

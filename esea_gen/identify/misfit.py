@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from esea_gen.identify.cycles import DataSet
-from esea_gen.identify.recording import Recording
+from esea_gen.identify.recorded import Recording
 from esea_gen.language.ports import Array
 
 

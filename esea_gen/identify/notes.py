@@ -11,7 +11,7 @@ from esea_gen.identify.drafting import largest_torque, scales_assumed
 from esea_gen.identify.fit import Fit
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.parameters import at_bound
-from esea_gen.identify.recording import Recording
+from esea_gen.identify.recorded import Recording
 from esea_gen.identify.resampling import LeftOut, covered
 from esea_gen.identify.uncertainty import Uncertainty
 from esea_gen.identify.verdict import Verdict

@@ -22,7 +22,8 @@ from scipy.stats import qmc
 
 from esea_gen.identify.family_fit import trained_scale
 from esea_gen.identify.plant import equal_weights
-from esea_gen.identify.recording import Recording, resample
+from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording import resample
 from esea_gen.language.ports import Array
 
 STARTS, STEPS = 4, 20

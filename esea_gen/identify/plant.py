@@ -13,7 +13,8 @@ from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.parameters import with_values
-from esea_gen.identify.recording import Recording, resample
+from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording import resample
 from esea_gen.identify.resampling import FitRows, rows_of, whole_conditions
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task

@@ -23,7 +23,7 @@ from esea_gen.hostlib.library import compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.parameters import with_values
 from esea_gen.identify.plant import equal_weights, thinned
-from esea_gen.identify.recording import Recording
+from esea_gen.identify.recorded import Recording
 from esea_gen.identify.resampling import autocorrelation
 from esea_gen.identify.uncertainty import relative_jacobian
 from esea_gen.language.ports import Array

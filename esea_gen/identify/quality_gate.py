@@ -8,7 +8,7 @@ from typing import Any
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.numbers import Quantity, Section
 from esea_gen.devices.writing import render_toml
-from esea_gen.identify.recording import Recording
+from esea_gen.identify.recorded import Recording
 
 
 def _stopping(recordings: Sequence[Recording], offset_fitted: bool) -> list[str]:

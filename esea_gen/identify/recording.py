@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,11 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_gen.identify.conditions import divided
-from esea_gen.identify.cycles import Cycle, DataSet, data_sets, divide
+from esea_gen.identify.cycles import data_sets, divide
 from esea_gen.identify.mapping import TIME, FileFormat, Mapping, MappingFile, RecordingTable
 from esea_gen.identify.quality import MOST_SPIKES, Finding, bridged, examined, spikes
 from esea_gen.identify.readers import READERS
+from esea_gen.identify.recorded import Recording
 from esea_gen.language.ports import Array
 
 MIN_SAMPLES = 50
@@ -27,33 +27,6 @@ LEAST_STEP = 0.02  # a recording's usual step, over the sensing period
 HELD_BAND = 0.02  # of its range: a deflection that stays within it is held
 MAX_STIFFNESS_NM_RAD = 1000.0  # bound of k1
 MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
-
-
-@dataclass(frozen=True)
-class Recording:
-    """A recording in SI units, at its own samples.
-
-    file: file name as the mapping gives it.
-    digest: first 16 hexadecimal digits of the file's SHA-256.
-    time_s, theta_rad, tau_Nm: shape (n,).
-    timed: whether the time was recorded (or a period is published), not assumed.
-    dropped: samples dropped by the glitch rule.
-    findings: what is wrong with it; samples that are spoilt are in no data set.
-    conditions: those of the mapping that the file belongs to.
-    """
-
-    label: str
-    file: str
-    digest: str
-    time_s: Array
-    theta_rad: Array
-    tau_Nm: Array
-    timed: bool
-    dropped: int
-    cycles: tuple[Cycle, ...]
-    sets: tuple[DataSet, ...]
-    conditions: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
 
 
 def load_recordings(source: MappingFile) -> list[Recording]:

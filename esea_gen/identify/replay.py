@@ -10,7 +10,8 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.identify.mapping import load_mapping
-from esea_gen.identify.recording import Recording, load_recordings, resample
+from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording import load_recordings, resample
 from esea_gen.language.ports import Array
 
 

@@ -28,7 +28,7 @@ from esea_gen.identify.cycles import DataSet
 from esea_gen.language.ports import Array
 
 if TYPE_CHECKING:
-    from esea_gen.identify.recording import Recording
+    from esea_gen.identify.recorded import Recording
 
 Blocks = npt.NDArray[np.intp]
 

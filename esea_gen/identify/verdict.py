@@ -11,7 +11,8 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.misfit import Misfits
-from esea_gen.identify.recording import Recording, resample
+from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording import resample
 from esea_gen.language.ports import Array
 from esea_gen.model.sensing import sensing_system
 

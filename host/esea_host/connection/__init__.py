@@ -2,7 +2,7 @@
 
 from esea_host.connection.asynchronous import AsyncDevice, connect
 from esea_host.connection.device import ConnectedDevice, open_device
-from esea_host.connection.named import listen_named
+from esea_host.connection.listening import listen_named
 from esea_host.connection.receiver import Batch, Receiver, Subscription
 from esea_host.connection.samples import RunSample
 

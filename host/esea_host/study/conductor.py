@@ -265,8 +265,9 @@ class Conductor(SessionWatcher):
     def _tell(self, text: str) -> None:
         self.happened.append((self.source.now_s(), text))
 
-    def between(self, session: StudySession) -> None:
+    def between(self) -> None:
         """Skip, repeat, wait."""
+        session = self._session
         while True:
             self._again = TrialOnly()
             while not self._jobs.empty():
@@ -312,10 +313,9 @@ class Conductor(SessionWatcher):
                 self.advice = tuple(event.data["advice"])
             self._tell(event.name.replace("_", " "))
 
-    def ends(
-        self, session: StudySession, number: int, state: str, reason: str, row: Mapping[str, Any]
-    ) -> None:
+    def ends(self, number: int, state: str, reason: str, row: Mapping[str, Any]) -> None:
         """Tell how; wait where it was not good enough."""
+        session = self._session
         self.states = {**self.states, number: state}
         self.reasons = {**self.reasons, number: str(reason)}
         if self.display is not None:

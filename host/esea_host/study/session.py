@@ -248,7 +248,7 @@ class StudySession:
         todo: list[PlannedTrial] = []
         rules = self._rules
         while True:
-            watcher.between(self)
+            watcher.between()
             if known is not self.state:  # at first, and where a trial is to be left out or repeated
                 known, todo = self.state, list(self.state.remaining)
                 past = [*self.earlier, *self.state.past]
@@ -320,7 +320,7 @@ class StudySession:
         frames.flush()
         self.source.over(trial.number, ended)
         self._end(trial.number, ended, reason, row)
-        watcher.ends(self, trial.number, ended, reason, row or {})
+        watcher.ends(trial.number, ended, reason, row or {})
         return ended, row, reason
 
     def _end(self, number: int, state: str, reason: str, row: Mapping[str, Any] | None) -> None:

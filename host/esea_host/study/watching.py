@@ -11,7 +11,6 @@ from esea_host.study.task import TaskStep
 
 if TYPE_CHECKING:
     from esea_host.study.plan import PlannedTrial
-    from esea_host.study.session import StudySession
 
 Stop = Callable[[], str]
 Show = Callable[[Scene], None]
@@ -61,7 +60,7 @@ class SessionWatcher:
         """Why to stop now, or nothing; asked at every step, and while something is waited for."""
         return self._stop()
 
-    def between(self, session: StudySession) -> None:
+    def between(self) -> None:
         """No trial runs: the moment to skip, to repeat, or to make the session wait."""
         return
 
@@ -77,8 +76,6 @@ class SessionWatcher:
         """A task has made a step."""
         self._show(step.scene)
 
-    def ends(
-        self, session: StudySession, number: int, state: str, reason: str, row: Mapping[str, Any]
-    ) -> None:
+    def ends(self, number: int, state: str, reason: str, row: Mapping[str, Any]) -> None:
         """A trial has ended, and it is on disk; no data but of a completed one."""
         return

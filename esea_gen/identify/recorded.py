@@ -1,0 +1,36 @@
+"""A recording, as it is once it has been read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from esea_gen.identify.cycles import Cycle, DataSet
+from esea_gen.identify.quality import Finding
+from esea_gen.language.ports import Array
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording in SI units, at its own samples.
+
+    file: file name as the mapping gives it.
+    digest: first 16 hexadecimal digits of the file's SHA-256.
+    time_s, theta_rad, tau_Nm: shape (n,).
+    timed: whether the time was recorded (or a period is published), not assumed.
+    dropped: samples dropped by the glitch rule.
+    findings: what is wrong with it; samples that are spoilt are in no data set.
+    conditions: those of the mapping that the file belongs to.
+    """
+
+    label: str
+    file: str
+    digest: str
+    time_s: Array
+    theta_rad: Array
+    tau_Nm: Array
+    timed: bool
+    dropped: int
+    cycles: tuple[Cycle, ...]
+    sets: tuple[DataSet, ...]
+    conditions: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
