@@ -17,7 +17,7 @@ from esea_gen.errors import UserError
 from esea_host.assess import NOTICE
 from esea_host.assess.desk import ClinicDesk, converse, extra_torque_Nm
 from esea_host.assess.evaluation import evaluate, meet
-from esea_host.assess.files import from_recordings, read_recording
+from esea_host.assess.files import angle_columns, from_recordings, read_recording
 from esea_host.assess.judge import judge
 from esea_host.assess.knee import STEP_S, Knees, sweep
 from esea_host.assess.passive_tests import motion_range, pendulum_test
@@ -500,6 +500,26 @@ def mcap_of(path, gap=False, note="", **columns):
         if gap:
             recorder.gap(Gap("knee", 100, 140, 3, "link", int(ns[12])))
     return path
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda t, x: (np.delete(t, slice(300, 500)), np.delete(x, slice(300, 500))), "row 301"),
+        (lambda t, x: (np.where(t > 5, t - 1, t), x), "time_s goes from 5"),
+        (lambda t, x: (np.where(t == t[7], np.nan, t), x), "row 8: time_s is nan"),
+        (lambda t, x: (t, np.where(t == t[9], np.inf, x)), "row 10: angle_deg is inf"),
+    ],
+    ids=["hole", "back in time", "no time", "no angle"],
+)
+def test_a_recording_with_a_hole_is_refused(tmp_path, spoil, said):
+    t = np.arange(0, 14, 0.01)
+    x = 65 * (1 - np.exp(-0.4 * t) * np.cos(5.8 * t))
+    whole = csv_of(tmp_path / "whole.csv", time_s=t, angle_deg=x)
+    assert CliRunner().invoke(app, ["assess", "pendulum", str(whole)]).exit_code == 0
+    t, x = spoil(t, x)
+    with pytest.raises(UserError, match=said):
+        angle_columns(csv_of(tmp_path / "spoilt.csv", time_s=t, angle_deg=x))
 
 
 def test_an_mcap_recording_gives_what_its_csv_does(tmp_path):

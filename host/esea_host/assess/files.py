@@ -22,6 +22,7 @@ ANGLES = {
     "theta_load_rad": 1.0,
 }
 TORQUES = ("torque_Nm", "tau_Nm")
+HOLE = 5.0  # times the usual step: a longer one has lost samples
 
 
 def read_columns(path: Path) -> dict[str, Array]:
@@ -63,7 +64,34 @@ def _from_text(path: Path) -> dict[str, Array]:
         values = np.array([[float(x) for x in row] for row in rows[1:]])
     except ValueError as error:
         raise UserError(f"{path}: {error}.", "All values are numbers.") from error
-    return {name: values[:, i] for i, name in enumerate(head)}
+    if len(set(head)) < len(head):
+        raise UserError(f"{path}: a column comes twice in {', '.join(head)}.", "Name each once.")
+    found = {name: values[:, i] for i, name in enumerate(head)}
+    _refuse_holes(path, found)
+    return found
+
+
+def _refuse_holes(path: Path, found: dict[str, Array]) -> None:
+    # Whatever bridges a hole makes a movement that was not: a swing longer, a loop open.
+    for name in {"time_s", *ANGLES, *TORQUES} & set(found):
+        bad = np.flatnonzero(~np.isfinite(found[name]))
+        if len(bad):
+            raise UserError(
+                f"{path}, row {bad[0] + 1}: {name} is {found[name][bad[0]]:g}.",
+                "Cut the recording there, or record again.",
+            )
+    steps = np.diff(found.get("time_s", np.zeros(0)))
+    if not len(steps):
+        return
+    usual = float(np.median(steps))
+    wrong = np.flatnonzero((steps <= 0) | (steps > HOLE * usual))
+    if len(wrong):
+        k = wrong[0]
+        raise UserError(
+            f"{path}, row {k + 2}: time_s goes from {found['time_s'][k]:g} to "
+            f"{found['time_s'][k + 1]:g} s, usually by {usual:g} s: at most {HOLE:g} times that.",
+            "Cut the recording at the hole, or record again.",
+        )
 
 
 def angle_columns(path: Path) -> tuple[Array, Array, dict[str, Array]]:
