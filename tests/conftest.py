@@ -79,7 +79,8 @@ def elbow() -> Device:
     return esea_gen.load_device("elbow")
 
 
-@pytest.fixture(scope="session")
+# A module's own: what is derived from a device stays with it, and tests patch what it is derived by.
+@pytest.fixture(scope="module")
 def drive() -> Device:
     return esea_gen.load_device("elbow_drive")
 

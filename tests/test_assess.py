@@ -656,7 +656,27 @@ def test_outside_the_map_nothing_is_counted(data):
     assert not session.observe(Location(5.0, 0.0), 3.0)
     assert not session.observe(GRID.location(0), math.nan)
     assert session.by_name() == before
-    assert not session.undo()
+    # Each was a step, and taking it back takes back nothing else.
+    session.feel(GRID.location(2), "slight")
+    felt = session.by_name()
+    session.observe(Location(5.0, 0.0), 3.0)
+    assert session.undo()
+    assert session.by_name() == felt
+    assert [session.undo() for _ in range(4)] == [True, True, True, False]
+    assert session.by_name() == before
+
+
+def test_what_was_taken_back_settles_nothing(data):
+    session = Assessment(data)
+    for _ in range(12):
+        session.feel(GRID.location(2), "slight")
+    for _ in range(12):
+        assert session.undo()
+    assert not session.settled
+    session.missed(GRID.location(2))
+    assert GRID.location(2) in session.avoided
+    assert session.undo()
+    assert session.avoided == set()
 
 
 # -- scores -----------------------------------------------------------------------------------

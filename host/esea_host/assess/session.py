@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -86,6 +86,16 @@ def assessed_hypotheses(
     return chosen.joined(none_of_these(everything.only(data.diagnoses)))
 
 
+@dataclass(frozen=True)
+class _Before:
+    """What a step that is taken back leaves as it was."""
+
+    log_prior: Array
+    read: bool
+    left_out: Location | None
+    shown: int
+
+
 class Assessment:
     """Probabilities of the categories of a data base, after each movement.
 
@@ -116,10 +126,12 @@ class Assessment:
         fit = {**UNCALIBRATED, **(data.calibration or {})}
         self._log_prior = np.log(self._equal())
         self._log_prior[-1] += fit["none_log_odds"]
-        self._undo: list[tuple[Array, bool, Location | None]] = []
+        self._undo: list[_Before] = []
+        self._shown: list[Array] = []  # probabilities after each step that could move them
         self.trail: list[AuditEntry] = []
         self.avoided: set[Location] = set()
         self.probabilities = normalised(self._log_prior)
+        self._shown.append(self.probabilities)
         self._note("begin", {"data": data.provenance.get("digest", ""), "summary": kind})
         if prior is not None:
             self.override(prior, "to begin with")
@@ -148,6 +160,10 @@ class Assessment:
     def _settle(self) -> None:
         self.probabilities = normalised(self._log_prior + self.evidence.log_likelihood())
 
+    def _step(self, read: bool = False, left_out: Location | None = None) -> None:
+        # Every step that a person makes can be taken back, whatever it gave.
+        self._undo.append(_Before(self._log_prior.copy(), read, left_out, len(self._shown)))
+
     def observe(self, where: Location, response_Nm: float, spread_Nm: float = 0.0) -> bool:
         """One location of one movement, measured; False where the map does not reach."""
         taken = self.evidence.add(where, response_Nm, spread_Nm)
@@ -161,11 +177,12 @@ class Assessment:
         return self._taken(taken, "measured", where, about)
 
     def _taken(self, taken: bool, what: str, where: Location, about: Mapping[str, Any]) -> bool:
+        self._step(read=taken)
         if not taken:
             self._note("outside the map", {"location": where.text()})
             return False
-        self._undo.append((self._log_prior.copy(), True, None))
         self._settle()
+        self._shown.append(self.probabilities)
         self._note(what, {"location": where.text(), **about})
         return True
 
@@ -186,18 +203,22 @@ class Assessment:
 
     def missed(self, where: Location) -> None:
         """A location that could not be passed: not asked for again."""
+        if self.trail[-1].what in ("measured", "outside the map"):  # the same movement: one step
+            self._undo[-1] = replace(self._undo[-1], left_out=where)
+        else:
+            self._step(left_out=where)
         self.avoided.add(where)
         self._note("missed", {"location": where.text()})
 
     def leave_out(self, where: Location) -> None:
         """A location that is not to be passed, as the clinician wishes."""
-        self._undo.append((self._log_prior.copy(), False, where))
+        self._step(left_out=where)
         self.avoided.add(where)
         self._note("left out", {"location": where.text()})
 
     def skip(self, why: str = "") -> None:
         """A movement without a result."""
-        self._undo.append((self._log_prior.copy(), False, None))
+        self._step()
         self._note("skipped", {"why": why})
 
     def override(self, probabilities: Mapping[str, float], why: str) -> None:
@@ -222,10 +243,11 @@ class Assessment:
         for i, n in enumerate(self.names):
             if n in probabilities:
                 target[i] = probabilities[n]
-        self._undo.append((self._log_prior.copy(), False, None))
+        self._step()
         # A category at 0 may come back if the clinician says so: kept finite.
         self._log_prior = np.log(np.maximum(target, 1e-12)) - self.evidence.log_likelihood()
         self._settle()
+        self._shown.append(self.probabilities)
         self._note(
             "clinician", {"why": why, "set": {k: float(v) for k, v in probabilities.items()}}
         )
@@ -234,11 +256,13 @@ class Assessment:
         """Take back the last step; it stays in the trail as taken back."""
         if not self._undo:
             return False
-        self._log_prior, read, left_out = self._undo.pop()
-        if read:
+        before = self._undo.pop()
+        self._log_prior = before.log_prior
+        if before.read:
             self.evidence.undo()
-        if left_out is not None:
-            self.avoided.discard(left_out)
+        if before.left_out is not None:
+            self.avoided.discard(before.left_out)
+        del self._shown[before.shown :]
         self._settle()
         self._note("undone", {})
         return True
@@ -246,10 +270,9 @@ class Assessment:
     @property
     def settled(self) -> bool:
         """Whether the probabilities have stopped changing: three steps in a row below 0.02."""
-        steps = [e for e in self.trail if e.what in ("measured", "felt", "begin", "clinician")]
-        if len(steps) <= SETTLED_STEPS:
+        last = self._shown[-SETTLED_STEPS - 1 :]
+        if len(last) <= SETTLED_STEPS:
             return False
-        last = [np.array(list(e.probabilities.values())) for e in steps[-SETTLED_STEPS - 1 :]]
         return all(float(np.abs(b - a).max()) < SETTLED for a, b in pairwise(last))
 
     def severity(self) -> dict[str, dict[str, float]]:
