@@ -19,7 +19,7 @@ from esea_host.assess.desk import ClinicDesk, converse, extra_torque_Nm
 from esea_host.assess.evaluation import evaluate, meet
 from esea_host.assess.files import angle_columns, from_recordings, read_recording
 from esea_host.assess.judge import judge
-from esea_host.assess.knee import STEP_S, Knees, sweep
+from esea_host.assess.patients import STEP_S, Knees, sweep
 from esea_host.assess.passive_tests import motion_range, pendulum_test
 from esea_host.assess.patients import (
     CATEGORIES,
@@ -117,8 +117,8 @@ def test_the_knees_reflex_is_the_one_that_is_held_against_the_elbow(monkeypatch)
     So a difference from that elbow is one of parameters, and not of units, joint or lags.
     """
     # Hands that do not give way.
-    monkeypatch.setattr("esea_host.assess.knee.HANDS_Nm_rad", 10_000.0)
-    monkeypatch.setattr("esea_host.assess.knee.HANDS_Nms_rad", 100.0)
+    monkeypatch.setattr("esea_host.assess.patients.HANDS_Nm_rad", 10_000.0)
+    monkeypatch.setattr("esea_host.assess.patients.HANDS_Nms_rad", 100.0)
     rate, p = 90 * DEG, nominal("S4")
     t = np.arange(600) * STEP_S
     path = 20 * DEG + rate * t

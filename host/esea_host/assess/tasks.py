@@ -148,7 +148,7 @@ def _known(path: str, mixed: bool) -> tuple[ResponseDataBase, Hypotheses]:
 def assessment_of(parameters: Any, rows: Sequence[Row]) -> Assessment:
     """What is known after the probing movements among a participant's rows."""
     data, hypotheses = _known(parameters.database, parameters.mixed)
-    session = Assessment(data, hypotheses=hypotheses)
+    session = Assessment(data, hypotheses=hypotheses, clock=str)  # a step knows no clock
     for row in rows:
         if row["task"] == ProbeTask.name:
             _take_row(session, row)
@@ -239,7 +239,7 @@ class ProbeTask(_KneeTask):
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         """The leg of a simulated patient, and hands that follow what is shown."""
-        from esea_host.assess.actors import probing_actor
+        from esea_host.assess.simulated import probing_actor
 
         state = self.begin(situation)
         assert state.movement is not None
@@ -302,7 +302,7 @@ class PendulumTask(_KneeTask):
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         """The leg of a simulated patient that falls."""
-        from esea_host.assess.actors import falling_actor
+        from esea_host.assess.simulated import falling_actor
 
         return falling_actor(situation.parameters, situation.parameters.seconds + 0.5, rng)
 
@@ -353,7 +353,7 @@ class RangeTask(_KneeTask):
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         """The leg of a simulated patient, and hands that follow slowly."""
-        from esea_host.assess.actors import following_actor
+        from esea_host.assess.simulated import following_actor
 
         given = situation.parameters
         return following_actor(given, lambda t: _slow(given, t), given.seconds + 0.5, rng)

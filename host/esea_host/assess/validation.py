@@ -15,7 +15,6 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from esea_gen.errors import UserError
-from esea_host.assess.knee import Knees
 from esea_host.assess.passive_tests import pendulum_test
 from esea_host.assess.patients import (
     DEG,
@@ -24,21 +23,14 @@ from esea_host.assess.patients import (
     SEVERITIES,
     Array,
     KneePatient,
+    Knees,
     afflicted,
+    nominal,
 )
 
 ELBOW_RATE_rad_s = 90 * DEG  # the file does not say; in the middle of the paper's 15 to 150 deg/s
 RATES_deg_s = (60, 90, 120, 150)  # at which it might have been
 FINE_S = 1e-3
-
-
-def nominal(category: str) -> KneePatient:
-    """The patient in the middle of a category."""
-    if category == RELAXED:
-        return KneePatient(RELAXED)
-    level = float(category[1:])
-    s, d = (level, 0.0) if category[0] == "S" else (0.0, level)
-    return afflicted(KneePatient(category), s, d)
 
 
 def pendulum_table() -> list[dict[str, Any]]:
