@@ -27,14 +27,12 @@ from PySide6.QtWidgets import (
 )
 
 from esea_gen.errors import UserError
-from esea_host.assess import NOTICE
-from esea_host.assess.desk import ClinicDesk, describe
+from esea_host.assess.desk import ClinicDesk, conclusion, describe, long_name
 from esea_host.assess.files import read_recording
 from esea_host.assess.pages import step_text, write_session_page
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
 from esea_host.assess.tasks import PAUSE_S, leg_scene
-from esea_host.assess.words import conclusion, long_name
 from esea_host.windows.assess_controls import ClinicControls
 from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
 from esea_host.windows.counting import take_many
@@ -67,7 +65,7 @@ class AssessWindow(QMainWindow):
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self) -> None:
-        self.notice, self.now, self.said = QLabel(NOTICE), QLabel(), QLabel()
+        self.notice, self.now, self.said = QLabel(self.desk.session.data.notice), QLabel(), QLabel()
         self.settled, self.next = QLabel(), QLabel()
         for label in (self.now, self.said, self.next):
             label.setWordWrap(True)
