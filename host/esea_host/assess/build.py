@@ -27,10 +27,10 @@ PER_CATEGORY, CALIBRATION_PER_CATEGORY = 60, 12
 CALIBRATION_MOVEMENTS = 12
 LOOKS = (1, 3, 6, 12)  # movements after which the noise is judged
 FITTED = {
-    "own_Nm": (0.25, 0.5, 0.75, 1.0),
+    "own_Nm": (0.25, 0.5, 0.75, 1.0, 1.4, 2.0),
     "share": (0.0, 0.03, 0.06, 0.1),
     "people_scale": (0.5, 0.75, 1.0),
-    "noise_Nm": (0.25, 0.5, 1.0),
+    "noise_Nm": (0.25, 0.5, 1.0, 1.4, 2.0),
 }
 NONE_INSIDE = 0.02  # share of calibration patients that may be called "none of these"
 CHUNK = 220

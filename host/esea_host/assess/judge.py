@@ -96,7 +96,7 @@ def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> d
         },
         "categories": list(data.diagnoses),
         "answers": list(names),
-        "data_base": {"digest": data.digest, **data.provenance},
+        "data_base": {**data.provenance, "digest": data.digest},
         "calibration": dict(data.calibration or {}),
         "looked_at_after": MOVEMENTS,
         "most_movements": MOST,

@@ -320,7 +320,7 @@ class Assessment:
         """All of it, for a file."""
         return {
             "notice": self.data.notice,
-            "database": {"digest": self.data.digest, **self.data.provenance},
+            "database": {**self.data.provenance, "digest": self.data.digest},
             "calibration": dict(self.data.calibration or {}),
             "probabilities": self.by_name(),
             "severity": self.severity(),
