@@ -72,7 +72,13 @@ def made_up(people: int = 40, seed: int = 3, spread: float = 0.1) -> ResponseDat
             category.append(i)
     rows = np.array(rows)
     return ResponseDataBase(
-        GRID, tuple(names), np.array(category), rows, np.ones_like(rows), {"source": "formulas"}, "relaxed"
+        GRID,
+        tuple(names),
+        np.array(category),
+        rows,
+        np.ones_like(rows),
+        {"source": "formulas"},
+        "relaxed",
     )
 
 

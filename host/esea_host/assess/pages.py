@@ -180,7 +180,8 @@ PAGES, FIGURES = (".html", ".png", ".pdf"), (".png", ".pdf", ".svg")
 def checked_name(path: Path, endings: Sequence[str] = PAGES) -> None:
     """Before anything is asked: a page's or a figure's name."""
     if path.suffix not in endings:
-        raise UserError(f"{path}: its name ends in {', '.join(endings)}.", "Give another name.")
+        text = f"{', '.join(endings[:-1])} or {endings[-1]}"
+        raise UserError(f"{path}: its name must end in {text}.", "Give another name.")
 
 
 def write_session_page(
