@@ -66,6 +66,11 @@ def long_name(name: str) -> str:
     return f"{grade} {DISORDERS[what[0]]}"
 
 
+def unit_of(measure: str) -> str:
+    """In what a measure of information is."""
+    return "nats" if measure == "expected" else "Nm"
+
+
 def strength(p: float) -> str:
     """How sure, in a word."""
     words = ((0.95, "very likely"), (0.8, "likely"), (0.5, "more likely than not"))

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_host.assess import NOTICE
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.evaluation import (
     CONFIDENT,
@@ -88,7 +87,7 @@ def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> d
     ways = [w for w in WAYS if any(m.way == w for m in met)]
     inside = {w: [m for m in met if m.group == "inside" and m.way == w] for w in ways}
     out: dict[str, Any] = {
-        "notice": NOTICE,
+        "notice": data.notice,
         "simulated": True,
         "patients": {
             g: sum(m.group == g and m.way == ways[0] for m in met)

@@ -18,10 +18,10 @@ from esea_gen.emit.render import template_folder
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 from esea_gen.plotting import BOUND, HELD_OUT, INK, MEASURED, MODEL, ROUNDING, STYLE, svg
-from esea_host.assess import MEASURED_NOTICE, NOTICE
-from esea_host.assess.desk import conclusion, long_name
+from esea_host.assess import MEASURED_NOTICE
+from esea_host.assess.desk import conclusion, long_name, unit_of
 from esea_host.assess.patients import DEG, Array
-from esea_host.assess.probing import Comfort, informative, next_movement
+from esea_host.assess.probing import MEASURES, Comfort, informative, next_movement
 from esea_host.assess.session import Assessment, AuditEntry
 
 COLOURS = (MODEL, MEASURED, ROUNDING, BOUND)
@@ -32,8 +32,13 @@ MEANING = (
 )
 
 
-def session_page(session: Assessment, who: str = "", comfort: Comfort | None = None) -> Figure:
-    """One page for the file."""
+def session_page(
+    session: Assessment,
+    who: str = "",
+    comfort: Comfort | None = None,
+    measure: str = MEASURES[0],
+) -> Figure:
+    """One page for the file; measure: by which movements were chosen."""
     limits = comfort or Comfort()
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.27, 11.69))
@@ -59,7 +64,7 @@ def session_page(session: Assessment, who: str = "", comfort: Comfort | None = N
         figure.text(0.06, 0.022, MEANING, fontsize=8, color=INK)
         _bars(figure.add_subplot(grid[0, 0]), session)
         _history(figure.add_subplot(grid[0, 1]), session)
-        _map(figure.add_subplot(grid[1, :]), session, limits)
+        _map(figure.add_subplot(grid[1, :]), session, limits, measure)
         _trail(figure.add_subplot(grid[2, :]), session)
     return figure
 
@@ -113,9 +118,9 @@ def _history(ax: Axes, session: Assessment) -> None:
     ax.legend(ncol=2, fontsize=7.5, loc="upper center", bbox_to_anchor=(0.45, -0.2))
 
 
-def _map(ax: Axes, session: Assessment, comfort: Comfort) -> None:
+def _map(ax: Axes, session: Assessment, comfort: Comfort, measure: str) -> None:
     grid = session.hypotheses.grid
-    value = informative(session, comfort)
+    value = informative(session, comfort, measure)
     shape = len(grid.angle_rad), len(grid.rate_rad_s)
     drawn = ax.pcolormesh(
         grid.angle_rad / DEG,
@@ -126,7 +131,7 @@ def _map(ax: Axes, session: Assessment, comfort: Comfort) -> None:
         shading="nearest",
         rasterized=True,
     )
-    ax.figure.colorbar(drawn, ax=ax, label="how much it would tell", pad=0.01)
+    ax.figure.colorbar(drawn, ax=ax, label=f"how much it would tell [{unit_of(measure)}]", pad=0.01)
     ax.grid(False)
     been = session.evidence.places()
     if len(been):
@@ -185,15 +190,20 @@ def checked_name(path: Path, endings: Sequence[str] = PAGES) -> None:
 
 
 def write_session_page(
-    path: Path, session: Assessment, who: str = "", comfort: Comfort | None = None
+    path: Path,
+    session: Assessment,
+    who: str = "",
+    comfort: Comfort | None = None,
+    measure: str = MEASURES[0],
 ) -> None:
     """One page for the file: .html, .png or .pdf."""
     checked_name(path)
+    page = session_page(session, who, comfort, measure)
     if path.suffix == ".html":
-        write_whole(path, session_html(session, who, comfort))
+        write_whole(path, _session_html(session, who, page))
         return
     buffer = io.BytesIO()
-    session_page(session, who, comfort).savefig(buffer, format=path.suffix[1:], dpi=150)
+    page.savefig(buffer, format=path.suffix[1:], dpi=150)
     write_whole(path, buffer.getvalue())
 
 
@@ -295,7 +305,7 @@ def loop_picture(found: Any) -> Figure:
     return figure
 
 
-def _render(template: str, notice: str = NOTICE, **context: Any) -> str:
+def _render(template: str, notice: str, **context: Any) -> str:
     env = jinja2.Environment(
         loader=jinja2.FileSystemLoader(template_folder()),
         autoescape=True,
@@ -326,12 +336,11 @@ def evaluation_page(result: Mapping[str, Any]) -> str:
         svg(motions_picture(result), "motions", "Movements to 95 percent, four ways"),
     ]
     title = "Knee assessment, judged on simulated patients"
-    return _render("evaluation", title=title, r=result, rows=rows, figures=figures)
+    context = {"title": title, "r": result, "rows": rows, "figures": figures}
+    return _render("evaluation", result["notice"], **context)
 
 
-def session_html(session: Assessment, who: str = "", comfort: Comfort | None = None) -> str:
-    """One assessment as a page."""
-    page = session_page(session, who, comfort)
+def _session_html(session: Assessment, who: str, page: Figure) -> str:
     figure = svg(page, "session", "Probabilities, history, map and steps")
     title = "Knee: assessment of resistance to movement"
     lines = [dated(session, who), *conclusion(session)]

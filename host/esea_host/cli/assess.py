@@ -101,7 +101,7 @@ def evaluate(
     data = _data(database)
     met, mixed = meet_all(data, patients, seed, jobs, say=_say)
     result = {"seed": seed} | judge(met, mixed, data)
-    out.print(NOTICE)
+    out.print(data.notice)
     for line in table(result):
         out.print(line)
     write_json(json_file, result)
@@ -183,7 +183,7 @@ def run(
     if page is not None:
         from esea_host.assess.pages import write_session_page
 
-        write_session_page(page, session, desk.about(who), desk.comfort)
+        write_session_page(page, session, desk.about(who), desk.comfort, measure)
 
 
 def _patient(text: str, height_m: float, mass_kg: float, seed: int) -> Any:

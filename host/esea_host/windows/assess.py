@@ -27,7 +27,7 @@ from PySide6.QtWidgets import (
 )
 
 from esea_gen.errors import UserError
-from esea_host.assess.desk import ClinicDesk, conclusion, describe, long_name
+from esea_host.assess.desk import ClinicDesk, conclusion, describe, long_name, unit_of
 from esea_host.assess.files import read_recording
 from esea_host.assess.pages import step_text, write_session_page
 from esea_host.assess.patients import DEG
@@ -189,7 +189,9 @@ class AssessWindow(QMainWindow):
             self._step(partial(self._write, Path(name)))
 
     def _write(self, path: Path) -> str:
-        write_session_page(path, self.desk.session, self.desk.about(self.who), self.desk.comfort)
+        write_session_page(
+            path, self.desk.session, self.desk.about(self.who), self.desk.comfort, self.desk.measure
+        )
         return f"{path} is written."
 
     # -- looking -----------------------------------------------------------------------------------
@@ -205,7 +207,8 @@ class AssessWindow(QMainWindow):
         self.settled.setStyleSheet(f"color: {theme.good if settled else theme.soft}")
         self.next.setText(f"<b>Next:</b> {describe(self.desk.proposed)}")
         places = session.evidence.places() / DEG
-        self.map.draw(self.desk.value, places, self.desk.proposed, self.desk.comfort)
+        unit = unit_of(self.desk.measure)
+        self.map.draw(self.desk.value, places, self.desk.proposed, self.desk.comfort, unit)
         self.bars.draw(session.probabilities)
         self.history.draw(np.array([list(e.probabilities.values()) for e in session.trail]))
         self.trail.clear()
