@@ -426,7 +426,7 @@ def test_the_judge_counts(tmp_path):
         steps = np.full((13, len(names)), 0.01 / (len(names) - 1))
         steps[:, names.index(said)] = 0.99
         steps[:sure] = 1 / len(names)
-        level = 0.0 if truth in ("rigid", "relaxed") else float(truth[1:2])
+        level = 0.0 if truth in ("rigid", "relaxed") else float(truth[1:].partition("+")[0])
         s, d = (level, 0.0) if truth[0] == "S" else (0.0, level)
         severity = {x: {"mean": level, "low": level, "high": level} for x in "SD"}
         return Met(group, truth, s, d, way, steps, severity, 0)
@@ -439,9 +439,13 @@ def test_the_judge_counts(tmp_path):
     rows += [met("outside", "rigid", "none of these", "expected", 2)]
     rows += [met("outside", "rigid", "relaxed", "expected", 2)]
     rows += [met("outside", "relaxed", "relaxed", "expected", 2)]
-    between = [met("between", "S1.5", "S1", "expected", 2)]
+    between = [met("between", f"{x}1.5", f"{x}1", "expected", 2) for x in "SD"]
     mixed = [met("mixed", "S2+D1", "none of these", "expected", 2)]
     r = judge(rows + between + mixed, mixed, data)
+    assert r["simulated"] is True
+    assert r["data_base"]["digest"] == data.digest
+    # Whatever severities there are: the neighbours of D1.5 are D1 and D2.
+    assert r["between"]["on_both_neighbours"] == pytest.approx(0.99 + 0.01 / (len(names) - 1))
     assert r["motions_ratio"] == pytest.approx(2 / 6)
     assert r["accuracy"] == 1
     assert r["none_rate_outside"] == pytest.approx(2 / 3)
