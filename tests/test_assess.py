@@ -247,6 +247,8 @@ def test_every_summary_finds_a_clear_case(data, kind):
 
 
 def test_unknown_summary_is_refused(data):
+    with pytest.raises(UserError, match="two people or more"):
+        summarised(made_up(people=1), "kernel")
     with pytest.raises(UserError, match="centroids or kernel"):
         summarised(data, "best")
 
@@ -333,6 +335,13 @@ def test_one_file_with_its_provenance_and_nothing_slips_in(tmp_path, data):
         ResponseDataBase.load(tmp_path / "c.npz")
     (tmp_path / "d.npz").write_bytes(path.read_bytes()[:-100])
     (tmp_path / "e.npz").write_text("no")
+    # Whole, and of no use: all that follows from it would be NaN.
+    endless = data.responses.copy()
+    endless[5, 3] = np.inf
+    for bad in ({"responses": endless}, {"calibration": {"own_Nm": math.nan}}):
+        dataclasses.replace(data, **bad).save(tmp_path / "g.npz")
+        with pytest.raises(UserError, match="infinite or none"):
+            ResponseDataBase.load(tmp_path / "g.npz")
     for name in ("d.npz", "e.npz", "f.npz"):
         with pytest.raises(UserError, match="no data base"):
             ResponseDataBase.load(tmp_path / name)

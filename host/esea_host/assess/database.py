@@ -288,6 +288,12 @@ class ResponseDataBase:
             )
         if _digest(head, arrays) != claimed:
             raise UserError(f"{path}: the content is not what was saved.", "Build it again.")
+        fitted = list((head["calibration"] or {}).values())
+        if np.isinf(arrays["responses_Nm"]).any() or not np.all(np.isfinite(fitted)):
+            raise UserError(
+                f"{path}: a response or a calibrated number is infinite or none.",
+                "Build it again; NaN stands only where a person has not been.",
+            )
         return cls(
             LocationGrid(arrays["angle_rad"], arrays["rate_rad_s"]),
             tuple(head["categories"]),
