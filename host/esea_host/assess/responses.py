@@ -33,7 +33,7 @@ MOST_READINGS = 12  # of one movement: farther apart than a tolerance, or nothin
 STRAINED = 0.95  # of the hands' pull: beyond it a leg goes its own way, and for some time after
 AFTER_STRAIN_S = 0.5
 # A reflex answers to where the leg was this long ago (delay, and lags of the muscle).  Without it
-# one location gives other torques while speeding up than while slowing down: 15 and 27 Nm at S5.
+# one location gives other torques while speeding up than while slowing down: 20 and 26 Nm at S5.
 LATENCY_S = 0.06
 
 
