@@ -70,8 +70,8 @@ class SimulatedBoard:
         self._hand: Callable[[], Mapping[str, float]] | None = None
         self._first = self.plant, self.clamped, self._person
         self.push_rad = 0.0
-        self._values = self.board._ffi.new("float[]", len(self.board._inputs))
-        self._places = [self.board._inputs.index(f"count_{s}") for s in ("motor", "load", "gear")]
+        self._values = self.board._ffi.new("float[]", len(self.board.inputs))
+        self._places = [self.board.inputs.index(f"count_{s}") for s in ("motor", "load", "gear")]
         self._start()
 
     def set_up(
