@@ -171,6 +171,38 @@ def test_the_normalised_cursor_ends_where_the_map_says():
     assert cursor.x == pytest.approx(float(wanted))
 
 
+def swept(turn_deg):
+    """A calibration of -62 to 62 deg, nodes to 60, by who turns round there; row, and all advice."""
+    task = task_named("wrist.velocity", "")
+    state = task.begin(Situation(task.Parameters(axis="FE"), "", tuple(WIDE), 1))
+    advice = []
+    for k in range(3100):
+        theta = turn_deg * (abs(k % 400 - 200) / 100 - 1)
+        step = task.step(state, 0.01 * k, {"fe_deg": 2.0 + theta, "ru_deg": 0.0})
+        state = step.state
+        advice += [x for e in step.events for x in e.data["advice"]]
+        if step.outcome:
+            return step.outcome.row, advice
+    raise AssertionError("it never ended")
+
+
+WIDE = [row | {"end_deg": 62.0 * row["way"]} if "way" in row else row for row in PAST[:3]]
+
+
+def test_an_end_is_reached_only_beyond_the_outermost_node(monkeypatch):
+    """5 % of the range lie before the last node: who turns there was told of 0 crossings."""
+    row, advice = swept(60.5)  # one sample beyond
+    assert (row["movements"], row["complaints"], advice) == (5, [], [])
+    row, advice = swept(57.0)
+    assert row["movements"] == 0
+    assert "No end of the range was reached" in row["complaints"][0]
+    # So it was.
+    monkeypatch.setattr("esea_host.wrist.past.Calibrated.nodes", lambda *_: [])
+    row, advice = swept(57.0)
+    assert row["movements"] == 5
+    assert any("60 deg was crossed 0 times" in x for x in advice)
+
+
 def test_a_task_without_its_calibration_says_so():
     task = task_named("wrist.track", "")
     with pytest.raises(UserError, match="no healthy movement block 0"):

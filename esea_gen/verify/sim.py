@@ -68,7 +68,7 @@ class SimBoard(Session):
     """A board in this process, powered on.
 
     measured: what its drivers give, by the device's input names; frames are bad until it is set.
-    drivers, signals: for :meth:`step`: what the drivers give, in the order of ``inputs``; then what
+    drivers, values: for :meth:`step`: what the drivers give, in the order of ``inputs``; then what
         the first task was given and made, each at its place in ``places``.
     """
 
@@ -91,7 +91,7 @@ class SimBoard(Session):
         sizes = [x.port.size for x in signals]
         self.places = {x.name: sum(sizes[:k]) for k, x in enumerate(signals)}
         self._words = self._ffi.new("uint32_t[]", sum(sizes))
-        self.signals = self._ffi.cast("float *", self._words)
+        self.values = self._ffi.cast("float *", self._words)
         super().__init__(SimTransport(self.lib, self._ffi), dialect, 1.0)
         self.lib.sim_start()
 

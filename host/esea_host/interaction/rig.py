@@ -47,11 +47,11 @@ class ElementRig(SensedRig):
 
     @property
     def theta_rad(self) -> float:
-        return -float(self.board.signals[self._at[0]])
+        return -float(self.board.values[self._at[0]])
 
     @property
     def tau_Nm(self) -> float:
-        return float(self.board.signals[self._at[1]])
+        return float(self.board.values[self._at[1]])
 
     def advance(self, muscle: Sequence[float]) -> list[float]:
         """A frame; the board's angle at each of its milliseconds.

@@ -140,7 +140,7 @@ class SensedRig(ABC):
                 axis.step(muscle, (k + 1) / STEPS, rate)
             self.show()
             board.step()
-            read.append(board.signals[place])
+            read.append(board.values[place])
         if board.state_now not in RUNS:
             raise UserError(
                 f"The simulated board of {self.device.name} is {board.state_now}.",
