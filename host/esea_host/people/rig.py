@@ -118,8 +118,8 @@ class SensedRig(ABC):
         """How fast the other side of each coupling turns; without a motor it stands still."""
         return self._still
 
-    def frame(self, muscles: Sequence[Sequence[float]], signal: str) -> list[float]:
-        """A frame; a signal of the board at each of its milliseconds.
+    def frame(self, muscles: Sequence[Sequence[float]], signal: str = "") -> list[float]:
+        """A frame; a signal of the board at each of its milliseconds, where one is asked for.
 
         Parameters
         ----------
@@ -134,13 +134,14 @@ class SensedRig(ABC):
             Where the board no longer runs.
         """
         board, read = self.board, []
-        place = board.places[signal]
+        place = board.places[signal] if signal else None
         for k in range(STEPS):
             for axis, muscle, rate in zip(self.axes, muscles, self.turning_rad_s(), strict=True):
                 axis.step(muscle, (k + 1) / STEPS, rate)
             self.show()
             board.step()
-            read.append(board.values[place])
+            if place is not None:
+                read.append(board.values[place])
         if board.state_now not in RUNS:
             raise UserError(
                 f"The simulated board of {self.device.name} is {board.state_now}.",
