@@ -23,7 +23,9 @@ from esea_gen.control.impairment import (
     WALL,
     impairment,
 )
+from esea_gen.device import load_device, parse_device
 from esea_gen.emit.formats import FORMATS
+from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.system import System, Task
 from esea_gen.verify.bounds import bounds_or_rule
@@ -204,7 +206,7 @@ def test_the_printed_law_gives_energy_on_such_paths():
     assert np.sum((printed * rate)[out]) > 0
 
 
-# -- two axes on one board ---------------------------------------------------------------------------
+# -- two axes on one board -------------------------------------------------------------------------
 
 
 def test_both_axes_on_the_m4f_in_time_and_to_the_bit(device, tmp_path):
@@ -221,3 +223,14 @@ def test_both_axes_on_the_m4f_in_time_and_to_the_bit(device, tmp_path):
     result = run_in_emulator(device, build_firmware(device, "netduinoplus2", tmp_path), swing)
     assert result.identical, result.first_difference
     assert 1500 < result.instructions["max"] < 2600
+
+
+def test_a_section_that_nothing_would_follow_is_refused(device):
+    with pytest.raises(UserError, match="no drive follows it"):
+        parse_device(
+            device.toml().replace("schema = 1", 'schema = 1\nextends = "elbow_drive"'), "x"
+        )
+    with pytest.raises(UserError, match=r"impairment\.bandwidth_Hz = 60 Hz is above its limit"):
+        parse_device(device.toml().replace("{ value = 1000.0", "{ value = 500.0"), "x")
+    with pytest.raises(UserError, match=r"section \[impairment\] is missing"):
+        impairment(load_device("wrist"))

@@ -139,18 +139,15 @@ class _Impairment:
         self.tau = threshold(device.tau_full_scale_Nm)
 
     def tunables(self) -> tuple[Tunable, ...]:
-        given = (
-            ("wall_rad", -self.theta, self.theta, "where the wall begins"),
-            ("Kp_Nm_rad", 0.0, 200.0, "stiffness of the wall; 0 for no wall"),
-            ("Kd_Nms_rad", 0.0, 20.0, "damping in the wall: higher, less bounce"),
-            ("Kv_Nms_rad", 0.0, 5.0, "resistance to speed everywhere"),
-        )
-        numbers = {name: getattr(self.section, name) for name, *_ in given}
+        def given(name: str, low: float, high: float, meaning: str) -> Tunable:
+            number = getattr(self.section, name)
+            return Tunable(name, number.value, low, high, meaning, number.source, number.status)
+
         return (
-            *(
-                Tunable(n, numbers[n].value, *more, numbers[n].source, numbers[n].status)
-                for n, *more in given
-            ),
+            given("wall_rad", -self.theta, self.theta, "where the wall begins"),
+            given("Kp_Nm_rad", 0.0, 200.0, "stiffness of the wall; 0 for no wall"),
+            given("Kd_Nms_rad", 0.0, 20.0, "damping in the wall: higher, less bounce"),
+            given("Kv_Nms_rad", 0.0, 5.0, "resistance to speed everywhere"),
             Tunable(
                 *("tau_max_Nm", self.tau, 0.01, self.tau, "most that it asks for; held there"),
                 *("the elastomer's full scale", "assumed"),

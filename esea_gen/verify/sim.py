@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -86,6 +86,7 @@ class SimBoard(Session):
             self.lib: Any = self._ffi.dlopen(str(own))
         self.inputs = [x.name for x in board_roles(device.system).measured]
         self.drivers = self._ffi.new("float[]", max(1, len(self.inputs)))
+        self._encoders = [k for k, n in enumerate(self.inputs) if n.startswith("count_")]
         system, task = device.system, device.system.tasks[0]
         signals = (*system.task_inputs(task), *system.task_outputs(task))
         sizes = [x.port.size for x in signals]
@@ -112,6 +113,7 @@ class SimBoard(Session):
         """
         for area in self.flash if blank else ():
             area[:] = b"\xff" * len(area)
+        self._ffi.buffer(self.drivers)[:] = bytes(self._ffi.sizeof(self.drivers))
         self.lib.sim_start()
         self.pending()
 
@@ -122,6 +124,11 @@ class SimBoard(Session):
             raise ValueError(f"{sorted(unknown)} is not measured; there is {self.inputs}")
         self.drivers[0 : len(self.inputs)] = [values.get(n, 0.0) for n in self.inputs]
         self.lib.sim_measure(self.drivers)
+
+    def show(self, counts: Iterable[float]) -> None:
+        """Have the drivers read these encoders, in the order of ``inputs``."""
+        for place, count in zip(self._encoders, counts, strict=False):
+            self.drivers[place] = count
 
     def step(self) -> None:
         """A base tick with all that belongs to it, at which ``drivers`` is measured."""
