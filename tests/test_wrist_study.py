@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import sys
 from itertools import pairwise
 
 import numpy as np
@@ -30,6 +32,7 @@ from esea_host.wrist.target import Moving, advance, target_distance_deg
 from esea_host.wrist.virtual import PROTOCOL, all_rows, run_study, wrist_protocol
 
 from .conftest import require_tool
+from .test_cluster import Dask
 
 RATE = 18.0 / 5.0
 
@@ -469,6 +472,26 @@ def test_the_number_of_workers_changes_nothing(tmp_path, gcc):
         rows.append(json.dumps(all_rows(tmp_path / name)))
     assert rows[0] == rows[1]
     assert rows[0] != rows[2]
+
+
+@pytest.mark.slow
+def test_a_cluster_records_the_same(tmp_path, gcc):
+    """Workers of a real scheduler on this machine; one address that is none is told."""
+    dask = Dask(tmp_path)
+    try:
+        dask.worker(PYTHONPATH=os.pathsep.join(sys.path))
+        run_study(tmp_path / "here", 2, 1, protocol=ranges_only())
+        run_study(tmp_path / "there", 2, 1, protocol=ranges_only(), cluster=dask.address)
+    finally:
+        dask.close()
+    here, there = (
+        b"".join(p.read_bytes() for p in sorted((tmp_path / n).glob("V*/*/*.jsonl")))
+        for n in ("here", "there")
+    )
+    assert len(here) > 10000
+    assert here == there
+    with pytest.raises(UserError, match="No Dask scheduler at"):
+        run_study(tmp_path / "no", 1, 1, protocol=ranges_only(), cluster="tcp://127.0.0.1:1")
 
 
 def test_the_shipped_protocol_is_the_published_design():

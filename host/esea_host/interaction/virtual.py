@@ -114,6 +114,7 @@ def run_crossover(
     model: PersonModel | None = None,
     protocol: Protocol | None = None,
     last_s: float | None = None,
+    cluster: str | None = None,
 ) -> list[str]:
     """The cross-over with virtual participants, ready for ``analyse interaction``.
 
@@ -133,6 +134,8 @@ def run_crossover(
         Another one of these tasks, with the same two groups.
     last_s : float, optional
         Analysed of each task, other than the published 45 s.
+    cluster : str, optional
+        In place of processes: address of a Dask scheduler.
 
     Returns
     -------
@@ -143,7 +146,7 @@ def run_crossover(
     for element in ELEMENTS:
         compile_rig(element_device(element))
     people = RigPeople(seed, model or PersonModel(), folder)
-    early = run_everybody(folder, asked, participants, people, jobs)
+    early = run_everybody(folder, asked, participants, people, jobs, cluster)
     write_manifest(folder, LAST_S if last_s is None else last_s)
     return early
 

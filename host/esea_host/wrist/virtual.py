@@ -96,6 +96,7 @@ def run_study(
     method: str = "rbf",
     model: PersonModel | None = None,
     protocol: Protocol | None = None,
+    cluster: str | None = None,
 ) -> list[str]:
     """The wrist study with virtual participants.
 
@@ -115,6 +116,8 @@ def run_study(
         The people, other than the default ones.
     protocol : Protocol, optional
         Another one of wrist tasks.
+    cluster : str, optional
+        In place of processes: address of a Dask scheduler.
 
     Returns
     -------
@@ -124,7 +127,7 @@ def run_study(
     asked = protocol or wrist_protocol(seed, method)
     compile_rig(impaired_device())
     people = WristPeople(seed, model or PersonModel())
-    return run_everybody(folder, asked, participants, people, jobs)
+    return run_everybody(folder, asked, participants, people, jobs, cluster)
 
 
 def all_rows(folder: Path) -> list[Row]:
