@@ -11,14 +11,22 @@ import pytest
 import esea_host
 from esea_gen.errors import UserError
 from esea_host.recording.replay import verify
-from esea_host.simulated import LockstepDevice
+from esea_host.simulated import LockstepDevice, SimulatedBoard
+
+from .conftest import require_tool
 
 
-@pytest.fixture(scope="module")
-def recorded(simulated_elbow, tmp_path_factory):
+@pytest.fixture(scope="module", params=["sim", "sim-q31"])
+def recorded(request, tmp_path_factory):
     """Zeroed, a parameter changed, armed, a sine of torque; the board is simulated."""
-    simulated_elbow.restart()
-    device = LockstepDevice(simulated_elbow)
+    if request.param == "sim":
+        board = request.getfixturevalue("simulated_elbow")
+        board.restart()
+    else:
+        require_tool("gcc")
+        board = SimulatedBoard("elbow_drive", board=request.param)
+        request.addfinalizer(board.close)
+    device = LockstepDevice(board)
     path = tmp_path_factory.mktemp("log") / "a.mcap"
     with device.record(path):
         device.advance(0.1)

@@ -60,9 +60,12 @@ class SimBoard(Session):
     """A board in this process, powered on.
 
     measured: what its drivers give, by the device's input names; frames are bad until it is set.
+    board: ``sim``, or ``sim-q31`` with the control in whole numbers.
     """
 
-    def __init__(self, device: Device, control: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, device: Device, control: Mapping[str, str] | None = None, board: str = "sim"
+    ) -> None:
         self.device = device
         self._ffi = cffi.FFI()
         source = (firmware_folder() / "boards" / "sim" / "board.c").read_text(encoding="utf-8")
@@ -70,7 +73,7 @@ class SimBoard(Session):
             "".join(re.findall(r"^\w[\w *]*\bsim_\w+\([^)]*\);\n", source, re.MULTILINE))
         )
         self._folder = tempfile.mkdtemp(prefix="esea-sim-")
-        image = build_firmware(device, "sim", Path(self._folder), control)
+        image = build_firmware(device, board, Path(self._folder), control)
         self.lib: Any = self._ffi.dlopen(str(image.elf))
         self._inputs = [x.name for x in board_roles(device.system).measured]
         super().__init__(SimTransport(self.lib, self._ffi), load_dialect(device), 1.0)

@@ -24,7 +24,7 @@ from esea_link.session import Session
 from esea_link.transport import LinkError, Transport
 
 ANYBODY = "elbow_drive"  # its dialect has the messages that all devices share
-SIMULATED_BOARDS = ("sim",)
+SIMULATED_BOARDS = ("sim", "sim-q31")
 PROBE_S = 3.0
 PACKAGES = ("esea-gen", "numpy", "casadi", "pymavlink", "mcap")
 

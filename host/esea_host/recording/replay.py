@@ -18,6 +18,7 @@ from esea_gen.device import Device, load_device
 from esea_gen.emit.build import format_hash
 from esea_gen.errors import UserError
 from esea_gen.hostlib import HostLibrary, compile_device
+from esea_gen.hostlib.codec import Field
 from esea_host.recording.layout import Array
 from esea_host.recording.log import TICK, Log
 
@@ -118,18 +119,18 @@ def device_of(log: Log) -> Device:
             f"{facts['content_hash']}; this tree's is {ours}.",
             "Replay it with the version that made it; its sources are attached (sources.zip).",
         )
-    if facts.get("real", "f32") != "f32":
-        raise UserError(
-            f"{log.path.name} is of a board that computes in {facts['real']}: its link tells "
-            "numbers in units, not all bits.",
-            "Only f32 can be proven.",
-        )
     return device
 
 
 @lru_cache(maxsize=2)
 def _loaded(name: str) -> Device:
     return load_device(name)
+
+
+def _told(f: Field, held: Array) -> Array:
+    # As the link tells it: of a q31 number the nearest float, which keeps 24 bits.
+    values = np.asarray(f.decode(held))
+    return values.astype(np.float32) if values.dtype.kind == "f" else values
 
 
 class _Task:
@@ -154,7 +155,7 @@ class _Task:
         self.packed = np.zeros(max(count, 1), library.dtype(self.in_type))
         if self.given is not None:
             for f in self.inputs:
-                self.packed[f.c_name] = self.given[f.name]
+                self.packed[f.c_name] = f.encode(self.given[f.name])
         self.computed = np.zeros(max(len(self.told), 1), library.dtype(self.out_type))
         self.done = np.zeros(len(self.told), bool)
         ffi = library.ffi
@@ -173,7 +174,7 @@ class _Replay:
                     f"{log.path.name} has no stream {needed}: it cannot be computed again.",
                     "Record all streams: esea-host record without --stream.",
                 )
-        self.library: HostLibrary = compile_device(device, "f32")
+        self.library: HostLibrary = compile_device(device, log.facts.get("real", "f32"))
         self.tick_ns = round(log.tick_s * 1e9)
         self.verdict = ReplayVerdict()
         self.tasks = [_Task(self, t.name, t.every, t.phase) for t in device.system.tasks]
@@ -281,15 +282,14 @@ class _Replay:
     def _compare(self, task: _Task) -> None:
         for f in task.outputs:
             told = np.ascontiguousarray(task.told[f.name][task.done]).view(np.uint32)
-            computed = np.ascontiguousarray(task.computed[: len(task.told)][f.c_name][task.done])
-            bits = computed.view(np.uint32)
+            computed = _told(f, task.computed[: len(task.told)][f.c_name][task.done])
+            bits = np.ascontiguousarray(computed).view(np.uint32)
             self.verdict.values += told.size
             wrong = (told != bits).reshape(len(told), -1).any(axis=1) if told.size else told
             for row in np.flatnonzero(wrong)[:MOST_DIFFERENCES].tolist():
                 at = int(np.flatnonzero(task.done)[row])
-                recorded, right = task.told[f.name][at], task.computed[f.c_name][at]
                 self._differs(f"{task.name}_out", task.told[at], task.told_at[at], f.name,
-                              np.ravel(recorded)[0], np.ravel(right)[0])  # fmt: skip
+                              np.ravel(task.told[f.name][at])[0], np.ravel(computed[row])[0])  # fmt: skip
 
     def _differs(
         self, stream: str, row: Any, ns: int, name: str, recorded: Any, computed: Any
@@ -335,17 +335,20 @@ class _Replay:
             self.step(key.tick + tick, key.ns + tick * self.tick_ns)
         before = self.state.copy()
         at, out = (int(np.searchsorted(a, ns)) for a in (fast.given_at, fast.told_at))
+        assert fast.given is not None
         for f in fast.inputs:
-            bits = fast.packed[f.c_name].view(np.uint32)
+            held = fast.packed[f.c_name][at]
             for bit in range(32):
-                bits[at] ^= np.uint32(1 << bit)
+                bits = fast.given[f.name][at].view(np.uint32) ^ np.uint32(1 << bit)
+                fast.packed[f.c_name][at] = f.encode(bits.view(np.float32))
                 self.state[:] = before
                 self.step(first.tick, ns)
                 same = all(
-                    fast.computed[g.c_name][out].tobytes() == fast.told[g.name][out].tobytes()
+                    _told(g, fast.computed[g.c_name][out]).tobytes()
+                    == fast.told[g.name][out].tobytes()
                     for g in fast.outputs
                 )
-                bits[at] ^= np.uint32(1 << bit)
+                fast.packed[f.c_name][at] = held
                 if same:
                     explained = ReplayDifference(**{**vars(first), "input_signal": f.name})
                     self.verdict.differences = [explained]

@@ -13,6 +13,7 @@ parser.add_argument("--once", action="store_true")
 parser.add_argument("--hands", action="store_true")
 parser.add_argument("--person", default="uncertain")
 parser.add_argument("--plant", default="real")
+parser.add_argument("--board", default="sim")
 parser.add_argument("--seed", type=int, default=0)
 parser.add_argument("--speed", type=float, default=1.0)
 given = parser.parse_args()
@@ -23,6 +24,7 @@ serve(
     plant=given.plant,
     seed=given.seed,
     speed=given.speed,
+    board=given.board,
     once=given.once,
     hands=sys.stdin.fileno() if given.hands else None,
 )
