@@ -111,7 +111,7 @@ def device_of(log: Log) -> Device:
     facts = log.facts
     if "device" not in facts or "content_hash" not in facts:
         raise UserError(f"{log.path.name} does not say which C made it.", "Record with esea-host.")
-    device = _loaded(facts["device"])
+    device = loaded_device(facts["device"])
     ours = format_hash(device, facts.get("real", "f32"))
     if ours != facts["content_hash"]:
         raise UserError(
@@ -122,9 +122,15 @@ def device_of(log: Log) -> Device:
     return device
 
 
-@lru_cache(maxsize=2)
-def _loaded(name: str) -> Device:
+@lru_cache(maxsize=4)
+def loaded_device(name: str) -> Device:
+    """A device by name or file, loaded once."""
     return load_device(name)
+
+
+@lru_cache(maxsize=2)
+def _compiled(name: str, real: str) -> HostLibrary:
+    return compile_device(loaded_device(name), real)
 
 
 def _told(f: Field, held: Array) -> Array:
@@ -163,6 +169,17 @@ class _Task:
         self.out_place = ffi.cast(f"{self.out_type} *", self.computed.ctypes.data)
         self.nowhere = ffi.new(f"{self.out_type} *")
 
+    def rows(self, ns: Array) -> tuple[list[int], list[int]]:
+        """Rows of what it was given and told at these times; -1: none."""
+        given = [0] * len(ns) if self.given_at is None else _rows_at(self.given_at, ns)
+        return given, _rows_at(self.told_at, ns)
+
+
+def _rows_at(times: Array, ns: Array) -> list[int]:
+    at = np.searchsorted(times, ns)
+    there = times[np.minimum(at, len(times) - 1)] == ns
+    return [int(row) for row in np.where(there, at, -1)]
+
 
 class _Replay:
     def __init__(self, log: Log) -> None:
@@ -174,7 +191,7 @@ class _Replay:
                     f"{log.path.name} has no stream {needed}: it cannot be computed again.",
                     "Record all streams: esea-host record without --stream.",
                 )
-        self.library: HostLibrary = compile_device(device, log.facts.get("real", "f32"))
+        self.library = _compiled(device.name, log.facts.get("real", "f32"))
         self.tick_ns = round(log.tick_s * 1e9)
         self.verdict = ReplayVerdict()
         self.tasks = [_Task(self, t.name, t.every, t.phase) for t in device.system.tasks]
@@ -247,37 +264,33 @@ class _Replay:
 
     def _ticks(self, key: _KeyFrame, end_ns: int | None) -> bool:
         # Whether it came to the next key frame without a hole.
-        fast = self.tasks[0]
-        assert fast.given is not None
-        assert fast.given_at is not None
-        at = int(np.searchsorted(fast.given_at, key.ns))
-        ns, tick = key.ns, key.tick
-        while at < len(fast.given) and fast.given_at[at] == ns and (end_ns is None or ns < end_ns):
-            self.step(tick, ns)
-            at += 1
-            ns += self.tick_ns
-            tick += 1
-            self.verdict.ticks += 1
-        return end_ns is not None and ns == end_ns
+        given_at = self.tasks[0].given_at
+        assert given_at is not None
+        first = int(np.searchsorted(given_at, key.ns))
+        last = len(given_at) if end_ns is None else int(np.searchsorted(given_at, end_ns))
+        steady = key.ns + self.tick_ns * np.arange(last - first) == given_at[first:last]
+        count = last - first if steady.all() else int(np.argmin(steady))
+        self._run(key, count)
+        self.verdict.ticks += count
+        return end_ns is not None and key.ns + count * self.tick_ns == end_ns
 
-    def step(self, tick: int, ns: int) -> None:
-        """One base tick."""
+    def _run(self, key: _KeyFrame, count: int) -> None:
+        # So many base ticks from a key frame on.
+        ns = key.ns + self.tick_ns * np.arange(count)
+        rows = [task.rows(ns) for task in self.tasks]
+        for i in range(count):
+            self.step(key.tick + i, [(given[i], told[i]) for given, told in rows])
+
+    def step(self, tick: int, rows: list[tuple[int, int]]) -> None:
+        """One base tick; rows: of each task, what it was given and told, -1 where nothing was."""
         self.release(self.state_place, tick)
-        for task in self.tasks:
-            if tick < task.phase or (tick - task.phase) % task.every:
+        for task, (given, told) in zip(self.tasks, rows, strict=True):
+            if tick < task.phase or (tick - task.phase) % task.every or given < 0:
                 continue
-            given = task.in_place
-            if task.given is not None and task.given_at is not None:
-                at = int(np.searchsorted(task.given_at, ns))
-                if at >= len(task.given) or task.given_at[at] != ns:
-                    continue
-                given = task.in_place + at
-            out = int(np.searchsorted(task.told_at, ns))
-            told = out < len(task.told) and task.told_at[out] == ns
-            place = task.out_place + out if told else task.nowhere
-            task.step(*self.coeffs, self.state_place, given, place)
-            if told:
-                task.done[out] = True
+            place = task.out_place + told if told >= 0 else task.nowhere
+            task.step(*self.coeffs, self.state_place, task.in_place + given, place)
+            if told >= 0:
+                task.done[told] = True
 
     def _compare(self, task: _Task) -> None:
         for f in task.outputs:
@@ -325,24 +338,23 @@ class _Replay:
         first = self.verdict.differences[0]
         if first.stream != f"{fast.name}_out":
             return
-        assert fast.given_at is not None
+        assert fast.given is not None
         ns = round(first.time_s * 1e9) + self.log.start_ns
         key = next((k for k in reversed(self.keys) if k.ns <= ns), None)
         if key is None:
             return
         self._restore(key)
-        for tick in range((ns - key.ns) // self.tick_ns):
-            self.step(key.tick + tick, key.ns + tick * self.tick_ns)
+        self._run(key, (ns - key.ns) // self.tick_ns)
         before = self.state.copy()
-        at, out = (int(np.searchsorted(a, ns)) for a in (fast.given_at, fast.told_at))
-        assert fast.given is not None
+        rows = [(given[0], told[0]) for given, told in (t.rows(np.array([ns])) for t in self.tasks)]
+        at, out = rows[0]
         for f in fast.inputs:
             held = fast.packed[f.c_name][at]
             for bit in range(32):
                 bits = fast.given[f.name][at].view(np.uint32) ^ np.uint32(1 << bit)
                 fast.packed[f.c_name][at] = f.encode(bits.view(np.float32))
                 self.state[:] = before
-                self.step(first.tick, ns)
+                self.step(first.tick, rows)
                 same = all(
                     _told(g, fast.computed[g.c_name][out]).tobytes()
                     == fast.told[g.name][out].tobytes()
