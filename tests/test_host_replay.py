@@ -25,7 +25,6 @@ def recorded(request, tmp_path_factory):
     else:
         require_tool("gcc")
         board = SimulatedBoard("elbow_drive", board=request.param)
-        request.addfinalizer(board.close)
     device = LockstepDevice(board)
     path = tmp_path_factory.mktemp("log") / "a.mcap"
     with device.record(path):
@@ -40,6 +39,8 @@ def recorded(request, tmp_path_factory):
             device.want(mode=1.0, tau_desired_Nm=math.sin(i * 0.1))
             device.advance(0.02)
     assert device.state() == "ACTIVE"
+    if request.param != "sim":
+        board.close()
     return path
 
 

@@ -28,7 +28,7 @@ ARM_TRIES = 4
 ActKind = Literal["rest", "turn", "clamp", "load"]
 
 
-class CommissioningEnded(Exception):  # noqa: N818
+class CommissioningEndedError(Exception):
     """Somebody ended a step before it was through."""
 
 
@@ -136,7 +136,7 @@ class CommissioningBench:
 
     def _check(self) -> None:
         if self.cancelled:
-            raise CommissioningEnded("The step was ended before it was through.")
+            raise CommissioningEndedError("The step was ended before it was through.")
 
     def capture(
         self, seconds: float, each: Callable[[float], bool | None] | None = None
@@ -249,4 +249,4 @@ class CommissioningBench:
         return found
 
 
-__all__ = ["Capture", "CommissioningBench", "CommissioningEnded", "HandAct"]
+__all__ = ["Capture", "CommissioningBench", "CommissioningEndedError", "HandAct"]

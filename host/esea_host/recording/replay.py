@@ -301,8 +301,8 @@ class _Replay:
             wrong = (told != bits).reshape(len(told), -1).any(axis=1) if told.size else told
             for row in np.flatnonzero(wrong)[:MOST_DIFFERENCES].tolist():
                 at = int(np.flatnonzero(task.done)[row])
-                self._differs(f"{task.name}_out", task.told[at], task.told_at[at], f.name,
-                              np.ravel(task.told[f.name][at])[0], np.ravel(computed[row])[0])  # fmt: skip
+                pair = np.ravel(task.told[f.name][at])[0], np.ravel(computed[row])[0]
+                self._differs(f"{task.name}_out", task.told[at], task.told_at[at], f.name, *pair)
 
     def _differs(
         self, stream: str, row: Any, ns: int, name: str, recorded: Any, computed: Any
