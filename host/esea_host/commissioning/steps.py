@@ -304,8 +304,8 @@ def _torque(bench: CommissioningBench, options: StepOptions) -> StepResult:
 
 
 def _stands(device: Device, c: Capture, check: TorqueCheck) -> bool:
-    # Whether no joint encoder moved by more than a count while it was judged.  One that changes half
-    # way makes 1.5 times its torque along the straight line: more than the limit allows.
+    # Whether no joint encoder moved by more than a count while it was judged.  One that changes
+    # half way makes 1.5 times its torque along the straight line: more than the limit allows.
     judged = (c.time_s >= check.settle_s) & (c.time_s < check.settle_s + check.record_s)
     full = 1 << round(device.file.encoder.resolution_bits.value)
     counts = (np.unwrap(c[f"count_{side}"][judged], period=full) for side in ("motor", "load"))
