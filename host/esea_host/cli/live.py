@@ -97,6 +97,8 @@ def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) 
                 grid.add_row(c.name, text, c.unit, c.meaning[:50])
             health = board.health()
             grid.caption = f"{rows} runs; " + ", ".join(f"{k} {v}" for k, v in health.items())
+            if board.texts:
+                grid.caption += f"\nthe board says: {board.texts[-1]}"
             live.update(grid)
 
 

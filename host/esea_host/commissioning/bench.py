@@ -216,8 +216,9 @@ class CommissioningBench:
             if self.reach("ARMED", 0.2) and not self.reach("READY", 0.1):
                 return
             self.wait(0.3)
+        said = [f": {text}" for text in self.device.texts]
         raise UserError(
-            f"The board took the motor off again {ARM_TRIES} times: its limits do not release.",
+            f"The board took the motor off again {ARM_TRIES} times{''.join(said[-1:])}.",
             "Look at 'which limit acts' in the live view: esea-host view.",
         )
 
