@@ -10,7 +10,7 @@ import pytest
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host.recording.replay import verify
+from esea_host.recording.replay import device_of, verify
 from esea_host.simulated import LockstepDevice, SimulatedBoard
 
 from .conftest import require_tool
@@ -124,6 +124,14 @@ def test_behind_a_gap_the_proof_goes_on_at_a_key_frame(recorded, tmp_path):
     assert verdict.unproven > 0
     assert verdict.ticks + verdict.unproven == len(cut["sense_in"])
     assert np.ptp(np.diff(cut["sense_in"].board_ns)) > 0
+
+
+def test_a_device_of_ones_own_is_taken_from_the_recording(recorded):
+    log = esea_host.open_log(recorded)
+    shipped = device_of(log)
+    log.facts["device"] = "mine"
+    assert device_of(log).digest == shipped.digest
+    assert device_of(log) is not shipped
 
 
 def test_what_cannot_be_computed_again_is_refused(recorded, tmp_path, monkeypatch):

@@ -7,14 +7,17 @@ goes on at the next key frame; what lies between is said to be unproven, not rig
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from esea_gen.device import Device, load_device
+from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import format_hash
 from esea_gen.errors import UserError
 from esea_gen.hostlib import HostLibrary, compile_device
@@ -111,7 +114,8 @@ def device_of(log: Log) -> Device:
     facts = log.facts
     if "device" not in facts or "content_hash" not in facts:
         raise UserError(f"{log.path.name} does not say which C made it.", "Record with esea-host.")
-    device = loaded_device(facts["device"])
+    shipped = facts["device"] in shipped_devices()
+    device = loaded_device(facts["device"]) if shipped else _attached(log)
     ours = format_hash(device, facts.get("real", "f32"))
     if ours != facts["content_hash"]:
         raise UserError(
@@ -128,9 +132,17 @@ def loaded_device(name: str) -> Device:
     return load_device(name)
 
 
+def _attached(log: Log) -> Device:
+    # Of a file of somebody's own, which lies in the recording.
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "device.toml"
+        path.write_bytes(log.attachments.get("device.toml", b""))
+        return load_device(path)
+
+
 @lru_cache(maxsize=2)
-def _compiled(name: str, real: str) -> HostLibrary:
-    return compile_device(loaded_device(name), real)
+def _compiled(device: Device, real: str) -> HostLibrary:
+    return compile_device(device, real)
 
 
 def _told(f: Field, held: Array) -> Array:
@@ -191,7 +203,7 @@ class _Replay:
                     f"{log.path.name} has no stream {needed}: it cannot be computed again.",
                     "Record all streams: esea-host record without --stream.",
                 )
-        self.library = _compiled(device.name, log.facts.get("real", "f32"))
+        self.library = _compiled(device, log.facts.get("real", "f32"))
         self.tick_ns = round(log.tick_s * 1e9)
         self.verdict = ReplayVerdict()
         self.tasks = [_Task(self, t.name, t.every, t.phase) for t in device.system.tasks]
