@@ -20,6 +20,7 @@ from esea_host.cli import main
 from esea_host.recording.export import to_bids, to_csv, to_parquet
 from esea_host.recording.foreign import import_csv, read_mapping
 from esea_host.simulated.demo import run_demo
+from esea_host.windows.history import RowRing
 
 from .conftest import require_tool
 
@@ -239,6 +240,22 @@ def test_the_bench_measures_what_it_says(simulated_elbow):
     assert found["long_run"]["gaps"] == found["long_run"]["expected_minus_recorded"] == 0
     assert found["decoding"]["times_real_time"] > 1
     assert found["decoding"]["faster_than_parse_buffer"] > 3  # 12; a busy machine may be unfair
+
+
+@pytest.mark.slow
+def test_the_live_view_holds_its_memory_and_a_leak_is_seen(simulated_elbow, monkeypatch):
+    found = bench.window_soak(simulated_elbow, 0.15, 180.0, 1.0)
+    assert found["dropped_rows"] == 0
+    assert found["pictures"] >= 539
+    assert found["memory_growth_bytes"] < 4e6
+    kept, extend = [], RowRing.extend
+
+    def leak(self, batch):
+        kept.append(batch.rows.copy())
+        extend(self, batch)
+
+    monkeypatch.setattr(RowRing, "extend", leak)
+    assert bench.window_soak(simulated_elbow, 0.085, 180.0, 10.0)["memory_growth_bytes"] > 8e6
 
 
 @pytest.mark.slow

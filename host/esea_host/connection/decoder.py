@@ -149,9 +149,9 @@ class TelemetryDecoder:
         self._kept_back: _Kept | None = None
         self._late: dict[int, tuple[int, int]] = {}
         # Who spoke last; of its runs, by the header's number without the sequence: extra byte, size
-        # of the payload, of the whole, and where it is kept.
+        # of the payload, size as it is kept, bytes round the payload, and who keeps it.
         self._sender = -1
-        self._runs: dict[int, tuple[bytes, int, int, Callable[[bytes], None]]] = {}
+        self._runs: dict[int, tuple[bytes, int, int, int, Callable[[bytes], None]]] = {}
 
     def feed(self, data: bytes) -> tuple[list[Decoded], bytes]:
         """What these bytes complete: rows, and all other frames one after another."""
@@ -170,18 +170,21 @@ class TelemetryDecoder:
         if not self._runs:
             return at
         head, body_of, checksum, runs = _HEAD.unpack_from, _WHOLE, _checksum, self._runs
-        expected, frames = self._next[self._sender] << 16, 0
+        expected, frames, there = self._next[self._sender] << 16, 0, len(buffer)
         with suppress(struct.error, KeyError):  # the bytes end, or another message
             while True:
                 start, length, rest = head(buffer, at)
-                extra, full, size, keep = runs[rest - expected]
+                extra, full, size, more, keep = runs[rest - expected]
                 body, told = body_of[length](buffer, at + 1)
-                if start != START or length > full or checksum(body + extra) != told:
+                end = at + length + more
+                if start != START or length > full or end > there:
+                    break
+                if checksum(body + extra) != told:
                     break
                 keep(body.ljust(size, b"\0"))
                 expected = expected + _ONE & _SEQUENCE
                 frames += 1
-                at += length + HEADER_BYTES + CHECKSUM_BYTES
+                at = end
         self._next[self._sender] = expected >> 16
         self.health.frames += frames
         return at
@@ -218,11 +221,13 @@ class TelemetryDecoder:
         # Whose runs come next; -1: not known.
         if sender != self._sender:
             self._sender = sender
-            self._runs = {
-                number << _NUMBER | sender << _SENDER: (extra, size, kept.size, kept.frames.append)
-                for number, (extra, size, kept) in self._known.items()
-                if kept is not None and sender >= 0
-            }
+            self._runs = {}
+            for number, (extra, size, kept) in self._known.items():
+                for flags, signature in ((0, 0), (SIGNED, SIGNATURE_BYTES)):
+                    if kept is not None and sender >= 0:
+                        key = number << _NUMBER | sender << _SENDER | flags
+                        more = HEADER_BYTES + CHECKSUM_BYTES + signature
+                        self._runs[key] = extra, size, kept.size, more, kept.frames.append
 
     def _to_start(self, buffer: bytes, at: int) -> tuple[int, bool]:
         # Where the next frame may begin, and whether its whole header is there.
