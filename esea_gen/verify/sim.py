@@ -57,10 +57,12 @@ class SimTransport:
 
 
 @lru_cache(maxsize=4)
-def _built(device: Device, control: Mapping[str, str] | None = None) -> tuple[bytes, Any]:
+def _built(
+    device: Device, board: str, control: Mapping[str, str] | None = None
+) -> tuple[bytes, Any]:
     # The library, and what its messages are.
     with tempfile.TemporaryDirectory(prefix="esea-sim-") as folder:
-        image = build_firmware(device, "sim", Path(folder), control)
+        image = build_firmware(device, board, Path(folder), control)
         return image.elf.read_bytes(), load_dialect(device)
 
 
@@ -68,18 +70,22 @@ class SimBoard(Session):
     """A board in this process, powered on.
 
     measured: what its drivers give, by the device's input names; frames are bad until it is set.
+    board: ``sim``, or ``sim-q31`` with the control in whole numbers.
     drivers, values: for :meth:`step`: what the drivers give, in the order of ``inputs``; then what
         the first task was given and made, each at its place in ``places``.
     """
 
-    def __init__(self, device: Device, control: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, device: Device, control: Mapping[str, str] | None = None, board: str = "sim"
+    ) -> None:
         self.device = device
         self._ffi = cffi.FFI()
         source = (firmware_folder() / "boards" / "sim" / "board.c").read_text(encoding="utf-8")
         self._ffi.cdef(
             "".join(re.findall(r"^\w[\w *]*\bsim_\w+\([^)]*\);\n", source, re.MULTILINE))
         )
-        built, dialect = _built(device) if control is None else _built.__wrapped__(device, control)
+        build = _built if control is None else _built.__wrapped__
+        built, dialect = build(device, board, control)
         with tempfile.TemporaryDirectory(prefix="esea-sim-") as folder:
             own = Path(folder) / "board.so"  # a file of its own, for memory of its own
             own.write_bytes(built)

@@ -178,7 +178,7 @@ static const esea_flash_t flash = { sizeof cells[0], flash_read, flash_write, fl
 void sim_start(void)
 {
     static const esea_port_t port = {
-        .name = "sim",
+        .name = ESEA_BOARD_NAME,
         .receive_buffer_bytes = LINE_BYTES,
         .stack_bytes = 1u, /* the program's; not measured */
         .read = port_read,

@@ -17,6 +17,7 @@ from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
 from esea_gen.twin.stepped import EMPTY, SteppedPlant
 from esea_gen.verify.sim import SimBoard
+from esea_host.connection.identity import SIMULATED_BOARDS
 
 NOBODY, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (NOBODY, *PERSON_NAMES)
@@ -40,6 +41,8 @@ class SimulatedBoard:
         ``nobody``, ``none`` (the joint is held), ``ideal``, ``uncertain`` ...
     seed : int
         Of the plant, of the person, and of the person's noise.
+    board : str
+        ``sim``, which computes in f32, or ``sim-q31``.
 
     ``push_rad`` is how far somebody pushes the virtual arm away from what the person intends.
     """
@@ -50,6 +53,7 @@ class SimulatedBoard:
         plant: str = "real",
         person: str = "uncertain",
         seed: int = 0,
+        board: str = "sim",
     ) -> None:
         self.device = load_device(device) if isinstance(device, str) else device
         if not self.device.laws:
@@ -57,12 +61,14 @@ class SimulatedBoard:
                 f"{self.device.name} has no drive: there is nothing to simulate.",
                 "Take one with a drive, such as elbow_drive.",
             )
-        for what, given, known in (("plant", plant, PLANT_NAMES), ("person", person, PEOPLE_NAMES)):
+        names = {"plant": PLANT_NAMES, "person": PEOPLE_NAMES, "board": SIMULATED_BOARDS}
+        for what, given in {"plant": plant, "person": person, "board": board}.items():
+            known = names[what]
             if given not in known:
                 raise UserError(
                     f"There is no {what} '{given}'.", f"Choose from {', '.join(known)}."
                 )
-        self.board = SimBoard(self.device)
+        self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
         self.clamped = person == CLAMPED
         self.plant = SteppedPlant(plant_variant(self.device, plant, "ideal", seed))
