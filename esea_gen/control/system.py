@@ -57,6 +57,7 @@ SIGNALS = {
     "coeffs_ok": "watch.coeffs_ok",
 }
 WIRES = {
+    "sensor.theta_rad": "velocity.theta_filtered_rad",
     "sensor.omega_rad_s": "velocity.omega_mid_rad_s",
     "motor_rate.theta_rad": "encoder_motor.theta_rad",
     "load_rate.theta_rad": "encoder_load.theta_rad",

@@ -54,7 +54,8 @@ def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System
         rate, torque = (f"{b.name}_{axis}" if axis else b.name for b in (velocity, sensor))
         blocks |= {rate: velocity, torque: sensor}
         wires[f"{torque}.omega_rad_s"] = f"{rate}.omega_mid_rad_s"
-        inputs[of_axis("theta_rad", axis)] = (f"{rate}.theta_rad", f"{torque}.theta_rad")
+        wires[f"{torque}.theta_rad"] = f"{rate}.theta_filtered_rad"
+        inputs[of_axis("theta_rad", axis)] = (f"{rate}.theta_rad",)
         for port in ("tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm"):
             outputs[of_axis(port, axis)] = f"{torque}.{port}"
         outputs[of_axis("omega_rad_s", axis)] = f"{rate}.omega_rad_s"
