@@ -8,7 +8,8 @@ import pytest
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.runner import CBoard, run_schedule
-from esea_gen.verify.chain import ChainError, ChainReport, reaches, search_chain
+from esea_gen.studies.chain import reaches
+from esea_gen.verify.chain import ChainError, ChainReport, search_chain
 
 H = 1e-3
 FINE = 5  # steps of the continuous model in a period

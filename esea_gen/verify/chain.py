@@ -17,9 +17,9 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
+from esea_gen.studies.chain import reaches
 
 REACHES = 4
-REST_S = 0.8
 LONGEST_S, SHORTEST_S = 1.5, 0.05
 AIM_RMS_SHARE = 0.0002
 """Aim: the whole task's torque within this share of full scale of f64's, RMS over a motion."""
@@ -78,19 +78,6 @@ class ChainReport:
                 f"{shares[1]:.2g} %; encoders {f'{e.bits} bit' if e.bits else 'ideal'}"
             )
         return lines
-
-
-def reaches(ends_rad: Array, lasting_s: Array, h: float) -> Array:
-    """Deflection from rest to each end in turn, by minimum jerk, with a rest after each.
-
-    return: rad, one value a step.
-    """
-    parts, last = [np.zeros(1)], 0.0
-    for end, lasting in zip(ends_rad, lasting_s, strict=True):
-        u = np.minimum(np.arange(1, round((lasting + REST_S) / h) + 1) * h / lasting, 1.0)
-        parts.append(last + (end - last) * u**3 * (10 - 15 * u + 6 * u * u))
-        last = float(end)
-    return np.concatenate(parts)
 
 
 def search_chain(
@@ -172,4 +159,4 @@ def _worst(
     return best
 
 
-__all__ = ["AIM_RMS_SHARE", "ChainError", "ChainReport", "reaches", "search_chain"]
+__all__ = ["AIM_RMS_SHARE", "ChainError", "ChainReport", "search_chain"]

@@ -233,7 +233,8 @@ class _Bench:
         velocity.reset()
         sensor.reset()
         rates, _ = velocity.run({"theta_rad": theta}, trace=False)
-        inputs = {"theta_rad": theta, "omega_rad_s": rates["omega_mid_rad_s"]}
+        filtered, middle = rates["theta_filtered_rad"], rates["omega_mid_rad_s"]
+        inputs = {"theta_rad": filtered, "omega_rad_s": middle}
         return np.asarray(sensor.run(inputs, trace=False)[0]["tau_Nm"], dtype=np.float64)
 
     def rubber(self, values: Mapping[str, float], move: Motion) -> Array:
