@@ -124,7 +124,8 @@ def search_chain(
                 x.reset()
             got, true = (x.run(inputs, trace=False)[0] for x in (runner, exact))
             taus = [n for n in true if n.startswith("tau_")]
-            return np.max([np.abs(np.asarray(got[n], float) - true[n]) for n in taus], axis=0)
+            apart = [np.abs(np.asarray(got[n], float) - true[n]) for n in taus]
+            return np.asarray(np.max(apart, axis=0))
 
         found.append(_worst(real, tried, most, bits, trials, np.random.default_rng(seed)))
     return ChainReport(device.name, device.tau_full_scale_Nm, trials, tuple(found))
