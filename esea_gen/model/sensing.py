@@ -7,6 +7,8 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.language.system import System, Task
 
+LIFE_OUTPUTS = {"life_halves": "halves", "life_damage": "damage"}
+
 
 def of_axis(name: str, axis: str) -> str:
     """A name with its axis, before the unit, which stays last: ``tau_flexion_Nm``.
@@ -27,7 +29,9 @@ def of_axis(name: str, axis: str) -> str:
     return f"{name.removesuffix(unit)}_{axis}{unit}"
 
 
-def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System:
+def sensing_system(
+    device: DeviceData, velocity: Block, sensor: Block, life: Block | None = None
+) -> System:
     """The measuring System: velocity estimate and torque sensor in one task.
 
     A device with several axes has an instance of both Blocks for each, all in the same task; the
@@ -40,6 +44,8 @@ def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System
         What to build for.
     velocity, sensor : Block
         Velocity estimate and torque sensor.
+    life : Block, optional
+        Counter of the coupling's cycles.
 
     Returns
     -------
@@ -61,6 +67,12 @@ def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System
         outputs[of_axis("omega_rad_s", axis)] = f"{rate}.omega_rad_s"
         outputs[f"{torque}_status"] = f"{torque}.status"
         outputs[f"{rate}_status"] = f"{rate}.status"
+        if life is not None:
+            count = f"{life.name}_{axis}" if axis else life.name
+            blocks[count] = life
+            wires[f"{count}.theta_rad"] = f"{rate}.theta_filtered_rad"
+            outputs |= {of_axis(n, axis): f"{count}.{p}" for n, p in LIFE_OUTPUTS.items()}
+            outputs[f"{count}_status"] = f"{count}.status"
     return System(
         device.name,
         device.period_s,
