@@ -9,7 +9,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.signal import lfilter, ss2tf
 from typer.testing import CliRunner
 
 from esea_gen.bench.peers import NumpyPeer
@@ -44,6 +43,7 @@ from esea_gen.studies.uncertainty.study import (
 from esea_gen.studies.uncertainty.tally import RATES, TORQUES, Tally
 
 from .conftest import require_tool
+from .observed import filtered
 
 DATA = Path(__file__).parent / "data" / "hdrb"
 SHORT_S = 6.0
@@ -68,17 +68,6 @@ def slope(theta: np.ndarray) -> np.ndarray:
     torque = 239.0 * x**3 + 9.39 * x
     derivative = ca.Function("d", [x], [ca.jacobian(torque, x)])
     return np.asarray(derivative(theta[None, :])).ravel()
-
-
-def filtered(counts: np.ndarray, count: float) -> np.ndarray:
-    """The deflection that the sensor gets: the observer as a transfer function, within a count."""
-    p, h = np.exp(-2 * np.pi * 15 * 1e-3), 1e-3
-    gain = np.array([[1 - p**3], [1.5 * (1 - p) ** 2 * (1 + p) / h], [(1 - p) ** 3 / h**2]])
-    ahead = np.array([[1, h, h * h / 2], [0, 1, h], [0, 0, 1]])
-    state = ahead - gain @ ahead[:1]
-    b, a = ss2tf(state, gain, state[:1], gain[:1])
-    estimate = counts[0] + lfilter(b[0], a, counts - counts[0])
-    return np.clip(estimate, counts - count, counts + count)
 
 
 def test_quantisation_of_a_spring_is_first_order(cubic):
