@@ -30,7 +30,11 @@ def of_axis(name: str, axis: str) -> str:
 
 
 def sensing_system(
-    device: DeviceData, velocity: Block, sensor: Block, life: Block | None = None
+    device: DeviceData,
+    velocity: Block,
+    sensor: Block,
+    impaired: tuple[Block, Block, Block] | None = None,
+    life: Block | None = None,
 ) -> System:
     """The measuring System: velocity estimate and torque sensor in one task.
 
@@ -44,13 +48,18 @@ def sensing_system(
         What to build for.
     velocity, sensor : Block
         Velocity estimate and torque sensor.
+    impaired : tuple of Block, optional
+        What is asked of the impairments, the rate of a joint, and the impairment; the first stands
+        once for all axes, so that they are asked for together.
     life : Block, optional
         Counter of the coupling's cycles.
 
     Returns
     -------
     System
-        Task ``sense``: deflection in; torque, its parts, rates and status words out.
+        Task ``sense``: deflection in; torque, its parts, rates and status words out.  With
+        impairments also the joint's angle in, ``theta_load_rad``, and the torque that they want
+        out.
     """
     blocks: dict[str, Block] = {}
     wires: dict[str, str] = {}
@@ -73,6 +82,18 @@ def sensing_system(
             wires[f"{count}.theta_rad"] = f"{rate}.theta_filtered_rad"
             outputs |= {of_axis(n, axis): f"{count}.{p}" for n, p in LIFE_OUTPUTS.items()}
             outputs[f"{count}_status"] = f"{count}.status"
+        if impaired is None:
+            continue
+        request, joint, wall = impaired
+        turning, limb = (f"{b.name}_{axis}" if axis else b.name for b in (joint, wall))
+        blocks |= {request.name: request, turning: joint, limb: wall}
+        wires[f"{limb}.constrained"] = f"{request.name}.constrained"
+        wires[f"{limb}.omega_rad_s"] = f"{turning}.omega_rad_s"
+        inputs[of_axis("theta_load_rad", axis)] = (f"{turning}.theta_rad", f"{limb}.theta_rad")
+        outputs[of_axis("omega_load_rad_s", axis)] = f"{turning}.omega_rad_s"
+        outputs[of_axis("tau_set_Nm", axis)] = f"{limb}.tau_set_Nm"
+        outputs[of_axis("acts", axis)] = f"{limb}.acts"
+        outputs |= {f"{x}_status": f"{x}.status" for x in (turning, limb)}
     return System(
         device.name,
         device.period_s,

@@ -70,8 +70,6 @@ class SimulatedBoard:
         self._hand: Callable[[], Mapping[str, float]] | None = None
         self._first = self.plant, self.clamped, self._person
         self.push_rad = 0.0
-        self._values = self.board._ffi.new("float[]", len(self.board._inputs))
-        self._places = [self.board._inputs.index(f"count_{s}") for s in ("motor", "load", "gear")]
         self._start()
 
     def set_up(
@@ -96,7 +94,7 @@ class SimulatedBoard:
         self._hand = None
         self._noise = np.random.default_rng([self._seed, 3])
         self._white = self._noise.standard_normal(NOISE_TICKS)
-        self._show(self.plant.start(0.0, clamped=self.clamped, person=self._person))
+        self.board.show(self.plant.start(0.0, clamped=self.clamped, person=self._person))
         self.ticks, self._moved_ticks = 0, 0
 
     def restart(self) -> None:
@@ -104,18 +102,11 @@ class SimulatedBoard:
         self.board.restart()
         self._start()
 
-    def _show(self, counts: tuple[int, int, int]) -> None:
-        for place, count in zip(self._places, counts, strict=True):
-            self._values[place] = count
-        self.board.lib.sim_measure(self._values)
-
     def tick(self) -> None:
         """One base tick of the board, and what the plant makes of its command."""
-        lib = self.board.lib
-        lib.sim_tick(1, True)
-        lib.sim_poll()
+        self.board.step()
         self.plant.intend(self._intended())
-        self._show(self.plant.step(float(lib.sim_motor_Nm())))
+        self.board.show(self.plant.step(float(self.board.lib.sim_motor_Nm())))
         self.ticks += 1
 
     def _intended(self) -> Mapping[str, float]:
