@@ -25,6 +25,7 @@ from esea_gen.model.filters import tracking_observer
 from esea_gen.model.rubber import rubber_inverse, rubber_sensor
 from esea_gen.model.sensing import sensing_system
 from esea_gen.observe import Drive, drive_of, has_drive
+from esea_gen.observe.life import life_counter
 
 
 class Device(DeviceData):
@@ -99,7 +100,8 @@ class Device(DeviceData):
                 "Add [sliding_mode] or [predictive], or give --controller.",
             )
         if not self.laws:
-            return sensing_system(self, self.velocity, self.sensor, self._impaired)
+            life = life_counter(self) if self.file.life else None
+            return sensing_system(self, self.velocity, self.sensor, self._impaired, life)
         return control_system(self, self.laws, self.velocity, self.sensor, lambda: self.inverse)
 
 
