@@ -156,6 +156,10 @@ def test_fewer_blocks_than_parameters_leave_none_without_a_deviation():
     found = resampled(j, residual, np.ones(300), rows, False)
     plain = 0.01 * np.linalg.inv(j.T @ j)
     assert np.linalg.eigvalsh(found.covariance).min() > 0.5 * np.linalg.eigvalsh(plain).min()
+    # What the blocks say adds to it, and no more than that; all weights alike change nothing.
+    assert np.linalg.eigvalsh(found.covariance).max() < 8 * np.linalg.eigvalsh(plain).max()
+    heavy = resampled(j, residual, np.full(300, 3.0), rows, False)
+    np.testing.assert_allclose(heavy.covariance, found.covariance, rtol=1e-9)
 
 
 def test_friction_is_sought_with_the_weights_of_the_rows():
