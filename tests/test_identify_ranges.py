@@ -23,6 +23,7 @@ from esea_gen.identify.mapping import (
 )
 from esea_gen.identify.peers import PEERS
 from esea_gen.identify.population import polished
+from esea_gen.identify.quality import spikes
 from esea_gen.identify.reading import read_csv
 from esea_gen.identify.recording import _spiked
 
@@ -160,3 +161,24 @@ def test_columns_of_a_file_without_names_are_numbered():
         read_csv(raw, "rig.txt", form, ["4"])
     with pytest.raises(UserError, match="line 3 has 4 cells, but there are 3 columns"):
         read_csv(b"a;b;c\n1;2;3\n1;2;3;4\n", "rig.txt", FileFormat(delimiter=";"), ["a"])
+
+
+def test_no_spike_is_where_the_deflection_turns_as_sharply():
+    ramp = np.linspace(0, 1, 200)
+    for apart in range(7):
+        theta, tau = ramp.copy(), 10 * ramp
+        theta[100] += 0.3
+        tau[100 + apart] += 4.0
+        # Three samples either way; without a turn every one of them.
+        assert np.flatnonzero(spikes(theta, tau)).tolist() == ([] if apart <= 3 else [100 + apart])
+        assert np.flatnonzero(spikes(ramp, tau)).tolist() == [100 + apart]
+    # As wide as three samples, and no wider; a share of the range off, and no less.
+    for width, found in ((3, 3), (4, 0)):
+        tau = np.zeros(200)
+        tau[:20] = 10.0  # the range
+        tau[90 : 90 + width] = 1.0
+        assert np.count_nonzero(spikes(ramp, tau)) == found
+    for size, found in ((0.79, 0), (0.81, 1)):
+        tau = np.zeros(200)
+        tau[:20], tau[90] = 10.0, size
+        assert np.count_nonzero(spikes(ramp, tau)) == found
