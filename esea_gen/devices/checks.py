@@ -112,13 +112,13 @@ def _check_relations(origin: str, file: DeviceFile) -> None:
         raise UserError(
             f"{origin}: axes = {list(file.axes)} names an axis twice.", "Give each its own name."
         )
-    if file.velocity.bandwidth_Hz.value > 0.1 * file.timing.sense_rate_Hz.value:
-        raise UserError(
-            f"{origin}: velocity.bandwidth_Hz = {file.velocity.bandwidth_Hz.value:g} Hz is above "
-            f"its limit, a tenth of timing.sense_rate_Hz ({0.1 * file.timing.sense_rate_Hz.value:g}"
-            " Hz).",
-            "Lower the bandwidth or raise the rate.",
-        )
+    for key in ("velocity.bandwidth_Hz", "impairment.bandwidth_Hz"):
+        if key in values and values[key].value > 0.1 * rate:
+            raise UserError(
+                f"{origin}: {key} = {values[key].value:g} Hz is above its limit, a tenth of "
+                f"timing.sense_rate_Hz ({0.1 * rate:g} Hz).",
+                "Lower the bandwidth or raise the rate.",
+            )
 
 
 def _check_control(origin: str, file: DeviceFile) -> None:
@@ -129,6 +129,11 @@ def _check_control(origin: str, file: DeviceFile) -> None:
             f"{origin}: [redundancy] compares the drive with the joint, but section "
             f"[{'actuator' if file.actuator is None else 'joint'}] is missing.",
             'Add it, or write extends = "elbow_drive" and give what differs.',
+        )
+    if file.impairment is not None and (file.actuator is not None or laws):
+        raise UserError(
+            f"{origin}: [impairment] stands in a device that only measures; no drive follows it.",
+            'Leave it out, or write extends = "wrist".',
         )
     if file.passivity is not None:
         _check_passivity(origin, file)
