@@ -81,8 +81,7 @@ def elbow() -> Device:
     return esea_gen.load_device("elbow")
 
 
-# A module's own: what is derived from a device stays with it, and tests patch what derives it.
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def drive() -> Device:
     return esea_gen.load_device("elbow_drive")
 

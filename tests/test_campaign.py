@@ -109,6 +109,10 @@ def test_failures_are_counted_and_told(tmp_path):
     assert nothing.summary() == {}
     text = run_cases(lambda seed: {"a": "x"}, seeded(1), configuration=CONFIG)
     assert "could not convert" in text.failures[0].failure
+    # Of a long text the first 400 characters.
+    long = run_cases(lambda seed: {"a": "x" * 999}, seeded(1), configuration=CONFIG)
+    start = "ValueError: could not convert string to float: 'x"
+    assert long.failures[0].failure == start.ljust(400, "x")
 
 
 def test_failed_cases_run_again_on_request(tmp_path):

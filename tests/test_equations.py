@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
+import sympy as sp
 
 from esea_gen.control.limits import limits
 from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Equation
+from esea_gen.model.symbolic import to_casadi
 from esea_gen.observe.disturbance import drive_observer
 from esea_gen.observe.human import extended_state, lag_observer
 from esea_gen.observe.rates import motor_rate, tangent
@@ -197,3 +200,19 @@ def test_of_a_rate(drive):
     assert slope == pytest.approx(3.0)
     assert value(told["[rate 5]"], {"x": 0.3}) == pytest.approx(math.tan(0.3), rel=1e-6)
     assert tangent(0.3) == pytest.approx(math.tan(0.3), rel=1e-12)
+
+
+def test_names_that_python_has_not_do_not_order_products(monkeypatch):
+    # SymPy numbers them by a counter of the process, and sorts by the number's digits: the C of
+    # one device would differ by what else had been built before.
+    symbols = sp.symbols("lambda e' theta_d'' J w_c", real=True)
+    values = {s: ca.SX.sym(f"x{k}") for k, s in enumerate(symbols)}
+    rate, error, wanted, inertia, width = symbols
+    expression = sp.expand((wanted + 2 * rate * error + rate**2 * error) * inertia / width)
+    found = []
+    for count in (5, 7, 8, 40, 97, 98, 998):
+        monkeypatch.setattr(sp.Dummy, "_count", count)
+        found.append(to_casadi(expression, values))
+    assert len({str(x) for x in found}) == 1
+    f = ca.Function("f", list(values.values()), [found[0]])
+    assert float(f(2, 3, 5, 7, 11)) == pytest.approx((5 + 2 * 2 * 3 + 4 * 3) * 7 / 11)

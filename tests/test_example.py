@@ -12,6 +12,7 @@ import esea_gen
 from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.example import example
+from esea_gen.emit.example_encoders import encoder_of
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
@@ -100,6 +101,17 @@ def test_encoders_that_nobody_has_calibrated_are_calibrated_by_the_example(drive
     files = render_device(parse_device(text, "new.toml"), ["f32"])[0].files
     assert "params.encoder_motor.zeroed = 1.0f; /* as a calibration would */" in files["main.c"]
     assert run_example(files, "f32", QUICK).problems == ()
+
+
+def test_the_examples_encoders_have_the_counts_of_the_device_file(drive):
+    blocks, full = drive.system.blocks, 2 ** int(drive.file.encoder.resolution_bits.value)
+    for name in ("encoder_motor", "encoder_load"):
+        found = encoder_of(blocks[name], {"zero_rad": 0.3, "zeroed": 1.0})
+        assert found.full == full
+        # At its own zero it counts 0, and a quarter of a turn on a quarter of all.
+        assert found.count(found.at_zero_rad) == 0
+        assert found.count(found.at_zero_rad + found.sign * math.pi / 2) == full / 4
+        assert found.count(found.at_zero_rad - found.sign * 2 * math.pi / full) == full - 1
 
 
 # -- what the recording is -------------------------------------------------------------------------

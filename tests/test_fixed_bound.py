@@ -42,7 +42,7 @@ def worst(expression, x: Span, y: Span) -> tuple[float, float, float]:
     f = ca.Function("f", [X, Y], [expression])
 
     def pairs(s: Span) -> tuple[np.ndarray, np.ndarray]:
-        exact = np.linspace(s.low[0], s.high[0], 401)
+        exact = np.linspace(s.low[0], s.high[0], 61)
         room = s.a[0] + s.r[0] * np.abs(exact)
         return exact, room
 
@@ -119,6 +119,47 @@ def test_no_error_beyond_the_bound_and_none_much_below(expression, x, y, loose):
     assert float(found.low[0]) >= low - 0.02 * width
     assert float(found.high[0]) <= high + 0.02 * width
     assert assumed == ()
+
+
+# Errors so large that the products of errors count: what is left out of a rule shows.
+ACROSS_BOTH = Span(*(np.array([v]) for v in (-1.5, 2.0, 0.1, 0.2)))
+FAR_BOTH = Span(*(np.array([v]) for v in (3.0, 5.0, 0.3, 0.1)))
+
+
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [
+        (span(0.5, 2.0, 0.2, 1), span(3.0, 5.0, 0.4, 1)),
+        (span(0.5, 2.0, 0.2, 1), span(-5.0, -3.0, 0.4, 1)),
+        (span(-1.5, 2.0, 0.2, 1), with_share(3.0, 5.0, 0.2)),
+        (with_share(0.5, 2.0, 0.3), with_share(3.0, 5.0, 0.2)),
+        (ACROSS_BOTH, FAR_BOTH),
+    ],
+)
+def test_products_of_errors_count(x, y):
+    for expression in (X * Y, X / Y, Y * X, X * X, ca.fabs(X)):
+        found, _ = bound(expression, x, y)
+        error, _, _ = worst(expression, x, y)
+        # A quotient's two errors are largest at two places, of which a share takes the worse.
+        loose = 3.5 if x.r[0] == y.r[0] == 0 and expression.is_op(ca.OP_DIV) else 1
+        assert error * (1 - 1e-6) <= float(found.error[0]) <= loose * error * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "loose"),
+    [(0.0, 1.0, 1.001), (0.0, 0.5, 1.1), (0.0, 3.0, 1.001), (0.01, 0.5, 9.0), (2.0, 3.0, 1.6)],
+)
+@pytest.mark.parametrize("c", [0.4, 2.7, -1.3])
+def test_an_exponent_that_is_off_turns_a_power_by_its_logarithm(low, high, loose, c):
+    if c < 0 and low == 0:
+        return
+    found, _ = bound(X**c, span(low, high, 0.0, 1), NEAR)
+    # By the derivative: x^c |ln x| for each unit of the exponent, 2^-28 off at most.
+    x = np.linspace(max(low, 1e-12), high, 200001)
+    off = 2.0**-28 * x**c * np.abs(np.log(x))
+    model = float(found.a[0]) + float(found.r[0]) * x**c
+    assert np.all(off <= model * (1 + 1e-9))
+    assert float(found.error[0]) <= loose * off.max() * 1.002
 
 
 def test_what_no_bound_holds_is_refused():

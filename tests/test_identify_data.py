@@ -263,8 +263,10 @@ def test_the_devices_own_torque_is_fitted_without_error(elbow):
     values = parameters(elbow)
     del values["stops"]
     # The sensor takes the rate of the same step; one step off is 0.02 Nm here.
+    assert plant.evaluations == 0
     assert np.max(np.abs(plant.torque(values) - plant.measured)) < 1e-9
     assert np.max(np.abs(plant.measured)) > 1
+    assert plant.evaluations == 1
 
 
 @pytest.mark.parametrize("every", [2, 4, 10])

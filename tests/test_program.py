@@ -14,7 +14,7 @@ from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.builder import Builder, declare_ports, guard_inputs
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.program import Program
-from esea_gen.language.statements import Ix, ProgramError
+from esea_gen.language.statements import EPSILON, WORK_RANGE, Ix, ProgramError
 
 from .conftest import require_tool
 
@@ -280,3 +280,12 @@ def test_a_loop_that_outruns_its_bound_is_caught():
     program = _define(b)
     with pytest.raises(ProgramError, match="5 passes, bound 4"):
         program.simulator().step(x=0.0)
+
+
+def test_work_is_of_the_numbers_that_a_format_has():
+    for name, kind in (("f64", np.float64), ("f32", np.float32)):
+        # Half of the distance from 1 to the next number.
+        assert EPSILON[name] == float(np.finfo(kind).eps) / 2
+    # Any number of f32, less a hundredth at its end.
+    assert pytest.approx(float(np.finfo(np.float32).max), rel=0.12) == WORK_RANGE
+    assert WORK_RANGE == 3e38

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -180,3 +182,121 @@ def test_powers_and_roots():
     assert rough.error >= 0.25**0.77 - 0.125**0.77
     root = walk(ca.Function("f", [x], [ca.sqrt(x)]))
     assert analyse(root, F32, [[RangeValue(0.0, 1.0, 1e-8)]]).results[0][0].error >= 1e-4
+
+
+# -- each rule against the worst that there is -----------------------------------------------------
+
+F64 = FORMATS["f64"]
+X, Y = ca.SX.sym("x"), ca.SX.sym("y")
+# Errors so large that the products of errors count: what is left out of a rule shows.
+BOTH = {
+    "right": RangeValue(0.5, 2.0, 0.1, 0.2),
+    "left": RangeValue(-5.0, -3.0, 0.3, 0.1),
+    "across": RangeValue(-1.5, 2.0, 0.1, 0.2),
+    "far": RangeValue(3.0, 5.0, 0.3, 0.1),
+    "share": RangeValue(3.0, 5.0, 0.0, 0.2),
+    "flat": RangeValue(0.5, 2.0, 0.2, 0.0),
+    "root": RangeValue(0.0, 2.0, 0.01, 0.0),
+    "some": RangeValue(3.0, 5.0, 0.1, 0.0),
+}
+
+
+def off_by(expression, x: RangeValue, y: RangeValue):
+    """The rule's result, the exact values, and how far each may be off by its operands' errors."""
+    f = ca.Function("f", [X, Y], [expression])
+    sides = [np.linspace(v.low, v.high, 25) for v in (x, y)]
+    at = [g.ravel()[None, :] for g in np.meshgrid(*sides)]
+    room = [v.a + v.r * np.abs(g) for v, g in zip((x, y), at, strict=True)]
+    exact = np.asarray(f(*at), float)[0]
+    off = np.zeros_like(exact)
+    for s, t in itertools.product((-1, 0, 1), repeat=2):
+        moved = np.asarray(f(at[0] + s * room[0], at[1] + t * room[1]), float)[0]
+        off = np.fmax(off, np.abs(moved - exact))
+    found = analyse(walk(f), F64, [[x], [y]])
+    assert found.assumptions == ()
+    return found.results[0][0], exact, off
+
+
+@pytest.mark.parametrize(
+    ("expression", "x", "y", "loose"),
+    [
+        (X + Y, "right", "far", 1.4),
+        (X + Y, "left", "left", 1),
+        (X + Y, "share", "share", 1),
+        (X + Y, "across", "far", 1),
+        (X - Y, "right", "far", 1),
+        (X - Y, "share", "left", 1.3),
+        *((e, x, y, 1) for e in (X * Y, X / Y) for x in ("right", "left", "across", "share")
+          for y in ("far", "left", "share")),
+        *((e, x, "far", 1) for e in (-X, 2 * X, X * X, ca.fabs(X)) for x in BOTH),
+        (1 / X, "right", "far", 1),
+        (1 / X, "left", "far", 1),
+        (ca.fmin(X, Y), "right", "far", 1),
+        (ca.fmin(X, Y), "left", "far", 1),
+        (ca.fmin(X, Y), "share", "share", 1),
+        (ca.fmin(X, Y), "across", "left", 1.4),
+        (ca.fmax(X, Y), "flat", "flat", 1),
+        (ca.fmax(X, Y), "across", "left", 1),
+        (ca.fmax(X, Y), "right", "far", 1.4),
+        (ca.fmax(X, Y), "left", "far", 1),
+        (ca.if_else(Y > 1, X, Y), "right", "far", 1),
+        (ca.if_else(Y < 1, X, Y), "right", "far", 1),
+        (ca.exp(X), "right", "far", 1),
+        (ca.exp(X), "some", "far", 1),
+        (ca.tanh(X), "root", "far", 1.001),
+        (ca.log(X), "flat", "far", 1.4),
+        (ca.log(X), "some", "far", 1.02),
+        (ca.sqrt(X), "root", "far", 1),
+        (ca.sqrt(X), "some", "far", 2),
+        (X**0.4, "root", "far", 1),
+        (X**0.4, "some", "far", 1.02),
+        (X**0.4, "share", "far", 1),
+        (X**2.7, "root", "far", 1.01),
+        (X**2.7, "some", "far", 1.02),
+        (X**2.7, "share", "far", 1),
+        (X**2.7, "right", "far", 1.01),
+    ],
+)  # fmt: skip
+def test_no_error_beyond_a_rules_bound_and_none_much_below(expression, x, y, loose):
+    found, exact, off = off_by(expression, BOTH[x], BOTH[y])
+    model = found.a + found.r * np.abs(exact)
+    # Of a root at 0 the computed argument may be below it, where nothing is computed.
+    assert np.all(off <= model * (1 + 1e-9))
+    assert found.error <= loose * np.max(off) * (1 + 1e-9)
+    # The ends are those of the exact value, less the step of the grid where it turns.
+    assert found.low == pytest.approx(exact.min(), abs=0.07)
+    assert found.high == pytest.approx(exact.max(), abs=1e-12)
+    assert found.low <= exact.min() + 1e-12
+
+
+def test_what_each_operation_rounds_itself():
+    # Operands without an error: half a unit in the last place, and the smallest number there is.
+    one = RangeValue(1.0, 2.0)
+    u, tiny = 2.0**-24, float(np.finfo(np.float32).smallest_subnormal)
+    for expression in (X + Y, X - Y, X * Y, X / Y, 1 / X, X * X):
+        found = analyse(walk(ca.Function("f", [X, Y], [expression])), F32, [[one], [one]])
+        value = found.results[0][0]
+        # One that may cancel is off by a share of the largest instead of by one of itself.
+        assert value.a + value.r * value.magnitude == pytest.approx(
+            u * value.magnitude, abs=2 * tiny, rel=1e-6
+        )
+    for expression in (-X, 2 * X, ca.fabs(X), ca.fmin(X, Y), ca.fmax(X, Y)):
+        found = analyse(walk(ca.Function("f", [X, Y], [expression])), F32, [[one], [one]])
+        assert found.results[0][0].exact
+    # The functions: their stated error, in units in the last place of 2 u at most.
+    for expression, ulp in (
+        (ca.exp(X), 0.51),
+        (ca.log(X + 1), 0.51),
+        (ca.sqrt(X), 0.5),
+        (ca.tanh(X), 0.52),
+    ):
+        found = analyse(walk(ca.Function("f", [X, Y], [expression])), F32, [[one], [one]])
+        assert found.results[0][0].r == pytest.approx(2 * ulp * u, rel=1e-6)
+    # An exponent off by 2^-28, half the last of its 27 bits, turns x^c by the logarithm's share.
+    for c, off in ((0.75, 0.0), (0.75 + 2.0**-28, 2.0**-28), (2.5 + 2.0**-29, 2.0**-29)):
+        wide = RangeValue(1e-3, 2.0)
+        found = analyse(walk(ca.Function("f", [X, Y], [X**c])), F32, [[wide], [one]])
+        rounding = 2 * 0.51 * u
+        expected = rounding + off * np.log(1e3)
+        assert found.results[0][0].r == pytest.approx(expected, rel=1e-6)
+        assert found.results[0][0].a < 1e-44

@@ -16,6 +16,7 @@ from esea_gen.analysis.frequency import FrequencyResponse
 from esea_gen.analysis.impedance import impedance
 from esea_gen.analysis.plots import (
     bode,
+    cell_edges,
     rms_by_case,
     save,
     torque_cases,
@@ -504,6 +505,11 @@ def legend(figure) -> list[str]:
     return [t.get_text() for box in boxes for t in box.get_texts()]
 
 
+def test_cells_end_half_way_between_their_values():
+    assert cell_edges(np.array([1.0, 3.0, 4.0])).tolist() == [0.0, 2.0, 3.5, 4.5]
+    assert cell_edges(np.array([7.0])).tolist() == [6.5, 7.5]
+
+
 def test_figures_say_what_the_numbers_are(tmp_path, swept):
     t = np.arange(5000) * H
     desired = 1.7 * np.sin(2 * np.pi * 0.6 * t)
@@ -520,6 +526,7 @@ def test_figures_say_what_the_numbers_are(tmp_path, swept):
         f"smc: {name}: RMS of the true error shown 0.25 N·m" for name in "ab"
     ]
     assert legend(panels) == ["modelled", "true", "desired"]
+    panels.draw_without_rendering()  # what a line cannot look like is refused here
     bars = rms_by_case(["a", "b"], {"MPC": [0.1, np.nan]}, {"MPC": [0.3, 0.4], "SMC": [0.5, 0.6]})
     heights = sorted(p.get_height() for c in bars.axes[0].containers for p in c)
     assert heights == pytest.approx([0.1, 0.3, 0.4, 0.5, 0.6])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from keyword import iskeyword
 from typing import Any
 
 import casadi as ca
@@ -48,7 +49,14 @@ def to_casadi(expression: sp.Expr, values: Mapping[sp.Symbol, Any]) -> ca.SX:
     if missing:
         raise ValueError(f"no value for the symbols {missing} of {expression}")
     symbols = sorted(expression.free_symbols, key=str)
-    function = sp.lambdify(symbols, expression, modules=[_CASADI], cse=False)
+    # A name that is none in Python, such as lambda or e', lambdify replaces by one with the number
+    # of a counter of the process, and sorts products by it: the C would depend on what ran before.
+    plain = {
+        s: s if s.name.isidentifier() and not iskeyword(s.name) else sp.Symbol(f"Dummy_{k:02d}")
+        for k, s in enumerate(reversed(symbols))
+    }
+    arguments = [plain[s] for s in symbols]
+    function = sp.lambdify(arguments, expression.xreplace(plain), modules=[_CASADI], cse=False)
     return ca.SX(function(*[values[s] for s in symbols]))
 
 
