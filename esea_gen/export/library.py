@@ -1,4 +1,4 @@
-"""The generated C as a library: for CMake, for Arduino and PlatformIO, for Zephyr, for Simulink, for LabVIEW."""
+"""The generated C as a library: CMake, Arduino and PlatformIO, Zephyr, Simulink, LabVIEW."""
 
 from __future__ import annotations
 

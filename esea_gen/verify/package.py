@@ -16,7 +16,7 @@ from esea_gen.hostlib import find_compiler
 from esea_gen.targets import CONTROL_FLAGS, SECTION_FLAGS, find_board
 from esea_gen.verify.firmware import FirmwareImage
 
-# Only what is declared in the header can be called, and nothing is asked of the system but memory moves.
+# Only what is declared in the header can be called.
 _LIBRARY = ("-fPIC", "-fvisibility=hidden", *SECTION_FLAGS)
 _LINK = ("-shared", "-Wl,--gc-sections", "-Wl,--build-id=none", "-Wl,--no-undefined", "-s")
 

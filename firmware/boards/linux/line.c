@@ -148,13 +148,15 @@ static void hang_up(line_t *line)
 
 void line_accept(line_t *line)
 {
-    const int yes = 1;
+    const int yes = 1, room = 65536; /* a tenth of a second of everything: no more is old when it comes */
 
     if (line->listener < 0 || line->in >= 0)
         return;
     line->in = line->out = accept4(line->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
-    if (line->in >= 0)
-        (void)setsockopt(line->in, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+    if (line->in < 0)
+        return;
+    (void)setsockopt(line->in, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+    (void)setsockopt(line->in, SOL_SOCKET, SO_SNDBUF, &room, sizeof room);
 }
 
 size_t line_read(line_t *line, uint8_t *bytes, size_t capacity)
