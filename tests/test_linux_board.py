@@ -70,7 +70,8 @@ int main(int argc, char **argv)
     fprintf(stderr, " %d %d", start(0, bad, counts[1]), start(0, tunables, counts[1]));
     fprintf(stderr, " %d %d", change(0, bad, counts[1]), change(1, tunables, counts[1]));
     fprintf(stderr, " %d\n", tick(0, 1, in, counts[0], out, counts[2] - 1));
-    for (int32_t k = 0; fread(in, sizeof in[0], (size_t)counts[0], stdin) == (size_t)counts[0]; ++k) {
+    const size_t wide = (size_t)counts[0];
+    for (int32_t k = 0; fread(in, sizeof in[0], wide, stdin) == wide; ++k) {
         if (tick(0, k == LOST ? 2 : 1, in, counts[0], out, counts[2]) != 0)
             return 4;
         fwrite(out, sizeof out[0], (size_t)counts[2], stdout);
