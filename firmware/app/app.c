@@ -46,7 +46,7 @@ static void enter(esea_app_t *app, ESEA_STATE from)
         esea_count(&app->port->store->set.use.faults);
     app->use_changed = app->use_changed || esea_state_drives(from) || app->state == ESEA_STATE_FAULT;
     /* A sensor that is wrong may have slipped: what it was zeroed at is not to be put back. */
-    if (app->state == ESEA_STATE_FAULT && (app->fault == ESEA_FAULT_SENSING || app->fault == ESEA_FAULT_DEFLECTION))
+    if (app->state == ESEA_STATE_FAULT && esea_link_doubts_zero((uint32_t)app->fault))
         app->zero_doubted = true;
     if (!esea_state_drives(app->state) || app->state == ESEA_STATE_ARMED)
         forget_wanted(motion);

@@ -95,7 +95,7 @@ typedef struct esea_app {
     ESEA_STATE state;
     ESEA_FAULT fault;
     bool referenced;
-    ESEA_ZERO zero; /* where it comes from */
+    uint8_t zero; /* an ESEA_ZERO: where it comes from */
     volatile bool zero_doubted, use_changed; /* for keep.c, once the motor is off */
     uint32_t active_ticks; /* with the motor on, less whole seconds */
     ESEA_STATE told; /* the state that was last sent */

@@ -133,7 +133,7 @@ void esea_keep_up(esea_app_t *app)
     if (esea_state_drives(app->state) || app->state == ESEA_STATE_ZEROING || app->state == ESEA_STATE_REPLAY)
         return;
     if (app->zero_doubted) {
-        const ESEA_ZERO zero = app->zero;
+        const uint8_t zero = app->zero;
 
         esea_forget_zeros(app);
         app->zero = zero; /* what is in force stays so until a reset; the encoders themselves say no */

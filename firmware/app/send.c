@@ -122,7 +122,7 @@ void esea_send_kept(esea_app_t *app, uint8_t result)
         fields.active_s = store->set.use.active_s;
     }
     fields.encoders = ESEA_LINK_ENCODERS;
-    fields.zero = (uint8_t)app->zero;
+    fields.zero = app->zero;
     fields.result = result;
     (void)mavlink_msg_esea_kept_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
     esea_send(app, &message);
