@@ -18,6 +18,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks, envelope
+from esea_gen.verify.faults.driven import below_the_inputs, driven_rig_of, driver_faults
 from esea_gen.verify.faults.kinds import BoardFault, all_faults, words
 from esea_gen.verify.faults.picture import FaultRow, fault_picture
 from esea_gen.verify.faults.rig import EARLIEST, LATEST, SCENES, rig_of
@@ -171,7 +172,8 @@ def run_one(
     """One run, as the campaign's workers call it; ``found_ticks`` -1 where nothing was found."""
     fault = BoardFault(place, kind, amount, word, byte)
     chosen = next(s for s in SCENES if s.name == scene)
-    felt = rig_of(loaded(device)).run(chosen, fault, at, seed)
+    rig = driven_rig_of if below_the_inputs(fault) else rig_of
+    felt = rig(loaded(device)).run(chosen, fault, at, seed)
     return {
         "found_ticks": -1 if felt.found_ticks is None else felt.found_ticks,
         "reason": felt.reason,
@@ -185,6 +187,7 @@ def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[di
     """What is to be run: faults in turn, each with a scene, a moment and a plant that are drawn."""
     library = compile_system(device.system, "f32")
     memory = [words(library.dtype(f"{library.prefix}_{kind}_t")) for kind in ("state", "coeffs")]
+    faults = all_faults(device, memory[0], memory[1], seed, runs, driver_faults())
     rng = random.Random(seed)
     return [
         {
@@ -198,7 +201,7 @@ def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[di
             "at": rng.randrange(EARLIEST, LATEST),
             "seed": k,
         }
-        for k, f in enumerate(all_faults(device, memory[0], memory[1], seed, runs))
+        for k, f in enumerate(faults)
     ]
 
 
