@@ -83,7 +83,7 @@ def read_record(device: Device, data: bytes) -> BlackboxRecord:
 
 def blackbox_csv(records: Sequence[BlackboxRecord]) -> str:
     """A table of records: a tick a line."""
-    lines = []
+    lines: list[str] = []
     for r in records:
         values: dict[str, object] = {
             "tick": r.tick,

@@ -1,4 +1,4 @@
-"""A drive's hand-written drivers on models of their chips: what they read, and what breaks there."""
+"""The hand-written drivers on models of their chips: what they read, and what breaks there."""
 
 from __future__ import annotations
 
@@ -55,15 +55,20 @@ class DrivenSensors:
 
     def __init__(self, device: Device) -> None:
         self.bits = int(device.file.encoder.resolution_bits.value)
-        self.drivers = Drivers(Workbench())
+        self.bench = Workbench()
+        self.drivers = Drivers(self.bench)
         self.start()
 
     def start(self) -> None:
         """Power on: everything sound."""
         ffi, lib = self.drivers.ffi, self.drivers.lib
-        bench = self.bench = self.drivers.bench
-        bench.__init__()  # type: ignore[misc]
-        self.chips = {MOTOR_SIDE: As5048a(), LOAD_SIDE: As5048a(), GEAR: BissEncoder()}
+        bench = self.bench
+        bench.wires.clear()
+        self.chips: dict[int, As5048a | BissEncoder] = {
+            MOTOR_SIDE: As5048a(),
+            LOAD_SIDE: As5048a(),
+            GEAR: BissEncoder(),
+        }
         bench.lines = {line: chip.frame for line, chip in self.chips.items()}
         self.amplifier = Amplifier()
         bench.converter = lambda channel: self.amplifier.counts

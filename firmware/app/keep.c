@@ -67,6 +67,9 @@ bool esea_kept_key(esea_app_t *app, uint8_t *key, uint64_t *timestamp)
     return true;
 }
 
+/* How many encoders have a zero; in a variable, for a device may have none. */
+static const uint32_t encoders = ESEA_LINK_ENCODERS;
+
 /* What the board keeps of an encoder that is fitted; NULL for nothing. */
 static const esea_store_encoder_t *known(const esea_app_t *app, uint32_t encoder)
 {
@@ -80,7 +83,7 @@ bool esea_kept_zeros(esea_app_t *app)
     float zeros_rad[ESEA_LINK_ENCODERS + 1u];
     uint32_t i, count = 0u;
 
-    for (i = 0u; i < ESEA_LINK_ENCODERS; ++i) {
+    for (i = 0u; i < encoders; ++i) {
         const esea_store_encoder_t *const encoder = known(app, i);
 
         if (encoder == NULL)
@@ -88,7 +91,7 @@ bool esea_kept_zeros(esea_app_t *app)
         zeros_rad[count++] = encoder->zero_rad;
     }
     app->zero = ESEA_ZERO_NONE;
-    if (count == 0u || count < ESEA_LINK_ENCODERS || !esea_link_put_zeros(&app->control, zeros_rad))
+    if (count == 0u || count < encoders || !esea_link_put_zeros(&app->control, zeros_rad))
         return esea_link_unzero(&app->control);
     app->zero = ESEA_ZERO_PUT_BACK;
     return true;
@@ -116,13 +119,13 @@ void esea_keep_zeros(esea_app_t *app)
 
     app->zero = ESEA_ZERO_TAKEN;
     app->zero_doubted = false;
-    for (i = 0u; store != NULL && i < ESEA_LINK_ENCODERS; ++i) {
+    for (i = 0u; store != NULL && i < encoders; ++i) {
         encoder.serial = i < ESEA_STORE_ENCODERS ? store->set.fitted[i] : 0u;
         encoder.zero_rad = esea_link_zero_of(&app->control, i);
         if (!esea_store_put_encoder(store, &encoder))
             return; /* nobody said which encoder it is: until power-off */
     }
-    if (store != NULL && ESEA_LINK_ENCODERS > 0u && !esea_store_commit(store))
+    if (store != NULL && encoders > 0u && !esea_store_commit(store))
         esea_send_text(app, MAV_SEVERITY_WARNING, "not saved: ", "the memory failed");
 }
 
@@ -153,7 +156,7 @@ uint8_t esea_keep_fitted(esea_app_t *app, const mavlink_message_t *message)
     uint32_t i, k;
 
     mavlink_msg_esea_kept_decode(message, &asked);
-    if (store == NULL || ESEA_LINK_ENCODERS == 0u)
+    if (store == NULL || encoders == 0u)
         return MAV_RESULT_UNSUPPORTED;
     for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
         for (k = 0u; k < i; ++k)
@@ -162,7 +165,7 @@ uint8_t esea_keep_fitted(esea_app_t *app, const mavlink_message_t *message)
     if (!esea_app_ask(app, ESEA_EVENT_RESET))
         return MAV_RESULT_TEMPORARILY_REJECTED;
     for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
-        store->set.fitted[i] = i < ESEA_LINK_ENCODERS ? asked.serial[i] : 0u;
+        store->set.fitted[i] = i < encoders ? asked.serial[i] : 0u;
     if (!esea_store_commit(store))
         esea_send_text(app, MAV_SEVERITY_WARNING, "not saved: ", "the memory failed");
     return (uint8_t)(esea_app_reset(app) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED);

@@ -1,4 +1,4 @@
-"""Faults below the inputs: the real drivers on models of their chips, and power cut while storing."""
+"""Faults below the inputs: the real drivers on models of their chips; power cut while storing."""
 
 from __future__ import annotations
 
