@@ -53,6 +53,8 @@ CURRENT_FAULTS = {"saturated low": 0, "saturated high": 4095}
 class DrivenSensors:
     """Encoders and motor current as the drivers give them, a tick at a time."""
 
+    bench: Workbench
+
     def __init__(self, device: Device) -> None:
         self.bits = int(device.file.encoder.resolution_bits.value)
         self.bench = Workbench()

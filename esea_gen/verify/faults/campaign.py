@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks, envelope
 from esea_gen.verify.faults.driven import below_the_inputs, driven_rig_of, driver_faults
+from esea_gen.verify.faults.emulated import EmulatedFault, emulated_sample
 from esea_gen.verify.faults.kinds import BoardFault, all_faults, words
 from esea_gen.verify.faults.picture import FaultRow, fault_picture
 from esea_gen.verify.faults.rig import EARLIEST, LATEST, SCENES, rig_of
@@ -53,12 +54,16 @@ class FaultRun:
 
 @dataclass(frozen=True)
 class FaultCampaign:
-    """A campaign's result; everything in it is simulated."""
+    """A campaign's result; everything in it is simulated.
+
+    emulated: runs that were played to an emulated processor too.
+    """
 
     device: str
     content: str
     envelope: LimbEnvelope
     runs: tuple[FaultRun, ...]
+    emulated: tuple[EmulatedFault, ...] = ()
 
     @property
     def outside(self) -> list[FaultRun]:
@@ -112,6 +117,23 @@ class FaultCampaign:
                 for r in self.outside
             ),
             f"{len(self.outside)} outside.",
+            *self._in_the_emulator(),
+        ]
+
+    def _in_the_emulator(self) -> list[str]:
+        if not self.emulated:
+            return []
+        same = sum(f.same for f in self.emulated)
+        ticks = sum(f.ticks for f in self.emulated)
+        return [
+            f"In the emulator: {same} of {len(self.emulated)} runs ({ticks} ticks) with the same "
+            "motor command in every bit of every tick, and the same fault.",
+            *(
+                f"DIFFERS in the emulator: {f.input} {f.kind}, {f.scene}: tick "
+                f"{f.first_difference}, fault {f.emulated} for {f.fault}"
+                for f in self.emulated
+                if not f.same
+            ),
         ]
 
     def figure(self) -> Figure:
@@ -129,6 +151,7 @@ class FaultCampaign:
             "faults": [asdict(r) for r in self.runs],
             "table": [asdict(r) for r in self.rows()],
             "outside": len(self.outside),
+            "emulated": [asdict(f) | {"same": f.same} for f in self.emulated],
         }
 
 
@@ -257,6 +280,21 @@ def fault_campaign(
             raise UserError(f"{r.case}: {r.failure}", "See the message.")
         made.append(_judged(device, limits, r.case, r.values))
     return FaultCampaign(device.name, content, limits, tuple(made))
+
+
+def with_emulated(
+    campaign: FaultCampaign,
+    origin: str,
+    runs: int,
+    seed: int,
+    count: int,
+    progress: Callable[[int, int, int], None] | None = None,
+) -> FaultCampaign:
+    """The same, with so many of its faults played to an emulated processor."""
+    device = loaded(origin)
+    cases = campaign_cases(device, origin, runs, seed)
+    found = emulated_sample(device, cases, count, seed, progress=progress)
+    return replace(campaign, emulated=tuple(found))
 
 
 def _judged(
