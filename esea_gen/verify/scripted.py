@@ -19,7 +19,9 @@ from esea_gen.verify.gdb import HeldProcessor
 from esea_gen.verify.preempt import addresses
 from esea_gen.verify.sim import SimBoard
 
-_MARK = 100  # ticks between two looks of the debugger, which does not wait for ever
+# Ticks between two looks of the debugger, which does not wait for ever.  A look moves the clock to the
+# next tick at once: at none of these does the host speak.
+_MARK = 100
 
 
 @dataclass
