@@ -219,8 +219,8 @@ def test_with_its_drivers_a_sound_drive_follows_to_the_end(driven):
     assert felt.peak_torque_Nm < SCENE.torque_Nm + 0.5
 
 
-# By hand: three bad frames are bridged, from the tick after the fault on; the chip's diagnostics are
-# asked for every other tick, and their answer comes a tick later; 20 ticks of a wrong current.
+# By hand: three bad frames are bridged, from the tick after the fault on; the chip's diagnostics
+# are asked for every other tick, their answer comes a tick later; 20 ticks of a wrong current.
 @pytest.mark.parametrize(
     ("fault", "bound", "reason"),
     [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from esea_gen.bench.whole_tick import AIM, _latency, whole_tick
@@ -16,7 +18,7 @@ def test_a_reading_reaches_the_motor_within_a_period_of_control_and_a_release(dr
     control = drive.system.tasks[-1]
     assert sorted(through_control) == list(range(2, 2 + control.every))
     # From one phase to the next the wait for the next run is one tick shorter.
-    for now, then in zip(through_control, through_control[1:], strict=False):
+    for now, then in pairwise(through_control):
         assert then == (now - 1 if now > 2 else 1 + control.every)
     assert limits == 3  # bad frames are bridged; the tick in which they are not
 

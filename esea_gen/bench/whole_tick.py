@@ -86,13 +86,17 @@ class WholeTick:
 
     def table(self) -> list[str]:
         """As Markdown."""
+
+        def counted(figures: tuple[int, int]) -> str:
+            return f"{figures[0]}, at most {figures[1]} instructions"
+
+        often = f"{self.messages_a_tick:g} a tick"
+        bound = f"{self.stack_bound_bytes}, {self.stack_bytes} B"
+        latency = ", ".join(map(str, self.latency_ticks))
         rows = [
-            ("tick with drivers, everything streamed", "%d, at most %d instructions" % self.tick),
-            ("run of control, everything streamed", "%d, at most %d instructions" % self.control),
-            (
-                f"a message of telemetry, {self.messages_a_tick:g} a tick, to a line that is always ready",
-                "%d, at most %d instructions" % self.message,
-            ),
+            ("tick with drivers, everything streamed", counted(self.tick)),
+            ("run of control, everything streamed", counted(self.control)),
+            (f"a message, {often}, to a line that is always ready", counted(self.message)),
             ("waiting for the encoders' buses", f"{BUS_US:g} us of each tick, by their clock"),
             (
                 f"all of it, of 168 MHz at 1 instruction a cycle, aim {AIM:.0%}",
@@ -101,14 +105,8 @@ class WholeTick:
             ("flash", f"{self.flash_bytes} B"),
             ("RAM without stack and black box", f"{self.ram_bytes} B"),
             ("black box", f"{self.blackbox_bytes} B"),
-            (
-                "stack: bound with preemption, size",
-                f"{self.stack_bound_bytes}, {self.stack_bytes} B",
-            ),
-            (
-                "reading to motor command, by control's phase",
-                ", ".join(map(str, self.latency_ticks)) + " ticks",
-            ),
+            ("stack: bound with preemption, size", bound),
+            ("reading to motor command, by control's phase", f"{latency} ticks"),
             ("reading to motor off by the limits", f"{self.limits_ticks} ticks"),
         ]
         return ["| what | simulated, emulated |", "|---|---|", *(f"| {a} | {b} |" for a, b in rows)]

@@ -44,7 +44,7 @@ BUS_FAULTS: dict[str, Callable[[DrivenSensors, int], None]] = {
     "stuck high": _wire(WIRE_FAULTS["stuck_high"]),
     "swapped bytes": _wire(WIRE_FAULTS["swapped"]),
     "one wrong bit": _wire(_one_bit),
-    "dead bus": lambda sensors, line: sensors.bench.lines.pop(line) and None,
+    "dead bus": lambda sensors, line: sensors.bench.lines.__delitem__(line),
 }
 MAGNET_FAULTS = {"magnet weak": _magnet("weak"), "magnet strong": _magnet("strong")}
 CURRENT_FAULTS = {"saturated low": 0, "saturated high": 4095}

@@ -19,13 +19,13 @@ from esea_gen.verify.gdb import HeldProcessor
 from esea_gen.verify.preempt import addresses
 from esea_gen.verify.sim import SimBoard
 
-# Ticks between two looks of the debugger, which does not wait for ever.  A look moves the clock to the
-# next tick at once: at none of these does the host speak.
+# Ticks between two looks of the debugger, which does not wait for ever.  A look moves the clock to
+# the next tick at once: at none of these does the host speak.
 _MARK = 100
 
 
 @dataclass
-class Tape:
+class BoardTape:
     """A run, tick by tick.
 
     measured: what the drivers gave, in the device's order.
@@ -47,12 +47,12 @@ class Tape:
 class TapedBoard(SimBoard):
     """A board ``sim`` whose run is taped from its last start on."""
 
-    tape: Tape
+    tape: BoardTape
 
     def restart(self, *, blank: bool = False) -> None:
         """See :class:`SimBoard`."""
         super().restart(blank=blank)
-        self.tape = Tape()
+        self.tape = BoardTape()
 
     def measure(self, **values: float) -> None:
         """See :class:`SimBoard`; a tick follows."""
@@ -77,7 +77,7 @@ class TapedBoard(SimBoard):
             on, u_Nm = self.motor
             self.tape.motor.append((on, struct.pack("<f", u_Nm)))
 
-    def taken(self) -> Tape:
+    def taken(self) -> BoardTape:
         """What there is."""
         self._end_of_tick()
         self.tape.fault = int(self.lib.sim_fault())
@@ -160,7 +160,7 @@ void esea_board_drivers(esea_port_t *port)
 """
 
 
-def _drivers(tape: Tape) -> str:
+def _drivers(tape: BoardTape) -> str:
     ticks = len(tape.measured)
     rows = (", ".join(f"0x{w:x}u" for w in _words(row)) for row in tape.measured)
     data, until = b"", []
@@ -183,7 +183,7 @@ def _words(row: Sequence[float]) -> tuple[Any, ...]:
     return struct.unpack(f"<{len(row)}I", struct.pack(f"<{len(row)}f", *row))
 
 
-def play(device: Device, board: str, tape: Tape) -> Tape:
+def play(device: Device, board: str, tape: BoardTape) -> BoardTape:
     """A tape's inputs on an emulated board: motor and fault are that board's."""
     ticks = len(tape.measured)
     with tempfile.TemporaryDirectory(prefix="esea-script-") as scratch:
@@ -197,4 +197,4 @@ def play(device: Device, board: str, tape: Tape) -> Tape:
             on = held.read(at["script_on"], ticks)
             fault = held.read_word(at["script_fault"])
     motor = [(bool(on[k]), torque[4 * k : 4 * k + 4]) for k in range(ticks)]
-    return Tape(tape.measured, tape.frames, tape.troubles, tape.stop_from, motor, fault)
+    return BoardTape(tape.measured, tape.frames, tape.troubles, tape.stop_from, motor, fault)

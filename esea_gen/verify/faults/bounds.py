@@ -70,7 +70,16 @@ def bound_ticks(device: Device, fault: BoardFault) -> int | None:
         fault.place.startswith("frame_error") and fault.kind == "jump" and fault.amount > 0
     )
     if fault.place.startswith(("count_", "frame_error_")) and unreadable:
-        gear = fault.place.endswith(" gear")
+        gear = fault.place.endswith("_gear")
+        return HELD_MAX + (across if gear else 0)
+    if fault.kind == "NaN":
+        return WANTED_EVERY  # in the step that reads it
+    return None
+
+
+def _frame_bound(fault: BoardFault, across: int) -> int | None:
+    # It breaks when the tick's frames have been read, so the first bad ones are the next tick's.
+    gear = fault.place.endswith(" gear")
     by_chance = ("one wrong bit", "swapped bytes") if gear else ("swapped bytes",)
     if fault.kind in by_chance:
         return None  # a parity that fits; one frame in 64 whose six bits of checksum do
