@@ -58,7 +58,7 @@ class TapedBoard(SimBoard):
         """See :class:`SimBoard`; a tick follows."""
         self._end_of_tick()
         super().measure(**values)
-        self.tape.measured.append([values.get(n, 0.0) for n in self._inputs])
+        self.tape.measured.append([values.get(n, 0.0) for n in self.inputs])
 
     def send_bytes(self, data: bytes) -> None:
         """See :class:`esea_link.messenger.Messenger`."""
