@@ -146,7 +146,9 @@ class Board:
 
     name: at most 15 characters: the board tells it over the link.
     family: folder in ``firmware/boards`` that it shares with others; empty for one of its own name.
-    machine: QEMU's name of it; empty for the host itself.
+    machine: QEMU's name of it; empty for a program.
+    runner: what runs a program of another processor here.
+    package: what opkg calls the processor, where it takes packages.
     code, code_bytes, ram, ram_bytes: where programs without the firmware and their data lie.
     real: number format of the firmware's control code.
     tick_instructions: instructions that a tick of its timer stands for in QEMU.
@@ -161,6 +163,8 @@ class Board:
     processor: Processor
     machine: str
     family: str = ""
+    runner: str = ""
+    package: str = ""
     code: int = 0
     code_bytes: int = 0
     ram: int = 0x20000000
@@ -205,13 +209,25 @@ BOARDS = {
         ),
         Board(
             "host",
-            "this computer, frames on standard input and output",
+            "this computer, a program with sanitizers",
             PROCESSORS["host"],
             "",
+            family="linux",
             # A report ends the program, so that no test can overlook it.
             flags=("-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
-            app_flags=("-D_POSIX_C_SOURCE=200809L",),
+            app_flags=("-D_GNU_SOURCE",),
             link=(),
+        ),
+        Board(
+            "myrio",
+            "NI myRIO class, Cortex-A9 with Linux",
+            PROCESSORS["cortex-a9"],
+            "",
+            family="linux",
+            runner="qemu-arm",
+            package="cortexa9-vfpv3",
+            app_flags=("-D_GNU_SOURCE",),
+            link=("-static",),
         ),
         Board(
             "sim",

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from esea_gen.emit.states import TIMES_MS
+from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.verify.faults import campaign
 from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks
+from esea_gen.verify.faults.driven import DrivenRig, driven_rig_of, driver_faults
+from esea_gen.verify.faults.emulated import emulated_sample
 from esea_gen.verify.faults.kinds import (
     INPUT_KINDS,
     BoardFault,
@@ -20,6 +23,7 @@ from esea_gen.verify.faults.kinds import (
     words,
 )
 from esea_gen.verify.faults.rig import AFTER, SCENES, rig_of
+from esea_gen.verify.scripted import TapedBoard, play
 
 from .conftest import require_tool
 from .test_cli import refused, run
@@ -198,3 +202,88 @@ def test_two_thousand_faults():
     made = campaign.fault_campaign("elbow_drive", workers=2)
     assert len(made.runs) == 2000
     assert made.outside == []
+
+
+# -- below the inputs ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def driven(drive):
+    require_tool("gcc")
+    return driven_rig_of(drive)
+
+
+def test_with_its_drivers_a_sound_drive_follows_to_the_end(driven):
+    felt = driven.run(SCENE, None, AT, seed=3)
+    assert felt.found_ticks is None
+    assert felt.peak_torque_Nm < SCENE.torque_Nm + 0.5
+
+
+# By hand: three bad frames are bridged, from the tick after the fault on; the chip's diagnostics
+# are asked for every other tick, their answer comes a tick later; 20 ticks of a wrong current.
+@pytest.mark.parametrize(
+    ("fault", "bound", "reason"),
+    [
+        (BoardFault("encoder motor", "stuck low"), 4, 6),
+        (BoardFault("encoder load", "one wrong bit"), 4, 6),
+        (BoardFault("encoder load", "dead bus"), 4, 6),
+        (BoardFault("encoder motor", "magnet weak"), 7, 6),
+        (BoardFault("encoder gear", "stuck high"), 10, 6),
+        (BoardFault("current", "saturated high"), 20, 106),
+    ],
+    ids=lambda x: getattr(x, "input", None),
+)
+def test_what_a_driver_finds_is_found_in_time(drive, driven, fault, bound, reason):
+    assert bound_ticks(drive, fault) == bound
+    felt = driven.run(SCENE, fault, AT, seed=3)
+    assert felt.found_ticks is not None
+    assert felt.found_ticks <= bound
+    assert felt.reason == reason
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_after_a_cut_while_storing_the_drive_is_sound(driven, share):
+    assert driven.run(SCENE, BoardFault("store", "power cut", share), AT, 3).found_ticks is None
+
+
+def test_a_store_that_mixes_two_sets_is_seen(driven, monkeypatch):
+    """Parameters of a third value come back."""
+    monkeypatch.setattr(driven.board, "parameter", lambda name: 15.0)
+    with pytest.raises(UserError, match="mixes sets"):
+        driven.run(SCENE, BoardFault("store", "power cut", 0.5), AT, 3)
+
+
+def test_a_round_has_every_driver_fault(drive):
+    found = all_faults(drive, [], [], seed=0, most=400, more=driver_faults())
+    assert set(driver_faults()) <= set(found)
+    kinds = {(f.place, f.kind) for f in driver_faults()}
+    assert {("encoder load", "swapped bytes"), ("current", "saturated low")} <= kinds
+    assert ("encoder motor", "magnet strong") in kinds
+    assert ("store", "power cut") in kinds
+
+
+def taped(drive, fault):
+    rig = DrivenRig(drive)
+    rig.board.close()
+    rig.board = TapedBoard(drive)
+    rig.run(SCENES[1], fault, 900, 3)
+    rig.close()
+    return rig.board.taken()
+
+
+@pytest.mark.slow
+def test_the_emulator_does_what_the_board_in_this_process_does(drive):
+    require_tool("qemu-system-arm")
+    require_tool("arm-none-eabi-gcc")
+    fault = BoardFault("encoder load", "stuck high")
+    case = {"place": fault.place, "kind": fault.kind, "amount": 0.0, "at": 900, "seed": 3}
+    case |= {"scene": SCENES[1].name}
+    (found,) = emulated_sample(drive, [case], 1, 0)
+    assert found.same
+    assert (found.fault, found.off_tick) == (6, 904)
+    # Armed: another command on the way is another torque.
+    tape = taped(drive, fault)
+    tape.measured[600][0] += 40
+    there = play(drive, "mps2-an500", tape)
+    assert there.motor[:600] == tape.motor[:600]
+    assert there.motor != tape.motor

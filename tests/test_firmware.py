@@ -221,7 +221,7 @@ def test_heartbeat_comes_every_thousand_steps(board):
 
 
 def test_exhausted_stack_latches_a_fault_and_no_step_is_taken(elbow, native):
-    with RunningBoard(elbow, native, options=["stack-exhausted"]) as board:
+    with RunningBoard(elbow, native, options=["--stack-exhausted"]) as board:
         assert board.state() == "FAULT"
         assert board.heartbeat.system_status == board.dialect.MAV_STATE_CRITICAL
         assert board.fault().startswith("STACK_EXHAUSTED")

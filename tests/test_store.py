@@ -21,21 +21,21 @@ from esea_gen.verify.chips import declarations
 from .conftest import require_tool
 
 EMPTY, LOADED, OTHER_LAYOUT, OTHER_DEVICE = range(4)
-# parameters, encoders, nodes
-SMALL, WHOLE = (4, 2, 4), (160, 4, 64)
+# parameters, encoders
+SMALL, WHOLE = (4, 2), (160, 4)
 HEAD, LAST = 24, 4
 
 
 def set_bytes(size) -> int:
-    parameters, encoders, nodes = size
+    parameters, encoders = size
     use, key = 6 * 4, 4 + 8 + 32
-    return 4 + 8 * parameters + encoders * (12 + 4 * nodes) + use + key
+    return 4 + 8 * parameters + encoders * (8 + 4) + use + key
 
 
 def build(folder, size):
     require_tool("gcc")
     app, target = firmware_folder() / "app", folder / f"store{size[0]}.so"
-    names = ("PARAMETERS", "ENCODERS", "NODES")
+    names = ("PARAMETERS", "ENCODERS")
     defined = [f"-DESEA_STORE_{n}={v}u" for n, v in zip(names, size, strict=True)]
     command = [
         *("gcc", *APP_FLAGS, "-Wpedantic", "-Wshadow", "-Wdouble-promotion", "-shared", "-fPIC"),
@@ -178,7 +178,7 @@ def test_bytes_in_flash_are_as_the_header_says(library):
     assert Store(flash).save({0x11223344: 0.5})
     data = bytes(flash.areas[0])
     magic, layout, size, device, sequence, crc = struct.unpack_from("<6I", data)
-    assert (magic, layout, size, sequence) == (0x45534131, 1, set_bytes(SMALL), 1)
+    assert (magic, layout, size, sequence) == (0x45534131, 2, set_bytes(SMALL), 1)
     assert device == binascii.crc32(b"elbow_drive")
     assert crc == binascii.crc32(data[:20] + data[24 : 24 + size])
     assert struct.unpack_from("<IIf", data, 24) == (1, 0x11223344, 0.5)
@@ -283,7 +283,7 @@ def test_any_content_of_the_flash_is_opened_and_saved_to(library, seed):
         area[:] = draw.choice([draw.randbytes(len(area)), bytes(len(area)), b"\xff" * len(area)])
         if draw.random() < 0.5:  # a head that is right and says any size
             size = draw.choice([0, 3, 116, 10**9, 2**32 - 1, len(area)])
-            struct.pack_into("<IIIII", area, 0, 0x45534131, 1, size, 5, draw.randrange(2**32))
+            struct.pack_into("<IIIII", area, 0, 0x45534131, 2, size, 5, draw.randrange(2**32))
     store = Store(flash)
     assert (store.status, store.load()) == (EMPTY, {})
     assert store.save(a_set(3))
@@ -302,7 +302,7 @@ def sealed(flash, slot=0, area=0, **changed):
     struct.pack_into("<I", data, at + 24 + size, 0x600DC0DE)
 
 
-@pytest.mark.parametrize("layout", [0, 2, 99])
+@pytest.mark.parametrize("layout", [0, 1, 3, 99])
 @pytest.mark.parametrize("grown", [-8, 0, 40])
 def test_an_older_or_newer_layout_is_refused_and_then_replaced(library, layout, grown):
     flash = Flash(library, 2)
@@ -457,60 +457,60 @@ def test_an_area_that_is_too_small_takes_nothing(library, room):
 # -- encoders and counters -------------------------------------------------------------------------
 
 
-def encoder(store, serial, zero_rad=0.25, values=(0.5, -0.25)):
-    table = [*values, *[0.0] * (store.flash.size[2] - len(values))]
-    made = store.ffi.new("esea_store_encoder_t *", (serial, zero_rad, len(values), table))
+def encoder(store, serial, zero_rad=0.25):
+    made = store.ffi.new("esea_store_encoder_t *", (serial, zero_rad))
     return bool(store.lib.esea_store_put_encoder(store.c, made))
 
 
 def known(store, serial):
     found = store.lib.esea_store_encoder(store.c, serial)
-    if found == store.ffi.NULL:
-        return None
-    return found.zero_rad, list(found.correction_rad[0 : found.nodes])
+    return None if found == store.ffi.NULL else found.zero_rad
 
 
 def test_an_encoder_is_known_by_its_serial_number_alone(library):
     flash = Flash(library)
     store = Store(flash)
+    store.c.set.fitted = [4711, 4712]
     assert known(store, 0) is None
     assert encoder(store, 4711)
-    assert encoder(store, 4712, -1.5, ())
-    assert encoder(store, 4711, 0.75, (0.125,))
-    assert not encoder(store, 4713)  # there is room for two
+    assert encoder(store, 4712, -1.5)
+    assert encoder(store, 4711, 0.75)
+    assert not encoder(store, 4713)  # there is room for two, and both are fitted
     assert store.lib.esea_store_commit(store.c)
     again = Store(flash)
-    assert known(again, 4711) == (0.75, [0.125])
-    assert known(again, 4712) == (-1.5, [])
-    assert known(again, 4713) is None
-    assert known(again, 0) is None
+    assert list(again.c.set.fitted) == [4711, 4712]
+    assert (known(again, 4711), known(again, 4712)) == (0.75, -1.5)
+    assert known(again, 4713) is known(again, 0) is None
     # Parameters and encoders do not disturb each other.
     assert again.save(a_set(5))
-    assert known(Store(flash), 4711) == (0.75, [0.125])
+    assert known(Store(flash), 4711) == 0.75
 
 
-@pytest.mark.parametrize(
-    ("serial", "zero_rad", "values"),
-    [
-        (0, 0.0, ()),
-        (1, float("nan"), ()),
-        (1, float("inf"), ()),
-        (1, 0.0, (0.0, float("nan"))),
-        (1, 0.0, (float("inf"),)),
-    ],
-)
-def test_what_is_no_encoder_is_refused(library, serial, zero_rad, values):
+def test_an_encoder_that_is_not_fitted_makes_room(library):
     store = Store(Flash(library))
-    assert not encoder(store, serial, zero_rad, values)
+    assert encoder(store, 1)
+    assert encoder(store, 2)
+    store.c.set.fitted = [3, 1]
+    assert encoder(store, 3, 0.5)
+    assert (known(store, 1), known(store, 2), known(store, 3)) == (0.25, None, 0.5)
+
+
+def test_what_is_known_of_an_encoder_can_be_forgotten(library):
+    store = Store(Flash(library))
+    assert encoder(store, 1)
+    assert not store.lib.esea_store_forget_encoder(store.c, 2)
+    assert not store.lib.esea_store_forget_encoder(store.c, 0)
+    assert store.lib.esea_store_forget_encoder(store.c, 1)
     assert known(store, 1) is None
 
 
-def test_a_table_that_is_too_long_is_refused(library):
+@pytest.mark.parametrize(
+    ("serial", "zero_rad"), [(0, 0.0), (1, float("nan")), (1, float("inf")), (1, -float("inf"))]
+)
+def test_what_is_no_encoder_is_refused(library, serial, zero_rad):
     store = Store(Flash(library))
-    made = store.ffi.new("esea_store_encoder_t *", {"serial": 1, "nodes": 5})
-    assert not store.lib.esea_store_put_encoder(store.c, made)
-    made.nodes = 4
-    assert store.lib.esea_store_put_encoder(store.c, made)
+    assert not encoder(store, serial, zero_rad)
+    assert known(store, 1) is None
 
 
 def test_counters_outlast_the_power(library):
@@ -525,10 +525,10 @@ def test_counters_outlast_the_power(library):
 
 def test_the_whole_size(whole):
     flash = Flash(whole, 1)
-    assert flash.slot == 4 + 8 * 160 + 4 * (12 + 4 * 64) + 24 + 44 + 28
+    assert flash.slot == 4 + 8 * 160 + 4 * (8 + 4) + 24 + 44 + 28
     store = Store(flash)
     assert store.save(a_set(1, 160))
-    assert encoder(store, 9, 0.5, [k / 64 for k in range(64)])
+    assert encoder(store, 9, 0.5)
     assert store.lib.esea_store_commit(store.c)
     assert Store(flash).load() == a_set(1, 160)
-    assert known(Store(flash), 9) == (0.5, [k / 64 for k in range(64)])
+    assert known(Store(flash), 9) == 0.5

@@ -56,6 +56,11 @@ def firmware(
     out.print(f"{image.elf}: flash {image.flash_bytes} B, RAM {image.ram_bytes} B")
     for line in fits:
         out.print(line)
+    if BOARDS[board].package:
+        from esea_gen.verify.package import build_package
+
+        for path in build_package(loaded, image, image.elf.parent):
+            out.print(f"{path}: {path.stat().st_size} B")
     write_json(json_file, image.to_dict())
 
 

@@ -156,3 +156,4 @@ _library("cmake", "Write a CMake package: builds with one line, found by find_pa
 _library("arduino", "Write a library for Arduino and PlatformIO, with an example sketch.")
 _library("zephyr", "Write a Zephyr module: a library behind a Kconfig switch.")
 _library("simulink", "Write a C Caller's header and source for Simulink.")
+_library("labview", "Write flat C calls, and their table, for LabVIEW's Call Library Function.")

@@ -22,21 +22,31 @@ def faults(
         Path | None,
         typer.Option("--resume", metavar="DIR", help="Journal: continue an interrupted run."),
     ] = None,
+    emulator: Annotated[
+        int,
+        typer.Option(
+            "--emulator", min=0, metavar="N", help="So many of them on an emulated Cortex-M7 too."
+        ),
+    ] = 0,
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
     """Break inputs, memory, clock and link of a drive's board; exit 1 where a bound is broken.
 
-    The firmware runs on the board `sim` in lockstep with the virtual exoskeleton and a person.
+    The firmware runs on the board `sim` in lockstep with the virtual exoskeleton and a person; with
+    --emulator a sample of the runs is played to the image of the board mps2-an500, tick by tick.
     """
     from esea_gen.analysis.campaign import Workers
-    from esea_gen.verify.faults.campaign import fault_campaign
+    from esea_gen.verify.faults.campaign import fault_campaign, with_emulated
 
     with counted(f"{device}, faults") as tell:
         result = fault_campaign(
             device, runs=runs, seed=seed, workers=Workers(jobs), folder=resume, progress=tell
         )
+    if emulator:
+        with counted(f"{device}, in the emulator") as tell:
+            result = with_emulated(result, device, runs, seed, emulator, tell)
     show(result, json_file)
     picture(figure, result.figure)
-    if result.outside:
+    if result.outside or not all(f.same for f in result.emulated):
         raise typer.Exit(1)

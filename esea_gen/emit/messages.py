@@ -21,6 +21,8 @@ HEARTBEAT_EVERY = 1000
 WANTED_ID, CLOCK_ID = FIRST_ID + 60, FIRST_ID + 61
 STREAM_ID, DATA_ID, TRAFFIC_ID = FIRST_ID + 62, FIRST_ID + 63, FIRST_ID + 64
 KEY_ID, KEY_PART = FIRST_ID + 65, 58  # words of a key frame that a message holds
+KEPT_ID, KEPT_ENCODERS = FIRST_ID + 66, 4
+BLACKBOX_ID, BLACKBOX_BYTES = FIRST_ID + 67, 224
 STREAM_WORDS = 59  # values that a message of a stream holds
 STREAMS = 6  # that a board sends side by side
 STREAM_SPAN_MS = 20  # longest that a sample waits for others to be packed with
@@ -113,7 +115,12 @@ class MessageField:
     @property
     def bitmask(self) -> bool:
         """Whether the enum names bits."""
-        return bool(self.enum) and self.enum not in ("ESEA_FAULT", "ESEA_STATE", "MAV_RESULT")
+        return bool(self.enum) and self.enum not in (
+            "ESEA_FAULT",
+            "ESEA_STATE",
+            "ESEA_ZERO",
+            "MAV_RESULT",
+        )
 
     @property
     def bytes(self) -> int:
@@ -315,6 +322,38 @@ _KEY = (
 )
 
 
+_KEPT = (
+    MessageField(
+        "uint32_t",
+        "serial",
+        "Serial numbers of the encoders that are fitted; 0: none.",
+        KEPT_ENCODERS,
+    ),
+    MessageField("float", "zero_rad", "Their zeros as they are kept, NaN: none.", KEPT_ENCODERS),
+    MessageField("uint32_t", "starts", "Power-ups."),
+    MessageField("uint32_t", "armings", "Times that the motor was switched on."),
+    MessageField("uint32_t", "faults", "Faults that were latched."),
+    MessageField("uint32_t", "watchdog_resets", "Resets by the watchdog."),
+    MessageField("uint32_t", "saves", "Sets written to the memory."),
+    MessageField("uint32_t", "active_s", "Time with the motor on.", units="s"),
+    MessageField("uint8_t", "encoders", "How many of these the device has."),
+    MessageField("uint8_t", "zero", "Where the zero in force comes from.", enum="ESEA_ZERO"),
+    MessageField("uint8_t", "result", "Of naming the encoders.", enum="MAV_RESULT"),
+)
+
+
+_BLACKBOX = (
+    MessageField("uint32_t", "first", "Number of the first record here, the oldest is 0."),
+    MessageField("uint32_t", "count", "Records that there are; 0: it is not frozen."),
+    MessageField("uint32_t", "fault", "Why it was frozen.", enum="ESEA_FAULT"),
+    MessageField("uint32_t", "tick", "Base tick at which it was frozen."),
+    MessageField("uint8_t", "records", "Records here. To the board: 255 releases it."),
+    MessageField("uint8_t", "size", "Bytes of a record."),
+    MessageField("uint8_t", "whole", "Bit by record: whether its check holds."),
+    MessageField("uint8_t", "data", "Records as they lie in memory.", BLACKBOX_BYTES),
+)
+
+
 def messages(system: System) -> tuple[Message, ...]:
     """The messages of a System beside the standard ones."""
     found = [
@@ -331,6 +370,19 @@ def messages(system: System) -> tuple[Message, ...]:
         Message(TRAFFIC_ID, "ESEA_TRAFFIC", "Counters of the link; on request.", _TRAFFIC),
         Message(
             KEY_ID, "ESEA_KEY", "Part of a key frame: all that the next ticks come from.", _KEY
+        ),
+        Message(
+            KEPT_ID,
+            "ESEA_KEPT",
+            "What outlasts the power beside parameters; on request. To the board: the serial "
+            "numbers of the encoders that are fitted; the board answers with the same.",
+            _KEPT,
+        ),
+        Message(
+            BLACKBOX_ID,
+            "ESEA_BLACKBOX",
+            "Records of the black box; to the board: asks for those from the first on.",
+            _BLACKBOX,
         ),
     ]
     roles = board_roles(system)

@@ -1,4 +1,4 @@
-"""The generated C as a library: for CMake, for Arduino and PlatformIO, for Zephyr, for Simulink."""
+"""The generated C as a library: CMake, Arduino and PlatformIO, Zephyr, Simulink, LabVIEW."""
 
 from __future__ import annotations
 
@@ -90,6 +90,17 @@ FORMS = {
             (
                 "What to enter in the model's custom code settings stands in {p}_caller.h",
                 "Several of them, or FMI's own import block: esea-gen export fmu",
+            ),
+            headers="",
+            sources="",
+            arrays=True,
+        ),
+        LibraryForm(
+            "labview",
+            {"{p}_flat.h": "flat.h", "{p}_flat.c": "flat.c", "calls.md": "calls.md"},
+            (
+                "What to enter in Call Library Function nodes stands in calls.md",
+                "Compiled and packed for a myRIO: esea-gen firmware {name} --board myrio",
             ),
             headers="",
             sources="",

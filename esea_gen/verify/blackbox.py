@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from esea_gen.device import Device
@@ -78,3 +79,26 @@ def read_record(device: Device, data: bytes) -> BlackboxRecord:
         wanted,
         dict(zip(names, values[at:], strict=True)),
     )
+
+
+def blackbox_csv(records: Sequence[BlackboxRecord]) -> str:
+    """A table of records: a tick a line."""
+    lines: list[str] = []
+    for r in records:
+        values: dict[str, object] = {
+            "tick": r.tick,
+            "state": r.state,
+            "fault": r.fault,
+            "on": int(r.on),
+            "stop_held": int(r.stop_held),
+            "u_Nm": r.u_Nm,
+        }
+        for name, value in r.wanted.items():
+            parts = value if isinstance(value, tuple) else (value,)
+            names = [f"{name}[{i}]" for i in range(len(parts))] if len(parts) > 1 else [name]
+            values |= dict(zip(names, parts, strict=True))
+        values |= r.measured
+        if not lines:
+            lines.append(",".join(values))
+        lines.append(",".join(str(v) for v in values.values()))
+    return "\n".join(lines) + "\n"

@@ -24,7 +24,7 @@ from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
-from esea_gen.hostlib import compile_device
+from esea_gen.hostlib import compile_device, find_compiler
 from esea_gen.hostlib.runner import run_schedule
 from esea_gen.language.system import Task
 from esea_gen.targets import Board, find_board
@@ -59,6 +59,12 @@ def qemu_command(board: Board, semihosting: bool = False) -> list[str]:
     return [*command, "-nodefaults", *more]
 
 
+def program_command(image: FirmwareImage, board: Board) -> list[str]:
+    """What runs an image that is a program, on a processor of its own or emulated."""
+    runner = board.runner and find_compiler(board.runner, "qemu-user")
+    return [*([runner] if runner else []), str(image.elf)]
+
+
 def emulator_version() -> str:
     """First line of QEMU's version."""
     done = subprocess.run([find_qemu(), "--version"], capture_output=True, text=True, check=True)
@@ -77,7 +83,7 @@ def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] =
             "Drive it from Python (esea_gen.verify.sim.SimBoard), or choose another board.",
         )
     if not board.machine:
-        return ProcessTransport.over_stdio([str(image.elf), *options])
+        return ProcessTransport.over_stdio([*program_command(image, board), *options])
     with (
         tempfile.TemporaryDirectory(prefix="esea-") as folder,
         socket.socket(socket.AF_UNIX) as server,

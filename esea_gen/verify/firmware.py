@@ -26,6 +26,7 @@ from esea_gen.targets import (
     APP_FLAGS,
     ARM_GCC,
     CONTROL_FLAGS,
+    HOST_GCC,
     SECTION_FLAGS,
     Board,
     Toolchain,
@@ -203,7 +204,8 @@ def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list
     toolchain = board.processor.toolchain
     flags = (*board.compile_flags, *SECTION_FLAGS, *CONTROL_FLAGS, "-fcallgraph-info=su")
     made = _objects(folder, toolchain, flags, sources)
-    found = double_arithmetic(made, toolchain) if board.machine else []
+    foreign = board.processor.toolchain is not HOST_GCC
+    found = double_arithmetic(made, toolchain) if foreign else []
     if found:
         raise RuntimeError(f"the control code is not {board.real} only: " + ", ".join(found))
     return made

@@ -108,6 +108,15 @@ class HeldProcessor:
         self.at = self.register(PC)
         return self.at
 
+    def steps_to(self, *addresses: int) -> int:
+        """How many instructions it takes to any of some addresses, no interrupt between them."""
+        count = 0
+        while count == 0 or self.at not in addresses:
+            self._ask("s")
+            self.at = self.register(PC)
+            count += 1
+        return count
+
     def register(self, number: int) -> int:
         """A core register."""
         return int(struct.unpack("<I", bytes.fromhex(self._ask(f"p{number:x}"))[:4])[0])

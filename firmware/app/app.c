@@ -44,6 +44,10 @@ static void enter(esea_app_t *app, ESEA_STATE from)
         esea_count(&app->port->store->set.use.armings);
     if (app->port->store != NULL && app->state == ESEA_STATE_FAULT)
         esea_count(&app->port->store->set.use.faults);
+    app->use_changed = app->use_changed || esea_state_drives(from) || app->state == ESEA_STATE_FAULT;
+    /* A sensor that is wrong may have slipped: what it was zeroed at is not to be put back. */
+    if (app->state == ESEA_STATE_FAULT && esea_link_doubts_zero((uint32_t)app->fault))
+        app->zero_doubted = true;
     if (!esea_state_drives(app->state) || app->state == ESEA_STATE_ARMED)
         forget_wanted(motion);
     if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY)
@@ -165,7 +169,7 @@ bool esea_app_ask(esea_app_t *app, ESEA_EVENT event)
         if (app->state == ESEA_STATE_ZEROING)
             esea_link_measure_zero(&app->control);
         else if (app->state != ESEA_STATE_REPLAY)
-            app->referenced = esea_link_unzero(&app->control);
+            app->referenced = esea_kept_zeros(app);
         app->clock.runs = app->state != ESEA_STATE_REPLAY;
     }
     return taken;
@@ -192,6 +196,8 @@ bool esea_app_reset(esea_app_t *app)
     esea_link_out_t out;
 
     app->clock.runs = false;
+    if (app->port->store != NULL && found == ESEA_FAULT_WATCHDOG)
+        esea_count(&app->port->store->set.use.watchdog_resets);
     if (app->port->blackbox != NULL)
         esea_blackbox_start(app->port->blackbox, (uint32_t)found);
     app->fault = ESEA_FAULT_NONE;
@@ -219,7 +225,7 @@ bool esea_app_reset(esea_app_t *app)
     esea_app_check_stack(app);
     if (app->fault != ESEA_FAULT_NONE)
         return false;
-    app->referenced = esea_link_unzero(&app->control);
+    app->referenced = esea_kept_zeros(app);
     (void)esea_app_event(app, ESEA_EVENT_PASSED);
     app->clock.runs = true;
     return true;
@@ -232,6 +238,10 @@ void esea_app_end_zeroing(esea_app_t *app)
         app->referenced = app->motion.stood_still && esea_link_zero(&app->control, &app->tasks[0].out);
         (void)esea_app_ask(app, app->referenced ? ESEA_EVENT_ZEROED : ESEA_EVENT_NOT_ZEROED);
     }
+    if (app->referenced)
+        esea_keep_zeros(app);
+    else
+        esea_forget_zeros(app); /* somebody found them wrong */
     if (!app->referenced)
         app->referenced = esea_link_unzero(&app->control);
     app->motion.zeroing_ends = false;

@@ -95,6 +95,9 @@ typedef struct esea_app {
     ESEA_STATE state;
     ESEA_FAULT fault;
     bool referenced;
+    uint8_t zero; /* an ESEA_ZERO: where it comes from */
+    volatile bool zero_doubted, use_changed; /* for keep.c, once the motor is off */
+    uint32_t active_ticks; /* with the motor on, less whole seconds */
     ESEA_STATE told; /* the state that was last sent */
     ESEA_FAULT fault_told;
     esea_clock_t clock;
@@ -170,6 +173,9 @@ void esea_send_traffic(esea_app_t *app);
 void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result);
 /* A text of two parts; what is longer than 50 characters is cut. */
 void esea_send_text(esea_app_t *app, uint8_t severity, const char *first, const char *second);
+void esea_send_kept(esea_app_t *app, uint8_t result);
+/* Records of the black box from the first on that is asked for. */
+void esea_send_blackbox(esea_app_t *app, uint32_t first);
 /* The answer to TIMESYNC. */
 void esea_send_time(esea_app_t *app, int64_t asked_ns);
 /* At most one run of each task that waits; whether there was one. */

@@ -1,5 +1,5 @@
-/* What outlasts the power, between the store and those who use it: parameters by their keys, and who may
- * command.  A board without a store keeps nothing.
+/* What outlasts the power, between the store and those who use it: parameters by their keys, zeros by the serial
+ * numbers of the encoders, counters, and who may command.  A board without a store keeps nothing.
  *
  * License: MIT. */
 #include "app.h"
@@ -31,7 +31,7 @@ bool esea_kept_parameters(esea_app_t *app, float *values)
     const esea_store_t *const store = app->port->store;
     uint32_t i, k;
 
-    if (store == NULL || store->status != ESEA_STORE_LOADED)
+    if (store == NULL || store->status != ESEA_STORE_LOADED || store->set.parameters == 0u)
         return false;
     for (k = 0u; k < store->set.parameters && k < ESEA_STORE_PARAMETERS; ++k)
         for (i = 0u; i < ESEA_LINK_PARAMETERS; ++i)
@@ -65,4 +65,108 @@ bool esea_kept_key(esea_app_t *app, uint8_t *key, uint64_t *timestamp)
     memcpy(key, store->set.key.secret, sizeof store->set.key.secret);
     *timestamp = ((uint64_t)store->set.key.stamp[1] << 32) | store->set.key.stamp[0];
     return true;
+}
+
+/* How many encoders have a zero; in a variable, for a device may have none. */
+static const uint32_t encoders = ESEA_LINK_ENCODERS;
+
+/* What the board keeps of an encoder that is fitted; NULL for nothing. */
+static const esea_store_encoder_t *known(const esea_app_t *app, uint32_t encoder)
+{
+    const esea_store_t *const store = app->port->store;
+
+    return store != NULL && encoder < ESEA_STORE_ENCODERS ? esea_store_encoder(store, store->set.fitted[encoder]) : NULL;
+}
+
+bool esea_kept_zeros(esea_app_t *app)
+{
+    float zeros_rad[ESEA_LINK_ENCODERS + 1u];
+    uint32_t i, count = 0u;
+
+    for (i = 0u; i < encoders; ++i) {
+        const esea_store_encoder_t *const encoder = known(app, i);
+
+        if (encoder == NULL)
+            break;
+        zeros_rad[count++] = encoder->zero_rad;
+    }
+    app->zero = ESEA_ZERO_NONE;
+    if (count == 0u || count < encoders || !esea_link_put_zeros(&app->control, zeros_rad))
+        return esea_link_unzero(&app->control);
+    app->zero = ESEA_ZERO_PUT_BACK;
+    return true;
+}
+
+void esea_forget_zeros(esea_app_t *app)
+{
+    esea_store_t *const store = app->port->store;
+    bool any = false;
+    uint32_t i;
+
+    app->zero_doubted = false;
+    app->zero = ESEA_ZERO_NONE;
+    for (i = 0u; store != NULL && i < ESEA_STORE_ENCODERS; ++i)
+        any = esea_store_forget_encoder(store, store->set.fitted[i]) || any;
+    if (any && esea_store_commit(store))
+        esea_send_text(app, MAV_SEVERITY_WARNING, "the kept zero is no longer used", "");
+}
+
+void esea_keep_zeros(esea_app_t *app)
+{
+    esea_store_t *const store = app->port->store;
+    esea_store_encoder_t encoder;
+    uint32_t i;
+
+    app->zero = ESEA_ZERO_TAKEN;
+    app->zero_doubted = false;
+    for (i = 0u; store != NULL && i < encoders; ++i) {
+        encoder.serial = i < ESEA_STORE_ENCODERS ? store->set.fitted[i] : 0u;
+        encoder.zero_rad = esea_link_zero_of(&app->control, i);
+        if (!esea_store_put_encoder(store, &encoder))
+            return; /* nobody said which encoder it is: until power-off */
+    }
+    if (store != NULL && encoders > 0u && !esea_store_commit(store))
+        esea_send_text(app, MAV_SEVERITY_WARNING, "not saved: ", "the memory failed");
+}
+
+void esea_keep_up(esea_app_t *app)
+{
+    esea_store_t *const store = app->port->store;
+
+    if (esea_state_drives(app->state) || app->state == ESEA_STATE_ZEROING || app->state == ESEA_STATE_REPLAY)
+        return;
+    if (app->zero_doubted) {
+        const uint8_t zero = app->zero;
+
+        esea_forget_zeros(app);
+        app->zero = zero; /* what is in force stays so until a reset; the encoders themselves say no */
+    }
+    if (!app->use_changed)
+        return;
+    app->use_changed = false;
+    /* Another firmware's set stays until somebody saves. */
+    if (store != NULL && (store->status == ESEA_STORE_LOADED || store->status == ESEA_STORE_EMPTY))
+        (void)esea_store_commit(store);
+}
+
+uint8_t esea_keep_fitted(esea_app_t *app, const mavlink_message_t *message)
+{
+    esea_store_t *const store = app->port->store;
+    mavlink_esea_kept_t asked;
+    uint32_t i, k;
+
+    mavlink_msg_esea_kept_decode(message, &asked);
+    if (store == NULL || encoders == 0u)
+        return MAV_RESULT_UNSUPPORTED;
+    for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
+        for (k = 0u; k < i; ++k)
+            if (asked.serial[i] != 0u && asked.serial[i] == asked.serial[k])
+                return MAV_RESULT_DENIED;
+    if (!esea_app_ask(app, ESEA_EVENT_RESET))
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
+        store->set.fitted[i] = i < encoders ? asked.serial[i] : 0u;
+    if (!esea_store_commit(store))
+        esea_send_text(app, MAV_SEVERITY_WARNING, "not saved: ", "the memory failed");
+    return (uint8_t)(esea_app_reset(app) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED);
 }

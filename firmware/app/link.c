@@ -100,7 +100,8 @@ static uint8_t do_command(esea_app_t *app, const mavlink_command_long_t *command
 static bool can_be_asked(float id)
 {
     return id == (float)MAVLINK_MSG_ID_HEARTBEAT || id == (float)MAVLINK_MSG_ID_ESEA_INFO ||
-           id == (float)MAVLINK_MSG_ID_ESEA_CLOCK || id == (float)MAVLINK_MSG_ID_ESEA_TRAFFIC;
+           id == (float)MAVLINK_MSG_ID_ESEA_CLOCK || id == (float)MAVLINK_MSG_ID_ESEA_TRAFFIC ||
+           id == (float)MAVLINK_MSG_ID_ESEA_KEPT;
 }
 
 static void send_asked(esea_app_t *app, uint32_t id)
@@ -111,6 +112,8 @@ static void send_asked(esea_app_t *app, uint32_t id)
         esea_send_info(app);
     else if (id == MAVLINK_MSG_ID_ESEA_CLOCK)
         esea_send_clock(app);
+    else if (id == MAVLINK_MSG_ID_ESEA_KEPT)
+        esea_send_kept(app, MAV_RESULT_ACCEPTED);
     else
         esea_send_traffic(app);
 }
@@ -178,6 +181,9 @@ static bool run_question(esea_app_t *app, const mavlink_message_t *message)
         if (time.tc1 == 0)
             esea_send_time(app, time.ts1);
         return true;
+    case MAVLINK_MSG_ID_ESEA_BLACKBOX:
+        esea_send_blackbox(app, mavlink_msg_esea_blackbox_get_first(message));
+        return true;
     case MAVLINK_MSG_ID_PARAM_REQUEST_READ:
         esea_parameters_read(app, message);
         return true;
@@ -189,6 +195,21 @@ static bool run_question(esea_app_t *app, const mavlink_message_t *message)
     default:
         return false;
     }
+}
+
+/* Only by who may command. */
+static bool releases_blackbox(const esea_app_t *app, const mavlink_message_t *message)
+{
+    return message->msgid == MAVLINK_MSG_ID_ESEA_BLACKBOX && app->port->blackbox != NULL &&
+           mavlink_msg_esea_blackbox_get_records(message) == UINT8_MAX;
+}
+
+static void release_blackbox(esea_app_t *app)
+{
+    app->port->quiet(true);
+    esea_blackbox_release(app->port->blackbox);
+    app->port->quiet(false);
+    esea_send_blackbox(app, 0u);
 }
 
 static void run_message(esea_app_t *app)
@@ -211,6 +232,10 @@ static void run_message(esea_app_t *app)
         esea_parameters_set(app, message);
     else if (message->msgid == MAVLINK_MSG_ID_SETUP_SIGNING)
         esea_signing_setup(app, message);
+    else if (message->msgid == MAVLINK_MSG_ID_ESEA_KEPT)
+        esea_send_kept(app, esea_keep_fitted(app, message));
+    else if (releases_blackbox(app, message))
+        release_blackbox(app);
     else if (!run_question(app, message))
         esea_count(&app->unknown_messages); /* of the dialect, but not for the board */
 }
@@ -299,6 +324,7 @@ void esea_app_poll(esea_app_t *app)
     receive_all(app);
     if (app->motion.zeroing_ends)
         esea_app_end_zeroing(app);
+    esea_keep_up(app);
     send_all(app);
     send_state(app);
     if (!esea_parameters_send(app) && !esea_streams_wait(app) && !app->key.waits)

@@ -243,6 +243,11 @@ static void drive(esea_app_t *app, const esea_link_outcome_t *outcome)
 
     if (app->port->motor != NULL)
         app->port->motor(enable ? outcome->u_Nm : 0.0f, enable);
+    if (enable && ++app->active_ticks >= esea_ticks(1000u)) {
+        app->active_ticks = 0u;
+        if (app->port->store != NULL)
+            esea_count(&app->port->store->set.use.active_s);
+    }
 }
 
 void esea_app_tick(esea_app_t *app)
@@ -277,6 +282,8 @@ void esea_app_tick(esea_app_t *app)
     outcome = esea_link_outcome(&app->tasks[0].out);
     watch_limits(app, &outcome);
     watch_zeroing(app);
+    if (app->referenced && app->state != ESEA_STATE_ZEROING && esea_link_slipped(&app->tasks[0].out))
+        app->zero_doubted = true;
     drive(app, &outcome);
     start_slower(app, tick);
     feed(app, tick);

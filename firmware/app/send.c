@@ -3,6 +3,7 @@
  * License: MIT. */
 #include "app.h"
 
+#include <math.h>
 #include <string.h>
 
 /* Puts a text into a field; one as long as the field stands there without a terminator. */
@@ -93,6 +94,64 @@ void esea_send_clock(esea_app_t *app)
     fields.deadline_left = motion->deadline_left;
     fields.state = (uint32_t)app->state;
     (void)mavlink_msg_esea_clock_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+}
+
+void esea_send_kept(esea_app_t *app, uint8_t result)
+{
+    const esea_store_t *const store = app->port->store;
+    mavlink_esea_kept_t fields;
+    mavlink_message_t message;
+    uint32_t i;
+
+    memset(&fields, 0, sizeof fields);
+    for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
+        fields.zero_rad[i] = NAN;
+    if (store != NULL) {
+        for (i = 0u; i < ESEA_STORE_ENCODERS; ++i) {
+            const esea_store_encoder_t *const encoder = esea_store_encoder(store, store->set.fitted[i]);
+
+            fields.serial[i] = store->set.fitted[i];
+            fields.zero_rad[i] = encoder != NULL ? encoder->zero_rad : NAN;
+        }
+        fields.starts = store->set.use.starts;
+        fields.armings = store->set.use.armings;
+        fields.faults = store->set.use.faults;
+        fields.watchdog_resets = store->set.use.watchdog_resets;
+        fields.saves = store->set.use.saves;
+        fields.active_s = store->set.use.active_s;
+    }
+    fields.encoders = ESEA_LINK_ENCODERS;
+    fields.zero = app->zero;
+    fields.result = result;
+    (void)mavlink_msg_esea_kept_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+}
+
+void esea_send_blackbox(esea_app_t *app, uint32_t first)
+{
+    const esea_blackbox_t *const box = app->port->blackbox;
+    esea_blackbox_record_t record;
+    mavlink_esea_blackbox_t fields;
+    mavlink_message_t message;
+
+    memset(&fields, 0, sizeof fields);
+    fields.first = first;
+    fields.size = sizeof record;
+    if (box != NULL && esea_blackbox_frozen(box)) {
+        fields.count = esea_blackbox_count(box);
+        fields.fault = box->fault;
+        fields.tick = box->tick;
+    }
+    while (first < fields.count && (fields.records + 1u) * sizeof record <= sizeof fields.data) {
+        if (esea_blackbox_read(box, first, &record))
+            fields.whole |= (uint8_t)(1u << fields.records);
+        memcpy(&fields.data[fields.records * sizeof record], &record, sizeof record);
+        ++fields.records;
+        ++first;
+    }
+    (void)mavlink_msg_esea_blackbox_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message,
+            &fields);
     esea_send(app, &message);
 }
 

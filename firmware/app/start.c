@@ -11,7 +11,8 @@ void esea_app_init(esea_app_t *app, const esea_port_t *port)
     app->port = port;
     if (port->store != NULL) {
         port->store->status = esea_store_open(port->store, port->flash, ESEA_LINK_DEVICE);
-        esea_count(&port->store->set.use.starts); /* saved with the next set */
+        esea_count(&port->store->set.use.starts);
+        app->use_changed = true;
     }
     esea_signing_start(app);
     esea_parameters_start(app);

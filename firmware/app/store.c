@@ -202,18 +202,28 @@ const esea_store_encoder_t *esea_store_encoder(const esea_store_t *store, uint32
     return NULL;
 }
 
+static bool is_fitted(const esea_store_t *store, uint32_t serial)
+{
+    uint32_t i;
+
+    for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
+        if (store->set.fitted[i] == serial)
+            return true;
+    return false;
+}
+
 bool esea_store_put_encoder(esea_store_t *store, const esea_store_encoder_t *encoder)
 {
     uint32_t place = ESEA_STORE_ENCODERS, i;
 
-    if (encoder->serial == 0u || encoder->nodes > ESEA_STORE_NODES || encoder->zero_rad - encoder->zero_rad != 0.0f)
+    if (encoder->serial == 0u || encoder->zero_rad - encoder->zero_rad != 0.0f)
         return false;
-    for (i = 0u; i < encoder->nodes; ++i)
-        if (encoder->correction_rad[i] - encoder->correction_rad[i] != 0.0f)
-            return false;
     for (i = ESEA_STORE_ENCODERS; i > 0u; --i)
         if (store->set.encoder[i - 1u].serial == 0u)
             place = i - 1u;
+    for (i = 0u; i < ESEA_STORE_ENCODERS && place == ESEA_STORE_ENCODERS; ++i)
+        if (!is_fitted(store, store->set.encoder[i].serial))
+            place = i;
     for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
         if (store->set.encoder[i].serial == encoder->serial)
             place = i;
@@ -221,4 +231,16 @@ bool esea_store_put_encoder(esea_store_t *store, const esea_store_encoder_t *enc
         return false;
     store->set.encoder[place] = *encoder;
     return true;
+}
+
+bool esea_store_forget_encoder(esea_store_t *store, uint32_t serial)
+{
+    uint32_t i;
+
+    for (i = 0u; i < ESEA_STORE_ENCODERS && serial != 0u; ++i)
+        if (store->set.encoder[i].serial == serial) {
+            memset(&store->set.encoder[i], 0, sizeof store->set.encoder[i]);
+            return true;
+        }
+    return false;
 }

@@ -1,4 +1,4 @@
-/* What must outlast the power: parameters, each encoder's zero and correction, use counters.  One set, in
+/* What must outlast the power: parameters, each encoder's zero, use counters.  One set, in
  * two areas of flash, one of which always holds the newest whole set: sets are added to an area until it is
  * full, then the other is erased and taken.  A set carries a number and a checksum, and its last word is
  * written last, so that a power cut at any byte of a write or an erasure leaves the old set or the new one.
@@ -19,11 +19,10 @@
 
 #include "port.h"
 
-#define ESEA_STORE_LAYOUT 1u
+#define ESEA_STORE_LAYOUT 2u /* 1 had a table of corrections, which nobody used */
 #ifndef ESEA_STORE_PARAMETERS /* tests have smaller sets */
 #define ESEA_STORE_PARAMETERS 160u
 #define ESEA_STORE_ENCODERS 4u
-#define ESEA_STORE_NODES 64u
 #endif
 #define ESEA_STORE_AREAS 2u
 
@@ -37,14 +36,12 @@ typedef struct {
 typedef struct {
     uint32_t serial;
     float zero_rad;
-    uint32_t nodes; /* of the correction, at equal steps of its turn from count 0 on */
-    float correction_rad[ESEA_STORE_NODES];
 } esea_store_encoder_t;
 
 /* Counters; they stay at their maximum. */
 typedef struct {
     uint32_t starts, armings, faults, watchdog_resets, saves;
-    uint32_t active_s;
+    uint32_t active_s; /* with the motor on */
 } esea_store_use_t;
 
 /* Who may command. */
@@ -58,6 +55,7 @@ typedef struct {
     uint32_t parameters; /* how many there are */
     esea_store_parameter_t parameter[ESEA_STORE_PARAMETERS];
     esea_store_encoder_t encoder[ESEA_STORE_ENCODERS];
+    uint32_t fitted[ESEA_STORE_ENCODERS]; /* serial numbers, in the device's order; 0: nobody said */
     esea_store_use_t use;
     esea_store_key_t key;
 } esea_store_set_t;
@@ -95,8 +93,11 @@ uint32_t esea_store_load(const esea_store_t *store, esea_store_parameter_t *para
 /* What is known of an encoder, NULL for nothing. */
 const esea_store_encoder_t *esea_store_encoder(const esea_store_t *store, uint32_t serial);
 
-/* Takes it into memory, in place of what was known; the caller commits.  False when there is no room, or it
- * is no encoder. */
+/* Takes it into memory, in place of what was known; the caller commits.  Where there is no room, one that is
+ * not fitted makes it.  False when it is no encoder, or there is no room all the same. */
 bool esea_store_put_encoder(esea_store_t *store, const esea_store_encoder_t *encoder);
+
+/* What was known of it is wrong.  Whether anything was. */
+bool esea_store_forget_encoder(esea_store_t *store, uint32_t serial);
 
 #endif

@@ -107,6 +107,21 @@ bool esea_keep_parameters(struct esea_app *app);
 /* By index; what is not kept is left as it is given.  False where nothing was kept. */
 bool esea_kept_parameters(struct esea_app *app, float *values);
 
+/* Zeros that were kept for the encoders that are fitted into force; false, and none in force, where there is
+ * not one for each.  True where the device has no encoder with a zero. */
+bool esea_kept_zeros(struct esea_app *app);
+
+/* Keeps the zeros that were taken, or forgets those that were kept, as long as nobody takes others. */
+void esea_keep_zeros(struct esea_app *app);
+void esea_forget_zeros(struct esea_app *app);
+
+/* From the main loop: forgets zeros that are in doubt and saves counters that have changed, while the motor is
+ * off. */
+void esea_keep_up(struct esea_app *app);
+
+/* The encoders that are fitted, by their serial numbers; the answer's result. */
+uint8_t esea_keep_fitted(struct esea_app *app, const mavlink_message_t *message);
+
 /* A key of zeros: nobody's. */
 bool esea_keep_key(struct esea_app *app, const uint8_t *key, uint64_t timestamp);
 bool esea_kept_key(struct esea_app *app, uint8_t *key, uint64_t *timestamp);

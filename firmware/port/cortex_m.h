@@ -32,9 +32,6 @@ void esea_board_send(uint8_t byte);
 /* Of the processor, and so of SysTick. */
 extern const uint32_t esea_board_clock_MHz;
 
-/* Fills in the drivers that the board has (boards/<name>/drivers.c); the others stay NULL. */
-void esea_board_drivers(esea_port_t *port);
-
 /* To the board, called with each byte that came in. */
 void esea_cortex_m_received(uint8_t byte);
 

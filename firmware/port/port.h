@@ -68,4 +68,7 @@ typedef struct {
     const esea_flash_t *flash;
 } esea_port_t;
 
+/* Fills in the drivers that the board has (boards/<name>/drivers.c); the others stay NULL. */
+void esea_board_drivers(esea_port_t *port);
+
 #endif

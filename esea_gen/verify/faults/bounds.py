@@ -13,6 +13,7 @@ from esea_gen.device import Device
 from esea_gen.emit.states import TIMES_MS
 from esea_gen.errors import UserError
 from esea_gen.model.encoder import HELD_MAX
+from esea_gen.verify.driven import CURRENT_TICKS
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import WANTED_EVERY
 
@@ -54,6 +55,10 @@ def bound_ticks(device: Device, fault: BoardFault) -> int | None:
     if fault.place == "link" or (fault.place == "mode" and fault.kind == "NaN"):
         # A frame with such a mode is none: nothing else comes until the deadline.
         return TIMES_MS["DEADLINE"][0]
+    if fault.place == "current":
+        return CURRENT_TICKS
+    if fault.place.startswith("encoder "):
+        return _frame_bound(fault, across)
     if fault.place == "coefficients":
         return across  # the checksum, at each control run
     if fault.place == "clock":
@@ -70,3 +75,14 @@ def bound_ticks(device: Device, fault: BoardFault) -> int | None:
     if fault.kind == "NaN":
         return WANTED_EVERY  # in the step that reads it
     return None
+
+
+def _frame_bound(fault: BoardFault, across: int) -> int | None:
+    # It breaks when the tick's frames have been read, so the first bad ones are the next tick's.
+    gear = fault.place.endswith(" gear")
+    by_chance = ("one wrong bit", "swapped bytes") if gear else ("swapped bytes",)
+    if fault.kind in by_chance:
+        return None  # a parity that fits; one frame in 64 whose six bits of checksum do
+    # What only the chip knows of its magnet comes with its diagnostics, every other tick.
+    told = 3 if fault.kind.startswith("magnet") else 0
+    return 1 + HELD_MAX + told + (across if gear else 0)

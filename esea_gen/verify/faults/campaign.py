@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,8 @@ from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks, envelope
+from esea_gen.verify.faults.driven import below_the_inputs, driven_rig_of, driver_faults
+from esea_gen.verify.faults.emulated import EmulatedFault, emulated_sample
 from esea_gen.verify.faults.kinds import BoardFault, all_faults, words
 from esea_gen.verify.faults.picture import FaultRow, fault_picture
 from esea_gen.verify.faults.rig import EARLIEST, LATEST, SCENES, rig_of
@@ -52,12 +54,16 @@ class FaultRun:
 
 @dataclass(frozen=True)
 class FaultCampaign:
-    """A campaign's result; everything in it is simulated."""
+    """A campaign's result; everything in it is simulated.
+
+    emulated: runs that were played to an emulated processor too.
+    """
 
     device: str
     content: str
     envelope: LimbEnvelope
     runs: tuple[FaultRun, ...]
+    emulated: tuple[EmulatedFault, ...] = ()
 
     @property
     def outside(self) -> list[FaultRun]:
@@ -111,6 +117,23 @@ class FaultCampaign:
                 for r in self.outside
             ),
             f"{len(self.outside)} outside.",
+            *self._in_the_emulator(),
+        ]
+
+    def _in_the_emulator(self) -> list[str]:
+        if not self.emulated:
+            return []
+        same = sum(f.same for f in self.emulated)
+        ticks = sum(f.ticks for f in self.emulated)
+        return [
+            f"In the emulator: {same} of {len(self.emulated)} runs ({ticks} ticks) with the same "
+            "motor command in every bit of every tick, and the same fault.",
+            *(
+                f"DIFFERS in the emulator: {f.input} {f.kind}, {f.scene}: tick "
+                f"{f.first_difference}, fault {f.emulated} for {f.fault}"
+                for f in self.emulated
+                if not f.same
+            ),
         ]
 
     def figure(self) -> Figure:
@@ -128,6 +151,7 @@ class FaultCampaign:
             "faults": [asdict(r) for r in self.runs],
             "table": [asdict(r) for r in self.rows()],
             "outside": len(self.outside),
+            "emulated": [asdict(f) | {"same": f.same} for f in self.emulated],
         }
 
 
@@ -171,7 +195,8 @@ def run_one(
     """One run, as the campaign's workers call it; ``found_ticks`` -1 where nothing was found."""
     fault = BoardFault(place, kind, amount, word, byte)
     chosen = next(s for s in SCENES if s.name == scene)
-    felt = rig_of(loaded(device)).run(chosen, fault, at, seed)
+    rig = driven_rig_of if below_the_inputs(fault) else rig_of
+    felt = rig(loaded(device)).run(chosen, fault, at, seed)
     return {
         "found_ticks": -1 if felt.found_ticks is None else felt.found_ticks,
         "reason": felt.reason,
@@ -185,6 +210,7 @@ def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[di
     """What is to be run: faults in turn, each with a scene, a moment and a plant that are drawn."""
     library = compile_system(device.system, "f32")
     memory = [words(library.dtype(f"{library.prefix}_{kind}_t")) for kind in ("state", "coeffs")]
+    faults = all_faults(device, memory[0], memory[1], seed, runs, driver_faults())
     rng = random.Random(seed)
     return [
         {
@@ -198,7 +224,7 @@ def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[di
             "at": rng.randrange(EARLIEST, LATEST),
             "seed": k,
         }
-        for k, f in enumerate(all_faults(device, memory[0], memory[1], seed, runs))
+        for k, f in enumerate(faults)
     ]
 
 
@@ -254,6 +280,21 @@ def fault_campaign(
             raise UserError(f"{r.case}: {r.failure}", "See the message.")
         made.append(_judged(device, limits, r.case, r.values))
     return FaultCampaign(device.name, content, limits, tuple(made))
+
+
+def with_emulated(
+    campaign: FaultCampaign,
+    origin: str,
+    runs: int,
+    seed: int,
+    count: int,
+    progress: Callable[[int, int, int], None] | None = None,
+) -> FaultCampaign:
+    """The same, with so many of its faults played to an emulated processor."""
+    device = loaded(origin)
+    cases = campaign_cases(device, origin, runs, seed)
+    found = emulated_sample(device, cases, count, seed, progress=progress)
+    return replace(campaign, emulated=tuple(found))
 
 
 def _judged(

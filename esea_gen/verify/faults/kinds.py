@@ -98,11 +98,18 @@ def words(dtype: Any, before: str = "", start: int = 0) -> list[Word]:
 
 
 def all_faults(
-    device: Device, state: Sequence[Word], coefficients: Sequence[Word], seed: int, most: int
+    device: Device,
+    state: Sequence[Word],
+    coefficients: Sequence[Word],
+    seed: int,
+    most: int,
+    more: Sequence[BoardFault] = (),
 ) -> list[BoardFault]:
     """Every input with every kind, every word of memory, and so on, until there are ``most``.
 
     What is drawn (amount, bit) is drawn anew each time.
+
+    more: as often as an input.
     """
     rng = random.Random(seed)
     measured, wanted = measured_and_wanted(device)
@@ -119,7 +126,7 @@ def all_faults(
                 BoardFault("clock", kind, rng.choice(amounts))
                 for kind, amounts in CLOCK_KINDS.items()
             ]
-            each += [BoardFault("link", "cut"), BoardFault("stop line", "open")]
+            each += [BoardFault("link", "cut"), BoardFault("stop line", "open"), *more]
         for place, all_ in (("state", state), ("coefficients", coefficients)):
             each += [
                 BoardFault(place, "bit flip", float(rng.randrange(32)), w.name, w.byte)

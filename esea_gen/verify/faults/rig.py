@@ -122,6 +122,7 @@ class FaultRig:
                 place = self.measured.index(fault.place)
                 read = float(board.drivers[place]) if place in self._encoders else 0.0
                 board.drivers[place] = self._given(wrong, read, k, at)
+            self._measure(dict(zip(self.measured, map(float, board.drivers), strict=False)))
             if k == at and fault is not None:
                 self._strike(fault)
             if not cut:
@@ -179,6 +180,9 @@ class FaultRig:
                 place = fault.place
                 wanted[place] = self._given(wrong, wanted.get(place, 0.0), k, at)
             board.want(**wanted)
+
+    def _measure(self, readings: dict[str, float]) -> None:
+        self.board.measure(**readings)
 
     def _strike(self, fault: BoardFault) -> None:
         lib = self.board.lib

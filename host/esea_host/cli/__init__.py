@@ -3,6 +3,7 @@
 from esea_host.cli import (
     analyse,
     assess,
+    board,
     bridge,
     commission,
     demo,
@@ -21,6 +22,7 @@ __all__ = [
     "analyse",
     "app",
     "assess",
+    "board",
     "bridge",
     "commission",
     "demo",
