@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 
 class UserError(Exception):
     """Bad input: the command line prints it as one paragraph and exits with code 2.
@@ -18,3 +20,9 @@ class UserError(Exception):
         super().__init__(f"{what} {fix}".strip())
         self.what = what
         self.fix = fix
+
+
+def paragraphs(text: str) -> str:
+    """Text folded at blanks only: a name or a command with hyphens stays whole."""
+    fold = textwrap.TextWrapper(100, break_on_hyphens=False, break_long_words=False)
+    return "\n".join(map(fold.fill, text.splitlines()))

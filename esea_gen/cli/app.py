@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
-import textwrap
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
 from esea_gen import __version__
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, paragraphs
 
 app = typer.Typer(
     name="esea-gen",
@@ -43,7 +42,7 @@ def main() -> None:
     try:
         app()
     except UserError as error:
-        print(textwrap.fill(f"esea-gen: {error}", 100), file=sys.stderr)
+        print(paragraphs(f"esea-gen: {error}"), file=sys.stderr)
         raise SystemExit(2) from None
     except BrokenPipeError:
         raise SystemExit(1) from None

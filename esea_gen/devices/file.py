@@ -144,8 +144,8 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
     controllers: shipped controllers, or TOML files, whose sections take the place of the file's.
     """
     document = _with_controllers(_resolved(text, origin), controllers)
-    file = checked(DeviceFile, document, origin, _fix)
-    check_content(origin, file)
+    file = checked(DeviceFile, document, origin, _fix, text)
+    check_content(origin, text, file)
     return file
 
 
