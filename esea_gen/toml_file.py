@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import json
 import re
 import tomllib
@@ -16,7 +15,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 
 T = TypeVar("T")
 
@@ -140,14 +139,8 @@ def checked(
     raise AssertionError(origin)
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """``Did you mean ...? `` for a name that is near a known one."""
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f"Did you mean {close[0]}? " if close else ""
-
-
 def _problems(error: ValidationError, kind: Any) -> list[Problem]:
-    found = []
+    found: list[Problem] = []
     # A misspelt key shows as one unknown and one missing key: the unknown one tells of both.
     for e in sorted(error.errors(), key=lambda e: e["type"] not in UNKNOWN):
         loc, word = e["loc"], "extra_forbidden" if e["type"] in UNKNOWN else e["type"]

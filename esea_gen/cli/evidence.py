@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 import esea_gen
 from esea_gen.cli.app import app, out
@@ -88,6 +86,9 @@ def _bound_note(result: Any, block: str) -> str:
 
 
 def _print_verification(loaded: Device, result: Any) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
     from esea_gen.verify.verdict import EXACT_PROGRAM
 
     title = Text(f"{loaded.title}: C against the symbolic model")
@@ -111,7 +112,7 @@ def _print_verification(loaded: Device, result: Any) -> None:
             f"{worst[0]:.2g} ({worst[1]})",
             (note or _bound_note(result, block)) if passed else "FAILED",
         )
-    out.print(table, soft_wrap=False)
+    out.print(table)
     for c in result.comparisons:
         for problem in c.problems:
             out.print(f"{c.block} {c.real}, {c.stream}: {problem}")

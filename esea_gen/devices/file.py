@@ -21,9 +21,9 @@ from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, DeviceFile, quantit
 from esea_gen.devices.numbers import Quantity, Section, Series
 from esea_gen.devices.rubber import Elastomer
 from esea_gen.devices.writing import render_toml
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
-from esea_gen.toml_file import Problem, checked, nearest, parse_toml, read_text
+from esea_gen.toml_file import Problem, checked, parse_toml, read_text
 
 TORQUE_MODELS = ("elastomer", "family")  # one of the two
 SERIES_FORM = '{ values = [0.0, 0.001, 0.0, -0.001], status = "identified", source = "where from" }'

@@ -9,9 +9,8 @@ from pathlib import Path
 from esea_gen.control.laws import LAWS
 from esea_gen.device import Device, load_device
 from esea_gen.devices.file import read_file, shipped_controllers, shipped_devices
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 from esea_gen.language.system import System
-from esea_gen.twin.choices import choose
 from esea_gen.twin.trajectories import RATE_HZ
 
 DRIVE = "elbow_drive"  # whose plant the virtual exoskeleton has

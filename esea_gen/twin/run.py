@@ -9,9 +9,9 @@ import numpy as np
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.device import Device
+from esea_gen.errors import choose
 from esea_gen.language.ports import Array
 from esea_gen.twin.case import IMPEDANCE, OFF, Case, Setting
-from esea_gen.twin.choices import choose
 from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.faults import parse_fault

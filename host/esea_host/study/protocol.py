@@ -11,8 +11,8 @@ from typing import Any, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from esea_gen.errors import UserError
-from esea_gen.toml_file import Problem, checked, line_of, nearest, parse_toml, read_text
+from esea_gen.errors import UserError, nearest
+from esea_gen.toml_file import Problem, checked, line_of, parse_toml, read_text
 from esea_host.study.task import StudyTask, load_tasks, task_named
 
 GROUP = "group"
