@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -123,6 +124,19 @@ def test_all_problems_at_once_each_with_its_line():
     assert "10.5" in whole
     with pytest.raises(UserError, match=r"at line 3.*\): title title"):
         parse_device("schema = 1\n\ntitle title\n", "mine.toml")
+
+
+def test_gains_of_another_rate_are_told_of():
+    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "Mine"\n'
+    rate = '[timing]\nsense_rate_Hz = { value = 2000, status = "assumed", source = "a test" }\n'
+    with pytest.warns(UserWarning, match=r"gain_theta, .* designed for 1000 Hz; .* at 2000 Hz"):
+        parse_device(head + rate, "mine.toml")
+    gains = [f"gain_{k}" for k in ("theta", "omega_1_s", "tau_Nm_rad", "rate_Nm_s_rad")]
+    given = [f'{k} = {{ value = 0.2, status = "assumed", source = "x" }}' for k in gains]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parse_device("\n".join([head + rate + "[disturbance]", *given]), "mine.toml")
+        parse_device(head + rate.replace("2000", "1000"), "mine.toml")
 
 
 def test_a_line_is_folded_at_blanks_only():

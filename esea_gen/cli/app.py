@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import sys
 import traceback
+import warnings
 from collections.abc import Iterator, MutableMapping
 from functools import cache
 from importlib import import_module
@@ -167,6 +168,7 @@ REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM)
 
 def main() -> None:
     """Entry point: bad input becomes one paragraph and exit code 2."""
+    warnings.showwarning = _note
     try:
         app()
     except UserError as error:
@@ -182,6 +184,18 @@ def main() -> None:
             f"{where}: {error.strerror}. Make room, or name other folders: TMPDIR for scratch "
             "files, XDG_CACHE_HOME for what is kept.",
         )
+
+
+def _note(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: Any = None,
+    line: str | None = None,
+) -> None:
+    if issubclass(category, UserWarning) and not out.quiet:
+        print(paragraphs(f"esea-gen: note: {message}"), file=sys.stderr)
 
 
 def _refuse(error: Exception, said: str) -> NoReturn:

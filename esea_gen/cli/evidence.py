@@ -68,6 +68,10 @@ def _bound_note(result: Any, block: str) -> str:
     if block not in result.bounds and residuals:
         worst, limit = max(residuals)
         return f"gives the request back to {worst:.2g} Nm (limit {limit:.2g} Nm)"
+    wide = result.telling_nothing(block)
+    if wide:
+        port, percent = max(wide.items(), key=lambda w: w[1])
+        return f"BOUND TELLS NOTHING: {port} may err by {percent:.2g} %; seen: the error beside"
     # How much the derived bound allows: one that allows a lot proves little, and shows as that.
     scale = result.full_scales[block]
     (name, bound), *_ = sorted(result.bounds[block].items())

@@ -182,7 +182,7 @@ def _check_control(file: DeviceFile) -> Iterator[UserError]:
         yield UserError(
             f"timing.control_rate_Hz = {rate:g} Hz does not divide "
             f"timing.sense_rate_Hz = {sense:g} Hz: {every:g} periods.",
-            f"Give {_dividing(sense, every):g} Hz, or another rate that divides it.",
+            f"Give {_dividing(sense, every):.12g} Hz, or another rate that divides it.",
         )
     release = values.get("timing.control_release_s")
     if release is not None and not (

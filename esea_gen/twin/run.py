@@ -105,7 +105,7 @@ def told(device: Device, loop: ClosedLoop, path: Trajectory, mode: int) -> dict[
 def _resampled(values: Array, ratio: float, count: int) -> Array:
     # What holds at each of ``count`` moments, ``ratio`` old samples apart; unchanged at ratio 1.
     at = (np.arange(count) * ratio + 1e-6).astype(int)
-    return values[np.minimum(at, len(values) - 1)]
+    return np.asarray(values[np.minimum(at, len(values) - 1)])
 
 
 def run_case(case: Case, setting: Setting, seed: int) -> ClosedLoopRun:
