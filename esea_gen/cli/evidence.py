@@ -71,7 +71,7 @@ def _bound_note(result: Any, block: str) -> str:
     wide = result.telling_nothing(block)
     if wide:
         port, percent = max(wide.items(), key=lambda w: w[1])
-        return f"BOUND TELLS NOTHING: {port} may err by {percent:.2g} %; seen: the error beside"
+        return f"BOUND TELLS NOTHING: {port} may err by {percent:.2g} % of full scale"
     # How much the derived bound allows: one that allows a lot proves little, and shows as that.
     scale = result.full_scales[block]
     (name, bound), *_ = sorted(result.bounds[block].items())

@@ -184,6 +184,7 @@ def _check_control(file: DeviceFile) -> Iterator[UserError]:
             f"timing.sense_rate_Hz = {sense:g} Hz: {every:g} periods.",
             f"Give {_dividing(sense, every):.12g} Hz, or another rate that divides it.",
         )
+        return
     release = values.get("timing.control_release_s")
     if release is not None and not (
         abs(release * sense - round(release * sense)) < 1e-9 and 1 <= release * sense <= every
