@@ -222,6 +222,16 @@ BOARDS = {
             link=("-shared",),
         ),
         Board(
+            "sim-q31",
+            "as sim, the control in whole numbers",
+            PROCESSORS["host"],
+            "",
+            family="sim",
+            real="q31",
+            flags=("-fPIC", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"),
+            link=("-shared",),
+        ),
+        Board(
             "microbit",
             "nRF51822, Cortex-M0",
             PROCESSORS["cortex-m0"],

@@ -6,6 +6,7 @@ import importlib.util
 import os
 import re
 import shutil
+import sys
 from pathlib import Path
 from typing import NoReturn
 
@@ -64,7 +65,8 @@ def missing(name: str) -> NoReturn:
 
 def require_tool(name: str) -> str:
     """Path of a tool; without it the test is skipped, or fails where everything is required."""
-    path = shutil.which(name)
+    # Beside the interpreter too: tools that come as packages.
+    path = shutil.which(name) or shutil.which(name, path=str(Path(sys.executable).parent))
     return missing(name) if path is None else path
 
 

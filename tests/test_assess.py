@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy import stats
 
 from esea_gen.errors import UserError
 from esea_host.assess.database import LocationGrid, ResponseDataBase, responses_at
+from esea_host.assess.desk import conclusion
 from esea_host.assess.hypotheses import (
     LENGTH_RAD,
     NONE,
@@ -70,7 +72,13 @@ def made_up(people: int = 40, seed: int = 3, spread: float = 0.1) -> ResponseDat
             category.append(i)
     rows = np.array(rows)
     return ResponseDataBase(
-        GRID, tuple(names), np.array(category), rows, np.ones_like(rows), {"digest": "x"}, "relaxed"
+        GRID,
+        tuple(names),
+        np.array(category),
+        rows,
+        np.ones_like(rows),
+        {"source": "formulas"},
+        "relaxed",
     )
 
 
@@ -239,6 +247,8 @@ def test_every_summary_finds_a_clear_case(data, kind):
 
 
 def test_unknown_summary_is_refused(data):
+    with pytest.raises(UserError, match="two people or more"):
+        summarised(made_up(people=1), "kernel")
     with pytest.raises(UserError, match="centroids or kernel"):
         summarised(data, "best")
 
@@ -325,6 +335,13 @@ def test_one_file_with_its_provenance_and_nothing_slips_in(tmp_path, data):
         ResponseDataBase.load(tmp_path / "c.npz")
     (tmp_path / "d.npz").write_bytes(path.read_bytes()[:-100])
     (tmp_path / "e.npz").write_text("no")
+    # Whole, and of no use: all that follows from it would be NaN.
+    endless = data.responses.copy()
+    endless[5, 3] = np.inf
+    for bad in ({"responses": endless}, {"calibration": {"own_Nm": math.nan}}):
+        dataclasses.replace(data, **bad).save(tmp_path / "g.npz")
+        with pytest.raises(UserError, match="infinite or none"):
+            ResponseDataBase.load(tmp_path / "g.npz")
     for name in ("d.npz", "e.npz", "f.npz"):
         with pytest.raises(UserError, match="no data base"):
             ResponseDataBase.load(tmp_path / name)
@@ -562,7 +579,9 @@ def test_next_movement_goes_where_it_tells_most_and_not_where_it_failed(data):
     assert by_thesis[able] == pytest.approx(contextual_information(means, p)[able])
     with pytest.raises(UserError, match="Widen the reach"):
         next_movement(session, Comfort(0.1, 0.2))
-    with pytest.raises(UserError, match="expected, thesis"):
+    inherent = informative(session, measure="inherent")
+    assert inherent[able] == pytest.approx(np.std(means, axis=0)[able])
+    with pytest.raises(UserError, match="expected, thesis, inherent"):
         informative(session, measure="luck")
 
 
@@ -588,6 +607,7 @@ def test_the_clinician_has_the_last_word_and_the_trail_tells(data):
     session = Assessment(data)
     session.observe(GRID.location(20), 9.0, 0.3)
     session.override({"D2": 0.7, "S1": 0.1}, "history of the patient")
+    assert "by hand" in conclusion(session)[-1]
     p = session.by_name()
     assert p["D2"] == pytest.approx(0.7)
     assert p["S1"] == pytest.approx(0.1)
@@ -599,6 +619,7 @@ def test_the_clinician_has_the_last_word_and_the_trail_tells(data):
     assert session.by_name() == pytest.approx(before)
     assert session.undo()  # the clinician's own
     assert session.by_name()["D2"] != pytest.approx(0.7)
+    assert "by hand" not in conclusion(session)[-1]  # taken back: it no longer stands
     assert [e.what for e in session.trail] == [
         "begin", "measured", "clinician", "measured", "undone", "undone",
     ]  # fmt: skip
@@ -608,6 +629,11 @@ def test_the_clinician_has_the_last_word_and_the_trail_tells(data):
     changed = json.loads(json.dumps(trail))
     changed[2]["details"]["why"] = "another"
     assert not trail_is_whole(changed)
+    changed = json.loads(json.dumps(trail))
+    changed[1]["time"] = "2020-01-01T00:00:00Z"
+    assert not trail_is_whole(changed)
+    assert trail[0]["details"]["database"] == data.digest
+    assert all(re.fullmatch(r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\dZ", e["time"]) for e in trail)
     assert not trail_is_whole(trail[:2] + trail[3:])
 
 

@@ -8,37 +8,47 @@ import json
 import math
 import subprocess
 import sys
+import tomllib
+from datetime import UTC, datetime
+from typing import get_args
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
-from esea_host.assess import NOTICE
-from esea_host.assess.desk import ClinicDesk, converse, extra_torque_Nm
-from esea_host.assess.evaluation import evaluate, meet
+from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
+from esea_host.assess.build import none_offset
+from esea_host.assess.database import ResponseDataBase
+from esea_host.assess.desk import ClinicDesk, converse
+from esea_host.assess.evaluation import evaluate, fixed_protocol, meet
 from esea_host.assess.files import angle_columns, from_recordings, read_recording
+from esea_host.assess.hypotheses import KINDS
 from esea_host.assess.judge import judge
-from esea_host.assess.knee import STEP_S, Knees, sweep
 from esea_host.assess.passive_tests import motion_range, pendulum_test
 from esea_host.assess.patients import (
     CATEGORIES,
     OUTSIDE_KINDS,
+    STEP_S,
     KneePatient,
+    Knees,
     afflicted,
     draw_category,
     draw_outside,
     leg_inertia_kgm2,
     leg_weight_Nm,
+    nominal,
     passive_torque_Nm,
+    stretched,
+    sweep,
 )
-from esea_host.assess.responses import LegRecording
-from esea_host.assess.session import Assessment, assessed_hypotheses
+from esea_host.assess.probing import MEASURES, Comfort, plans, probing_movement
+from esea_host.assess.responses import LegRecording, Location, along, passage
+from esea_host.assess.session import Assessment, assessed_hypotheses, trail_is_whole
 from esea_host.assess.simulated import knee_sensor
 from esea_host.assess.validation import (
     against_elbow,
     knee_stiffness,
-    nominal,
     pendulum_table,
     ramp_torque,
 )
@@ -51,6 +61,7 @@ from .conftest import ROOT, require_tool
 from .test_assess import made_up
 
 DEG = math.pi / 180
+MESSAGES = ROOT / "host" / "esea_host" / "study" / "messages"
 
 
 # -- patients ---------------------------------------------------------------------------------
@@ -78,12 +89,15 @@ def test_reflex_grows_with_speed_beyond_its_thresholds_and_tone_does_not():
     assert np.all(knees.reflex_Nm(np.full(2, 40 * DEG), np.full(2, 1.0))[0] == 0)  # below 55 deg
     assert all(r[1] == 0 for r in reflex)
     relaxed = Knees([nominal("relaxed")])
-    tones = []
-    for v in (10, 120):
+    tone, away = 3 * 1.6**2, math.tanh((100 - 30) / 25)
+    for v in (0, 10, 120, 500):
         rate = np.full(2, v * DEG)
-        tones.append(knees.still_Nm(at, rate)[1] - relaxed.still_Nm(at[:1], rate[:1])[0])
-    assert tones[0] < -5
-    assert tones[1] == pytest.approx(tones[0], rel=0.06)
+        pull = knees.still_Nm(at, rate)[1] - relaxed.still_Nm(at[:1], rate[:1])[0]
+        # Of its two muscles the stretched one has more force, at most 1.4 times, the other less.
+        longer, shorter = min(1.4, 1 + 0.12 * v * DEG), max(0.0, 1 - 0.12 * v * DEG)
+        exact = -tone * (0.5 * (1 + away) * longer - 0.5 * (1 - away) * shorter)
+        assert pull == pytest.approx(exact)
+    assert stretched(np.array([-20.0, 0.0, 20.0])) == pytest.approx([0, 1, 1.4])
 
 
 def test_severities_rise_and_passive_properties_are_everybodys():
@@ -117,8 +131,8 @@ def test_the_knees_reflex_is_the_one_that_is_held_against_the_elbow(monkeypatch)
     So a difference from that elbow is one of parameters, and not of units, joint or lags.
     """
     # Hands that do not give way.
-    monkeypatch.setattr("esea_host.assess.knee.HANDS_Nm_rad", 10_000.0)
-    monkeypatch.setattr("esea_host.assess.knee.HANDS_Nms_rad", 100.0)
+    monkeypatch.setattr("esea_host.assess.patients.HANDS_Nm_rad", 10_000.0)
+    monkeypatch.setattr("esea_host.assess.patients.HANDS_Nms_rad", 100.0)
     rate, p = 90 * DEG, nominal("S4")
     t = np.arange(600) * STEP_S
     path = 20 * DEG + rate * t
@@ -136,7 +150,7 @@ def test_the_knees_reflex_is_the_one_that_is_held_against_the_elbow(monkeypatch)
 def test_a_stiffer_reflex_with_these_lags_keeps_the_leg_swinging():
     """Why it is softer than that elbow: published pendulum tests come to rest."""
     severe = nominal("S5")
-    stiffer = dataclasses.replace(severe, gain_Nms_rad2=1.5 * severe.gain_Nms_rad2)
+    stiffer = dataclasses.replace(severe, gain_Nms_rad2=2 * severe.gain_Nms_rad2)
     m = Knees([severe, stiffer]).release(0.0, 8.0, [[0], [1]])
     rest, swings = (pendulum_test(m.time_s, m.angle_rad[:, i]) for i in (0, 1))
     assert rest.reached_rest
@@ -174,13 +188,36 @@ def test_hands_never_pull_more_than_10_kgf():
 
 def test_pendulum_behaviour_as_published():
     """Relaxed legs 1.6 or more (Bajd and Vodovnik), less and less with spasticity."""
-    rows = {r["category"]: r for r in pendulum_table()}
+    found = pendulum_table()
+    rows = {r["category"]: r for r in found}
     assert 1.6 <= rows["relaxed"]["relaxation_index"] <= 2.0
     index = [rows[c]["relaxation_index"] for c in ("relaxed", *CATEGORIES[:5])]
     swing = [rows[c]["first_swing_deg"] for c in ("relaxed", *CATEGORIES[:5])]
     assert index == sorted(index, reverse=True)
     assert swing == sorted(swing, reverse=True)
     assert index[-1] < 1.0
+    # Fewer swings, and what swings there are die out no more slowly than a relaxed leg's.
+    swings = [rows[c]["swings"] for c in ("relaxed", *CATEGORIES[:5])]
+    assert swings[:5] == sorted(swings[:5], reverse=True)
+    assert max(swings[4:]) <= 0.5 * swings[0]
+    ratios = [r["damping_ratio"] for r in found if r["damping_ratio"] is not None]
+    assert min(ratios) == rows["relaxed"]["damping_ratio"]
+    # Dystonic-like: tone holds the leg up, so that it falls less far, and takes swings away.
+    tense = [rows[c] for c in ("relaxed", *CATEGORIES[5:])]
+    for key in ("first_swing_deg", "rest_deg", "swings"):
+        assert [x[key] for x in tense] == sorted((x[key] for x in tense), reverse=True), key
+    assert [x["relaxation_index"] for x in tense[1:]] == sorted(
+        (x["relaxation_index"] for x in tense[1:]), reverse=True
+    )
+    assert tense[1]["relaxation_index"] < rows["relaxed"]["relaxation_index"] + 0.05
+
+
+def test_without_the_muscles_own_damping_the_pendulum_is_not_the_published_one(monkeypatch):
+    """Armed: reflexes this late alone keep a severe leg swinging longer than a relaxed one."""
+    monkeypatch.setattr("esea_host.assess.patients.STRETCHED_s", 0.0)
+    rows = {r["category"]: r for r in pendulum_table()}
+    assert rows["S5"]["damping_ratio"] < 0.8 * rows["relaxed"]["damping_ratio"]
+    assert rows["D3"]["relaxation_index"] > rows["relaxed"]["relaxation_index"] + 0.1
 
 
 # -- the sensor -------------------------------------------------------------------------------
@@ -194,15 +231,17 @@ def test_the_sensors_c_reads_a_torque_back_through_its_dead_zone():
     angle = 1 + 0.8 * np.sin(2 * math.pi * 0.3 * t)
     error, sensor.error_Nm = sensor.error_Nm, 0.0
     try:
-        exact = sensor.read(t, torque, angle, [1])
+        exact, seen = sensor.read(t, torque, angle, [1])
     finally:
         sensor.error_Nm = error
-    # One count of the encoder is 1.5 mrad; 83 Nm/rad and more make 0.13 Nm of it.
-    assert np.std(exact - torque) < 0.25
+    # Away from the dead zone; one count of an encoder is 1.5 mrad, 0.13 Nm of 83 Nm/rad and more.
+    apart = np.abs(torque) > 6
+    assert np.std((exact - torque)[apart]) < 0.25
     assert np.std(np.diff(exact)) > 0  # quantised, not copied
-    many = np.array([sensor.read(t, torque, angle, [k]) for k in range(12)])
+    assert np.abs(seen - angle).max() < 0.004
+    many = np.array([sensor.read(t, torque, angle, [k])[0] for k in range(12)])
     assert np.sqrt(np.mean((many - torque) ** 2)) == pytest.approx(1.83, rel=0.35)
-    assert np.array_equal(sensor.read(t, torque, angle, [4]), many[4])
+    assert np.array_equal(sensor.read(t, torque, angle, [4])[0], many[4])
 
 
 # -- pendulum and range tests -----------------------------------------------------------------
@@ -300,8 +339,33 @@ def test_elbow_fit_finds_what_was_put_in(tmp_path):
     assert softer[60][5] > softer[90][5] > softer[150][5]
     scaled = found["stiffness_scaled_Nm_rad"] / (50 * (90 - 35) * DEG)
     assert softer[90][5] == pytest.approx(scaled, rel=0.02)
+    # Found as a share of the range: 92 deg of 35 to 180 are 51 of 130.
+    assert found["threshold_scaled_deg"] == pytest.approx(130 * (92 - 35) / 145, abs=0.5)
+    later = found["threshold_scaled_by_delay_ms"]
+    assert later[30] - later[60] == pytest.approx(130 / 145 * 90 * 0.030)
+    assert found["lag_ms"][90] == pytest.approx(20, abs=1)
     with pytest.raises(UserError, match="folder"):
         against_elbow(tmp_path / "none")
+
+
+def test_the_published_elbow_against_the_simulated_knee():
+    """Threshold, delay and gain in numbers, of the curve itself."""
+    found = against_elbow(ROOT / "tests" / "data" / "elbow")
+    assert found["peak_Nm"] == pytest.approx(7.225, abs=1e-3)  # its largest line
+    assert found["rms_error_Nm"] < 0.03 * found["peak_Nm"]
+    # A threshold within those of the severities, whatever the delay; no torque before it.
+    own = found["knee_threshold_deg"]
+    assert all(own[5] < x < own[1] for x in found["threshold_scaled_by_delay_ms"].values())
+    assert found["onset_deg"] >= found["threshold_deg"]
+    # And what does not agree, so that nobody thinks it does: stiffer, and slower to set in.
+    assert found["softer_than_elbow"][90][5] > 1.5
+    assert all(ms > 40 for ms in found["lag_ms"].values())
+    assert found["healthy_largest_Nm"] is None
+    done = CliRunner().invoke(
+        app, ["assess", "validate", "--elbow", str(ROOT / "tests/data/elbow")]
+    )
+    assert done.exit_code == 0, done.output
+    assert "as a share of the range" in done.output
 
 
 # -- meeting patients -------------------------------------------------------------------------
@@ -362,7 +426,7 @@ def test_the_judge_counts(tmp_path):
         steps = np.full((13, len(names)), 0.01 / (len(names) - 1))
         steps[:, names.index(said)] = 0.99
         steps[:sure] = 1 / len(names)
-        level = 0.0 if truth in ("rigid", "relaxed") else float(truth[1:2])
+        level = 0.0 if truth in ("rigid", "relaxed") else float(truth[1:].partition("+")[0])
         s, d = (level, 0.0) if truth[0] == "S" else (0.0, level)
         severity = {x: {"mean": level, "low": level, "high": level} for x in "SD"}
         return Met(group, truth, s, d, way, steps, severity, 0)
@@ -375,9 +439,13 @@ def test_the_judge_counts(tmp_path):
     rows += [met("outside", "rigid", "none of these", "expected", 2)]
     rows += [met("outside", "rigid", "relaxed", "expected", 2)]
     rows += [met("outside", "relaxed", "relaxed", "expected", 2)]
-    between = [met("between", "S1.5", "S1", "expected", 2)]
+    between = [met("between", f"{x}1.5", f"{x}1", "expected", 2) for x in "SD"]
     mixed = [met("mixed", "S2+D1", "none of these", "expected", 2)]
     r = judge(rows + between + mixed, mixed, data)
+    assert r["simulated"] is True
+    assert r["data_base"]["digest"] == data.digest
+    # Whatever severities there are: the neighbours of D1.5 are D1 and D2.
+    assert r["between"]["on_both_neighbours"] == pytest.approx(0.99 + 0.01 / (len(names) - 1))
     assert r["motions_ratio"] == pytest.approx(2 / 6)
     assert r["accuracy"] == 1
     assert r["none_rate_outside"] == pytest.approx(2 / 3)
@@ -431,13 +499,36 @@ def test_a_conversation_without_a_sensor_and_with_one(base, tmp_path):
 
 def test_a_typed_torque_is_what_a_sensor_at_the_midpoint_reads():
     """A leg held level weighs; of a mean body nothing else is taken off."""
-    from esea_host.assess.responses import Location
+    for mass_kg, more_Nm, response_Nm in ((70, 0.0, 0.0), (140, 8.0, 4.0)):
+        # Twice the mass: twice the weight is taken off, and the rest halved.
+        desk = ClinicDesk(Assessment(made_up()), height_m=1.7, mass_kg=mass_kg)
+        middle_rad = desk.proposed.location.angle_rad
+        desk.torque(-leg_weight_Nm(1.7, mass_kg) * math.cos(middle_rad) + more_Nm)
+        assert desk.session.trail[-1].details["response_Nm"] == pytest.approx(response_Nm)
 
-    carried = -leg_weight_Nm(1.7, 70) * math.cos(60 * DEG)
-    assert extra_torque_Nm(carried, Location(60 * DEG, 1.0), 1.7, 70) == pytest.approx(0)
-    # Twice the mass: twice the weight is taken off, and the rest halved.
-    twice = extra_torque_Nm(2 * carried + 8, Location(60 * DEG, 1.0), 1.7, 140)
-    assert twice == pytest.approx(4)
+
+@pytest.mark.parametrize("name", ["S3", "S4", "S5"])
+def test_a_typed_torque_says_what_a_recording_of_the_movement_does(name):
+    """A reflex answers 60 ms late: read at the midpoint, it tells of where the leg was before."""
+    p, m = nominal(name), probing_movement(Location(75 * DEG, 95 * DEG), Comfort())
+    t = np.arange(round((m.duration_s + 0.6) / STEP_S)) * STEP_S
+    path, rate = m.at(t - 0.3)
+    moved = Knees([p]).move(path[:, None], rate[:, None], [[0]])
+    seen = passage(LegRecording(t, moved.angle_rad[:, 0], moved.torque_Nm[:, 0]))
+    desk = ClinicDesk(Assessment(made_up()))
+    desk._proposed = m
+    there = np.flatnonzero(moved.angle_rad[:, 0] >= 75 * DEG)[0]  # soft hands: a little late
+    where = desk.answered
+    desk.torque(float(moved.torque_Nm[there, 0]))
+    typed = desk.session.trail[-1].details
+
+    def recorded(place):
+        return float(along(seen, place).responses_Nm[0])
+
+    assert typed["location"] == where.text()
+    assert typed["response_Nm"] == pytest.approx(recorded(where), abs=0.5)
+    # Armed: at the midpoint itself the map has another torque.
+    assert recorded(m.location) > typed["response_Nm"] + 1.3
 
 
 def test_recordings_are_read_and_a_wrong_one_is_one_paragraph(base, tmp_path):
@@ -554,7 +645,8 @@ def test_an_mcap_recording_gives_what_its_csv_does(tmp_path):
 def test_a_simulated_patient_is_assessed_in_the_conversation(base, tmp_path):
     require_tool("gcc")
     call = ["assess", "run", "--database", str(base), "--patient", "simulated:D3"]
-    page = tmp_path / "page.html"
+    page, file = tmp_path / "page.html", tmp_path / "out.json"
+    call += ["--json", str(file)]
     done = CliRunner().invoke(
         app, [*call, "--page", str(page), "--to-deg", "120"], input="move\nmove\n"
     )
@@ -563,6 +655,10 @@ def test_a_simulated_patient_is_assessed_in_the_conversation(base, tmp_path):
     assert "The patient is simulated." in done.output
     assert "The simulated patient was: D3" in done.output
     assert "SIMULATED PATIENT" in page.read_text()
+    saved = json.loads(file.read_text())
+    assert saved["simulated"] is True
+    assert saved["database"]["digest"] == ResponseDataBase.load(base).digest
+    assert trail_is_whole(saved["trail"])
     wrong = CliRunner().invoke(app, ["assess", "run", "--patient", "S3"], input="")
     assert "simulated:S3" in str(wrong.exception)
     without = CliRunner().invoke(app, ["assess", "run", "--database", str(base)], input="move\n")
@@ -583,12 +679,15 @@ def test_a_data_base_from_recordings_of_any_categories(tmp_path):
     data = from_recordings(tmp_path)
     assert set(data.categories) == {"stiff", "soft"}
     assert data.reference is None
+    assert data.notice == MEASURED_NOTICE  # people's, and said of all that is made with it
+    assert Assessment(data).to_dict()["notice"] == MEASURED_NOTICE
     assert data.common.sum() > 5
     done = CliRunner().invoke(
         app, ["assess", "build", str(tmp_path / "d.npz"), "--recordings", str(tmp_path)]
     )
     assert done.exit_code == 0, done.output
     assert "8 people, 2 categories" in done.output
+    assert "Not calibrated" in done.output
     # One more person, in an MCAP file, whose note tells the body's size.
     w = 0.15 * t
     more = {"theta_load_rad": 1 + 0.5 * np.sin(w * t), "tau_Nm": 1.0 * 0.5 * np.sin(w * t)}
@@ -603,8 +702,6 @@ def test_a_data_base_from_recordings_of_any_categories(tmp_path):
 
 
 def test_the_conversation_ends_with_its_lines(base):
-    from esea_host.assess.database import ResponseDataBase
-
     said: list[str] = []
     desk = ClinicDesk(Assessment(ResponseDataBase.load(base)))
     converse(desk, io.StringIO("strong\n"), said.append)
@@ -620,7 +717,80 @@ def test_every_page_says_what_it_is_not(base, tmp_path):
         )
         assert done.exit_code == 0, done.output
         assert page.stat().st_size > 10_000
+    digest = ResponseDataBase.load(base).digest[:12]
+    today = datetime.now(UTC).strftime("%Y-%m-")
+    assert f"data base {digest}" in page.read_text()
+    assert today in page.read_text()
     done = CliRunner().invoke(
         app, ["assess", "run", "--database", str(base), "--page", "x.doc"], input=""
     )
     assert isinstance(done.exception, UserError)
+
+
+def refused(*call):
+    done = CliRunner().invoke(app, ["assess", *map(str, call)], input="")
+    assert isinstance(done.exception, UserError), done.output
+    return str(done.exception)
+
+
+def test_what_cannot_be_is_refused_in_a_sentence(base, tmp_path):
+    t = np.arange(0, 40, 0.02)
+    slow = csv_of(tmp_path / "l.csv", time_s=t, angle_deg=60 - 30 * np.cos(t), torque_Nm=0 * t)
+    seldom = csv_of(
+        tmp_path / "s.csv", time_s=t[::50], angle_deg=60 - 30 * np.cos(t[::50]),
+        torque_Nm=0 * t[::50],
+    )  # fmt: skip
+    assert ".svg" in refused("range", slow, "--figure", tmp_path / "x.txt")
+    assert "25 Hz" in refused("range", seldom)
+    for bad in (["--height-m", -1], ["--height-m", 9], ["--mass-kg", "nan"]):
+        assert "15 to 250 kg" in refused("run", "--database", base, *bad)
+        assert "15 to 250 kg" in refused("range", slow, *bad)
+    for twice in ("S2+S4", "D1+D1"):
+        assert "S2+D4" in refused("run", "--patient", f"simulated:{twice}")
+    other = tmp_path / "other.npz"
+    dataclasses.replace(made_up(), categories=("left", *made_up().categories[1:])).save(other)
+    assert "left" in refused("evaluate", "--database", other, "--patients", 8, "--jobs", 1)
+
+
+def test_every_command_says_what_it_is_not():
+    for command in ("build", "evaluate", "run", "pendulum", "range", "validate"):
+        told = CliRunner().invoke(app, ["assess", command, "--help"]).output
+        assert "Not a medical device" in told, command
+    # On the display, in either language, what is true of any data base.
+    shown = [tomllib.loads(p.read_text()) for p in (MESSAGES / "en.toml", MESSAGES / "de.toml")]
+    assert shown[0]["knee_notice"] == MEASURED_NOTICE
+    assert shown[1]["knee_notice"].count(".") == 2
+    assert "erprobt" in shown[1]["knee_notice"]  # tried, as in English; not trained
+
+
+@pytest.mark.parametrize("choice", [["--summary", "kernel"], ["--measure", "inherent"]])
+def test_summaries_and_measures_can_be_chosen(base, tmp_path, choice):
+    found = []
+    for more in ([], choice):
+        file = tmp_path / "out.json"
+        call = ["assess", "run", "--database", str(base), "--json", str(file), *more]
+        done = CliRunner().invoke(app, call, input="very strong\nstrong\n")
+        assert done.exit_code == 0, done.output
+        found.append(json.loads(file.read_text()) | {"trail": []})
+    assert found[0]["probabilities"] != found[1]["probabilities"]
+    assert get_args(Summary) == KINDS
+    assert get_args(Measure) == MEASURES
+
+
+def test_the_fixed_protocol_is_one_that_a_clinic_might_have():
+    """Each place slowly and at once fast; the middle of the range and both ends among the first."""
+    h = assessed_hypotheses(made_up())
+    places = fixed_protocol(made_up(), np.array([p.cell for p in plans(h)]))
+    speeds = [abs(p.rate_rad_s) for p in places[:12]]
+    assert all(slow < fast for slow, fast in zip(speeds[::2], speeds[1::2], strict=True))
+    assert len({round(p.angle_rad, 3) for p in places[:12]}) >= 3
+    assert {p.rate_rad_s > 0 for p in places[:4]} == {True, False}
+
+
+def test_none_of_these_is_lowered_where_patients_would_be_called_so():
+    few = np.concatenate([[0.99, 0.95, 0.9], np.full(97, 0.01)])
+    found = none_offset(few)
+    assert found["none_called"] == 2  # 2 of 100, and no more
+    assert found["none_log_odds"] == pytest.approx(-math.log(9), abs=1e-3)
+    kept = none_offset(np.full(100, 0.01))
+    assert kept == {"none_log_odds": 0.0, "none_patients": 100, "none_called": 0}

@@ -201,6 +201,18 @@ def test_pictures_for_the_manual(driven, qtbot, dark, tmp_path):
         window.save_page(path.with_name("assessment-page.png"))
 
 
+def test_what_a_movement_would_tell_has_the_unit_of_its_measure(qtbot, data, opened):
+    from esea_host.windows.assess import AssessWindow
+
+    assert "nats" in opened.map.item.titleLabel.text
+    window = AssessWindow(ClinicDesk(Assessment(data), measure="thesis"))
+    window._timer.stop()
+    qtbot.addWidget(window)
+    assert " Nm;" in window.map.item.titleLabel.text
+    spread = np.nanmax(window.desk.value)
+    assert f"{spread:.2f} Nm" in window.map.item.titleLabel.text
+
+
 def test_without_a_simulated_patient_nothing_can_be_moved(data):
     with pytest.raises(UserError, match="--patient"):
         ClinicDesk(Assessment(data)).move()

@@ -18,7 +18,7 @@ from esea_gen.twin.stepped import SteppedPlant
 from esea_host.cli import main
 from esea_host.commissioning import (
     STEPS,
-    CommissioningEnded,
+    CommissioningEndedError,
     CommissioningRecord,
     SimulatedHands,
     StepOptions,
@@ -28,7 +28,8 @@ from esea_host.commissioning import (
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 BY_NAME = {s.name: s for s in STEPS}
-OPTIONS = StepOptions(KnownLoad(1.0, 0.2), 1.0, 1.0, 2)
+# Within 1 s the rubber is not at rest: two counts of the load side change while it is judged.
+OPTIONS = StepOptions(KnownLoad(1.0, 0.2), 2.0, 1.0, 2)
 
 
 @pytest.fixture
@@ -61,10 +62,7 @@ def test_a_good_machine_passes_and_its_numbers_are_the_plants(bench_of, tmp_path
     record = CommissioningRecord(tmp_path / "unit-7", bench.board.name)
     for step in STEPS:
         result = run_step(bench, step, OPTIONS)
-        # The simulated lock of the motor creeps: one count of 12 bits that toggles shows as drift.
-        failed = {c.what for c in result.checks if not c.passed}
-        assert failed <= ({"drift"} if step.name == "torque" else set()), result.lines()
-        assert result.problem is None
+        assert result.passed, result.lines()
         record.add(result, bench.device.identity)
         if step.name == "friction":
             a = bench.board.file.actuator
@@ -74,6 +72,8 @@ def test_a_good_machine_passes_and_its_numbers_are_the_plants(bench_of, tmp_path
             assert result.found["fv_value_Nms_rad"] == pytest.approx(a.fv_Nms_rad.value, rel=0.03)
         if step.name == "torque":
             means = {m["label"]: m["mean_Nm"] for m in result.found["torque_check"]["measurements"]}
+            # One count that changes half way is more than the limit: recorded again, and said.
+            assert result.found["recorded_again"]
             assert means["plus_1"] == pytest.approx(1.0 * 9.81 * 0.2, abs=0.05)
     assert bench.device.state() == "READY"
     again = CommissioningRecord(tmp_path / "unit-7", bench.board.name)
@@ -147,6 +147,26 @@ def test_a_torque_sensor_that_is_off_fails_by_its_accuracy(bench_of):
 
 
 @pytest.mark.slow
+def test_a_load_that_creeps_fails_by_its_drift_and_is_not_recorded_again(bench_of):
+    bench = bench_of()
+    hands, advance = SimulatedHands(bench.device.drive), bench._pass_time
+
+    def hang(act) -> None:
+        hands(act)
+        hands._error = 0.0
+
+    def creep(seconds: float) -> None:
+        advance(seconds)
+        hands._error -= 0.05 * seconds
+
+    bench.change_hands(hang)
+    bench._pass_time = creep
+    result = quick("torque", bench)
+    assert "drift" in {c.what for c in result.checks if not c.passed}
+    assert result.found["recorded_again"] == []
+
+
+@pytest.mark.slow
 def test_a_tight_cable_fails_the_friction_check(bench_of):
     bench = bench_of()
     hands = SimulatedHands(bench.device.drive)
@@ -183,7 +203,7 @@ def test_order_cancel_and_gaps(bench_of, monkeypatch):
 
     bench.change_hands(hands)
     monkeypatch.setattr(bench, "_pass_time", later)
-    with pytest.raises(CommissioningEnded):
+    with pytest.raises(CommissioningEndedError):
         quick("sign", bench)
     bench.device.advance(0.3)
     assert bench.device.state() == "STOPPED"

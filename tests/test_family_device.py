@@ -166,7 +166,7 @@ def test_what_is_made_for_the_published_model_refuses(rig):
     published = drive(rig) + '\n[inverse]\nkind = "published"\n'
     assert "inverse.kind = 'published' with [family]" in refused(published)
     with pytest.raises(UserError, match="made for the published model"):
-        rig.elastomer  # noqa: B018
+        str(rig.elastomer)
 
 
 def test_a_drive_takes_the_members_own_inverse(rig):

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pymavlink.generator.mavcrc import x25crc
 
 import esea_host
 from esea_gen.errors import UserError
@@ -156,6 +157,29 @@ def test_the_decoder_takes_what_mavlinks_own_parser_takes(drive, device):
         for field in rows.dtype.names:
             given = np.array([getattr(m, field) for m in messages], rows.dtype[field].base)
             assert given.tobytes() == rows[field].tobytes(), (name, field)
+
+
+def test_signed_runs_are_taken_like_unsigned_ones(drive, device):
+    """Signatures are the session's to check; a frame counts once all of it has come."""
+    data, dialect = bytes_of(drive, 300), device.session.dialect
+    signed, at = bytearray(), 0
+    while at < len(data):
+        frame = bytearray(data[at : at + 10 + data[at + 1]])
+        at += len(frame) + 2
+        frame[2] = 1
+        extra = dialect.mavlink_map[int.from_bytes(frame[7:10], "little")].crc_extra
+        crc = x25crc(bytes(frame[1:]) + bytes([extra])).crc
+        signed += frame + crc.to_bytes(2, "little") + bytes(13)
+    for piece in (1, 500):
+        plain, found = (rows_and_gaps(received(d, device, piece)[1])[0] for d in (data, signed))
+        assert len(found) == 300
+        assert found.tobytes() == plain.tobytes()
+    decoder = TelemetryDecoder(dialect)
+    decoder.feed(bytes(signed))
+    whole = decoder.health.frames
+    decoder = TelemetryDecoder(dialect)
+    decoder.feed(bytes(signed[:-1]))
+    assert decoder.health.frames == whole - 1
 
 
 def received(data: bytes, device, piece: int = 500, **most) -> tuple[Receiver, Subscription]:
@@ -382,7 +406,7 @@ def test_a_simulated_board_in_a_process_of_its_own(tmp_path):
         with device.record(tmp_path / "a.mcap") as recording:
             time.sleep(1.0)
         assert recording.rows > 1000
-    with pytest.raises(LinkError, match="did not start"):
+    with pytest.raises(LinkError, match=r"did not start; it said:\s+There is no person 'tall'"):
         esea_host.open_device("sim:elbow_drive?person=tall")
 
 

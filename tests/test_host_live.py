@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import os
 import socket
@@ -145,6 +146,23 @@ def test_without_a_screen_the_view_says_what_else_there_is(monkeypatch, capsys):
         main()
     assert ended.value.code == 2
     assert "esea-host monitor" in capsys.readouterr().err
+
+
+def test_arming_that_the_limits_refuse_is_told(lockstep):
+    """Again at once behind torque: the controller has not let go, and the motor stays off."""
+    feed = LiveFeed(lockstep, threaded=False)
+    run_for(lockstep, feed, 0.5)
+    assert "says" not in feed.news.said
+    lockstep.disarm()
+    while lockstep.drive.board.state_now != "READY":
+        lockstep.advance(0.001)
+    feed.do("Arm", lockstep.arm)
+    feed.ask()
+    lockstep.advance(0.02)
+    feed.ask()
+    assert lockstep.state() == "READY"
+    assert feed.news.said == "the board says: not armed: a limit acts, or the drive still moves"
+    feed.close()
 
 
 # -- with a window ---------------------------------------------------------------------------------
@@ -400,8 +418,7 @@ def test_a_view_that_fails_leaves_the_recording_running(lockstep, qtbot, tmp_pat
 @pytest.mark.parametrize("one", [None, True, False, NotImplemented])
 def test_qt_does_not_use_up_the_references_to(one):
     """PySide6 6.12.0 gives back what it never took; when none is left, Python ends."""
-    import esea_host.windows.live  # noqa: F401
-
+    importlib.import_module("esea_host.windows.live")
     assert sys.getrefcount(one) > 1 << 44  # some hundreds a picture: a hundred years and more
 
 

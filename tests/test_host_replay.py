@@ -10,15 +10,22 @@ import pytest
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host.recording.replay import verify
-from esea_host.simulated import LockstepDevice
+from esea_host.recording.replay import device_of, verify
+from esea_host.simulated import LockstepDevice, SimulatedBoard
+
+from .conftest import require_tool
 
 
-@pytest.fixture(scope="module")
-def recorded(simulated_elbow, tmp_path_factory):
+@pytest.fixture(scope="module", params=["sim", "sim-q31"])
+def recorded(request, tmp_path_factory):
     """Zeroed, a parameter changed, armed, a sine of torque; the board is simulated."""
-    simulated_elbow.restart()
-    device = LockstepDevice(simulated_elbow)
+    if request.param == "sim":
+        board = request.getfixturevalue("simulated_elbow")
+        board.restart()
+    else:
+        require_tool("gcc")
+        board = SimulatedBoard("elbow_drive", board=request.param)
+    device = LockstepDevice(board)
     path = tmp_path_factory.mktemp("log") / "a.mcap"
     with device.record(path):
         device.advance(0.1)
@@ -32,6 +39,8 @@ def recorded(simulated_elbow, tmp_path_factory):
             device.want(mode=1.0, tau_desired_Nm=math.sin(i * 0.1))
             device.advance(0.02)
     assert device.state() == "ACTIVE"
+    if request.param != "sim":
+        board.close()
     return path
 
 
@@ -115,6 +124,14 @@ def test_behind_a_gap_the_proof_goes_on_at_a_key_frame(recorded, tmp_path):
     assert verdict.unproven > 0
     assert verdict.ticks + verdict.unproven == len(cut["sense_in"])
     assert np.ptp(np.diff(cut["sense_in"].board_ns)) > 0
+
+
+def test_a_device_of_ones_own_is_taken_from_the_recording(recorded):
+    log = esea_host.open_log(recorded)
+    shipped = device_of(log)
+    log.facts["device"] = "mine"
+    assert device_of(log).digest == shipped.digest
+    assert device_of(log) is not shipped
 
 
 def test_what_cannot_be_computed_again_is_refused(recorded, tmp_path, monkeypatch):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,9 @@ from esea_host.cli import main
 from esea_host.recording.export import to_bids, to_csv, to_parquet
 from esea_host.recording.foreign import import_csv, read_mapping
 from esea_host.simulated.demo import run_demo
+from esea_host.windows.history import RowRing
+
+from .conftest import require_tool
 
 DATA = Path(__file__).parent / "data" / "modexo"
 STEP = DATA / "20170816-stepTorqueSoftware-i_005_b_1_k_10_T_50_2.csv"
@@ -102,6 +106,26 @@ def test_bids_motion_by_its_specification(demo, tmp_path):
     about = json.loads((tmp_path / "dataset_description.json").read_text())
     assert re.fullmatch(r"1\.\d+\.\d+", about["BIDSVersion"])
     assert (tmp_path / "participants.tsv").read_text() == "participant_id\nsub-07\n"
+
+
+def test_the_official_bids_validator_finds_no_error(demo, tmp_path):
+    validator = require_tool("bids-validator-deno")
+
+    def errors() -> set[str]:
+        command = [validator, "--json", tmp_path]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+        issues = json.loads(done.stdout)["issues"]["issues"]
+        found = {i["code"] for i in issues if i["severity"] == "error"}
+        assert bool(done.returncode) == bool(found)
+        return found
+
+    with esea_host.open_log(demo.recording) as log:
+        path = to_bids(log, tmp_path, "07", "torque")
+    assert errors() == set()
+    side = json.loads(path.with_suffix(".json").read_text())
+    del side["SamplingFrequency"]
+    path.with_suffix(".json").write_text(json.dumps(side))
+    assert errors()  # it is armed
 
 
 MAPPING = """
@@ -208,14 +232,30 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
 
 def test_the_bench_measures_what_it_says(simulated_elbow):
     """Its shape, and what must be 0; figures are for docs/host.md."""
-    found = bench.measure(0.05, 1, 0.01, 2.0, simulated_elbow, plotted_s=0.0)
+    found = bench.measure(0.05, 1, 0.01, 2.0, simulated_elbow, 0.0, 0.0)
     assert found["simulated"]
     assert found["fuzzed"]["wrong_rows_taken"] == 0
     assert found["fuzzed"]["missing_rows_not_in_a_gap"] == 0
     assert found["fuzzed"]["rows_missing"] > 0
     assert found["long_run"]["gaps"] == found["long_run"]["expected_minus_recorded"] == 0
     assert found["decoding"]["times_real_time"] > 1
-    assert found["decoding"]["faster_than_parse_buffer"] > 3  # 9; a busy machine may be unfair
+    assert found["decoding"]["faster_than_parse_buffer"] > 3  # 12; a busy machine may be unfair
+
+
+@pytest.mark.slow
+def test_the_live_view_holds_its_memory_and_a_leak_is_seen(simulated_elbow, monkeypatch):
+    found = bench.window_soak(simulated_elbow, 0.15, 180.0, 1.0)
+    assert found["dropped_rows"] == 0
+    assert found["pictures"] >= 539
+    assert found["memory_growth_bytes"] < 4e6
+    kept, extend = [], RowRing.extend
+
+    def leak(self, batch):
+        kept.append(batch.rows.copy())
+        extend(self, batch)
+
+    monkeypatch.setattr(RowRing, "extend", leak)
+    assert bench.window_soak(simulated_elbow, 0.085, 180.0, 10.0)["memory_growth_bytes"] > 8e6
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ import pytest
 import sympy as sp
 from sympy.printing.smtlib import smtlib_code
 
-import esea_gen
 from esea_gen.control.impairment import (
     DEPTH,
     KD,
@@ -24,15 +23,20 @@ from esea_gen.control.impairment import (
     WALL,
     impairment,
 )
+from esea_gen.device import load_device, parse_device
 from esea_gen.emit.formats import FORMATS
+from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.system import System, Task
 from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare
 from esea_gen.verify.coverage import branch_coverage
+from esea_gen.verify.emulator import run_in_emulator
+from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.memories import other_memories
 from esea_gen.verify.runs import CasadiOracle
 from esea_gen.verify.streams import at_the_limits, streams
+from esea_host.wrist.rig import impaired_device
 
 from .conftest import require_tool
 
@@ -42,7 +46,7 @@ DEG = math.pi / 180
 @pytest.fixture(scope="module")
 def device():
     require_tool("gcc")
-    return esea_gen.load_device("wrist")
+    return impaired_device()
 
 
 @pytest.fixture(scope="module")
@@ -200,3 +204,33 @@ def test_the_printed_law_gives_energy_on_such_paths():
     printed = -np.sign(rate) * (np.where(theta > 5 * DEG, kd * rate, 0) + kv * rate)
     out = rate < 0
     assert np.sum((printed * rate)[out]) > 0
+
+
+# -- two axes on one board -------------------------------------------------------------------------
+
+
+def test_both_axes_on_the_m4f_in_time_and_to_the_bit(device, tmp_path):
+    """A wrist that swings through wall and coupling; 16 000 instructions last a tick at 16 MHz."""
+    require_tool("qemu-system-arm")
+    require_tool("arm-none-eabi-gcc")
+    t = np.arange(60) * 1e-3
+    swing = {
+        "theta_flexion_rad": 0.15 * np.sin(40 * t),
+        "theta_load_flexion_rad": 0.3 * np.sin(20 * t),
+        "theta_deviation_rad": 0.1 * np.sin(60 * t),
+        "theta_load_deviation_rad": 0.2 * np.cos(30 * t),
+    }
+    result = run_in_emulator(device, build_firmware(device, "netduinoplus2", tmp_path), swing)
+    assert result.identical, result.first_difference
+    assert 1500 < result.instructions["max"] < 2600
+
+
+def test_a_section_that_nothing_would_follow_is_refused(device):
+    with pytest.raises(UserError, match="no drive follows it"):
+        parse_device(
+            device.toml().replace("schema = 1", 'schema = 1\nextends = "elbow_drive"'), "x"
+        )
+    with pytest.raises(UserError, match=r"impairment\.bandwidth_Hz = 60 Hz is above its limit"):
+        parse_device(device.toml().replace("{ value = 1000.0", "{ value = 500.0"), "x")
+    with pytest.raises(UserError, match=r"section \[impairment\] is missing"):
+        impairment(load_device("wrist"))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pyarrow
 import pyarrow.parquet
@@ -273,13 +275,21 @@ def test_rate_terms_that_do_not_help_are_left_out(tmp_path, monkeypatch):
 # Files.
 
 
-@pytest.mark.parametrize("kind", ["mat", "parquet", "json", "json rows"])
+@pytest.mark.parametrize("kind", ["mat", "mat 7.3", "hdf5", "parquet", "json", "json rows"])
 def test_every_kind_of_file_gives_the_same(tmp_path, kind):
     columns = dict(zip("txy", rig(*(0.1,) * 4), strict=True))
     wanted = load_recordings(load_mapping(written(tmp_path, *columns.values())))[0]
     name = f"rig.{kind.split()[0]}"
     if kind == "mat":
         scipy.io.savemat(tmp_path / name, columns)
+    elif kind in ("hdf5", "mat 7.3"):
+        # MATLAB puts its text into the 512 bytes before HDF5's own, and a vector into a column.
+        with h5py.File(tmp_path / name, "w", userblock_size=512) as file:
+            for key, values in columns.items():
+                file[key] = values.reshape(1, -1) if kind == "mat 7.3" else values
+        if kind == "mat 7.3":
+            with (tmp_path / name).open("r+b") as raw:
+                raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512))
     elif kind == "parquet":
         pyarrow.parquet.write_table(pyarrow.table(columns), tmp_path / name)
     else:
@@ -302,7 +312,7 @@ def test_every_kind_of_file_gives_the_same(tmp_path, kind):
         ("json", b'{"t": [1, 2], "x": [1, 2], "z": [1, 2]}', ["no column 'y'", "'t', 'x', 'z'"]),
         ("json", b'{"t": [1, 2], "x": [1, 2], "y": ["a", 2]}', ["not a vector of real numbers"]),
         ("csv", b"PAR1", ["is a parquet file", "kind = 'parquet'"]),
-        ("hdf5", b"\x89HDF\r\n", ["HDF5"]),
+        ("hdf5", b"\x89HDF\r\n", ["is not an HDF5 file"]),
     ],
 )
 def test_a_file_that_is_none_is_refused(tmp_path, kind, raw, parts):
@@ -310,6 +320,15 @@ def test_a_file_that_is_none_is_refused(tmp_path, kind, raw, parts):
     said = refused(mapped(tmp_path, ("[[recording]]", f'[format]\nkind = "{kind}"\n[[recording]]')))
     for part in parts:
         assert part in said
+
+
+@pytest.mark.parametrize(("kind", "package"), [("hdf5", "h5py"), ("parquet", "pyarrow")])
+def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, kind, package):
+    monkeypatch.setitem(sys.modules, package, None)
+    (tmp_path / "rig.csv").write_bytes(b"\x89HDF\r\n")
+    said = refused(mapped(tmp_path, ("[[recording]]", f'[format]\nkind = "{kind}"\n[[recording]]')))
+    assert f"the package {package}" in said
+    assert "pip install 'esea-gen[files]'" in said
 
 
 def test_an_empty_cell_of_json_is_named(tmp_path):

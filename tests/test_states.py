@@ -11,7 +11,6 @@ import itertools
 import re
 import shutil
 import subprocess
-from dataclasses import replace
 from html import escape as quoted
 
 import cffi
@@ -34,7 +33,7 @@ from esea_gen.emit.states import (
     states_header,
 )
 from esea_gen.errors import UserError
-from esea_gen.targets import BOARDS, firmware_folder
+from esea_gen.targets import firmware_folder
 from esea_gen.verify.emulator import RunningBoard
 from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.sim import SimBoard
@@ -622,10 +621,9 @@ def test_a_device_without_a_motor_is_ready_and_never_armed(name):
     board.close()
 
 
-def test_in_whole_numbers_it_is_zeroed_and_armed_alike(drive, monkeypatch):
+def test_in_whole_numbers_it_is_zeroed_and_armed_alike(drive):
     require_tool("gcc")
-    monkeypatch.setitem(BOARDS, "sim", replace(BOARDS["sim"], real="q31"))
-    board = SimBoard(drive)
+    board = SimBoard(drive, board="sim-q31")
     board.measure(**ANGLES)
     board.ticks(20)
     board.zero()

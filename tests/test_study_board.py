@@ -196,8 +196,8 @@ def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot):
             conductor.start()
             qtbot.waitUntil(lambda: conductor.trial_s > 0.1, timeout=10_000)
             qtbot.keyClick(windows[0], Qt.Key.Key_Escape)
-            state = lambda: simulated_elbow.board.state_now  # noqa: E731
-            qtbot.waitUntil(lambda: state() == "STOPPED", timeout=5000)
+            board = simulated_elbow.board
+            qtbot.waitUntil(lambda: board.state_now == "STOPPED", timeout=5000)
             qtbot.waitUntil(lambda: conductor.over, timeout=5000)
             assert conductor.error is None
             assert "the operator stopped it" in conductor.reason

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import sys
 from itertools import pairwise
 
 import numpy as np
@@ -25,11 +27,12 @@ from esea_host.wrist.compared import outcome
 from esea_host.wrist.figures import distributions, maps
 from esea_host.wrist.metrics import after_effect_deg, dominant, learning, median_peak, tracking
 from esea_host.wrist.past import calibrated, cursor_maps
-from esea_host.wrist.rig import Rig
+from esea_host.wrist.rig import AXES, Rig
 from esea_host.wrist.target import Moving, advance, target_distance_deg
 from esea_host.wrist.virtual import PROTOCOL, all_rows, run_study, wrist_protocol
 
 from .conftest import require_tool
+from .test_cluster import Dask
 
 RATE = 18.0 / 5.0
 
@@ -171,6 +174,38 @@ def test_the_normalised_cursor_ends_where_the_map_says():
     assert cursor.x == pytest.approx(float(wanted))
 
 
+def swept(turn_deg):
+    """A calibration of -62 to 62 deg, nodes to 60, by who turns there; row, and all advice."""
+    task = task_named("wrist.velocity", "")
+    state = task.begin(Situation(task.Parameters(axis="FE"), "", tuple(WIDE), 1))
+    advice = []
+    for k in range(3100):
+        theta = turn_deg * (abs(k % 400 - 200) / 100 - 1)
+        step = task.step(state, 0.01 * k, {"fe_deg": 2.0 + theta, "ru_deg": 0.0})
+        state = step.state
+        advice += [x for e in step.events for x in e.data["advice"]]
+        if step.outcome:
+            return step.outcome.row, advice
+    raise AssertionError("it never ended")
+
+
+WIDE = [row | {"end_deg": 62.0 * row["way"]} if "way" in row else row for row in PAST[:3]]
+
+
+def test_an_end_is_reached_only_beyond_the_outermost_node(monkeypatch):
+    """5 % of the range lie before the last node: who turns there was told of 0 crossings."""
+    row, advice = swept(60.5)  # one sample beyond
+    assert (row["movements"], row["complaints"], advice) == (5, [], [])
+    row, advice = swept(57.0)
+    assert row["movements"] == 0
+    assert "No end of the range was reached" in row["complaints"][0]
+    # So it was.
+    monkeypatch.setattr("esea_host.wrist.past.Calibrated.nodes", lambda *_: [])
+    row, advice = swept(57.0)
+    assert row["movements"] == 5
+    assert any("60 deg was crossed 0 times" in x for x in advice)
+
+
 def test_a_task_without_its_calibration_says_so():
     task = task_named("wrist.track", "")
     with pytest.raises(UserError, match="no healthy movement block 0"):
@@ -232,25 +267,74 @@ def gcc():
     require_tool("gcc")
 
 
+LIMB = Limb(0.003, 0.0, 0.05, 0.0, -1.4, 1.0)
+REST = (8.0, 0.3, 0.0, 0.0, 3.0)
+
+
+def pushed(rig, muscle, frames=200):
+    """Angle of the joint at each frame of the last second, and the mean sensed torque, FE."""
+    theta_deg, tau_Nm = [], []
+    for _ in range(frames):
+        tau_Nm += rig.frame([muscle, REST], "tau_flexion_Nm")
+        theta_deg.append(math.degrees(rig.axes[0].theta_rad))
+    return np.array(theta_deg[-100:]), float(np.mean(tau_Nm[-1000:]))
+
+
 def test_the_wall_holds_a_push_and_lets_it_go(gcc):
-    limb = Limb(0.003, 0.0, 0.05, 0.0, -1.4, 1.0)
-    rig = Rig((limb, limb))
-    rig.advance([(8.0, 0.3, 0.0, 0.0, 3.0)] * 2, True)
+    """3 Nm on 2 Nm/deg: 1.5 deg into a wall at 5 deg; the published damping buzzes there."""
+    rig = Rig((LIMB, LIMB))
+    rig.advance([REST] * 2, True)
     assert rig.acts
+    theta_deg, tau_Nm = pushed(rig, (8.0, 0.3, 1.0, 1.0, 3.0))
+    assert theta_deg == pytest.approx(np.full(100, 6.5), abs=0.4)
+    assert np.std(theta_deg) > 0.05
+    assert tau_Nm == pytest.approx(-3.0, abs=0.15)
+    rig.board.set_parameter("impairment_flexion.Kd_Nms_rad", 1.5)
+    theta_deg, tau_Nm = pushed(rig, (8.0, 0.3, 1.0, 1.0, 3.0))
+    assert np.mean(theta_deg) == pytest.approx(6.5, abs=0.05)
+    assert tau_Nm == pytest.approx(-3.0, abs=0.02)
     for _ in range(200):
-        rig.advance([(8.0, 0.3, 1.0, 1.0, 3.0), (8.0, 0.3, 0.0, 0.0, 3.0)], True)
-    fe = rig.axes[0]
-    # 3 Nm on 2 Nm/deg: 1.5 deg into a wall at 5 deg.
-    assert math.degrees(fe.theta_rad) == pytest.approx(6.5, abs=0.05)
-    assert fe.tau_Nm == pytest.approx(-3.0, abs=0.02)
+        rig.advance([REST] * 2, True)
+    assert abs(rig.axes[0].theta_rad) < 0.01
+    free = Rig((LIMB, LIMB))
     for _ in range(200):
-        rig.advance([(8.0, 0.3, 0.0, 0.0, 3.0)] * 2, True)
-    assert abs(fe.theta_rad) < 0.01
-    free = Rig((limb, limb))
-    for _ in range(200):
-        free.advance([(8.0, 0.3, 0.5, 0.5, 3.0), (8.0, 0.3, 0.0, 0.0, 3.0)], False)
+        free.advance([(8.0, 0.3, 0.5, 0.5, 3.0), REST], False)
     assert free.axes[0].theta_rad == pytest.approx(0.5, abs=0.01)
     assert abs(free.axes[0].tau_Nm) < 0.05
+
+
+def test_more_than_the_wall_may_hold_trips_nothing(gcc):
+    """8 Nm/rad pulling to 1 rad against 4.47 Nm: held there, no fault, the same wall afterwards."""
+    rig = Rig((LIMB, LIMB))
+    rig.advance([REST] * 2, True)
+    theta_deg, tau_Nm = pushed(rig, (8.0, 0.3, 1.0, 1.0, 9.0))
+    assert np.radians(np.mean(theta_deg)) == pytest.approx(1 - 4.47 / 8, abs=0.005)
+    assert tau_Nm == pytest.approx(-4.47, abs=0.02)
+    told = rig.board.values[rig.board.places["tau_set_flexion_Nm"]]
+    assert told == pytest.approx(-4.47)
+    assert (rig.board.state_now, rig.board.lib.sim_fault()) == ("READY", 0)
+    rig.board.set_parameter("impairment_flexion.Kd_Nms_rad", 1.5)
+    theta_deg, _ = pushed(rig, (8.0, 0.3, 1.0, 1.0, 3.0))
+    assert np.mean(theta_deg) == pytest.approx(6.5, abs=0.05)
+
+
+def test_the_state_is_switched_through_the_link_where_the_wrist_rests(gcc):
+    rig = Rig((LIMB, LIMB))
+    outward = [(8.0, 0.3, 0.0, 0.8, 9.0), REST]
+    rig.advance([REST] * 2, False)
+    rig.advance(outward, True)
+    assert rig.board.parameters()["request.constrained"] == 1.0
+    assert not rig.acts  # asked for while the wrist moves
+    for _ in range(100):
+        rig.advance([REST] * 2, True)
+    assert rig.acts
+    _ = pushed(rig, (8.0, 0.3, 1.0, 1.0, 3.0))
+    rig.advance([(8.0, 0.3, 1.0, 1.0, 3.0), REST], False)
+    acts = [rig.board.values[rig.board.places[f"acts_{a}"]] for a in AXES]
+    assert acts == [1.0, 0.0]  # one is in the wall, the other rests outside
+    for _ in range(200):
+        rig.advance([REST] * 2, False)
+    assert not rig.acts
 
 
 def test_minimum_jerk_is_the_closed_form():
@@ -388,6 +472,26 @@ def test_the_number_of_workers_changes_nothing(tmp_path, gcc):
         rows.append(json.dumps(all_rows(tmp_path / name)))
     assert rows[0] == rows[1]
     assert rows[0] != rows[2]
+
+
+@pytest.mark.slow
+def test_a_cluster_records_the_same(tmp_path, gcc):
+    """Workers of a real scheduler on this machine; one address that is none is told."""
+    dask = Dask(tmp_path)
+    try:
+        dask.worker(PYTHONPATH=os.pathsep.join(sys.path))
+        run_study(tmp_path / "here", 2, 1, protocol=ranges_only())
+        run_study(tmp_path / "there", 2, 1, protocol=ranges_only(), cluster=dask.address)
+    finally:
+        dask.close()
+    here, there = (
+        b"".join(p.read_bytes() for p in sorted((tmp_path / n).glob("V*/*/*.jsonl")))
+        for n in ("here", "there")
+    )
+    assert len(here) > 10000
+    assert here == there
+    with pytest.raises(UserError, match="No Dask scheduler at"):
+        run_study(tmp_path / "no", 1, 1, protocol=ranges_only(), cluster="tcp://127.0.0.1:1")
 
 
 def test_the_shipped_protocol_is_the_published_design():

@@ -19,7 +19,7 @@ from esea_gen.files import write_whole
 
 CONTROLLER_HELP = "Name of a controller (a wrong one lists all), FILE.py:law or a device file."
 RecordingsOption = Annotated[
-    Path, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+    Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
 ]
 
 
@@ -86,8 +86,15 @@ def _reproduce(written: Written) -> Callable[..., None]:
             raise typer.Exit(1)
 
     def with_data(
-        data: RecordingsOption, json_file: JsonOption = None, figure: FigureOption = None
+        data: RecordingsOption = None,
+        json_file: JsonOption = None,
+        figure: FigureOption = None,
     ) -> None:
+        if data is None:
+            raise UserError(
+                f"esea-gen reproduce {written.name} works on recordings, and none are given.",
+                "Add --data DIR, the folder that they lie in.",
+            )
         run(json_file, figure, data)
 
     def alone(json_file: JsonOption = None, figure: FigureOption = None) -> None:

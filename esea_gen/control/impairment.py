@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
+from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import (
     Equation,
@@ -32,12 +33,9 @@ if TYPE_CHECKING:
 
     from esea_gen.devices.file import DeviceData
 
-# Published for the wrist: 2 Nm/deg, 0.1 Nms/deg, 0.02 Nms/deg, wall at 5 deg.
-A_DEG = math.degrees(1.0)
-KP_NM_RAD, KD_NMS_RAD, KV_NMS_RAD = 2.0 * A_DEG, 0.1 * A_DEG, 0.02 * A_DEG
-WALL_RAD = math.radians(5.0)
 # Switching on or off is for a wrist that rests, and is not in the wall.
 REST_RAD_S = 0.1
+JOINT_RAD = math.pi  # how far the joint may turn from its neutral position
 
 THETA, OMEGA, WALL = sp.symbols("theta omega theta_w", real=True)
 KP, KD, KV = sp.symbols("K_p K_d K_v", nonnegative=True)
@@ -53,7 +51,8 @@ def impairment(device: DeviceData) -> Block:
     Parameters
     ----------
     device : DeviceData
-        Its sensing period, its largest rate, and its full-scale torque as the allowed one.
+        Its sensing period, its largest rate, its section ``[impairment]``, and its full-scale
+        torque as the allowed one.
 
     Returns
     -------
@@ -94,35 +93,61 @@ def impairment(device: DeviceData) -> Block:
     )
 
 
+def impairment_request(device: DeviceData) -> Block:
+    """What is asked of the impairments of a device: a parameter, so that any host can ask.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Its sensing period.
+
+    Returns
+    -------
+    Block
+        Output ``constrained``.
+    """
+    low, high, meaning = 0.0, 1.0, "1 asks for the impairment; 0, as after power on, for none"
+    return Block.define(
+        "request",
+        "What is asked of the impairments",
+        period_s=device.period_s,
+        tunables=(Tunable("constrained", 0.0, low, high, meaning, "nobody is impaired unasked"),),
+        coefficients=(Port("constrained", low, high, meaning),),
+        prepare=lambda t: {"constrained": t.constrained},
+        state=(),
+        inputs=(),
+        outputs=(Port("constrained", low, high, meaning),),
+        equations=(),
+        step=lambda c, s, u, guard, label: ({}, {"constrained": c.constrained}),
+    )
+
+
 class _Impairment:
     """Numbers, step and ports."""
 
     names = ("wall_rad", "Kp_Nm_rad", "Kd_Nms_rad", "Kv_Nms_rad", "tau_max_Nm")
 
     def __init__(self, device: DeviceData) -> None:
-        self.theta = threshold(math.pi)
+        if device.file.impairment is None:
+            raise UserError(
+                f"{device.origin}: section [impairment] is missing.",
+                "Add it; wrist_impaired.toml of the wrist study shows the form.",
+            )
+        self.section = device.file.impairment
+        self.theta = threshold(JOINT_RAD)
         self.omega = threshold(device.file.limits.omega_rad_s.value)
         self.tau = threshold(device.tau_full_scale_Nm)
 
     def tunables(self) -> tuple[Tunable, ...]:
-        source = "thesis section 7.2.4"
+        def given(name: str, low: float, high: float, meaning: str) -> Tunable:
+            number = getattr(self.section, name)
+            return Tunable(name, number.value, low, high, meaning, number.source, number.status)
+
         return (
-            Tunable(
-                *("wall_rad", WALL_RAD, -self.theta, self.theta, "where the wall begins"),
-                *(source, "published"),
-            ),
-            Tunable(
-                *("Kp_Nm_rad", KP_NM_RAD, 0.0, 200.0, "stiffness of the wall; 0 for no wall"),
-                *(source, "published"),
-            ),
-            Tunable(
-                *("Kd_Nms_rad", KD_NMS_RAD, 0.0, 20.0, "damping in the wall: higher, less bounce"),
-                *(source, "published"),
-            ),
-            Tunable(
-                *("Kv_Nms_rad", KV_NMS_RAD, 0.0, 5.0, "resistance to speed everywhere"),
-                *(source, "published"),
-            ),
+            given("wall_rad", -self.theta, self.theta, "where the wall begins"),
+            given("Kp_Nm_rad", 0.0, 200.0, "stiffness of the wall; 0 for no wall"),
+            given("Kd_Nms_rad", 0.0, 20.0, "damping in the wall: higher, less bounce"),
+            given("Kv_Nms_rad", 0.0, 5.0, "resistance to speed everywhere"),
             Tunable(
                 *("tau_max_Nm", self.tau, 0.01, self.tau, "most that it asks for; held there"),
                 *("the elastomer's full scale", "assumed"),

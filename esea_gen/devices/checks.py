@@ -114,13 +114,13 @@ def _check_relations(file: DeviceFile) -> Iterator[UserError]:
         )
     if len(set(file.axes)) != len(file.axes):
         yield UserError(f"axes = {list(file.axes)} names an axis twice.", "Give each its own name.")
-    if file.velocity.bandwidth_Hz.value > 0.1 * file.timing.sense_rate_Hz.value:
-        yield UserError(
-            f"velocity.bandwidth_Hz = {file.velocity.bandwidth_Hz.value:g} Hz is above "
-            f"its limit, a tenth of timing.sense_rate_Hz ({0.1 * file.timing.sense_rate_Hz.value:g}"
-            " Hz).",
-            "Lower the bandwidth or raise the rate.",
-        )
+    for key in ("velocity.bandwidth_Hz", "impairment.bandwidth_Hz"):
+        if key in values and values[key].value > 0.1 * rate:
+            yield UserError(
+                f"{key} = {values[key].value:g} Hz is above its limit, a tenth of "
+                f"timing.sense_rate_Hz ({0.1 * rate:g} Hz).",
+                "Lower the bandwidth or raise the rate.",
+            )
 
 
 def _check_control(file: DeviceFile) -> Iterator[UserError]:
@@ -131,6 +131,11 @@ def _check_control(file: DeviceFile) -> Iterator[UserError]:
             f"[redundancy] compares the drive with the joint, but section "
             f"[{'actuator' if file.actuator is None else 'joint'}] is missing.",
             'Add it, or write extends = "elbow_drive" and give what differs.',
+        )
+    if file.impairment is not None and (file.actuator is not None or laws):
+        yield UserError(
+            "[impairment] stands in a device that only measures; no drive follows it.",
+            'Leave it out, or write extends = "wrist".',
         )
     if file.passivity is not None:
         yield from _check_passivity(file)

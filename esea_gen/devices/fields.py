@@ -307,6 +307,16 @@ class PassiveInteraction(Section):
     Kd_max_Nms_rad: Quantity = number(1e-3, 5, "Largest damping that is passive; compiled in.")
 
 
+class SimulatedImpairment(Section):
+    """Wall with damping and resistance to speed that impair a healthy wrist, chapter 7."""
+
+    wall_rad: Quantity = number(-3.14, 3.14, "Where the wall begins, from the neutral position.")
+    Kp_Nm_rad: Quantity = number(0, 200, "Stiffness of the wall.")
+    Kd_Nms_rad: Quantity = number(0, 20, "Damping in the wall.")
+    Kv_Nms_rad: Quantity = number(0, 5, "Resistance to speed everywhere.")
+    bandwidth_Hz: Quantity = number(2, 100, "Bandwidth of the estimate of the joint's rate.")
+
+
 class Cable(Section):
     """The cable between gear and motor side; its stiffness is the usual one of the redundancy."""
 
@@ -372,6 +382,11 @@ class DeviceFile(Section):
         default=None,
         description="Damping that a law lacks, and a bound of the energy that the drive gives; "
         "left out, a law may swing a limp hand up.",
+    )
+    impairment: SimulatedImpairment | None = Field(
+        default=None,
+        description="Simulated impairment of every axis of a device that measures: torque that it "
+        "wants on the joint, from an encoder there; nothing acts until the parameter asks for it.",
     )
     cable: Cable | None = Field(
         default=None,

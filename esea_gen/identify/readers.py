@@ -33,12 +33,13 @@ def read_mat(raw: bytes, name: str, form: FileFormat, wanted: Sequence[str]) -> 
 def read_hdf5(raw: bytes, name: str, form: FileFormat, wanted: Sequence[str]) -> Columns:
     """Data sets of an HDF5 file, by path."""
     try:
-        import h5py  # type: ignore[import-not-found,unused-ignore]
+        import h5py
     except ImportError:
         raise UserError(
             f"{name}: is an HDF5 file, as MATLAB 7.3 writes too; the package h5py, which reads "
             "it, is not installed.",
-            "Install it (pip install h5py), save with save(..., '-v7') in MATLAB, or export CSV.",
+            "Install it (pip install 'esea-gen[files]'), save with save(..., '-v7') in MATLAB, or "
+            "export CSV.",
         ) from None
     found: dict[str, Any] = {}
     try:
@@ -62,7 +63,7 @@ def read_parquet(raw: bytes, name: str, form: FileFormat, wanted: Sequence[str])
     except ImportError:
         raise UserError(
             f"{name}: the package pyarrow, which reads Parquet, is not installed.",
-            "Install it (pip install pyarrow), or export CSV.",
+            "Install it (pip install 'esea-gen[files]'), or export CSV.",
         ) from None
     try:
         table = pyarrow.parquet.read_table(pyarrow.BufferReader(raw))

@@ -23,10 +23,11 @@ from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
+    from esea_gen.devices.numbers import Quantity
 
 
-def _status(omega_lim: float) -> tuple[Flag, ...]:
-    held = "the deflection was NaN or outside its range; the last estimate is held"
+def _status(omega_lim: float, what: str) -> tuple[Flag, ...]:
+    held = f"the {what} was NaN or outside its range; the last estimate is held"
     return (
         Flag("INPUT_INVALID", held, True),
         Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
@@ -43,7 +44,9 @@ def _status(omega_lim: float) -> tuple[Flag, ...]:
 BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 2.0, 100.0
 
 
-def tracking_observer(device: DeviceData) -> Block:
+def tracking_observer(
+    device: DeviceData, joint_rad: float | None = None, bandwidth_Hz: Quantity | None = None
+) -> Block:
     """Third-order tracking observer (alpha-beta-gamma filter) with a triple real pole.
 
     It follows position, velocity and acceleration, so that a constant acceleration leaves no
@@ -55,6 +58,10 @@ def tracking_observer(device: DeviceData) -> Block:
     ----------
     device : DeviceData
         Rate, limits, default bandwidth.
+    joint_rad : float, optional
+        Not the deflection's rate but that of a joint that turns so far, a Block of another name.
+    bandwidth_Hz : Quantity, optional
+        Its default, other than that of section ``[velocity]``.
 
     Returns
     -------
@@ -72,11 +79,11 @@ def tracking_observer(device: DeviceData) -> Block:
        alpha-beta-gamma target trackers", IEEE Trans. AES 20(2), 1984 (the gains are the
        critically damped, fading-memory ones).
     """
-    law = _TrackingObserver(device)
+    law = _TrackingObserver(device, joint_rad, bandwidth_Hz)
     p, q, hs, e, v, a = sp.symbols("p q h e v a")
     return Block.define(
-        "velocity",
-        "Deflection rate: third-order tracking observer",
+        "velocity" if joint_rad is None else "joint_rate",
+        f"{law.what.capitalize()} rate: third-order tracking observer",
         period_s=law.h,
         constants=device.constants("timing"),
         tunables=law.tunables(),
@@ -101,18 +108,21 @@ def tracking_observer(device: DeviceData) -> Block:
 class _TrackingObserver:
     """Numbers, step and ports."""
 
-    def __init__(self, device: DeviceData) -> None:
+    def __init__(
+        self, device: DeviceData, joint_rad: float | None, bandwidth_Hz: Quantity | None
+    ) -> None:
         file = device.file
         self.h = device.period_s
+        self.what = "deflection" if joint_rad is None else "joint angle"
         # As the ports hold them: a state clipped at a limit must pass its own guard in every
         # format.
-        self.theta_lim = threshold(file.limits.theta_rad.value)
+        self.theta_lim = threshold(joint_rad or file.limits.theta_rad.value)
         self.omega_lim = threshold(file.limits.omega_rad_s.value)
         # A step of twice the deflection range moves the states by at most the gains times it;
         # clipping them at the rate's range (with room for the transient) also unwinds a corrupt
         # start.
         self.v_lim, self.a_lim = 4 * self.omega_lim, threshold(4 * self.omega_lim / self.h)
-        self.bandwidth = file.velocity.bandwidth_Hz
+        self.bandwidth = bandwidth_Hz or file.velocity.bandwidth_Hz
         self.high = min(BANDWIDTH_MAX_HZ, 0.1 / self.h)
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
@@ -143,7 +153,7 @@ class _TrackingObserver:
         label(
             "memory_clipped",
             ca.logic_or(ca.fabs(theta_hat) > 2 * self.theta_lim, ca.fabs(a) > self.a_lim),
-            "deflection or acceleration is clipped for the next step",
+            f"{self.what} or acceleration is clipped for the next step",
         )
         next_state = {
             "primed": ca.logic_or(s.primed, guard.inputs_ok),
@@ -182,7 +192,7 @@ class _TrackingObserver:
     def state(self) -> tuple[Port, ...]:
         return (
             Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            around("theta_hat_rad", 2 * self.theta_lim, "estimated deflection"),
+            around("theta_hat_rad", 2 * self.theta_lim, f"estimated {self.what}"),
             around("v_rad_s", self.v_lim, "estimated rate"),
             around("a_rad_s2", self.a_lim, "estimated acceleration"),
         )
@@ -192,18 +202,26 @@ class _TrackingObserver:
             around(
                 "theta_rad",
                 self.theta_lim,
-                "deflection: motor-side minus load-side angle",
+                "deflection: motor-side minus load-side angle"
+                if self.what == "deflection"
+                else "angle of the joint",
                 on_invalid="theta_hat_rad",
             ),
         )
 
     def outputs(self) -> tuple[Port, ...]:
         return (
-            around("omega_rad_s", self.omega_lim, "deflection rate at this sample"),
+            around("omega_rad_s", self.omega_lim, f"{self.what} rate at this sample"),
             around(
                 "omega_mid_rad_s",
                 self.omega_lim,
-                "deflection rate predicted for the middle of this step from past samples",
+                f"{self.what} rate predicted for the middle of this step from past samples",
             ),
-            Port("status", 0, 7, "what is known of this sample", flags=_status(self.omega_lim)),
+            Port(
+                "status",
+                0,
+                7,
+                "what is known of this sample",
+                flags=_status(self.omega_lim, self.what),
+            ),
         )

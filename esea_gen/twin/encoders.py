@@ -15,7 +15,7 @@ import casadi as ca
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Port, Tunable
-from esea_gen.twin.parameters import assumed, checked_file
+from esea_gen.twin.parameters import assumed
 
 _ROUND = 1.5 * 2.0**52
 # Odd polynomial nearest to sin(2 pi x) for |x| <= 1/4 (Lawson's iteration): error 1.4e-11.
@@ -61,42 +61,53 @@ SIDES = ("motor", "load")
 ENCODERS = {"motor": "theta_m_rad", "load": "theta_l_rad", "gear": "theta_g_rad"}
 
 
-def _tunables(joint_bits: float, motor_bits: float) -> tuple[Tunable, ...]:
+def _tunables(joint_bits: float, motor_bits: float | None) -> tuple[Tunable, ...]:
     errors = ("offset_rad", "wave_1_rad", "phase_1_rad", "wave_2_rad", "phase_2_rad")
     texts = ("offset", *(f"{w} of harmonic {i}" for i in (1, 2) for w in ("amplitude", "phase")))
+    text = "bits of both joint encoders"
+    joint = assumed("joint_encoder_bits", joint_bits, 4, joint_bits, text)
+    if motor_bits is None:
+        motor: tuple[Tunable, ...] = ()
+        gear = motor
+    else:
+        text = "bits of the motor's encoder"
+        motor = (assumed("motor_encoder_bits", motor_bits, 4, motor_bits, text),)
+        text = "offset of the motor's encoder, at its shaft"
+        gear = (assumed("gear_offset_rad", 0, -500, 500, text),)
     return (
-        assumed("joint_encoder_bits", joint_bits, 4, joint_bits, "bits of both joint encoders"),
-        assumed("motor_encoder_bits", motor_bits, 4, motor_bits, "bits of the motor's encoder"),
+        joint,
+        *motor,
         *(
             assumed(f"{side}_{e}", 0, -7, 7, f"{text} of the {side}-side encoder's error")
             for side in SIDES
             for e, text in zip(errors, texts, strict=True)
         ),
-        assumed("gear_offset_rad", 0, -500, 500, "offset of the motor's encoder, at its shaft"),
+        *gear,
     )
 
 
 def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
-    """Encoders on both sides of the coupling and on the motor's shaft.
+    """Encoders on both sides of the coupling and, where there is a motor, on its shaft.
 
     return: angles in; ``count_motor``, ``count_load`` (turns of the joint) and ``count_gear``
-        (turns of the motor's shaft) out, whole numbers of one turn.
+        (turns of the motor's shaft) out, whole numbers of one turn; of a passive device, which has
+        no motor, the first two.
 
     What is read is theta + offset + a1 sin(theta + p1) + a2 sin(2 theta + p2).  An encoder that is
     coarser than the device file's counts in its own steps: its lowest bits are 0.
     """
-    file = checked_file(device)
-    assert file.actuator is not None
-    ratio = file.actuator.gear_ratio.value
+    file, drive = device.file, device.file.actuator
     joint_bits = file.encoder.resolution_bits.value
-    motor_bits = file.actuator.encoder_bits.value
-    bits = {"motor": joint_bits, "load": joint_bits, "gear": motor_bits}
-    turns = {"motor": 1.0, "load": 1.0, "gear": ratio}
+    motor_bits = drive.encoder_bits.value if drive else None
+    bits, turns = dict.fromkeys(SIDES, joint_bits), dict.fromkeys(SIDES, 1.0)
+    if drive:
+        bits["gear"], turns["gear"] = drive.encoder_bits.value, drive.gear_ratio.value
+    angles = {side: ENCODERS[side] for side in bits}
     tunables = _tunables(joint_bits, motor_bits)
 
     def prepare(t: SimpleNamespace) -> dict[str, Any]:
         out = {x.name: getattr(t, x.name) for x in tunables if not x.name.endswith("_bits")}
-        for key in ("joint", "motor"):
+        for key in ("joint", "motor") if drive else ("joint",):
             bits_of = nearest_whole(getattr(t, f"{key}_encoder_bits"))
             out[f"{key}_steps"] = nearest_whole(ca.power(2.0, bits_of))
         return out
@@ -105,7 +116,7 @@ def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
         c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         out, turn = {}, 1 / (2 * math.pi)
-        for side, angle in ENCODERS.items():
+        for side, angle in angles.items():
             theta = turns[side] * vars(u)[angle] + vars(c)[f"{side}_offset_rad"]
             if side in SIDES:
                 raw = vars(u)[angle]
@@ -123,7 +134,7 @@ def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
     names = {"motor": "motor-side part", "load": "load side", "gear": "motor's shaft"}
     return Block.define(
         "encoders",
-        "Encoders on both sides of the coupling and on the motor's shaft",
+        "Encoders on both sides of the coupling" + (" and on the motor's shaft" if drive else ""),
         period_s=tick_s,
         tunables=tunables,
         coefficients=(
@@ -133,17 +144,20 @@ def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
                 if not t.name.endswith("_bits")
             ),
             Port("joint_steps", 0, 2.0**joint_bits, "steps of a joint encoder in a turn"),
-            Port("motor_steps", 0, 2.0**motor_bits, "steps of the motor's encoder in a turn"),
+            *(
+                Port("motor_steps", 0, 2.0 ** bits[k], "steps of the motor's encoder in a turn")
+                for k in bits
+                if k not in SIDES
+            ),
         ),
         prepare=prepare,
         state=(),
         inputs=tuple(
             Port(a, -ANGLE_RAD, ANGLE_RAD, f"angle read by the encoder on the {names[k]}")
-            for k, a in ENCODERS.items()
+            for k, a in angles.items()
         ),
         outputs=tuple(
-            Port(f"count_{k}", 0, 2.0 ** bits[k] - 1, f"encoder on the {names[k]}")
-            for k in ENCODERS
+            Port(f"count_{k}", 0, 2.0 ** bits[k] - 1, f"encoder on the {names[k]}") for k in angles
         ),
         step=step,
     )

@@ -70,8 +70,8 @@ _THETA_RAD, _OMEGA_RAD_S, _TAU_NM = 1.5, 500.0, 1000.0
 _SPEED_RAD_S, _ACCEL_RAD_S2, _ENERGY_J = 500.0, 1e7, 1e9
 
 
-def _sensor(device: DeviceData, step_s: float) -> Block:
-    # The same equations at another period, in ranges that no motion of the plant leaves.
+def true_sensor(device: DeviceData, step_s: float) -> Block:
+    """The sensor's equations at another period, in ranges that no motion of a plant leaves."""
     file = device.file
     limits, timing = file.limits, file.timing
 
@@ -213,7 +213,7 @@ def plant_block(
         angles, speeds, works, all at the end of the step.
     """
     tunables = plant_tunables(device, cable)
-    sensor = _sensor(device, step_s)
+    sensor = true_sensor(device, step_s)
     assert device.file.actuator is not None
     ratio = device.file.actuator.gear_ratio.value
     passed = passed_on(tunables)

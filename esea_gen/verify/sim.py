@@ -7,9 +7,9 @@ that a run repeats to the last bit.
 from __future__ import annotations
 
 import re
-import shutil
 import tempfile
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -56,29 +56,55 @@ class SimTransport:
         return ""
 
 
+@lru_cache(maxsize=4)
+def _built(
+    device: Device, board: str, control: Mapping[str, str] | None = None
+) -> tuple[bytes, Any]:
+    # The library, and what its messages are.
+    with tempfile.TemporaryDirectory(prefix="esea-sim-") as folder:
+        image = build_firmware(device, board, Path(folder), control)
+        return image.elf.read_bytes(), load_dialect(device)
+
+
 class SimBoard(Session):
     """A board in this process, powered on.
 
     measured: what its drivers give, by the device's input names; frames are bad until it is set.
+    board: ``sim``, or ``sim-q31`` with the control in whole numbers.
+    drivers, values: for :meth:`step`: what the drivers give, in the order of ``inputs``; then what
+        the first task was given and made, each at its place in ``places``.
     """
 
-    def __init__(self, device: Device, control: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, device: Device, control: Mapping[str, str] | None = None, board: str = "sim"
+    ) -> None:
         self.device = device
         self._ffi = cffi.FFI()
         source = (firmware_folder() / "boards" / "sim" / "board.c").read_text(encoding="utf-8")
         self._ffi.cdef(
             "".join(re.findall(r"^\w[\w *]*\bsim_\w+\([^)]*\);\n", source, re.MULTILINE))
         )
-        self._folder = tempfile.mkdtemp(prefix="esea-sim-")
-        image = build_firmware(device, "sim", Path(self._folder), control)
-        self.lib: Any = self._ffi.dlopen(str(image.elf))
-        self._inputs = [x.name for x in board_roles(device.system).measured]
-        super().__init__(SimTransport(self.lib, self._ffi), load_dialect(device), 1.0)
+        build = _built if control is None else _built.__wrapped__
+        built, dialect = build(device, board, control)
+        with tempfile.TemporaryDirectory(prefix="esea-sim-") as folder:
+            own = Path(folder) / "board.so"  # a file of its own, for memory of its own
+            own.write_bytes(built)
+            self.lib: Any = self._ffi.dlopen(str(own))
+        self.inputs = [x.name for x in board_roles(device.system).measured]
+        self.drivers = self._ffi.new("float[]", max(1, len(self.inputs)))
+        self._encoders = [k for k, n in enumerate(self.inputs) if n.startswith("count_")]
+        system, task = device.system, device.system.tasks[0]
+        signals = (*system.task_inputs(task), *system.task_outputs(task))
+        sizes = [x.port.size for x in signals]
+        self.places = {x.name: sum(sizes[:k]) for k, x in enumerate(signals)}
+        self._words = self._ffi.new("uint32_t[]", sum(sizes))
+        self.values = self._ffi.cast("float *", self._words)
+        super().__init__(SimTransport(self.lib, self._ffi), dialect, 1.0)
         self.lib.sim_start()
 
     def close(self) -> None:
         """Let go of the library."""
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._ffi.dlclose(self.lib)
 
     @property
     def flash(self) -> list[Any]:
@@ -93,15 +119,26 @@ class SimBoard(Session):
         """
         for area in self.flash if blank else ():
             area[:] = b"\xff" * len(area)
+        self._ffi.buffer(self.drivers)[:] = bytes(self._ffi.sizeof(self.drivers))
         self.lib.sim_start()
         self.pending()
 
     def measure(self, **values: float) -> None:
         """What the drivers give from now on; what is left out is 0."""
-        unknown = set(values) - set(self._inputs)
+        unknown = set(values) - set(self.inputs)
         if unknown:
-            raise ValueError(f"{sorted(unknown)} is not measured; there is {self._inputs}")
-        self.lib.sim_measure(self._ffi.new("float[]", [values.get(n, 0.0) for n in self._inputs]))
+            raise ValueError(f"{sorted(unknown)} is not measured; there is {self.inputs}")
+        self.drivers[0 : len(self.inputs)] = [values.get(n, 0.0) for n in self.inputs]
+        self.lib.sim_measure(self.drivers)
+
+    def show(self, counts: Iterable[float]) -> None:
+        """Have the drivers read these encoders, in the order of ``inputs``."""
+        for place, count in zip(self._encoders, counts, strict=False):
+            self.drivers[place] = count
+
+    def step(self) -> None:
+        """A base tick with all that belongs to it, at which ``drivers`` is measured."""
+        self.lib.sim_step(self.drivers, self._words)
 
     def ticks(self, count: int = 1, *, poll: bool = True) -> None:
         """Let so many base ticks pass.

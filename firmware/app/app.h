@@ -77,6 +77,7 @@ typedef struct {
     bool rearm_asked;
     bool stop_held;
     bool mode_on;           /* the last command had a mode other than 0 */
+    bool not_armed;         /* the limits did not release; the host is still to be told */
     uint32_t deadline_left; /* of the command */
     uint32_t link_left;     /* until the host counts as gone */
     uint32_t fade_left;

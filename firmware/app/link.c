@@ -264,6 +264,9 @@ static void send_state(esea_app_t *app)
     if (app->fault != app->fault_told && app->fault != ESEA_FAULT_NONE)
         esea_send_text(app, MAV_SEVERITY_CRITICAL, "fault ", esea_link_fault_name((uint32_t)app->fault));
     app->fault_told = app->fault;
+    if (app->motion.not_armed)
+        esea_send_text(app, MAV_SEVERITY_WARNING, "not armed: a limit acts, or the drive still moves", "");
+    app->motion.not_armed = false;
 }
 
 static void receive_all(esea_app_t *app)

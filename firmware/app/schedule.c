@@ -103,7 +103,7 @@ static void watch_limits(esea_app_t *app, const esea_link_outcome_t *outcome)
     if (!esea_state_drives(app->state) || outcome->fault == 0u)
         return;
     if (asked) {
-        (void)esea_app_event(app, ESEA_EVENT_REFUSED);
+        app->motion.not_armed = esea_app_event(app, ESEA_EVENT_REFUSED);
         return;
     }
     app->fault = (ESEA_FAULT)outcome->fault;

@@ -29,6 +29,7 @@ class Address(NamedTuple):
 
 HOST = Address(255, 190)  # a ground station, by MAVLink's custom
 BOARD = Address(1, 1)
+MOST_TEXTS = 100
 
 
 class Messenger:
@@ -38,6 +39,8 @@ class Messenger:
 
     dialect: the device's generated MAVLink module.
     timeout_s: longest wait for anything that does not name its own.
+
+    ``texts``: what the board said in words, the oldest first; who has read one takes it away.
     """
 
     def __init__(
@@ -55,6 +58,7 @@ class Messenger:
         self._encoder = dialect.MAVLink(None, *host)
         self._reader = FrameReader(dialect)
         self._pending: deque[Any] = deque()
+        self.texts: deque[str] = deque(maxlen=MOST_TEXTS)
 
     def __enter__(self) -> Self:
         try:
@@ -175,6 +179,8 @@ class Messenger:
         data = self.transport.read(timeout_s)
         for message in self._reader.feed(data):
             self._pending.append(message)
+            if message.get_type() == "STATUSTEXT":
+                self.texts.append(str(message.text).rstrip("\0"))
             if message.get_type() == "HEARTBEAT":
                 self.heartbeat = message
                 if message.system_status == self.dialect.MAV_STATE_EMERGENCY:

@@ -91,7 +91,7 @@ class FaultRig:
         self.board = SimBoard(device)
         self.measured, self.wanted = measured_and_wanted(device)
         self.ranges = ranges(device)
-        self._encoders = [n for n in self.measured if n.startswith("count_")]
+        self._encoders = [k for k, n in enumerate(self.measured) if n.startswith("count_")]
 
     def close(self) -> None:
         """Let go of the board."""
@@ -116,13 +116,12 @@ class FaultRig:
         for k in range(at + AFTER):
             now = fault is not None and k >= at
             cut = now and fault is not None and fault.place == "link"
-            readings = dict.fromkeys(self.measured, 0.0) | dict(
-                zip(self._encoders, map(float, counts), strict=True)
-            )
+            board.show(counts)
             if wrong is not None and not of_link:
                 assert fault is not None
-                readings[fault.place] = self._given(wrong, readings[fault.place], k, at)
-            board.measure(**readings)
+                place = self.measured.index(fault.place)
+                read = float(board.drivers[place]) if place in self._encoders else 0.0
+                board.drivers[place] = self._given(wrong, read, k, at)
             if k == at and fault is not None:
                 self._strike(fault)
             if not cut:
@@ -195,6 +194,7 @@ class FaultRig:
         starved = clock and fault is not None and fault.kind == "control starved"
         lost = clock and fault is not None and fault.kind == "lost ticks" and age == 0
         count = 1 + int(fault.amount) if lost and fault is not None else 1
+        lib.sim_measure(self.board.drivers)
         lib.sim_tick(count, not (starved and fault is not None and age < fault.amount))
         lib.sim_poll()
 

@@ -145,6 +145,7 @@ size_t sim_take(uint8_t *bytes, size_t capacity);
 void sim_poll(void);
 void sim_measure(const float *values);
 void sim_tick(uint32_t base_ticks, bool slower);
+void sim_step(const float *values, uint32_t *words);
 void sim_slower(void);
 void sim_stop_line(bool open);
 void sim_stack(bool used_up);
@@ -177,7 +178,7 @@ static const esea_flash_t flash = { sizeof cells[0], flash_read, flash_write, fl
 void sim_start(void)
 {
     static const esea_port_t port = {
-        .name = "sim",
+        .name = ESEA_BOARD_NAME,
         .receive_buffer_bytes = LINE_BYTES,
         .stack_bytes = 1u, /* the program's; not measured */
         .read = port_read,
@@ -247,6 +248,19 @@ void sim_tick(uint32_t base_ticks, bool slower)
     esea_app_tick(&app);
     if (slower)
         sim_slower();
+}
+
+/* A whole base tick: what is measured at it, every task, the main loop.  Then `words` has the values of the
+ * first task's run, its inputs before its outputs. */
+void sim_step(const float *values, uint32_t *words)
+{
+    uint32_t i;
+
+    sim_measure(values);
+    sim_tick(1u, true);
+    sim_poll();
+    for (i = 0u; i + 1u < esea_link_signals(0u); ++i)
+        words[i] = esea_link_signal(0u, i, &app.tasks[0].in, &app.tasks[0].out, 0u);
 }
 
 void sim_stop_line(bool open)

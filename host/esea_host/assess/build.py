@@ -15,7 +15,7 @@ from esea_gen.cache import cache_folder
 from esea_host.assess import NOTICE
 from esea_host.assess.database import KNEE_GRID, ResponseDataBase
 from esea_host.assess.hypotheses import normalised, summarised
-from esea_host.assess.patients import CATEGORIES, RELAXED, KneePatient, draw_category
+from esea_host.assess.patients import CATEGORIES, RELAXED, Array, KneePatient, draw_category
 from esea_host.assess.probing import next_movement, plans
 from esea_host.assess.responses import Passage
 from esea_host.assess.session import UNCALIBRATED, Assessment, assessed_hypotheses, take
@@ -27,14 +27,14 @@ PER_CATEGORY, CALIBRATION_PER_CATEGORY = 60, 12
 CALIBRATION_MOVEMENTS = 12
 LOOKS = (1, 3, 6, 12)  # movements after which the noise is judged
 FITTED = {
-    "own_Nm": (0.25, 0.5, 0.75, 1.0),
+    "own_Nm": (0.25, 0.5, 0.75, 1.0, 1.4, 2.0),
     "share": (0.0, 0.03, 0.06, 0.1),
     "people_scale": (0.5, 0.75, 1.0),
-    "noise_Nm": (0.25, 0.5, 1.0),
+    "noise_Nm": (0.25, 0.5, 1.0, 1.4, 2.0),
 }
 NONE_INSIDE = 0.02  # share of calibration patients that may be called "none of these"
 CHUNK = 220
-SIMULATION = ("patients", "knee", "responses", "database", "simulated")
+SIMULATION = ("patients", "responses", "database", "simulated")
 FITTING = ("build", "hypotheses", "probing", "session")
 Say = Callable[[str], None]
 
@@ -78,7 +78,7 @@ def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseD
         "notice": NOTICE,
         "source": "simulated knee patients, docs/assessment.md",
         "excitation": "sine swept 0 to 0.3 Hz at 0.5 Hz/min, 130 deg peak to peak, pull of 10 kgf",
-        "sensor": "emitted C of the device knee",
+        "sensor": "twin of the device knee: cuff, dead zone, encoders, emitted C",
         "per_category": per_category,
         "seed": PEOPLE,
         "code": code_digest(SIMULATION + FITTING),
@@ -87,9 +87,8 @@ def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseD
     tell("calibration: noise of a movement")
     data = dataclasses.replace(data, calibration=movement_noise(data))
     tell("calibration: none of these")
-    return dataclasses.replace(
-        data, calibration={**(data.calibration or {}), "none_log_odds": none_offset(data)}
-    )
+    none = none_calibration(data)
+    return dataclasses.replace(data, calibration={**(data.calibration or {}), **none})
 
 
 def movement_noise(data: ResponseDataBase) -> dict[str, float]:
@@ -128,8 +127,8 @@ def movement_noise(data: ResponseDataBase) -> dict[str, float]:
     return kept
 
 
-def none_offset(data: ResponseDataBase) -> float:
-    """Log odds added to "none of these", at most 0: from people of the categories alone.
+def none_calibration(data: ResponseDataBase) -> dict[str, float]:
+    """What "none of these" is lowered by, from other people of the categories alone.
 
     Nobody of no category is used: what such people are like is not known beforehand.
     """
@@ -141,12 +140,22 @@ def none_offset(data: ResponseDataBase) -> float:
         seeds = [[NONE_CALIBRATION, 8, i, k] for i in range(len(people))]
         for s, m, p in zip(sessions, moves, probed(people, moves, seeds), strict=True):
             take(s, p, m.location)
-    all_p = np.array([s.probabilities for s in sessions])
-    odds = np.log(np.maximum(all_p[:, -1], 1e-300)) - np.log(
-        np.maximum(all_p[:, :-1].sum(axis=1), 1e-300)
-    )
-    # Never in its favour: it would lead before the first movement.
-    return float(min(0.0, -np.quantile(odds, 1 - NONE_INSIDE)))
+    return none_offset(np.array([s.probabilities[-1] for s in sessions]))
+
+
+def none_offset(none: Array) -> dict[str, float]:
+    """Log odds to add, so that at most 2 % of calibration patients are called none of these.
+
+    none: its probability for each of them, without an offset.
+    return: with the offset, at most 0 (raised, it would lead before the first movement): how many
+        there were, and how many would be called so with it.
+    """
+    odds = np.log(np.maximum(none, 1e-300)) - np.log(np.maximum(1 - none, 1e-300))
+    # The first that is to fall behind: a quantile between two would let one more pass.
+    ranked, allowed = np.sort(odds)[::-1], int(NONE_INSIDE * len(odds))
+    offset = float(min(0.0, -ranked[allowed] - 1e-6))
+    called = int(np.sum(odds + offset > 0))
+    return {"none_log_odds": offset, "none_patients": len(odds), "none_called": called}
 
 
 def code_digest(files: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ import json
 import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,12 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
+from esea_host.assess import MEASURED_NOTICE, NOTICE
 from esea_host.assess.patients import DEG, Array
 from esea_host.assess.responses import ERROR_STAYS_S, Location, Passage
 
 FORMAT = 2
+RECORDINGS = "recordings"  # as the source of a data base of people
 KERNEL_RAD, KERNEL_rad_s = 6 * DEG, 10 * DEG
 LEAST_WEIGHT_S = 0.1  # of a recording near a location, to say anything of it
 
@@ -219,8 +222,17 @@ class ResponseDataBase:
         shares = [np.isfinite(self.rows(c)).mean(axis=0) for c in self.categories]
         return np.asarray(np.min(shares, axis=0) >= 0.8)
 
-    def save(self, path: Path) -> str:
-        """Write as one file, the same bytes for the same content; return its digest."""
+    @property
+    def notice(self) -> str:
+        """What this is not: said of all that is made with it."""
+        return MEASURED_NOTICE if self.provenance.get("source") == RECORDINGS else NOTICE
+
+    @cached_property
+    def digest(self) -> str:
+        """Of all that its file holds."""
+        return _digest(*self._content())
+
+    def _content(self) -> tuple[dict[str, Any], dict[str, Any]]:
         head = {
             "format": FORMAT,
             "categories": list(self.categories),
@@ -236,7 +248,12 @@ class ResponseDataBase:
             "passes": self.passes,
             "error_Nm2": np.zeros(0) if self.error_Nm2 is None else self.error_Nm2,
         }
-        head["digest"] = _digest(head, arrays)
+        return head, arrays
+
+    def save(self, path: Path) -> str:
+        """Write as one file, the same bytes for the same content; return its digest."""
+        head, arrays = self._content()
+        head["digest"] = self.digest
         arrays["head"] = np.frombuffer(json.dumps(head, sort_keys=True).encode(), np.uint8)
         scratch = path.with_name(f".{path.name}.part")
         try:
@@ -251,7 +268,7 @@ class ResponseDataBase:
             raise UserError(
                 f"{path}: cannot be written ({error.strerror}).", "Give another file."
             ) from error
-        return str(head["digest"])
+        return self.digest
 
     @classmethod
     def load(cls, path: Path) -> ResponseDataBase:
@@ -271,6 +288,12 @@ class ResponseDataBase:
             )
         if _digest(head, arrays) != claimed:
             raise UserError(f"{path}: the content is not what was saved.", "Build it again.")
+        fitted = list((head["calibration"] or {}).values())
+        if np.isinf(arrays["responses_Nm"]).any() or not np.all(np.isfinite(fitted)):
+            raise UserError(
+                f"{path}: a response or a calibrated number is infinite or none.",
+                "Build it again; NaN stands only where a person has not been.",
+            )
         return cls(
             LocationGrid(arrays["angle_rad"], arrays["rate_rad_s"]),
             tuple(head["categories"]),

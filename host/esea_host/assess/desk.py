@@ -1,4 +1,4 @@
-"""One assessment as it is worked on, whoever asks: the conversation in the terminal, the window."""
+"""One assessment as it is worked on, in the terminal or the window, and its words."""
 
 from __future__ import annotations
 
@@ -11,27 +11,39 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_json
+from esea_host.assess.hypotheses import NONE, disorder_of
 from esea_host.assess.patients import (
     DEG,
+    DISORDERS,
     MEAN_HEIGHT_M,
     MEAN_MASS_KG,
+    RELAXED,
     Array,
     KneePatient,
     leg_weight_Nm,
 )
-from esea_host.assess.probing import Comfort, ProbingMovement, informative, next_movement, plans
+from esea_host.assess.probing import (
+    MEASURES,
+    Comfort,
+    ProbingMovement,
+    informative,
+    next_movement,
+    plans,
+)
 from esea_host.assess.responses import (
+    LATENCY_S,
     SENSOR_ERROR_NM,
     LegRecording,
     Location,
     Passage,
     along,
+    check_body,
     nearest,
     passage,
 )
 from esea_host.assess.session import WORDS, Assessment, take
-from esea_host.assess.words import conclusion, long_name
 
+GRADES = {1: "very mild", 2: "mild", 3: "moderate", 4: "marked", 5: "severe"}
 HELP = (
     "A number: torque of your hands in Nm at that moment, bending positive, as the sensor shows.",
     f"A word: {', '.join(WORDS)}: how the leg resists, without a sensor.",
@@ -39,6 +51,61 @@ HELP = (
 )
 MOVE_HELP = "move: the simulated patient's leg is moved."
 READ_MOST = 60  # readings of a whole recording
+
+
+def long_name(name: str) -> str:
+    """A category as it is said."""
+    if "+" in name:
+        return " with ".join(long_name(n) for n in sorted(name.split("+"), reverse=True))
+    if name == RELAXED:
+        return "no sign of either"
+    what = disorder_of(name)
+    if what is None or what[0] not in DISORDERS:
+        return name
+    grade = GRADES.get(round(what[1]), f"{what[1]:g}")
+    return f"{grade} {DISORDERS[what[0]]}"
+
+
+def unit_of(measure: str) -> str:
+    """In what a measure of information is."""
+    return "nats" if measure == "expected" else "Nm"
+
+
+def strength(p: float) -> str:
+    """How sure, in a word."""
+    words = ((0.95, "very likely"), (0.8, "likely"), (0.5, "more likely than not"))
+    return next((w for least, w in words if p >= least), "possible")
+
+
+def conclusion(session: Assessment) -> list[str]:
+    """What is known now, and how sure that is."""
+    ranked = sorted(session.by_name().items(), key=lambda x: -x[1])
+    (first, p), (second, q) = ranked[0], ranked[1]
+    made = len(session.evidence)
+    out = []
+    if first == NONE:
+        out.append(f"The leg answers like none of the known categories ({strength(p)}, {p:.0%}).")
+        out.append(
+            "Look for another cause: contracture, rigidity, tremor, a leg that is not relaxed."
+        )
+    else:
+        out.append(f"Most like: {long_name(first)} ({strength(p)}, {p:.0%}).")
+        out.append(f"Second: {long_name(second)} ({q:.0%}).")
+    names = session.severity() if made else {}
+    for what, s in names.items():
+        if s["probability"] >= 0.1:
+            out.append(
+                f"If {DISORDERS.get(what, what)} ({s['probability']:.0%}): severity "
+                f"{s['mean']:.1f} of 5, between {s['low']:g} and {s['high']:g} with 90 %."
+            )
+    movements = "movement" if made == 1 else "movements"
+    out.append(
+        f"{made} {movements} so far; the probabilities "
+        + ("have stopped changing." if session.settled else "are still changing.")
+    )
+    if session.by_hand:
+        out.append("The clinician set probabilities by hand; see the steps.")
+    return out
 
 
 class ClinicDesk:
@@ -58,6 +125,8 @@ class ClinicDesk:
         Where the session is written after every step.
     seed : int
         Of the simulated hands.
+    measure : str
+        By which movements are chosen: ``expected``, ``thesis`` or ``inherent``.
     """
 
     def __init__(
@@ -69,8 +138,10 @@ class ClinicDesk:
         patient: KneePatient | None = None,
         file: Path | None = None,
         seed: int = 1,
+        measure: str = MEASURES[0],
     ) -> None:
-        self.session, self._comfort = session, comfort or Comfort()
+        check_body(height_m, mass_kg)
+        self.session, self._comfort, self.measure = session, comfort or Comfort(), measure
         self.height_m, self.mass_kg = height_m, mass_kg
         self.patient, self.file, self.seed = patient, file, seed
         plans(session.hypotheses, self._comfort)  # refused now, not at the first step
@@ -82,7 +153,9 @@ class ClinicDesk:
 
     def _keep(self) -> None:
         self._value = self._proposed = None
-        write_json(self.file, self.session.to_dict())
+        about = {"simulated": self.patient is not None, "measure": self.measure}
+        about |= {"height_m": self.height_m, "mass_kg": self.mass_kg}
+        write_json(self.file, about | self.session.to_dict())
 
     @property
     def comfort(self) -> Comfort:
@@ -99,7 +172,7 @@ class ClinicDesk:
     def value(self) -> Array:
         """What a movement through each cell would tell now, NaN out of reach or comfort."""
         if self._value is None:
-            self._value = informative(self.session, self._comfort)
+            self._value = informative(self.session, self._comfort, self.measure)
         return self._value
 
     @property
@@ -109,19 +182,27 @@ class ClinicDesk:
             self._proposed = next_movement(self.session, self._comfort, self.value)
         return self._proposed
 
+    @property
+    def answered(self) -> Location:
+        """Where the leg was when what is read at the midpoint was called forth: 60 ms before."""
+        m = self.proposed
+        angle, rate = m.at(0.5 * m.duration_s - LATENCY_S)
+        return Location(float(angle), float(rate))
+
     def torque(self, torque_Nm: float) -> None:
-        """Read off a sensor at the midpoint of the movement."""
+        """Read off a sensor at the midpoint of the movement, where nothing accelerates."""
         if not abs(torque_Nm) <= 100:
             raise UserError(f"torque: {torque_Nm} Nm.", "Give -100 to 100 Nm.")
-        where = self.proposed.location
         size = self.height_m * self.mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)
-        response = extra_torque_Nm(torque_Nm, where, self.height_m, self.mass_kg)
-        self.session.observe(where, response, SENSOR_ERROR_NM / size)
+        middle_rad = self.proposed.location.angle_rad
+        carried = -leg_weight_Nm(self.height_m, self.mass_kg) * math.cos(middle_rad)
+        response = (torque_Nm - carried) / size
+        self.session.observe(self.answered, response, SENSOR_ERROR_NM / size)
         self._keep()
 
     def word(self, word: str) -> None:
-        """Felt by the hands, without a sensor."""
-        self.session.feel(self.proposed.location, word)
+        """Felt by the hands at the midpoint, without a sensor."""
+        self.session.feel(self.answered, word)
         self._keep()
 
     def move(self) -> str:
@@ -241,12 +322,6 @@ def _take(desk: ClinicDesk, typed: str, say: Callable[[str], None]) -> None:
             raise UserError(f"{typed!r} is no number and no word.", HELP[1]) from None
         desk.torque(torque_Nm)
     say(desk.now())
-
-
-def extra_torque_Nm(torque_Nm: float, where: Location, height_m: float, mass_kg: float) -> float:
-    """A torque read at the midpoint, where nothing accelerates, as a response: weight off."""
-    carried = -leg_weight_Nm(height_m, mass_kg) * math.cos(where.angle_rad)
-    return (torque_Nm - carried) / (height_m * mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG))
 
 
 def _probabilities(text: str) -> dict[str, float]:

@@ -20,6 +20,8 @@ from esea_host.assess.build import EVALUATION
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.hypotheses import Hypotheses
 from esea_host.assess.patients import (
+    CATEGORIES,
+    DISORDERS,
     OUTSIDE_KINDS,
     Array,
     KneePatient,
@@ -66,10 +68,18 @@ class Met:
 
 
 def fixed_protocol(data: ResponseDataBase, cells: Cells) -> list[Location]:
-    """A protocol as clinics have it: slow, middle and fast, bent and straightened, in turns."""
-    wanted = [
-        (angle, way * rate) for rate in (10, 50, 90) for angle in (95, 35, 65) for way in (1, -1)
-    ]
+    """A protocol as clinics have it, after the Modified Tardieu Scale [Boyd1999].
+
+    As slowly as can be, then at once as fast as can be, bent and then straightened: first in the
+    middle of the range, then towards either end; last of all at a middle speed.
+
+    [Boyd1999] R. N. Boyd, H. K. Graham, "Objective measurement of clinical findings in the use of
+        botulinum toxin type A for the management of children with cerebral palsy", Eur. J. Neurol.
+        6(S4):S23-S35, 1999.
+    """
+    angles, ways = (65, 95, 35), (1, -1)
+    wanted = [(angle, way * rate) for angle in angles for way in ways for rate in (10, 90)]
+    wanted += [(angle, way * 50) for angle in angles for way in ways]
     centres = data.grid.centres[cells]
     scale = np.array(
         [
@@ -88,6 +98,7 @@ def draw_groups(patients: int, seed: int, names: Sequence[str]) -> list[tuple[st
     """Patients of the categories, of none, between two, and of two disorders."""
     root = EVALUATION + seed
     other = max(len(OUTSIDE_KINDS), patients // 4)
+    levels = _levels(names)
     out = []
     for i in range(patients):
         rng = np.random.default_rng([root, 0, i])
@@ -97,16 +108,30 @@ def draw_groups(patients: int, seed: int, names: Sequence[str]) -> list[tuple[st
         out.append(("outside", draw_outside(OUTSIDE_KINDS[i % len(OUTSIDE_KINDS)], rng)))
     for i in range(max(4, patients // 10)):
         rng = np.random.default_rng([root, 2, i])
-        level = 1.5 + i // 2 % 4
         spastic = i % 2 == 0
+        known = levels["S" if spastic else "D"]
+        at = i // 2 % (len(known) - 1)
+        level = 0.5 * (known[at] + known[at + 1])
         name = f"{'S' if spastic else 'D'}{level:g}"
         who = draw(level if spastic else 0, 0 if spastic else level, rng, name)
         out.append(("between", who))
     for i in range(max(4, patients // 10)):
         rng = np.random.default_rng([root, 3, i])
-        s, d = (float(x) for x in rng.integers(2, 5, 2))
+        s, d = (float(rng.choice(levels[x][1:4])) for x in DISORDERS)
         out.append(("mixed", draw(s, d, rng, f"S{s:g}+D{d:g}")))
     return out
+
+
+def _levels(names: Sequence[str]) -> dict[str, list[float]]:
+    # Severities of either disorder; whoever is simulated has no other ones.
+    found = {x: sorted(float(n[1:]) for n in names if n[0] == x) for x in DISORDERS}
+    if set(names) <= set(CATEGORIES) and all(len(x) > 1 for x in found.values()):
+        return found
+    raise UserError(
+        f"data base: categories {', '.join(names)}; the simulated patients that it would be judged "
+        f"on are {', '.join(CATEGORIES)}.",
+        "Judge one with two severities or more of each of these, such as: esea-host assess build.",
+    )
 
 
 class _Lane:

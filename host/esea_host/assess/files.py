@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_host.assess.database import LocationGrid, ResponseDataBase
+from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
 from esea_host.recording.log import open_log
@@ -141,7 +141,7 @@ def from_recordings(folder: Path) -> ResponseDataBase:
     shape = (max(3, round((high - low) / (10 * DEG))), max(4, 2 * round(fast / (20 * DEG))))
     grid = LocationGrid.spanning((low, high), (-fast, fast), shape)
     names = {name for name, _ in people}
-    provenance = {"source": "recordings", "people": len(people)}
+    provenance = {"source": RECORDINGS, "people": len(people)}
     return ResponseDataBase.of(people, grid, provenance, RELAXED if RELAXED in names else None)
 
 

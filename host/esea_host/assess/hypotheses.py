@@ -51,6 +51,11 @@ def kernel_map(
     centres = data.grid.centres
     mean, spread, people = data.mean(category), data.spread(category), data.people(category)
     use = np.isfinite(mean) & np.isfinite(spread)
+    if not use.any():
+        raise UserError(
+            f"kernel map: {category}: no location was passed by two people or more.",
+            "Record more people, or take another summary.",
+        )
     level = float(np.mean(mean[use]))
     amplitude = max(float(np.std(mean[use])), 0.5)
     at = centres if where is None else where

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_host.assess import NOTICE
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.evaluation import (
     CONFIDENT,
@@ -88,14 +87,15 @@ def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> d
     ways = [w for w in WAYS if any(m.way == w for m in met)]
     inside = {w: [m for m in met if m.group == "inside" and m.way == w] for w in ways}
     out: dict[str, Any] = {
-        "notice": NOTICE,
+        "notice": data.notice,
+        "simulated": True,
         "patients": {
             g: sum(m.group == g and m.way == ways[0] for m in met)
             for g in ("inside", "outside", "between", "mixed")
         },
         "categories": list(data.diagnoses),
         "answers": list(names),
-        "data_base": dict(data.provenance),
+        "data_base": {**data.provenance, "digest": data.digest},
         "calibration": dict(data.calibration or {}),
         "looked_at_after": MOVEMENTS,
         "most_movements": MOST,
@@ -115,7 +115,8 @@ def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> d
         )
     }
     out |= _none([m for m in met if m.way == "expected"], names, data.reference)
-    out["between"] = _between([m for m in met if m.group == "between" and m.way == "expected"])
+    between = [m for m in met if m.group == "between" and m.way == "expected"]
+    out["between"] = _between(between, names)
     out["severity"] = _severity(inside["expected"])
     alone = [m for m in met if m.group == "mixed" and m.way == "expected"]
     out["mixed"] = _mixed(alone, [m for m in mixed if m.group == "mixed"], names, data)
@@ -235,16 +236,16 @@ def _severity(met: list[Met]) -> dict[str, Any]:
     }
 
 
-def _between(met: list[Met]) -> dict[str, Any]:
+def _between(met: list[Met], names: tuple[str, ...]) -> dict[str, Any]:
     out = _severity(met)
     neighbours = []
     for m in met:
         level = m.spastic or m.dystonic
         what, p = ("S" if m.spastic else "D"), final(m)
-        # Categories stand in the order of their severities: S1 to S5, D1 to D5.
-        base = 0 if what == "S" else 5
-        low = base + int(level) - 1
-        neighbours.append((float(p[low] + p[low + 1]), float(p.max()), float(p[-1])))
+        rungs = [d[1] for d in map(disorder_of, names) if d is not None and d[0] == what]
+        low, high = max(x for x in rungs if x <= level), min(x for x in rungs if x >= level)
+        on = sum(float(p[names.index(f"{what}{x:g}")]) for x in {low, high})
+        neighbours.append((on, float(p.max()), float(p[-1])))
     n = np.array(neighbours)
     return out | {
         "on_both_neighbours": float(n[:, 0].mean()),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,11 @@ from matplotlib.ticker import MaxNLocator
 from esea_gen.errors import UserError
 from esea_gen.files import template_folder, write_whole
 from esea_gen.plotting import BOUND, HELD_OUT, INK, MEASURED, MODEL, ROUNDING, STYLE, svg
-from esea_host.assess import NOTICE
+from esea_host.assess import MEASURED_NOTICE
+from esea_host.assess.desk import conclusion, long_name, unit_of
 from esea_host.assess.patients import DEG, Array
-from esea_host.assess.probing import Comfort, informative, next_movement
+from esea_host.assess.probing import MEASURES, Comfort, informative, next_movement
 from esea_host.assess.session import Assessment, AuditEntry
-from esea_host.assess.words import conclusion, long_name
 
 COLOURS = (MODEL, MEASURED, ROUNDING, BOUND)
 MOST_LINES = 5
@@ -31,8 +31,13 @@ MEANING = (
 )
 
 
-def session_page(session: Assessment, who: str = "", comfort: Comfort | None = None) -> Figure:
-    """One page for the file."""
+def session_page(
+    session: Assessment,
+    who: str = "",
+    comfort: Comfort | None = None,
+    measure: str = MEASURES[0],
+) -> Figure:
+    """One page for the file; measure: by which movements were chosen."""
     limits = comfort or Comfort()
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.27, 11.69))
@@ -50,16 +55,25 @@ def session_page(session: Assessment, who: str = "", comfort: Comfort | None = N
         figure.text(
             0.06, 0.955, "Knee: assessment of resistance to movement", fontsize=15, color=INK
         )
-        figure.text(0.06, 0.934, who, fontsize=10, color=INK)
-        figure.text(0.06, 0.911, NOTICE, fontsize=10, color=BOUND, weight="bold")
+        figure.text(0.06, 0.934, dated(session, who), fontsize=10, color=INK)
+        notice = session.data.notice
+        figure.text(0.06, 0.911, notice, fontsize=10, color=BOUND, weight="bold")
         for i, line in enumerate([*conclusion(session), allowed(limits)]):
             figure.text(0.06, 0.881 - 0.0195 * i, line, fontsize=9.5, color=INK)
         figure.text(0.06, 0.022, MEANING, fontsize=8, color=INK)
         _bars(figure.add_subplot(grid[0, 0]), session)
         _history(figure.add_subplot(grid[0, 1]), session)
-        _map(figure.add_subplot(grid[1, :]), session, limits)
+        _map(figure.add_subplot(grid[1, :]), session, limits, measure)
         _trail(figure.add_subplot(grid[2, :]), session)
     return figure
+
+
+def dated(session: Assessment, who: str) -> str:
+    """Whose page, of when, and from which data base."""
+    began, last = (session.trail[i].time[:16].replace("T", " ") for i in (0, -1))
+    when = f"{began} to {last[-5:] if last[:10] == began[:10] else last} UTC" if began else ""
+    parts = who, when, f"data base {session.data.digest[:12]}"
+    return "   ".join(p for p in parts if p)
 
 
 def allowed(c: Comfort) -> str:
@@ -103,9 +117,9 @@ def _history(ax: Axes, session: Assessment) -> None:
     ax.legend(ncol=2, fontsize=7.5, loc="upper center", bbox_to_anchor=(0.45, -0.2))
 
 
-def _map(ax: Axes, session: Assessment, comfort: Comfort) -> None:
+def _map(ax: Axes, session: Assessment, comfort: Comfort, measure: str) -> None:
     grid = session.hypotheses.grid
-    value = informative(session, comfort)
+    value = informative(session, comfort, measure)
     shape = len(grid.angle_rad), len(grid.rate_rad_s)
     drawn = ax.pcolormesh(
         grid.angle_rad / DEG,
@@ -116,7 +130,7 @@ def _map(ax: Axes, session: Assessment, comfort: Comfort) -> None:
         shading="nearest",
         rasterized=True,
     )
-    ax.figure.colorbar(drawn, ax=ax, label="how much it would tell", pad=0.01)
+    ax.figure.colorbar(drawn, ax=ax, label=f"how much it would tell [{unit_of(measure)}]", pad=0.01)
     ax.grid(False)
     been = session.evidence.places()
     if len(been):
@@ -164,22 +178,31 @@ def _trail(ax: Axes, session: Assessment) -> None:
         ax.text(1, y, now, ha="right", **about)
 
 
-def checked_page(path: Path) -> None:
-    """Before anything is asked: a page's name."""
-    if path.suffix not in (".html", ".png", ".pdf"):
-        raise UserError(f"{path}: a page ends in .html, .png or .pdf.", "Give another name.")
+PAGES, FIGURES = (".html", ".png", ".pdf"), (".png", ".pdf", ".svg")
+
+
+def checked_name(path: Path, endings: Sequence[str] = PAGES) -> None:
+    """Before anything is asked: a page's or a figure's name."""
+    if path.suffix not in endings:
+        text = f"{', '.join(endings[:-1])} or {endings[-1]}"
+        raise UserError(f"{path}: its name must end in {text}.", "Give another name.")
 
 
 def write_session_page(
-    path: Path, session: Assessment, who: str = "", comfort: Comfort | None = None
+    path: Path,
+    session: Assessment,
+    who: str = "",
+    comfort: Comfort | None = None,
+    measure: str = MEASURES[0],
 ) -> None:
     """One page for the file: .html, .png or .pdf."""
-    checked_page(path)
+    checked_name(path)
+    page = session_page(session, who, comfort, measure)
     if path.suffix == ".html":
-        write_whole(path, session_html(session, who, comfort))
+        write_whole(path, _session_html(session, who, page))
         return
     buffer = io.BytesIO()
-    session_page(session, who, comfort).savefig(buffer, format=path.suffix[1:], dpi=150)
+    page.savefig(buffer, format=path.suffix[1:], dpi=150)
     write_whole(path, buffer.getvalue())
 
 
@@ -277,18 +300,18 @@ def loop_picture(found: Any) -> Figure:
         ax.set_ylabel("torque beyond the leg's weight [Nm]")
         ax.legend()
         ax.set_title("Passive range of motion")
-        figure.text(0.01, 0.005, NOTICE, fontsize=7, color=BOUND)
+        figure.text(0.01, 0.005, MEASURED_NOTICE, fontsize=7, color=BOUND)
     return figure
 
 
-def _render(template: str, **context: Any) -> str:
+def _render(template: str, notice: str, **context: Any) -> str:
     env = jinja2.Environment(
         loader=jinja2.FileSystemLoader(template_folder()),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
     )
-    return env.get_template(f"assess/{template}.html.j2").render(notice=NOTICE, **context)
+    return env.get_template(f"assess/{template}.html.j2").render(notice=notice, **context)
 
 
 def evaluation_page(result: Mapping[str, Any]) -> str:
@@ -312,12 +335,12 @@ def evaluation_page(result: Mapping[str, Any]) -> str:
         svg(motions_picture(result), "motions", "Movements to 95 percent, four ways"),
     ]
     title = "Knee assessment, judged on simulated patients"
-    return _render("evaluation", title=title, r=result, rows=rows, figures=figures)
+    context = {"title": title, "r": result, "rows": rows, "figures": figures}
+    return _render("evaluation", result["notice"], **context)
 
 
-def session_html(session: Assessment, who: str = "", comfort: Comfort | None = None) -> str:
-    """One assessment as a page."""
-    page = session_page(session, who, comfort)
+def _session_html(session: Assessment, who: str, page: Figure) -> str:
     figure = svg(page, "session", "Probabilities, history, map and steps")
     title = "Knee: assessment of resistance to movement"
-    return _render("session", title=title, lines=conclusion(session), figure=figure)
+    lines = [dated(session, who), *conclusion(session)]
+    return _render("session", session.data.notice, title=title, lines=lines, figure=figure)

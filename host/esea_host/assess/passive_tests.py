@@ -138,7 +138,8 @@ SLOW_rad_s = 30 * DEG  # above it a reflex may answer: the test is no passive on
 class MotionRange:
     """Figures of one test.
 
-    loop_J: work lost in a whole cycle; stiffness_Nm_rad: of the middle third, mean of both ways.
+    loop_J: work lost in a whole cycle; stiffness_Nm_rad: of the middle third, mean of both ways,
+        None where it was not passed both ways.
     bending_Nm, straightening_Nm: torque over ``angle_rad``, NaN where not passed.
     """
 
@@ -147,7 +148,7 @@ class MotionRange:
     fastest_rad_s: float
     cycles: int
     loop_J: float
-    stiffness_Nm_rad: float
+    stiffness_Nm_rad: float | None
     angle_rad: Array
     bending_Nm: Array
     straightening_Nm: Array
@@ -162,9 +163,11 @@ class MotionRange:
             f"The knee moved from {self.low_rad / DEG:.0f}° to {self.high_rad / DEG:.0f}° of "
             f"bending ({(self.high_rad - self.low_rad) / DEG:.0f}° in all), {self.cycles} times "
             "there and back.",
-            f"In the middle of its range it resists with {self.stiffness_Nm_rad * DEG:.2f} Nm per "
-            f"degree; {self.loop_J:.1f} J are lost in each cycle.",
+            f"{self.loop_J:.1f} J are lost in each cycle.",
         ]
+        if self.stiffness_Nm_rad is not None:
+            per_degree = f"{self.stiffness_Nm_rad * DEG:.2f} Nm per degree"
+            out.append(f"In the middle of its range it resists with {per_degree}.")
         if not self.slow:
             out.append(
                 f"Moved at up to {self.fastest_rad_s / DEG:.0f}°/s: too fast for a passive test "
@@ -206,7 +209,7 @@ def motion_range(recording: LegRecording, bins: int = 40) -> MotionRange:
         ways.append(np.where(count > 0, total / np.maximum(count, 1), np.nan))
     mean = 0.5 * (ways[0] + ways[1])
     third = np.isfinite(mean) & (np.abs(middle - 0.5 * (low + high)) < span / 6)
-    slope = float(np.polyfit(middle[third], mean[third], 1)[0]) if third.sum() > 2 else float("nan")
+    slope = float(np.polyfit(middle[third], mean[third], 1)[0]) if third.sum() > 2 else None
     fastest = float(np.quantile(np.abs(p.rate_rad_s), 0.99))
     return MotionRange(low, high, fastest, cycles, loop, slope, middle, ways[0], ways[1])
 

@@ -15,7 +15,7 @@ from esea_host.assess.patients import DEG, RANGE_RAD, Array
 from esea_host.assess.responses import SENSOR_ERROR_NM, Location, Passage, along
 from esea_host.assess.session import Assessment
 
-MEASURES = ("expected", "thesis")
+MEASURES = ("expected", "thesis", "inherent")
 K_MOST_PROBABLE = 5
 LEAST_PROBABILITY = 1e-3  # of a hypothesis that is planned for
 PLAN_STEP_S, PLAN_HOLD_S = 0.01, 0.3
@@ -168,18 +168,24 @@ def informative(
 ) -> Array:
     """How much a movement through each cell would tell now, shape (cells,).
 
-    NaN where no comfortable movement passes.
+    measure: ``expected`` information of all its readings; the thesis' own: ``thesis`` (contextual)
+        and ``inherent``.
+    return: NaN where no comfortable movement passes.
     """
     if measure not in MEASURES:
         raise UserError(f"measure: {measure!r}.", f"One of {', '.join(MEASURES)}.")
     h, p = session.evidence.now, session.probabilities
     likely = np.flatnonzero(p > LEAST_PROBABILITY)
     some = h.only([h.names[i] for i in likely])
-    thesis = contextual_information(session.hypotheses.mean[:-1], p[:-1])
+    means = session.hypotheses.mean[:-1]
+    spread = {
+        "thesis": contextual_information(means, p[:-1]),
+        "inherent": inherent_information(means),
+    }.get(measure)
     out = np.full(h.grid.cells, np.nan)
     for plan in plans(session.hypotheses, comfort):
-        if measure == "thesis":
-            out[plan.cell] = thesis[plan.cell]
+        if spread is not None:
+            out[plan.cell] = spread[plan.cell]
         else:
             ahead = some.readings(plan.weights, plan.error_Nm2)
             out[plan.cell] = expected_information(*ahead, p[likely])

@@ -25,6 +25,7 @@ from esea_host.assess.patients import (
 )
 
 SMOOTH_S = 0.16
+SLOWEST_S = SMOOTH_S / 4  # of a recording, from sample to sample: a local cubic needs five
 TORQUE_SMOOTH_S = 0.04  # longer, and a tremor of 5 Hz would be smoothed away and not be seen
 SENSOR_ERROR_NM = 0.0382 * 47.8  # rms over a minute of free motion, thesis chapter 8
 ERROR_STAYS_S = 1.0  # how long that error lasts, assumed
@@ -32,8 +33,17 @@ MOST_READINGS = 12  # of one movement: farther apart than a tolerance, or nothin
 STRAINED = 0.95  # of the hands' pull: beyond it a leg goes its own way, and for some time after
 AFTER_STRAIN_S = 0.5
 # A reflex answers to where the leg was this long ago (delay, and lags of the muscle).  Without it
-# one location gives other torques while speeding up than while slowing down: 15 and 27 Nm at S5.
+# one location gives other torques while speeding up than while slowing down: 20 and 26 Nm at S5.
 LATENCY_S = 0.06
+
+
+def check_body(height_m: float, mass_kg: float) -> None:
+    """Refuse a body that is none."""
+    if not (1.0 <= height_m <= 2.3 and 15 <= mass_kg <= 250):
+        raise UserError(
+            f"body: height {height_m:g} m, mass {mass_kg:g} kg.",
+            "Give 1.0 to 2.3 m and 15 to 250 kg.",
+        )
 
 
 @dataclass(frozen=True)
@@ -58,11 +68,13 @@ class LegRecording:
         for name in ("time_s", "angle_rad", "torque_Nm"):
             if not np.all(np.isfinite(getattr(self, name))):
                 raise UserError(f"recording: {name} has gaps.", "Cut the recording at its gaps.")
-        if not (1.0 <= self.height_m <= 2.3 and 15 <= self.mass_kg <= 250):
+        usual_s = float(np.median(steps))
+        if usual_s > SLOWEST_S:
             raise UserError(
-                f"recording: height {self.height_m} m, mass {self.mass_kg} kg.",
-                "Give 1.0 to 2.3 m and 15 to 250 kg.",
+                f"recording: a sample every {usual_s:.3g} s, at most {SLOWEST_S:g} s.",
+                f"Record at {1 / SLOWEST_S:.0f} Hz or more: speed is taken over {SMOOTH_S:g} s.",
             )
+        check_body(self.height_m, self.mass_kg)
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,15 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_host.assess import NOTICE
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.hypotheses import (
     NONE,
@@ -59,10 +59,16 @@ class AuditEntry:
     """One step: what was done, why, and the probabilities after it."""
 
     number: int
+    time: str
     what: str
     details: Mapping[str, Any]
     probabilities: Mapping[str, float]
     digest: str
+
+
+def utc_now() -> str:
+    """Time of a step, to the second."""
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def assessed_hypotheses(
@@ -90,6 +96,7 @@ def assessed_hypotheses(
 class _Before:
     """What a step that is taken back leaves as it was."""
 
+    what: str
     log_prior: Array
     read: bool
     left_out: Location | None
@@ -109,6 +116,10 @@ class Assessment:
         Whether pairs of disorders are categories too.
     prior : mapping of str to float, optional
         Probabilities to begin with; equal by default.
+    hypotheses : Hypotheses, optional
+        As made of the data base before.
+    clock : callable
+        Gives the time of a step, for the trail.
     """
 
     def __init__(
@@ -118,8 +129,9 @@ class Assessment:
         mixed: bool = False,
         prior: Mapping[str, float] | None = None,
         hypotheses: Hypotheses | None = None,
+        clock: Callable[[], str] = utc_now,
     ) -> None:
-        self.data = data
+        self.data, self._clock = data, clock
         self.hypotheses = hypotheses or assessed_hypotheses(data, kind, mixed)
         self.names = self.hypotheses.names
         self.evidence = Evidence(self.hypotheses)
@@ -132,7 +144,8 @@ class Assessment:
         self.avoided: set[Location] = set()
         self.probabilities = normalised(self._log_prior)
         self._shown.append(self.probabilities)
-        self._note("begin", {"data": data.provenance.get("digest", ""), "summary": kind})
+        about = {"summary": kind, "mixed": mixed, "log_odds_of_none": fit["none_log_odds"]}
+        self._note("begin", {"database": data.digest, **about})
         if prior is not None:
             self.override(prior, "to begin with")
 
@@ -153,16 +166,21 @@ class Assessment:
     def _note(self, what: str, details: Mapping[str, Any]) -> None:
         before = self.trail[-1].digest if self.trail else ""
         said = {k: round(v, 6) for k, v in self.by_name().items()}
-        body = json.dumps([before, what, dict(details), said], sort_keys=True)
-        digest = hashlib.sha256(body.encode()).hexdigest()
-        self.trail.append(AuditEntry(len(self.trail), what, dict(details), said, digest))
+        time = self._clock()
+        digest = _chained(before, time, what, details, said)
+        self.trail.append(AuditEntry(len(self.trail), time, what, dict(details), said, digest))
 
     def _settle(self) -> None:
         self.probabilities = normalised(self._log_prior + self.evidence.log_likelihood())
 
-    def _step(self, read: bool = False, left_out: Location | None = None) -> None:
+    def _step(self, what: str, read: bool = False, left_out: Location | None = None) -> None:
         # Every step that a person makes can be taken back, whatever it gave.
-        self._undo.append(_Before(self._log_prior.copy(), read, left_out, len(self._shown)))
+        self._undo.append(_Before(what, self._log_prior.copy(), read, left_out, len(self._shown)))
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether probabilities that the clinician set still stand."""
+        return any(step.what == "clinician" for step in self._undo)
 
     def observe(self, where: Location, response_Nm: float, spread_Nm: float = 0.0) -> bool:
         """One location of one movement, measured; False where the map does not reach."""
@@ -177,7 +195,7 @@ class Assessment:
         return self._taken(taken, "measured", where, about)
 
     def _taken(self, taken: bool, what: str, where: Location, about: Mapping[str, Any]) -> bool:
-        self._step(read=taken)
+        self._step(what, read=taken)
         if not taken:
             self._note("outside the map", {"location": where.text()})
             return False
@@ -206,19 +224,19 @@ class Assessment:
         if self.trail[-1].what in ("measured", "outside the map"):  # the same movement: one step
             self._undo[-1] = replace(self._undo[-1], left_out=where)
         else:
-            self._step(left_out=where)
+            self._step("missed", left_out=where)
         self.avoided.add(where)
         self._note("missed", {"location": where.text()})
 
     def leave_out(self, where: Location) -> None:
         """A location that is not to be passed, as the clinician wishes."""
-        self._step(left_out=where)
+        self._step("left out", left_out=where)
         self.avoided.add(where)
         self._note("left out", {"location": where.text()})
 
     def skip(self, why: str = "") -> None:
         """A movement without a result."""
-        self._step()
+        self._step("skipped")
         self._note("skipped", {"why": why})
 
     def override(self, probabilities: Mapping[str, float], why: str) -> None:
@@ -243,7 +261,7 @@ class Assessment:
         for i, n in enumerate(self.names):
             if n in probabilities:
                 target[i] = probabilities[n]
-        self._step()
+        self._step("clinician")
         # A category at 0 may come back if the clinician says so: kept finite.
         self._log_prior = np.log(np.maximum(target, 1e-12)) - self.evidence.log_likelihood()
         self._settle()
@@ -301,7 +319,9 @@ class Assessment:
     def to_dict(self) -> dict[str, Any]:
         """All of it, for a file."""
         return {
-            "notice": NOTICE,
+            "notice": self.data.notice,
+            "database": {**self.data.provenance, "digest": self.data.digest},
+            "calibration": dict(self.data.calibration or {}),
             "probabilities": self.by_name(),
             "severity": self.severity(),
             "settled": self.settled,
@@ -323,13 +343,19 @@ def take(session: Assessment, passed: Passage, wanted: Location) -> bool:
     return False
 
 
+def _chained(
+    before: str, time: str, what: str, details: Mapping[str, Any], said: Mapping[str, float]
+) -> str:
+    body = json.dumps([before, time, what, dict(details), said], sort_keys=True)
+    return hashlib.sha256(body.encode()).hexdigest()
+
+
 def trail_is_whole(trail: Sequence[Mapping[str, Any]]) -> bool:
     """Whether no entry of a saved trail was changed, dropped from within, or moved."""
     before = ""
     for entry in trail:
         said = dict(entry["probabilities"])
-        body = json.dumps([before, entry["what"], dict(entry["details"]), said], sort_keys=True)
-        before = hashlib.sha256(body.encode()).hexdigest()
+        before = _chained(before, entry["time"], entry["what"], entry["details"], said)
         if before != entry["digest"]:
             return False
     return True

@@ -1,31 +1,34 @@
 """Virtual clinics: simulated patients moved by simulated hands, read by the sensor's own C.
 
-The coupling twists as the exact inverse of the model says (its play is crossed at once), both
-encoders count whole steps, and the device's C makes a torque of that.  How far the model is from a
+The twin renders the passive sensor: its cuff, the coupling with its dead zone, both encoders with
+their counts and noise, and the device's C that makes a torque of that.  How far the model is from a
 real coupling comes on top: 3.82 % of full scale, as published for one minute of free motion.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.hostlib.runner import CRunner
-from esea_gen.model.inverse import exact_inverse, inverse_system
-from esea_host.assess.knee import STEP_S, Knees, sweep
+from esea_gen.twin.passive import PassiveTwin
 from esea_host.assess.patients import (
     CATEGORIES,
     OUTSIDE_KINDS,
+    STEP_S,
     Array,
     KneePatient,
+    Knees,
     draw,
     draw_outside,
+    nominal,
+    sweep,
 )
 from esea_host.assess.probing import ProbingMovement
 from esea_host.assess.responses import (
@@ -35,49 +38,35 @@ from esea_host.assess.responses import (
     Passage,
     passage,
 )
+from esea_host.study.scene import Scene
+from esea_host.study.task import Actor, Inputs
 
 
 class KneeSensor:
-    """The passive knee sensor, compiled once; encoders start anywhere in a step."""
+    """The passive knee sensor in the twin, and how far a real coupling is from its model."""
 
     def __init__(self, device: Device) -> None:
-        self.device = device
-        block = exact_inverse(device)
-        self._coupling: CRunner = compile_system(inverse_system(device, block), "f64").block(
-            block.name
-        )
-        self._sense: CRunner = compile_device(device, "f32").task("sense")
-        self.rate_Hz = 1.0 / device.period_s
-        self.count_rad = 2 * np.pi / 2**device.file.encoder.resolution_bits.value
+        self.twin = PassiveTwin(device)
         self.error_Nm = SENSOR_ERROR_NM
 
-    def read(self, time_s: Array, torque_Nm: Array, angle_rad: Array, seed: list[int]) -> Array:
-        """Torque as read, at the times given.
+    def read(
+        self, time_s: Array, torque_Nm: Array, angle_rad: Array, seed: list[int]
+    ) -> tuple[Array, Array]:
+        """Torque and angle as read, at the times given.
 
-        torque_Nm, angle_rad: true torque through the coupling and angle of the joint.
+        torque_Nm: of the hands; angle_rad: of the joint.
         """
         rng = np.random.default_rng(seed)
-        t = np.arange(time_s[0], time_s[-1], self.device.period_s)
-        error = self._error(len(t), rng)
-        self._coupling.reset()
-        twist, _ = self._coupling.run(
-            {"tau_Nm": np.interp(t, time_s, torque_Nm) + error}, trace=False
+        h = float(time_s[1] - time_s[0])
+        keep = float(np.exp(-h / ERROR_STAYS_S))
+        new = rng.normal(0, self.error_Nm * np.sqrt(1 - keep**2), len(time_s))
+        start = [keep * rng.normal(0, self.error_Nm)]
+        error = lfilter([1.0], [1.0, -keep], new, zi=start)[0]
+        run = self.twin.run(time_s, torque_Nm + error, angle_rad, rng)
+        return (
+            np.interp(time_s, run.time_s, run.tau_Nm),
+            np.interp(time_s, run.time_s, run.theta_l_rad),
         )
-        load = np.interp(t, time_s, angle_rad) + rng.uniform(0, 2 * np.pi)
-        # Zeroed when put on: only the change counts.
-        motor = load + twist["theta_rad"] + rng.uniform(0, self.count_rad)
-        counts = np.floor(motor / self.count_rad) - np.floor(load / self.count_rad)
-        self._sense.reset()
-        out, _ = self._sense.run({"theta_rad": counts * self.count_rad}, trace=False)
-        return np.interp(time_s, t, np.asarray(out["tau_Nm"], dtype=np.float64))
-
-    def _error(self, steps: int, rng: np.random.Generator) -> Array:
-        from scipy.signal import lfilter
-
-        keep = float(np.exp(-self.device.period_s / ERROR_STAYS_S))
-        start = rng.normal(0, self.error_Nm)
-        new = rng.normal(0, self.error_Nm * np.sqrt(1 - keep**2), steps)
-        return np.asarray(lfilter([1.0], [1.0, -keep], new, zi=[keep * start])[0])
 
 
 @cache
@@ -100,9 +89,7 @@ def _read(
     for i, p in enumerate(knees.patients):
         known = np.isfinite(angle[:, i])
         t, a, tau = time_s[known], angle[known, i], torque[known, i]
-        read = sensor.read(t, tau, a, [*seeds[i], 1])
-        # The joint's own encoder is as coarse as the coupling's.
-        seen = np.round(a / sensor.count_rad) * sensor.count_rad
+        read, seen = sensor.read(t, tau, a, [*seeds[i], 1])
         out.append(passage(LegRecording(t, seen, read, p.height_m, p.mass_kg)))
     return out
 
@@ -186,10 +173,83 @@ def _severities(name: str) -> tuple[float, float]:
             what, level = part[:1], float(part[1:])
         except ValueError:
             what, level = "", 0.0
-        if what not in levels or not 0 < level <= 5:
+        if levels.get(what) != 0 or not 0 < level <= 5:  # each once
             raise UserError(
                 f"simulated patient {name!r}.",
                 f"S1 to S5, D1 to D5, two such as S2+D4, {', '.join(OUTSIDE_KINDS)}, or any.",
             )
         levels[what] = level
     return levels["S"], levels["D"]
+
+
+# -- for the tasks of the study engine: a leg that is moved beforehand, then played ---------------
+
+SAMPLE_S = 0.01
+
+
+class PlayedLeg(Actor):
+    """Samples of time, angle and torque, one after the other; then at rest where they ended."""
+
+    def __init__(self, samples: Array) -> None:
+        self._samples, self._next = samples, 0
+
+    def react(self, scene: Scene, requests: Any) -> tuple[float, Inputs]:
+        """The next one, whatever is shown."""
+        k = min(self._next, len(self._samples) - 1)
+        late_s = (self._next - k) * SAMPLE_S
+        self._next += 1
+        t, angle, torque = (float(x) for x in self._samples[k])
+        return t + late_s, {"angle_rad": angle, "torque_Nm": torque}
+
+
+def _patient(given: Any) -> KneePatient:
+    size = given.height_m, given.mass_kg
+    if given.simulated not in CATEGORIES:
+        return patient_named(given.simulated, size)
+    # The one in the middle: whom a protocol names is nobody in particular.
+    return dataclasses.replace(nominal(given.simulated), height_m=size[0], mass_kg=size[1])
+
+
+def _seed(rng: np.random.Generator) -> list[int]:
+    return [int(rng.integers(2**31))]
+
+
+def _sampled(time_s: Array, angle: Array, torque: Array, seed: list[int]) -> Array:
+    read, seen = knee_sensor().read(time_s, torque, angle, [*seed, 1])
+    every = round(SAMPLE_S / STEP_S)
+    return np.stack([time_s, seen, read], axis=1)[::every]
+
+
+def probing_actor(
+    given: Any, move: ProbingMovement, still_s: float, after_s: float, rng: np.random.Generator
+) -> Actor:
+    """Held still while the movement is shown, then moved by hands."""
+    seed = _seed(rng)
+    t, angle, torque = moved_by_hands(_patient(given), move, HOLD_S, after_s, seed)
+    moved = _sampled(t, angle, torque, seed)
+    before = np.repeat(moved[:1], round((still_s - HOLD_S) / SAMPLE_S), axis=0)
+    both = np.concatenate([before, moved])
+    both[:, 0] = np.arange(len(both)) * SAMPLE_S
+    return PlayedLeg(both)
+
+
+def falling_actor(given: Any, seconds: float, rng: np.random.Generator) -> Actor:
+    """Let go from a straight knee."""
+    seed = _seed(rng)
+    m = Knees([_patient(given)]).release(0.0, seconds, [seed])
+    angle = m.angle_rad[:, 0]
+    return PlayedLeg(_sampled(m.time_s, angle, 0 * angle, seed))
+
+
+def following_actor(
+    given: Any,
+    path: Callable[[Array], tuple[Array, Array]],
+    seconds: float,
+    rng: np.random.Generator,
+) -> Actor:
+    """Hands that follow a path of angle and rate over time."""
+    seed = _seed(rng)
+    t = np.asarray(np.arange(round(seconds / STEP_S)) * STEP_S, dtype=np.float64)
+    angle, rate = path(t)
+    m = Knees([_patient(given)]).move(angle[:, None], rate[:, None], [seed])
+    return PlayedLeg(_sampled(m.time_s, m.angle_rad[:, 0], m.torque_Nm[:, 0], seed))

@@ -17,11 +17,12 @@ import numpy as np
 from pydantic import Field
 
 from esea_gen.errors import UserError
+from esea_host.assess import Measure, Summary
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.hypotheses import Hypotheses
 from esea_host.assess.passive_tests import motion_range, pendulum_test
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, Array
-from esea_host.assess.probing import Comfort, ProbingMovement, next_movement
+from esea_host.assess.probing import Comfort, ProbingMovement, informative, next_movement
 from esea_host.assess.responses import (
     LegRecording,
     Location,
@@ -135,20 +136,22 @@ class ProbeParameters(KneeParameters):
 
     database: str = Field("", description="data base file; none: of the simulated knee")
     mixed: bool = Field(False, description="two disorders at once, too")
+    summary: Summary = Field("people", description="of the data base")
+    measure: Measure = Field("expected", description="by which movements are chosen")
 
 
 @lru_cache(maxsize=4)
-def _known(path: str, mixed: bool) -> tuple[ResponseDataBase, Hypotheses]:
+def _known(path: str, summary: str, mixed: bool) -> tuple[ResponseDataBase, Hypotheses]:
     from esea_host.assess.build import cached  # what simulates takes seconds to load
 
     data = ResponseDataBase.load(Path(path)) if path else cached()
-    return data, assessed_hypotheses(data, mixed=mixed)
+    return data, assessed_hypotheses(data, summary, mixed)
 
 
 def assessment_of(parameters: Any, rows: Sequence[Row]) -> Assessment:
     """What is known after the probing movements among a participant's rows."""
-    data, hypotheses = _known(parameters.database, parameters.mixed)
-    session = Assessment(data, hypotheses=hypotheses)
+    data, hypotheses = _known(parameters.database, parameters.summary, parameters.mixed)
+    session = Assessment(data, hypotheses=hypotheses, clock=str)  # a step knows no clock
     for row in rows:
         if row["task"] == ProbeTask.name:
             _take_row(session, row)
@@ -192,8 +195,10 @@ class ProbeTask(_KneeTask):
     def begin(self, situation: Situation) -> KneeState:
         """With the movement that tells most after all before."""
         state = super().begin(situation)
-        session = assessment_of(state.parameters, state.past)
-        return replace(state, movement=next_movement(session, state.parameters.comfort()))
+        given = state.parameters
+        session = assessment_of(given, state.past)
+        value = informative(session, given.comfort(), given.measure)
+        return replace(state, movement=next_movement(session, given.comfort(), value))
 
     def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
         """Show, follow, judge."""
@@ -239,7 +244,7 @@ class ProbeTask(_KneeTask):
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         """The leg of a simulated patient, and hands that follow what is shown."""
-        from esea_host.assess.actors import probing_actor
+        from esea_host.assess.simulated import probing_actor
 
         state = self.begin(situation)
         assert state.movement is not None
@@ -302,7 +307,7 @@ class PendulumTask(_KneeTask):
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         """The leg of a simulated patient that falls."""
-        from esea_host.assess.actors import falling_actor
+        from esea_host.assess.simulated import falling_actor
 
         return falling_actor(situation.parameters, situation.parameters.seconds + 0.5, rng)
 
@@ -348,19 +353,14 @@ class RangeTask(_KneeTask):
         except UserError as error:
             return TaskStep(state, scene, outcome=TrialOutcome(None, str(error)))
         row = {c.name: getattr(found, c.name) for c in self.columns}
-        row["stiffness_Nm_rad"] = _number(found.stiffness_Nm_rad)
         return TaskStep(state, scene, outcome=TrialOutcome(row))
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         """The leg of a simulated patient, and hands that follow slowly."""
-        from esea_host.assess.actors import following_actor
+        from esea_host.assess.simulated import following_actor
 
         given = situation.parameters
         return following_actor(given, lambda t: _slow(given, t), given.seconds + 0.5, rng)
-
-
-def _number(x: float) -> float | None:
-    return x if np.isfinite(x) else None
 
 
 def _slow(given: Any, time_s: Array) -> tuple[Array, Array]:

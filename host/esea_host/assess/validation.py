@@ -15,30 +15,28 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from esea_gen.errors import UserError
-from esea_host.assess.knee import Knees
 from esea_host.assess.passive_tests import pendulum_test
 from esea_host.assess.patients import (
     DEG,
     DISORDERS,
+    RANGE_RAD,
     RELAXED,
     SEVERITIES,
     Array,
     KneePatient,
+    Knees,
     afflicted,
+    nominal,
+    stretched,
 )
 
 ELBOW_RATE_rad_s = 90 * DEG  # the file does not say; in the middle of the paper's 15 to 150 deg/s
 RATES_deg_s = (60, 90, 120, 150)  # at which it might have been
 FINE_S = 1e-3
-
-
-def nominal(category: str) -> KneePatient:
-    """The patient in the middle of a category."""
-    if category == RELAXED:
-        return KneePatient(RELAXED)
-    level = float(category[1:])
-    s, d = (level, 0.0) if category[0] == "S" else (0.0, level)
-    return afflicted(KneePatient(category), s, d)
+DELAYS_S = (0.015, 0.03, 0.06)  # that a reflex might have
+# Flexors are stretched from a bent elbow to a straight one, over as much of their range as a knee's
+# extensors are from a straight knee to a bent one: angles are compared as shares of the range.
+ELBOW_RAD = (35 * DEG, 180 * DEG)  # assumed
 
 
 def pendulum_table() -> list[dict[str, Any]]:
@@ -55,6 +53,7 @@ def pendulum_table() -> list[dict[str, Any]]:
                 "relaxation_index": r.relaxation_index,
                 "first_swing_deg": r.first_swing_rad / DEG,
                 "rest_deg": r.rest_rad / DEG,
+                "swings": r.swings,
                 "damping_ratio": r.damping_ratio,
                 "frequency_Hz": r.frequency_Hz,
                 "fastest_deg_s": r.peak_rate_rad_s / DEG,
@@ -69,16 +68,21 @@ def ramp_torque(
     threshold_rad: float,
     stiffness_Nm_rad: float,
     most_Nm: float,
+    lag_s: float | None = None,
 ) -> Array:
-    """Reflex torque of the model at angles of a stretch of constant speed, with delay and lags."""
+    """Reflex torque of the model at angles of a stretch of constant speed, with delay and lags.
+
+    lag_s: each of the two lags; None: the knee's.
+    """
     p = KneePatient("")
     t = np.arange(0, (float(angle_rad[-1]) - float(angle_rad[0])) / rate_rad_s + 0.3, FINE_S)
     angle = float(angle_rad[0]) + rate_rad_s * (t - p.delay_s)
     drive = most_Nm * -np.expm1(-stiffness_Nm_rad * np.maximum(angle - threshold_rad, 0) / most_Nm)
-    lag = -math.expm1(-FINE_S / p.activation_s)
+    lag = -math.expm1(-FINE_S / (lag_s or p.activation_s))
     torque = drive
     for _ in range(2):
         torque = lfilter([lag], [1, lag - 1], torque)
+    torque = torque * stretched(np.asarray(rate_rad_s))
     return np.asarray(np.interp(angle_rad, float(angle_rad[0]) + rate_rad_s * t, torque))
 
 
@@ -91,15 +95,30 @@ def knee_stiffness(rate_rad_s: float) -> dict[int, float]:
     }
 
 
-def _fitted(angle: Array, torque: Array, rate_rad_s: float) -> tuple[float, float, float, float]:
-    # Threshold, stiffness, most torque and error of the model fitted at a speed of stretch.
+def _fitted(angle: Array, torque: Array, rate_rad_s: float, *, lag: bool = False) -> Array:
+    """Threshold, stiffness, most torque, and where asked for each lag; then the rms error."""
+
     def residual(v: Array) -> Array:
         return np.asarray(ramp_torque(angle, rate_rad_s, *v) - torque)
 
-    start, ends = [85 * DEG, 15.0, 8.0], ([0.5, 0.5, 3], [3, 500, 60])
-    found = least_squares(residual, start, x_scale=[0.2, 10, 5], bounds=ends)
-    threshold, stiffness, most = (float(v) for v in found.x)
-    return threshold, stiffness, most, float(np.sqrt(np.mean(found.fun**2)))
+    n = 4 if lag else 3
+    start, scale = [85 * DEG, 15.0, 8.0, 0.02][:n], [0.2, 10, 5, 0.02][:n]
+    ends = [0.5, 0.5, 3, 2 * FINE_S][:n], [3, 500, 60, 0.2][:n]
+    found = least_squares(residual, start, x_scale=scale, bounds=ends)
+    return np.append(found.x, np.sqrt(np.mean(found.fun**2)))
+
+
+def _on_knee(elbow_rad: float) -> float:
+    """A knee bent by as much of its range as an elbow has been straightened of its."""
+    return RANGE_RAD * (elbow_rad - ELBOW_RAD[0]) / (ELBOW_RAD[1] - ELBOW_RAD[0])
+
+
+def _knee_thresholds(rate_rad_s: float) -> dict[int, float]:
+    # Of the knee's extensors at a speed of stretch, in degrees, of the middle patients.
+    people = {s: afflicted(KneePatient(""), s, 0) for s in SEVERITIES}
+    return {
+        s: (p.threshold_rad[0] - p.threshold_rate_s * rate_rad_s) / DEG for s, p in people.items()
+    }
 
 
 def against_elbow(folder: Path) -> dict[str, Any]:
@@ -119,11 +138,12 @@ def against_elbow(folder: Path) -> dict[str, Any]:
     rising = spastic[: int(np.argmax(spastic[:, 1])) + 1]
     x, y = rising[:, 0] * DEG, rising[:, 1]
 
-    threshold, stiffness, most, rms_Nm = _fitted(x, y, ELBOW_RATE_rad_s)
-    scale = KneePatient("").reflex_max_Nm[0] / float(y.max())
+    threshold, stiffness, most, rms_Nm = (float(v) for v in _fitted(x, y, ELBOW_RATE_rad_s))
+    strongest = KneePatient("").reflex_max_Nm[0] * float(stretched(np.asarray(ELBOW_RATE_rad_s)))
+    scale = strongest / float(y.max())
     softer = {}
     for rate in RATES_deg_s:
-        elbow = scale * _fitted(x, y, rate * DEG)[1]
+        elbow = scale * float(_fitted(x, y, rate * DEG)[1])
         softer[rate] = {s: elbow / k if k else None for s, k in knee_stiffness(rate * DEG).items()}
     still = {n: float(np.abs(d[:, 2]).max()) for n, d in healthy.items()}
     rms = {n: float(np.sqrt(np.mean(d[:, 2] ** 2))) for n, d in healthy.items()}
@@ -133,6 +153,15 @@ def against_elbow(folder: Path) -> dict[str, Any]:
         "peak_Nm": float(y.max()),
         "threshold_deg": threshold / DEG,
         "onset_deg": float(np.interp(0.05 * y.max(), y, x)) / DEG,
+        "threshold_scaled_deg": _on_knee(threshold) / DEG,
+        "knee_threshold_deg": _knee_thresholds(ELBOW_RATE_rad_s),
+        # One reflex may come later and be called forth earlier: the curve is the same.
+        "threshold_scaled_by_delay_ms": {
+            round(1e3 * d): _on_knee(threshold - (d - KneePatient("").delay_s) * ELBOW_RATE_rad_s)
+            / DEG
+            for d in DELAYS_S
+        },
+        "lag_ms": {v: 1e3 * float(_fitted(x, y, v * DEG, lag=True)[3]) for v in RATES_deg_s},
         "stiffness_Nm_deg": stiffness * DEG,
         "most_Nm": most,
         "scale_to_knee": scale,
@@ -146,32 +175,39 @@ def against_elbow(folder: Path) -> dict[str, Any]:
 
 def table(found: dict[str, Any]) -> list[str]:
     """As lines of text."""
-    out = ["pendulum   index  first swing  rest  damping  1/s"]
+    out = ["pendulum   index  first swing  rest  swings  damping  1/s"]
     for r in found["pendulum"]:
         damping = "-" if r["damping_ratio"] is None else f"{r['damping_ratio']:.2f}"
         frequency = "-" if r["frequency_Hz"] is None else f"{r['frequency_Hz']:.2f}"
         out.append(
             f"{r['category']:<9} {r['relaxation_index']:6.2f} {r['first_swing_deg']:10.0f}°"
-            f" {r['rest_deg']:5.0f}° {damping:>8} {frequency:>5}"
+            f" {r['rest_deg']:5.0f}° {r['swings']:7} {damping:>8} {frequency:>5}"
         )
-    elbow = found.get("elbow")
-    if elbow:
-        out += [
-            f"elbow: model within {elbow['rms_error_Nm']:.2f} Nm rms of {elbow['peak_Nm']:.1f} Nm "
-            f"(at an assumed {elbow['assumed_rate_deg_s']:.0f} deg/s)",
-            f"  threshold {elbow['threshold_deg']:.0f} deg, stiffness "
-            f"{elbow['stiffness_Nm_deg']:.2f} Nm/deg, most {elbow['most_Nm']:.1f} Nm",
-            f"  scaled to the knee {elbow['stiffness_scaled_Nm_rad']:.0f} Nm/rad; the simulated "
-            "severities have "
-            + ", ".join(f"{v:.0f}" for v in elbow["knee_stiffness_Nm_rad"].values()),
-            "  softer than that by a factor of "
-            + "; ".join(
-                f"{by[5]:.1f} to {by[2]:.1f} at {rate}°/s"
-                for rate, by in elbow["softer_than_elbow"].items()
-                if by[2] and by[5]
-            )
-            + " (S5 to S2)",
-            f"  healthy elbows: at most {elbow['healthy_largest_Nm']:.2f} Nm at any speed; "
-            "the model has no reflex there",
-        ]
+    return out + (_elbow_table(found["elbow"]) if "elbow" in found else [])
+
+
+def _elbow_table(e: dict[str, Any]) -> list[str]:
+    def each(form: str, of: dict[Any, Any]) -> str:
+        return ", ".join(form.format(k, v) for k, v in of.items())
+
+    own = each("S{}: {:.0f}°", e["knee_threshold_deg"])
+    softer = {k: (v[5], v[2]) for k, v in e["softer_than_elbow"].items() if v[2] and v[5]}
+    out = [
+        f"elbow: model within {e['rms_error_Nm']:.2f} Nm rms of {e['peak_Nm']:.1f} Nm "
+        f"(at an assumed {e['assumed_rate_deg_s']:.0f}°/s)",
+        f"  threshold {e['threshold_deg']:.0f}°, first torque at {e['onset_deg']:.0f}°; "
+        f"as a share of the range {e['threshold_scaled_deg']:.0f}° of the knee ({own})",
+        "  the same with another delay: "
+        + each("at {} ms {:.1f}°", e["threshold_scaled_by_delay_ms"]),
+        f"  each of two lags, from how it sets in: {each('at {}°/s {:.0f} ms', e['lag_ms'])}; "
+        f"the model's {1e3 * KneePatient('').activation_s:.0f} ms",
+        f"  stiffness {e['stiffness_Nm_deg']:.2f} Nm per degree, at most {e['most_Nm']:.1f} Nm; "
+        f"scaled to the knee {e['stiffness_scaled_Nm_rad']:.0f} Nm/rad "
+        f"({each('S{}: {:.0f}', e['knee_stiffness_Nm_rad'])})",
+        "  softer than that, S5 to S2, by a factor of "
+        + "; ".join(f"{a:.1f} to {b:.1f} at {rate}°/s" for rate, (a, b) in softer.items()),
+    ]
+    if e["healthy_largest_Nm"] is not None:
+        most = f"{e['healthy_largest_Nm']:.2f} Nm"
+        out.append(f"  healthy elbows: at most {most} at any speed; the model has no reflex there")
     return out

@@ -1,56 +1,78 @@
-"""From a sample's arrival to its picture: the live view on a board in a process of its own."""
+"""The live view: from a sample's arrival to its picture, and its memory over hours."""
 
 from __future__ import annotations
 
 import os
 import time
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+
+from esea_host.connection import Batch, open_device
+from esea_host.simulated import LockstepDevice, SimulatedBoard
+
+PIECE_ROWS = 50  # of a stream that runs at every tick
+PICTURE_S, MINUTE_S, WARM_S = 0.5, 60.0, 600.0  # of the board's time
+
+
+def memory_bytes() -> int:
+    """What this process holds of the computer's memory."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def application() -> Any:
+    """Qt, without a screen unless there is one."""
+    os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+    from PySide6.QtWidgets import QApplication
+
+    return QApplication.instance() or QApplication([])
 
 
 def plot_latency(seconds: float, address: str = "sim:elbow_drive") -> dict[str, float]:
     """How old samples are when the live view has painted them, in real time, without a screen.
 
     Every sample counts from when its bytes came to the end of the first painting that shows it.
+    The board is in a process of its own.
     """
-    os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+    qt = application()
     from PySide6.QtCore import QTimer
-    from PySide6.QtWidgets import QApplication
 
-    from esea_host.connection import open_device
     from esea_host.windows.feed import LiveFeed
     from esea_host.windows.live import LiveWindow
 
-    application = QApplication.instance() or QApplication([])
     found_s: list[float] = []
     took_s: list[float] = []
     with open_device(address) as device:
         feed = LiveFeed(device)
         queue = device.subscribe(["sense_out"])
-        window = LiveWindow(feed)
+        waiting: list[tuple[float, int]] = []  # last board time of a batch, and its arrival
+        start_s = time.monotonic()
+
+        class TimedWindow(LiveWindow):
+            def draw(self) -> None:
+                begun_s = time.perf_counter()
+                shown = feed.rings["sense_out"].last(1).time_s
+                super().draw()
+                self._area.viewport().repaint()
+                now_ns = time.time_ns()
+                took_s.append(time.perf_counter() - begun_s)
+                for batch in queue.take(0.0):
+                    for ns in batch.board_ns.tolist():
+                        waiting.append((ns * 1e-9, batch.arrived_ns))
+                while waiting and len(shown) and waiting[0][0] <= shown[0]:
+                    arrived_ns = waiting.pop(0)[1]
+                    if time.monotonic() - start_s > 1.0:  # what is made once is made
+                        found_s.append((now_ns - arrived_ns) * 1e-9)
+
+        window = TimedWindow(feed)
         window.resize(1280, 860)
         window.show()
-        waiting: list[tuple[float, int]] = []  # last board time of a batch, and its arrival
-        draw, start_s = window.draw, time.monotonic()
-
-        def drawn() -> None:
-            begun_s = time.perf_counter()
-            shown = feed.rings["sense_out"].last(1).time_s
-            draw()
-            window._area.viewport().repaint()
-            now_ns = time.time_ns()
-            took_s.append(time.perf_counter() - begun_s)
-            for batch in queue.take(0.0):
-                for ns in batch.board_ns.tolist():
-                    waiting.append((ns * 1e-9, batch.arrived_ns))
-            while waiting and len(shown) and waiting[0][0] <= shown[0]:
-                arrived_ns = waiting.pop(0)[1]
-                if time.monotonic() - start_s > 1.0:  # what is made once is made
-                    found_s.append((now_ns - arrived_ns) * 1e-9)
-
-        window.draw = drawn  # type: ignore[method-assign]
-        QTimer.singleShot(int((seconds + 1) * 1000), application.quit)
-        application.exec()
+        used_s = time.process_time()
+        QTimer.singleShot(int((seconds + 1) * 1000), qt.quit)
+        qt.exec()
+        used_s = time.process_time() - used_s
         frames, gaps = window.drawn_frames, device.receiver.gap_count
         window.close()
         feed.close()
@@ -61,5 +83,84 @@ def plot_latency(seconds: float, address: str = "sim:elbow_drive") -> dict[str, 
         "p99_ms": float(p99) * 1e3,
         "pictures_per_s": frames / (seconds + 1),
         "painting_p50_ms": float(np.median(took_s)) * 1e3,
+        "processor_share": used_s / (seconds + 1),
+        "load": os.getloadavg()[0],
         "gaps": gaps,
+    }
+
+
+def _pieces(drive: SimulatedBoard) -> tuple[LockstepDevice, dict[str, Batch]]:
+    # Some milliseconds of every stream, as they came.
+    drive.restart()
+    device = LockstepDevice(drive)
+    queue = device.subscribe()
+    device.listen()
+    device.advance(0.2)
+    queue.take(0.0)
+    device.advance(PIECE_ROWS * 1e-3)
+    found: dict[str, Batch] = {}
+    for batch in queue.take(0.0):
+        found.setdefault(batch.layout.name, batch)
+    device.receiver.unsubscribe(queue)
+    return device, found
+
+
+def window_soak(
+    drive: SimulatedBoard, hours: float, warm_s: float = WARM_S, picture_s: float = PICTURE_S
+) -> dict[str, float]:
+    """The memory of the live view, every stream of the board in it, hours of its time in minutes.
+
+    Rows come as the receiver hands them out, at the board's own rates.
+
+    warm_s: of the board's time, until the memory is looked at, once a minute from then on.
+    picture_s: of the board's time, from one picture to the next.
+    """
+    qt = application()
+    from esea_host.windows.feed import LiveFeed
+    from esea_host.windows.live import LiveWindow
+
+    device, pieces = _pieces(drive)
+    feed = LiveFeed(device, threaded=False)
+    window = LiveWindow(feed)
+    window._timer.stop()
+    window.toggle_spectrum()
+    window.resize(1280, 860)
+    window.show()
+    counts = {n: len(b.rows) for n, b in pieces.items() if n in feed.rings}
+    piece_s, rows, painted_s = PIECE_ROWS * 1e-3, 0, 0.0
+    told: list[tuple[float, int]] = []
+    for k in range(round(hours * 3600 / piece_s)):
+        for name in counts:
+            batch = pieces[name]
+            moved = batch.rows.copy()
+            moved["sequence"] += np.uint32(k * PIECE_ROWS)
+            board_ns = batch.board_ns + k * PIECE_ROWS * device.identity.tick_us * 1000
+            for subscription in device.receiver._subscriptions:
+                subscription.put(Batch(batch.layout, moved, board_ns, time.time_ns()))
+            rows += len(moved)
+        feed.gather()
+        at_s = (k + 1) * piece_s
+        if at_s - painted_s >= picture_s:
+            painted_s = at_s
+            feed.ask()
+            window.draw()
+            for area in (window._area, window._loop_area):
+                area.viewport().repaint()
+            qt.processEvents()
+        if at_s >= warm_s + MINUTE_S * len(told):
+            told.append((at_s / 3600, memory_bytes()))
+    pictures = window.drawn_frames
+    window.close()
+    feed.close()
+    at_h, held = np.array(told or [(0.0, memory_bytes())]).T
+    slope = float(np.polyfit(at_h, held, 1)[0]) if len(told) > 2 else float("nan")
+    return {
+        "hours": hours,
+        "columns": sum(c.size for n in counts for c in pieces[n].layout.columns),
+        "rows": rows,
+        "pictures": pictures,
+        "dropped_rows": feed.dropped_rows,
+        "memory_after_warm_up_bytes": float(held[0]),
+        "memory_growth_bytes": float(held[-1] - held[0]),
+        "memory_slope_bytes_per_hour": slope,
     }

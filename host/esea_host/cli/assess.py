@@ -11,7 +11,7 @@ import typer
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
-from esea_host.assess import MEASURED_NOTICE, NOTICE
+from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
 from esea_host.cli.app import app, out
 from esea_host.cli.view import need_a_screen
 
@@ -31,8 +31,8 @@ DataOption = Annotated[
 PageOption = Annotated[
     Path | None, typer.Option("--page", metavar="FILE", help="Write a page (.html, .png, .pdf).")
 ]
-HeightOption = Annotated[float, typer.Option("--height-m", help="Body height.")]
-MassOption = Annotated[float, typer.Option("--mass-kg", help="Body mass.")]
+HeightOption = Annotated[float, typer.Option("--height-m", help="Body height, 1.0 to 2.3.")]
+MassOption = Annotated[float, typer.Option("--mass-kg", help="Body mass, 15 to 250.")]
 
 
 def _say(text: str) -> None:
@@ -46,7 +46,7 @@ def _data(path: Path | None) -> Any:
     return ResponseDataBase.load(path) if path else cached(say=_say)
 
 
-@assess.command()
+@assess.command(epilog=NOTICE)
 def build(
     file: Annotated[Path, typer.Argument(help="Where the data base goes (.npz).")],
     patients: Annotated[
@@ -67,14 +67,22 @@ def build(
 
     data = from_recordings(recordings) if recordings else simulate(patients, _say)
     digest = data.save(file)
-    out.print(MEASURED_NOTICE if recordings else NOTICE)
+    out.print(data.notice)
     out.print(
         f"{file}: {len(data.category)} people, {len(data.categories)} categories, "
         f"{int(data.common.sum())} of {data.grid.cells} locations reached by all, {digest[:16]}"
     )
+    if data.calibration is None:
+        out.print("Not calibrated: spread and noise of a movement, and none of these, are assumed.")
+        return
+    fit = data.calibration
+    out.print(
+        f"None of these: {fit['none_called']:.0f} of {fit['none_patients']:.0f} other simulated "
+        f"patients would be called so, with {fit['none_log_odds']:.2f} on its log odds."
+    )
 
 
-@assess.command()
+@assess.command(epilog=NOTICE)
 def evaluate(
     patients: Annotated[int, typer.Option("--patients", help="Patients of the categories.")] = 200,
     seed: Annotated[int, typer.Option("--seed", help="Who is drawn.")] = 1,
@@ -93,7 +101,7 @@ def evaluate(
     data = _data(database)
     met, mixed = meet_all(data, patients, seed, jobs, say=_say)
     result = {"seed": seed} | judge(met, mixed, data)
-    out.print(NOTICE)
+    out.print(data.notice)
     for line in table(result):
         out.print(line)
     write_json(json_file, result)
@@ -101,7 +109,7 @@ def evaluate(
         write_whole(page, evaluation_page(result))
 
 
-@assess.command()
+@assess.command(epilog=NOTICE)
 def run(
     recording: Annotated[
         list[Path] | None,
@@ -124,6 +132,13 @@ def run(
         float, typer.Option("--fastest-deg-s", help="Fastest comfortable speed.")
     ] = 120.0,
     mixed: Annotated[bool, typer.Option("--mixed", help="Two disorders at once, too.")] = False,
+    summary: Annotated[
+        Summary, typer.Option("--summary", help="Of the data base; kernel: Gaussian process.")
+    ] = "people",
+    measure: Annotated[
+        Measure,
+        typer.Option("--measure", help="By which movements are chosen."),
+    ] = "expected",
     who: Annotated[str, typer.Option("--who", help="Printed on the page.")] = "",
     json_file: JsonOption = None,
     page: PageOption = None,
@@ -137,20 +152,22 @@ def run(
     from esea_host.assess.files import read_recording
     from esea_host.assess.patients import DEG
     from esea_host.assess.probing import Comfort
+    from esea_host.assess.responses import check_body
     from esea_host.assess.session import Assessment
 
     if window:
         need_a_screen("the conversation: leave --window out")
     if page is not None:
-        from esea_host.assess.pages import checked_page
+        from esea_host.assess.pages import checked_name
 
-        checked_page(page)
+        checked_name(page)
+    check_body(height_m, mass_kg)
     comfort = Comfort(low_deg * DEG, high_deg * DEG, fastest * DEG)
     somebody = None if patient is None else _patient(patient, height_m, mass_kg, seed)
     recordings = [read_recording(p, height_m, mass_kg) for p in recording or []]
-    session = Assessment(_data(database), mixed=mixed)
-    desk = ClinicDesk(session, comfort, height_m, mass_kg, somebody, json_file, seed)
-    out.print(NOTICE)
+    session = Assessment(_data(database), summary, mixed)
+    desk = ClinicDesk(session, comfort, height_m, mass_kg, somebody, json_file, seed, measure)
+    out.print(session.data.notice)
     if somebody is not None:
         out.print("The patient is simulated.")
     for path, r in zip(recording or [], recordings, strict=True):
@@ -166,7 +183,7 @@ def run(
     if page is not None:
         from esea_host.assess.pages import write_session_page
 
-        write_session_page(page, session, desk.about(who), desk.comfort)
+        write_session_page(page, session, desk.about(who), desk.comfort, measure)
 
 
 def _patient(text: str, height_m: float, mass_kg: float, seed: int) -> Any:
@@ -178,7 +195,7 @@ def _patient(text: str, height_m: float, mass_kg: float, seed: int) -> Any:
     return patient_named(name or "any", (height_m, mass_kg), seed)
 
 
-@assess.command()
+@assess.command(epilog=MEASURED_NOTICE)
 def pendulum(
     recording: Annotated[Path, typer.Argument(help="CSV or MCAP: time_s, angle_deg or angle_rad.")],
     json_file: JsonOption = None,
@@ -195,7 +212,7 @@ def pendulum(
     write_json(json_file, {"notice": MEASURED_NOTICE} | vars(found))
 
 
-@assess.command("range")
+@assess.command("range", epilog=MEASURED_NOTICE)
 def range_(
     recording: Annotated[Path, typer.Argument(help="CSV or MCAP: time_s, angle_deg, torque_Nm.")],
     height_m: HeightOption = 1.70,
@@ -207,22 +224,24 @@ def range_(
 ) -> None:
     """Passive range of motion: how far, how stiff, and what the loop of torque loses."""
     from esea_host.assess.files import read_recording
-    from esea_host.assess.pages import loop_picture
+    from esea_host.assess.pages import FIGURES, checked_name, loop_picture
     from esea_host.assess.passive_tests import motion_range
 
+    if figure is not None:
+        checked_name(figure, FIGURES)
     found = motion_range(read_recording(recording, height_m, mass_kg))
     out.print(MEASURED_NOTICE)
     for line in found.sentences():
         out.print(line)
-    numbers = {k: v for k, v in vars(found).items() if isinstance(v, int | float)}
+    numbers = {k: v for k, v in vars(found).items() if v is None or isinstance(v, int | float)}
     write_json(json_file, {"notice": MEASURED_NOTICE} | numbers)
     if figure is not None:
         buffer = io.BytesIO()
-        loop_picture(found).savefig(buffer, format=figure.suffix[1:] or "png", dpi=150)
+        loop_picture(found).savefig(buffer, format=figure.suffix[1:], dpi=150)
         write_whole(figure, buffer.getvalue())
 
 
-@assess.command()
+@assess.command(epilog=NOTICE)
 def validate(
     folder: Annotated[
         Path | None, typer.Option("--elbow", help="Folder with the published elbow recordings.")
@@ -232,7 +251,7 @@ def validate(
     """Hold the simulated knee against published numbers."""
     from esea_host.assess.validation import against_elbow, pendulum_table, table
 
-    found: dict[str, Any] = {"notice": NOTICE, "pendulum": pendulum_table()}
+    found: dict[str, Any] = {"notice": NOTICE, "simulated": True, "pendulum": pendulum_table()}
     if folder is not None:
         found["elbow"] = against_elbow(folder)
     out.print(NOTICE)

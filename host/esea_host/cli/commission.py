@@ -20,7 +20,7 @@ from esea_host.cli.view import need_a_screen
 from esea_host.commissioning import (
     STEPS,
     CommissioningBench,
-    CommissioningEnded,
+    CommissioningEndedError,
     CommissioningRecord,
     CommissioningStep,
     HandAct,
@@ -132,7 +132,7 @@ def _person(act: HandAct) -> None:
     try:
         input()
     except (KeyboardInterrupt, EOFError):
-        raise CommissioningEnded("The step was ended before it was through.") from None
+        raise CommissioningEndedError("The step was ended before it was through.") from None
 
 
 def _in_terminal(
@@ -152,7 +152,7 @@ def _in_terminal(
         out.print(f"\n{step.title}: {step.finds}{motor}")
         try:
             result = run_step(bench, step, options)
-        except (CommissioningEnded, KeyboardInterrupt):
+        except (CommissioningEndedError, KeyboardInterrupt):
             bench.device.stop()
             out.print(f"{step.title}: ended; the board is told to stop")
             return False

@@ -97,6 +97,8 @@ def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) 
                 grid.add_row(c.name, text, c.unit, c.meaning[:50])
             health = board.health()
             grid.caption = f"{rows} runs; " + ", ".join(f"{k} {v}" for k, v in health.items())
+            if board.texts:
+                grid.caption += f"\nthe board says: {board.texts[-1]}"
             live.update(grid)
 
 
@@ -214,6 +216,7 @@ def sim(
     plant: Annotated[str, typer.Option("--plant", help="ideal, real or random.")] = "real",
     seed: Annotated[int, typer.Option("--seed")] = 0,
     speed: Annotated[float, typer.Option("--speed", help="1: real time; 0: as it is read.")] = 1.0,
+    board: Annotated[str, typer.Option("--board", help="sim (f32) or sim-q31.")] = "sim",
 ) -> None:
     """Serve a simulated board: the firmware's application, the virtual drive, a virtual person."""
     from esea_host.simulated.server import serve
@@ -222,7 +225,8 @@ def sim(
         raise UserError("Both --tcp and --pty are given.", "Give one.")
     port = None if pty else (tcp or 0)
     try:
-        serve(device, port, plant=plant, person=person, seed=seed, speed=speed, say=_tell)
+        serve(device, port, plant=plant, person=person, seed=seed, speed=speed, board=board,
+              say=_tell)  # fmt: skip
     except KeyboardInterrupt:
         return
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.options import ClusterOption
 from esea_gen.errors import UserError
 from esea_host.cli.app import out
 from esea_host.cli.interaction import checked_page, shown_interaction
@@ -26,6 +27,7 @@ def virtual(
     jobs: Annotated[
         int, typer.Option("--jobs", help="Processes; the result does not depend on it.")
     ] = -1,
+    cluster: ClusterOption = None,
     method: Annotated[
         str, typer.Option("--method", help="Wrist: normalisation none, linear, published or rbf.")
     ] = "rbf",
@@ -46,14 +48,14 @@ def virtual(
     with tempfile.TemporaryDirectory() as scratch:
         folder = keep or Path(scratch) / "study"
         if study == "wrist" and compare:
-            compare_wrist(folder, participants, seed, jobs, to_json)
+            compare_wrist(folder, participants, seed, jobs, to_json, cluster)
             return
         if study == "wrist":
-            early = _wrist(folder, participants, seed, jobs, method, to_json, report)
+            early = _wrist(folder, participants, seed, jobs, method, to_json, report, cluster)
         elif study == "interaction":
-            early = _interaction(folder, participants, seed, jobs, to_json, report)
+            early = _interaction(folder, participants, seed, jobs, to_json, report, cluster)
         else:
-            early = _any_protocol(Path(study), folder, participants, seed, jobs)
+            early = _any_protocol(Path(study), folder, participants, seed, jobs, cluster)
         for reason in early:
             out.print(f"ended early: {reason}")
 
@@ -66,11 +68,12 @@ def _wrist(
     method: str,
     to_json: Path | None,
     report: Path | None,
+    cluster: str | None,
 ) -> list[str]:
     from esea_host.wrist.analysis import analyse
     from esea_host.wrist.virtual import run_study
 
-    early = run_study(folder, participants, seed, jobs, method)
+    early = run_study(folder, participants, seed, jobs, method, cluster=cluster)
     shown_wrist(analyse(folder), to_json, report, None)
     return early
 
@@ -82,24 +85,28 @@ def _interaction(
     jobs: int,
     to_json: Path | None,
     report: Path | None,
+    cluster: str | None,
 ) -> list[str]:
     from esea_host.interaction.virtual import run_crossover
 
     if participants < 2:
         raise UserError(f"--participants {participants}.", "A comparison needs at least 2.")
     checked_page(report)
-    early = run_crossover(folder, participants, seed, jobs)
+    early = run_crossover(folder, participants, seed, jobs, cluster=cluster)
     shown_interaction(folder, to_json, report)
     return early
 
 
-def _any_protocol(path: Path, folder: Path, participants: int, seed: int, jobs: int) -> list[str]:
+def _any_protocol(
+    path: Path, folder: Path, participants: int, seed: int, jobs: int, cluster: str | None
+) -> list[str]:
     from esea_host.study.folder import StudyFolder
     from esea_host.study.many import EveryTask, code_of, run_everybody
     from esea_host.study.protocol import load_protocol
 
     know_shipped_tasks()
-    early = run_everybody(folder, load_protocol(path), participants, EveryTask(seed), jobs)
+    protocol = load_protocol(path)
+    early = run_everybody(folder, protocol, participants, EveryTask(seed), jobs, cluster)
     rows = sum(len(StudyFolder.open(folder).rows(code_of(k))) for k in range(participants))
     out.print(f"{participants} SIMULATED participants: {rows} trials completed")
     return early

@@ -25,12 +25,17 @@ CsvOption = Annotated[
 
 
 def compare_wrist(
-    folder: Path, participants: int, seed: int, jobs: int, to_json: Path | None
+    folder: Path,
+    participants: int,
+    seed: int,
+    jobs: int,
+    to_json: Path | None,
+    cluster: str | None,
 ) -> None:
     from esea_host.wrist.compared import compare_methods
     from esea_host.wrist.figures import number
 
-    found = compare_methods(folder, participants, seed, jobs)
+    found = compare_methods(folder, participants, seed, jobs, cluster=cluster)
     table = Table(title="SIMULATED participants: constrained against their own healthy state")
     for head in (
         *("method", "people", "RMS FE %", "RMS RU %", "peak FE", "peak RU"),

@@ -5,7 +5,7 @@ torque mode.  They judge with the studies that know how: :mod:`esea_gen.studies.
 :mod:`esea_gen.studies.torque_check`.
 """
 
-from esea_host.commissioning.bench import CommissioningBench, CommissioningEnded, HandAct
+from esea_host.commissioning.bench import CommissioningBench, CommissioningEndedError, HandAct
 from esea_host.commissioning.record import CommissioningRecord
 from esea_host.commissioning.result import StepResult
 from esea_host.commissioning.simulated import SimulatedHands, simulated_bench
@@ -14,7 +14,7 @@ from esea_host.commissioning.steps import STEPS, CommissioningStep, StepOptions,
 __all__ = [
     "STEPS",
     "CommissioningBench",
-    "CommissioningEnded",
+    "CommissioningEndedError",
     "CommissioningRecord",
     "CommissioningStep",
     "HandAct",

@@ -28,7 +28,7 @@ ARM_TRIES = 4
 ActKind = Literal["rest", "turn", "clamp", "load"]
 
 
-class CommissioningEnded(Exception):  # noqa: N818
+class CommissioningEndedError(Exception):
     """Somebody ended a step before it was through."""
 
 
@@ -136,7 +136,7 @@ class CommissioningBench:
 
     def _check(self) -> None:
         if self.cancelled:
-            raise CommissioningEnded("The step was ended before it was through.")
+            raise CommissioningEndedError("The step was ended before it was through.")
 
     def capture(
         self, seconds: float, each: Callable[[float], bool | None] | None = None
@@ -216,8 +216,9 @@ class CommissioningBench:
             if self.reach("ARMED", 0.2) and not self.reach("READY", 0.1):
                 return
             self.wait(0.3)
+        said = [f": {text}" for text in self.device.texts]
         raise UserError(
-            f"The board took the motor off again {ARM_TRIES} times: its limits do not release.",
+            f"The board took the motor off again {ARM_TRIES} times{''.join(said[-1:])}.",
             "Look at 'which limit acts' in the live view: esea-host view.",
         )
 
@@ -249,4 +250,4 @@ class CommissioningBench:
         return found
 
 
-__all__ = ["Capture", "CommissioningBench", "CommissioningEnded", "HandAct"]
+__all__ = ["Capture", "CommissioningBench", "CommissioningEndedError", "HandAct"]

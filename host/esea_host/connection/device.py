@@ -42,6 +42,8 @@ class ConnectedDevice:
         Where it is, to open the link anew when it breaks.
     threaded : bool
         Listen in a thread; a board whose clock the caller moves is listened to by :meth:`pump`.
+
+    ``texts`` is what the board said in words, the oldest first; take away what you have read.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class ConnectedDevice:
         reopen = self._open_again if address is not None and address.kind != "file" else None
         self.receiver = Receiver(transport, decoder, identity.tick_us * 1000, reopen)
         self.session = Session(SessionTransport(self.receiver), dialect)
+        self.texts = self.session.texts
         self._lock = threading.RLock()
         self._told: dict[str, float] = {}
         self._ids = {c.msgname: n for n, c in dialect.mavlink_map.items()}
@@ -326,8 +329,6 @@ class ConnectedDevice:
         everything = tuple(c.name for c in layout.columns if c.name != TICK)
         self.listen([stream])
         return stream, everything if stream in names else names
-
-    # -- doing -----------------------------------------------------------------------------------
 
     def stop(self) -> None:
         """Stop the motor; taken in every state, held until :meth:`release`."""

@@ -10,21 +10,21 @@ import platform
 import sys
 import zipfile
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from esea_gen.device import Device, load_device
+from esea_gen.device import Device
 from esea_gen.devices.file import read_file, shipped_devices
 from esea_gen.emit.build import format_hash, render_device
 from esea_gen.emit.dialect import load_dialect, render_dialect
 from esea_gen.errors import UserError
 from esea_gen.targets import BOARDS
+from esea_host.recording.replay import loaded_device
 from esea_link.session import Session
 from esea_link.transport import LinkError, Transport
 
 ANYBODY = "elbow_drive"  # its dialect has the messages that all devices share
-SIMULATED_BOARDS = ("sim",)
+SIMULATED_BOARDS = ("sim", "sim-q31")
 PROBE_S = 3.0
 PACKAGES = ("esea-gen", "numpy", "casadi", "pymavlink", "mcap")
 
@@ -97,17 +97,12 @@ def _zipped(files: Any) -> bytes:
     return made.getvalue()
 
 
-@lru_cache(maxsize=4)
-def _loaded(name: str) -> Device:
-    return load_device(name)
-
-
 def identify(transport: Transport, expected: str | None = None) -> Identity:
     """Ask a board who it is.
 
     expected: name or file of the device that it should be; default: any shipped one.
     """
-    device = _loaded(expected or ANYBODY)
+    device = loaded_device(expected or ANYBODY)
     session = Session(transport, load_dialect(device), PROBE_S)
     try:
         info = session.info()
@@ -126,7 +121,7 @@ def identify(transport: Transport, expected: str | None = None) -> Identity:
                 f"The board runs the device '{name}', which does not come with this version.",
                 "Say which file it is of: --device FILE.toml",
             )
-        device = _loaded(name)
+        device = loaded_device(name)
     return check_hash(device, _text(info.content_hash), _text(info.board), int(info.tick_us))
 
 
@@ -134,7 +129,7 @@ def passive(device: str | None) -> Identity:
     """Bytes out of a file: nobody can be asked, so the device must be said, and is believed."""
     if device is None:
         raise UserError("Bytes in a file do not say whose they are.", "Add --device elbow_drive.")
-    loaded = _loaded(device)
+    loaded = loaded_device(device)
     tick_us = round(loaded.system.base_period_s * 1e6)
     return Identity(loaded, "f32", "unknown", "file", tick_us)
 

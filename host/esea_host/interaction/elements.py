@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import resources
 from pathlib import Path
 
@@ -20,8 +21,9 @@ def element_file(element: str) -> Path:
     return Path(str(resources.files("esea_host.interaction") / "devices" / f"rig_{element}.toml"))
 
 
+@cache
 def element_device(element: str) -> Device:
-    """The element as a device of the generator."""
+    """The element as a device of the generator, read once a process."""
     return load_device(element_file(element))
 
 

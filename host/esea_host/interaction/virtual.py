@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from esea_host.interaction.design import ELEMENTS, SPRING
+from esea_host.interaction.elements import element_device
 from esea_host.interaction.player import RigPlayer
 from esea_host.interaction.recordings import MANIFEST, is_simulated, recording_name, write_recording
-from esea_host.interaction.rig import ElementRig, element_library, law_ends
+from esea_host.interaction.rig import ElementRig, law_ends
 from esea_host.people.hand import MovingHand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant
+from esea_host.people.rig import compile_rig
 from esea_host.people.source import PersonSource, VirtualPeople
 from esea_host.study.folder import StudyFolder
 from esea_host.study.many import code_of, run_everybody
@@ -50,6 +52,7 @@ class RigSource(PersonSource):
         super().__init__(who, pointer)
         self.folder = folder
         self.aims = [0.0]
+        self._rigs: dict[str, ElementRig] = {}
         self._player: RigPlayer | None = None
 
     def ready(self) -> Mapping[str, Any]:
@@ -70,7 +73,11 @@ class RigSource(PersonSource):
     def hand(self, task: StudyTask, situation: Situation, number: int) -> MovingHand:
         """The person, told what to do, on the rig with the element of this trial."""
         self.aims[0] = 0.0  # between trials the hand is let go
-        rig = ElementRig(situation.parameters.element, self.who.limbs[0])
+        element = situation.parameters.element
+        if element not in self._rigs:
+            self._rigs[element] = ElementRig(element, self.who.limbs[0])
+        rig = self._rigs[element]
+        rig.start()
         self._player = RigPlayer(self.who, rig, self.aims, situation, lambda: self.paused)
         return self._player
 
@@ -107,6 +114,7 @@ def run_crossover(
     model: PersonModel | None = None,
     protocol: Protocol | None = None,
     last_s: float | None = None,
+    cluster: str | None = None,
 ) -> list[str]:
     """The cross-over with virtual participants, ready for ``analyse interaction``.
 
@@ -126,6 +134,8 @@ def run_crossover(
         Another one of these tasks, with the same two groups.
     last_s : float, optional
         Analysed of each task, other than the published 45 s.
+    cluster : str, optional
+        In place of processes: address of a Dask scheduler.
 
     Returns
     -------
@@ -134,9 +144,9 @@ def run_crossover(
     """
     asked = protocol or interaction_protocol(seed)
     for element in ELEMENTS:
-        element_library(element)  # compiled once, before the processes start
+        compile_rig(element_device(element))
     people = RigPeople(seed, model or PersonModel(), folder)
-    early = run_everybody(folder, asked, participants, people, jobs)
+    early = run_everybody(folder, asked, participants, people, jobs, cluster)
     write_manifest(folder, LAST_S if last_s is None else last_s)
     return early
 

@@ -7,17 +7,21 @@ goes on at the next key frame; what lies between is said to be unproven, not rig
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from esea_gen.device import Device, load_device
+from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import format_hash
 from esea_gen.errors import UserError
 from esea_gen.hostlib import HostLibrary, compile_device
+from esea_gen.hostlib.codec import Field
 from esea_host.recording.layout import Array
 from esea_host.recording.log import TICK, Log
 
@@ -110,7 +114,8 @@ def device_of(log: Log) -> Device:
     facts = log.facts
     if "device" not in facts or "content_hash" not in facts:
         raise UserError(f"{log.path.name} does not say which C made it.", "Record with esea-host.")
-    device = _loaded(facts["device"])
+    shipped = facts["device"] in shipped_devices()
+    device = loaded_device(facts["device"]) if shipped else _attached(log)
     ours = format_hash(device, facts.get("real", "f32"))
     if ours != facts["content_hash"]:
         raise UserError(
@@ -118,18 +123,32 @@ def device_of(log: Log) -> Device:
             f"{facts['content_hash']}; this tree's is {ours}.",
             "Replay it with the version that made it; its sources are attached (sources.zip).",
         )
-    if facts.get("real", "f32") != "f32":
-        raise UserError(
-            f"{log.path.name} is of a board that computes in {facts['real']}: its link tells "
-            "numbers in units, not all bits.",
-            "Only f32 can be proven.",
-        )
     return device
 
 
-@lru_cache(maxsize=2)
-def _loaded(name: str) -> Device:
+@lru_cache(maxsize=4)
+def loaded_device(name: str) -> Device:
+    """A device by name or file, loaded once."""
     return load_device(name)
+
+
+def _attached(log: Log) -> Device:
+    # Of a file of somebody's own, which lies in the recording.
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "device.toml"
+        path.write_bytes(log.attachments.get("device.toml", b""))
+        return load_device(path)
+
+
+@lru_cache(maxsize=2)
+def _compiled(device: Device, real: str) -> HostLibrary:
+    return compile_device(device, real)
+
+
+def _told(f: Field, held: Array) -> Array:
+    # As the link tells it: of a q31 number the nearest float, which keeps 24 bits.
+    values = np.asarray(f.decode(held))
+    return values.astype(np.float32) if values.dtype.kind == "f" else values
 
 
 class _Task:
@@ -154,13 +173,24 @@ class _Task:
         self.packed = np.zeros(max(count, 1), library.dtype(self.in_type))
         if self.given is not None:
             for f in self.inputs:
-                self.packed[f.c_name] = self.given[f.name]
+                self.packed[f.c_name] = f.encode(self.given[f.name])
         self.computed = np.zeros(max(len(self.told), 1), library.dtype(self.out_type))
         self.done = np.zeros(len(self.told), bool)
         ffi = library.ffi
         self.in_place = ffi.cast(f"{self.in_type} *", self.packed.ctypes.data)
         self.out_place = ffi.cast(f"{self.out_type} *", self.computed.ctypes.data)
         self.nowhere = ffi.new(f"{self.out_type} *")
+
+    def rows(self, ns: Array) -> tuple[list[int], list[int]]:
+        """Rows of what it was given and told at these times; -1: none."""
+        given = [0] * len(ns) if self.given_at is None else _rows_at(self.given_at, ns)
+        return given, _rows_at(self.told_at, ns)
+
+
+def _rows_at(times: Array, ns: Array) -> list[int]:
+    at = np.searchsorted(times, ns)
+    there = times[np.minimum(at, len(times) - 1)] == ns
+    return [int(row) for row in np.where(there, at, -1)]
 
 
 class _Replay:
@@ -173,7 +203,7 @@ class _Replay:
                     f"{log.path.name} has no stream {needed}: it cannot be computed again.",
                     "Record all streams: esea-host record without --stream.",
                 )
-        self.library: HostLibrary = compile_device(device, "f32")
+        self.library = _compiled(device, log.facts.get("real", "f32"))
         self.tick_ns = round(log.tick_s * 1e9)
         self.verdict = ReplayVerdict()
         self.tasks = [_Task(self, t.name, t.every, t.phase) for t in device.system.tasks]
@@ -246,50 +276,45 @@ class _Replay:
 
     def _ticks(self, key: _KeyFrame, end_ns: int | None) -> bool:
         # Whether it came to the next key frame without a hole.
-        fast = self.tasks[0]
-        assert fast.given is not None
-        assert fast.given_at is not None
-        at = int(np.searchsorted(fast.given_at, key.ns))
-        ns, tick = key.ns, key.tick
-        while at < len(fast.given) and fast.given_at[at] == ns and (end_ns is None or ns < end_ns):
-            self.step(tick, ns)
-            at += 1
-            ns += self.tick_ns
-            tick += 1
-            self.verdict.ticks += 1
-        return end_ns is not None and ns == end_ns
+        given_at = self.tasks[0].given_at
+        assert given_at is not None
+        first = int(np.searchsorted(given_at, key.ns))
+        last = len(given_at) if end_ns is None else int(np.searchsorted(given_at, end_ns))
+        steady = key.ns + self.tick_ns * np.arange(last - first) == given_at[first:last]
+        count = last - first if steady.all() else int(np.argmin(steady))
+        self._run(key, count)
+        self.verdict.ticks += count
+        return end_ns is not None and key.ns + count * self.tick_ns == end_ns
 
-    def step(self, tick: int, ns: int) -> None:
-        """One base tick."""
+    def _run(self, key: _KeyFrame, count: int) -> None:
+        # So many base ticks from a key frame on.
+        ns = key.ns + self.tick_ns * np.arange(count)
+        rows = [task.rows(ns) for task in self.tasks]
+        for i in range(count):
+            self.step(key.tick + i, [(given[i], told[i]) for given, told in rows])
+
+    def step(self, tick: int, rows: list[tuple[int, int]]) -> None:
+        """One base tick; rows: of each task, what it was given and told, -1 where nothing was."""
         self.release(self.state_place, tick)
-        for task in self.tasks:
-            if tick < task.phase or (tick - task.phase) % task.every:
+        for task, (given, told) in zip(self.tasks, rows, strict=True):
+            if tick < task.phase or (tick - task.phase) % task.every or given < 0:
                 continue
-            given = task.in_place
-            if task.given is not None and task.given_at is not None:
-                at = int(np.searchsorted(task.given_at, ns))
-                if at >= len(task.given) or task.given_at[at] != ns:
-                    continue
-                given = task.in_place + at
-            out = int(np.searchsorted(task.told_at, ns))
-            told = out < len(task.told) and task.told_at[out] == ns
-            place = task.out_place + out if told else task.nowhere
-            task.step(*self.coeffs, self.state_place, given, place)
-            if told:
-                task.done[out] = True
+            place = task.out_place + told if told >= 0 else task.nowhere
+            task.step(*self.coeffs, self.state_place, task.in_place + given, place)
+            if told >= 0:
+                task.done[told] = True
 
     def _compare(self, task: _Task) -> None:
         for f in task.outputs:
             told = np.ascontiguousarray(task.told[f.name][task.done]).view(np.uint32)
-            computed = np.ascontiguousarray(task.computed[: len(task.told)][f.c_name][task.done])
-            bits = computed.view(np.uint32)
+            computed = _told(f, task.computed[: len(task.told)][f.c_name][task.done])
+            bits = np.ascontiguousarray(computed).view(np.uint32)
             self.verdict.values += told.size
             wrong = (told != bits).reshape(len(told), -1).any(axis=1) if told.size else told
             for row in np.flatnonzero(wrong)[:MOST_DIFFERENCES].tolist():
                 at = int(np.flatnonzero(task.done)[row])
-                recorded, right = task.told[f.name][at], task.computed[f.c_name][at]
-                self._differs(f"{task.name}_out", task.told[at], task.told_at[at], f.name,
-                              np.ravel(recorded)[0], np.ravel(right)[0])  # fmt: skip
+                pair = np.ravel(task.told[f.name][at])[0], np.ravel(computed[row])[0]
+                self._differs(f"{task.name}_out", task.told[at], task.told_at[at], f.name, *pair)
 
     def _differs(
         self, stream: str, row: Any, ns: int, name: str, recorded: Any, computed: Any
@@ -325,27 +350,29 @@ class _Replay:
         first = self.verdict.differences[0]
         if first.stream != f"{fast.name}_out":
             return
-        assert fast.given_at is not None
+        assert fast.given is not None
         ns = round(first.time_s * 1e9) + self.log.start_ns
         key = next((k for k in reversed(self.keys) if k.ns <= ns), None)
         if key is None:
             return
         self._restore(key)
-        for tick in range((ns - key.ns) // self.tick_ns):
-            self.step(key.tick + tick, key.ns + tick * self.tick_ns)
+        self._run(key, (ns - key.ns) // self.tick_ns)
         before = self.state.copy()
-        at, out = (int(np.searchsorted(a, ns)) for a in (fast.given_at, fast.told_at))
+        rows = [(given[0], told[0]) for given, told in (t.rows(np.array([ns])) for t in self.tasks)]
+        at, out = rows[0]
         for f in fast.inputs:
-            bits = fast.packed[f.c_name].view(np.uint32)
+            held = fast.packed[f.c_name][at]
             for bit in range(32):
-                bits[at] ^= np.uint32(1 << bit)
+                bits = fast.given[f.name][at].view(np.uint32) ^ np.uint32(1 << bit)
+                fast.packed[f.c_name][at] = f.encode(bits.view(np.float32))
                 self.state[:] = before
-                self.step(first.tick, ns)
+                self.step(first.tick, rows)
                 same = all(
-                    fast.computed[g.c_name][out].tobytes() == fast.told[g.name][out].tobytes()
+                    _told(g, fast.computed[g.c_name][out]).tobytes()
+                    == fast.told[g.name][out].tobytes()
                     for g in fast.outputs
                 )
-                bits[at] ^= np.uint32(1 << bit)
+                fast.packed[f.c_name][at] = held
                 if same:
                     explained = ReplayDifference(**{**vars(first), "input_signal": f.name})
                     self.verdict.differences = [explained]

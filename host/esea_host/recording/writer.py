@@ -63,7 +63,8 @@ class Recorder:
         except OSError as error:
             raise UserError(f"{path} cannot be written: {error.strerror}.", "") from None
         kind = CompressionType.ZSTD if compress else CompressionType.NONE
-        self._writer = Writer(self._file, PIECE_BYTES, kind)
+        # Any: much of the library has no types.
+        self._writer: Any = Writer(self._file, PIECE_BYTES, kind)
         self._writer.start(profile="", library=LIBRARY)
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
@@ -181,7 +182,8 @@ class Recorder:
 
     def _sync(self) -> None:
         # The library ends a chunk only by its size; a slow stream would stay in memory for minutes.
-        self._writer._Writer__finalize_chunk()  # type: ignore[attr-defined]
+        # It has no public call for it; without this one a recording does not even begin.
+        self._writer._Writer__finalize_chunk()
         self._file.flush()
         os.fsync(self._file.fileno())
         self._synced_s = time.monotonic()
@@ -190,7 +192,7 @@ class Recorder:
         """End the file with its index; more than once does no harm."""
         if not self._closed:
             self._closed = True
-            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._writer.finish()
             self._file.flush()
             os.fsync(self._file.fileno())
             self._file.close()

@@ -3,6 +3,7 @@
 import argparse
 import sys
 
+from esea_gen.errors import UserError
 from esea_host.simulated.server import serve
 
 parser = argparse.ArgumentParser()
@@ -13,16 +14,21 @@ parser.add_argument("--once", action="store_true")
 parser.add_argument("--hands", action="store_true")
 parser.add_argument("--person", default="uncertain")
 parser.add_argument("--plant", default="real")
+parser.add_argument("--board", default="sim")
 parser.add_argument("--seed", type=int, default=0)
 parser.add_argument("--speed", type=float, default=1.0)
 given = parser.parse_args()
-serve(
-    given.device,
-    None if given.pty else given.tcp or 0,
-    person=given.person,
-    plant=given.plant,
-    seed=given.seed,
-    speed=given.speed,
-    once=given.once,
-    hands=sys.stdin.fileno() if given.hands else None,
-)
+try:
+    serve(
+        given.device,
+        None if given.pty else given.tcp or 0,
+        person=given.person,
+        plant=given.plant,
+        seed=given.seed,
+        speed=given.speed,
+        board=given.board,
+        once=given.once,
+        hands=sys.stdin.fileno() if given.hands else None,
+    )
+except UserError as error:
+    sys.exit(str(error))

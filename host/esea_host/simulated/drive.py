@@ -17,6 +17,7 @@ from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
 from esea_gen.twin.stepped import EMPTY, SteppedPlant
 from esea_gen.verify.sim import SimBoard
+from esea_host.connection.identity import SIMULATED_BOARDS
 
 NOBODY, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (NOBODY, *PERSON_NAMES)
@@ -40,6 +41,8 @@ class SimulatedBoard:
         ``nobody``, ``none`` (the joint is held), ``ideal``, ``uncertain`` ...
     seed : int
         Of the plant, of the person, and of the person's noise.
+    board : str
+        ``sim``, which computes in f32, or ``sim-q31``.
 
     ``push_rad`` is how far somebody pushes the virtual arm away from what the person intends.
     """
@@ -50,6 +53,7 @@ class SimulatedBoard:
         plant: str = "real",
         person: str = "uncertain",
         seed: int = 0,
+        board: str = "sim",
     ) -> None:
         self.device = load_device(device) if isinstance(device, str) else device
         if not self.device.laws:
@@ -57,12 +61,14 @@ class SimulatedBoard:
                 f"{self.device.name} has no drive: there is nothing to simulate.",
                 "Take one with a drive, such as elbow_drive.",
             )
-        for what, given, known in (("plant", plant, PLANT_NAMES), ("person", person, PEOPLE_NAMES)):
+        names = {"plant": PLANT_NAMES, "person": PEOPLE_NAMES, "board": SIMULATED_BOARDS}
+        for what, given in {"plant": plant, "person": person, "board": board}.items():
+            known = names[what]
             if given not in known:
                 raise UserError(
                     f"There is no {what} '{given}'.", f"Choose from {', '.join(known)}."
                 )
-        self.board = SimBoard(self.device)
+        self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
         self.clamped = person == CLAMPED
         self.plant = SteppedPlant(plant_variant(self.device, plant, "ideal", seed))
@@ -70,8 +76,6 @@ class SimulatedBoard:
         self._hand: Callable[[], Mapping[str, float]] | None = None
         self._first = self.plant, self.clamped, self._person
         self.push_rad = 0.0
-        self._values = self.board._ffi.new("float[]", len(self.board._inputs))
-        self._places = [self.board._inputs.index(f"count_{s}") for s in ("motor", "load", "gear")]
         self._start()
 
     def set_up(
@@ -96,7 +100,7 @@ class SimulatedBoard:
         self._hand = None
         self._noise = np.random.default_rng([self._seed, 3])
         self._white = self._noise.standard_normal(NOISE_TICKS)
-        self._show(self.plant.start(0.0, clamped=self.clamped, person=self._person))
+        self.board.show(self.plant.start(0.0, clamped=self.clamped, person=self._person))
         self.ticks, self._moved_ticks = 0, 0
 
     def restart(self) -> None:
@@ -104,18 +108,11 @@ class SimulatedBoard:
         self.board.restart()
         self._start()
 
-    def _show(self, counts: tuple[int, int, int]) -> None:
-        for place, count in zip(self._places, counts, strict=True):
-            self._values[place] = count
-        self.board.lib.sim_measure(self._values)
-
     def tick(self) -> None:
         """One base tick of the board, and what the plant makes of its command."""
-        lib = self.board.lib
-        lib.sim_tick(1, True)
-        lib.sim_poll()
+        self.board.step()
         self.plant.intend(self._intended())
-        self._show(self.plant.step(float(lib.sim_motor_Nm())))
+        self.board.show(self.plant.step(float(self.board.lib.sim_motor_Nm())))
         self.ticks += 1
 
     def _intended(self) -> Mapping[str, float]:

@@ -81,6 +81,7 @@ def serve(
     person: str = "uncertain",
     seed: int = 0,
     speed: float = 1.0,
+    board: str = "sim",
     once: bool = False,
     say: Callable[[str], None] | None = None,
     hands: int | None = None,
@@ -89,13 +90,14 @@ def serve(
 
     port: of TCP on this computer, 0 for any; None: a pseudo terminal.
     speed: of the board's time against the clock's; 0: as fast as the host reads.
+    board: ``sim``, or ``sim-q31``.
     once: end when the first host has gone.
     hands: where lines ``push RAD`` come from, a file's number: somebody pushes the virtual arm.
     """
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
     tell = say or (lambda text: print(text, flush=True))
-    drive = SimulatedBoard(device, plant, person, seed)
+    drive = SimulatedBoard(device, plant, person, seed, board)
     try:
         if port is None:
             terminal = _Terminal()

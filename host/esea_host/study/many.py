@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from joblib import Parallel, delayed
 
+from esea_gen.analysis.cluster import connected, run_on
+from esea_gen.errors import UserError
 from esea_host.study.acting import SimulatedSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
@@ -40,7 +43,12 @@ class EveryTask:
 
 
 def run_everybody(
-    folder: Path, protocol: Protocol, participants: int, sources: Sources, jobs: int = 1
+    folder: Path,
+    protocol: Protocol,
+    participants: int,
+    sources: Sources,
+    jobs: int = 1,
+    cluster: str | None = None,
 ) -> list[str]:
     """Every session of a study with simulated participants.
 
@@ -55,28 +63,44 @@ def run_everybody(
     sources : callable
         From a participant's number to the source of each of their sessions.
     jobs : int
-        Processes, as joblib counts them; under its Dask back end, workers of a cluster that see
-        the same folder.  What is recorded does not depend on it.
+        Processes, as joblib counts them.  What is recorded does not depend on it.
+    cluster : str, optional
+        In place of processes here: address of a Dask scheduler, whose workers see the same folder.
 
     Returns
     -------
     list of str
         Sessions that ended early, with the reason.
+
+    Raises
+    ------
+    UserError
+        For a cluster that will not do, or whose workers died of somebody.
     """
+    folder = folder.resolve()
     study = StudyFolder.create(folder, protocol, simulated=True, durable=False)
     codes = [code_of(k) for k in range(participants)]
     for code in codes:
         study.enrol(code, consent=True)
-    found = Parallel(n_jobs=jobs)(
-        delayed(_everything)(folder, code, sources, k) for k, code in enumerate(codes)
-    )
+    work, cases = partial(_everything, folder, sources), enumerate(codes)
+    if cluster is None:
+        found = Parallel(n_jobs=jobs)(delayed(work)(case) for case in cases)
+    else:
+        with connected(cluster) as client:
+            found = list(run_on(client, cluster, work, cases))
+    if len(found) < participants:
+        raise UserError(
+            f"Workers of {cluster} died: {participants - len(found)} participants are missing.",
+            "Run it again in a new folder.",
+        )
     for code, number, path in study.sessions():
         head = read_log(path).entries[-1].hash
         study.audit("session_end", participant=code, session=number, head=head)
-    return [r for r in found if r]
+    return sorted(filter(None, found))
 
 
-def _everything(folder: Path, code: str, sources: Sources, index: int) -> str:
+def _everything(folder: Path, sources: Sources, case: tuple[int, str]) -> str:
+    index, code = case
     # All sessions of one participant; the first that ends early is the last one.
     study = StudyFolder.open(folder, durable=False)
     source = sources(index)

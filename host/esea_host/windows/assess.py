@@ -27,14 +27,12 @@ from PySide6.QtWidgets import (
 )
 
 from esea_gen.errors import UserError
-from esea_host.assess import NOTICE
-from esea_host.assess.desk import ClinicDesk, describe
+from esea_host.assess.desk import ClinicDesk, conclusion, describe, long_name, unit_of
 from esea_host.assess.files import read_recording
 from esea_host.assess.pages import step_text, write_session_page
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
 from esea_host.assess.tasks import PAUSE_S, leg_scene
-from esea_host.assess.words import conclusion, long_name
 from esea_host.windows.assess_controls import ClinicControls
 from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
 from esea_host.windows.counting import take_many
@@ -67,7 +65,7 @@ class AssessWindow(QMainWindow):
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self) -> None:
-        self.notice, self.now, self.said = QLabel(NOTICE), QLabel(), QLabel()
+        self.notice, self.now, self.said = QLabel(self.desk.session.data.notice), QLabel(), QLabel()
         self.settled, self.next = QLabel(), QLabel()
         for label in (self.now, self.said, self.next):
             label.setWordWrap(True)
@@ -191,7 +189,9 @@ class AssessWindow(QMainWindow):
             self._step(partial(self._write, Path(name)))
 
     def _write(self, path: Path) -> str:
-        write_session_page(path, self.desk.session, self.desk.about(self.who), self.desk.comfort)
+        write_session_page(
+            path, self.desk.session, self.desk.about(self.who), self.desk.comfort, self.desk.measure
+        )
         return f"{path} is written."
 
     # -- looking -----------------------------------------------------------------------------------
@@ -207,7 +207,8 @@ class AssessWindow(QMainWindow):
         self.settled.setStyleSheet(f"color: {theme.good if settled else theme.soft}")
         self.next.setText(f"<b>Next:</b> {describe(self.desk.proposed)}")
         places = session.evidence.places() / DEG
-        self.map.draw(self.desk.value, places, self.desk.proposed, self.desk.comfort)
+        unit = unit_of(self.desk.measure)
+        self.map.draw(self.desk.value, places, self.desk.proposed, self.desk.comfort, unit)
         self.bars.draw(session.probabilities)
         self.history.draw(np.array([list(e.probabilities.values()) for e in session.trail]))
         self.trail.clear()

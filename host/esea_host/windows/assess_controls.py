@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from PySide6.QtCore import Signal
@@ -19,10 +19,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from esea_host.assess.desk import long_name
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
 from esea_host.assess.session import WORDS
-from esea_host.assess.words import long_name
 
 
 class ClinicControls(QWidget):
@@ -129,9 +129,9 @@ def _titled(title: str) -> tuple[QGroupBox, QGridLayout]:
     return box, grid
 
 
-def _button(text: str, job: object) -> QPushButton:
+def _button(text: str, job: Callable[[], object]) -> QPushButton:
     button = QPushButton(text)
-    button.clicked.connect(lambda _checked=False: job())  # type: ignore[operator]
+    button.clicked.connect(lambda _checked=False: job())
     return button
 
 

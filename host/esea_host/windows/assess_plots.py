@@ -75,7 +75,7 @@ class InformationMap(_Plot):
         self._theme = theme
 
     def draw(
-        self, value: Floats, passed_deg: Floats, move: ProbingMovement, comfort: Comfort
+        self, value: Floats, passed_deg: Floats, move: ProbingMovement, comfort: Comfort, unit: str
     ) -> None:
         """Draw what is known now; empty where no comfortable movement goes."""
         shape = len(self._grid.angle_rad), len(self._grid.rate_rad_s)
@@ -95,7 +95,7 @@ class InformationMap(_Plot):
         where = move.location
         self._best.setData([where.angle_rad / DEG], [where.rate_rad_s / DEG])
         strong = "yellow" if self._theme.name == "dark" else "dark"
-        about = f"{strong}: most, {most:.2f} nats; empty: out of reach, comfort or data"
+        about = f"{strong}: most, {most:.2f} {unit}; empty: out of reach, comfort or data"
         soft = f'<span style="color:{self._theme.soft}">{about}</span>'
         title = f"<b>{self.title}</b> &nbsp; {soft}"
         self.item.setTitle(title, color=self._theme.ink, size="9pt")

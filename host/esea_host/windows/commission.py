@@ -23,7 +23,7 @@ from PySide6.QtWidgets import (
 
 from esea_host.commissioning import (
     CommissioningBench,
-    CommissioningEnded,
+    CommissioningEndedError,
     CommissioningRecord,
     CommissioningStep,
     HandAct,
@@ -180,7 +180,7 @@ class CommissioningWindow(QMainWindow):
             result = run_step(self.bench, step, self.options)
             self.record.add(result, self.bench.device.identity)
         except Exception as error:
-            if isinstance(error, CommissioningEnded):
+            if isinstance(error, CommissioningEndedError):
                 with contextlib.suppress(Exception):
                     self.bench.device.stop()
             self._news.ended.emit(error)

@@ -98,6 +98,8 @@ class LiveFeed:
             except Exception as error:
                 self.news.said = f"{what}: {error}"
         self.news.state = self.device.state()
+        while self.device.texts:
+            self.news.said = f"the board says: {self.device.texts.popleft()}"
         number = self._fault_now()
         self.news.fault = fault_text(self.device.session.dialect, number) if number else None
         self.news.health = self.device.health() | {"not_shown": self.dropped_rows}

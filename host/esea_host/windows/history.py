@@ -76,8 +76,10 @@ class RowRing:
             held = min(self.total, self.most_rows)
             count = held if rows is None else min(rows, held)
             first = self.total - count
-            places = np.arange(first, self.total) % self.most_rows
-            return Stretch(first, self._time_s[places], self._rows[places], self._after_gap[places])
+            start = first % self.most_rows
+            parts = slice(start, start + count), slice(0, max(0, start + count - self.most_rows))
+            held_in = self._time_s, self._rows, self._after_gap
+            return Stretch(first, *(np.concatenate([a[p] for p in parts]) for a in held_in))
 
     def newest(self) -> Array | None:
         """The newest row; None before the first."""

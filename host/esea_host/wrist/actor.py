@@ -42,7 +42,7 @@ class WristActor(MovingHand):
     def move(self, muscles: Sequence[Sequence[float]], requests: Mapping[str, float]) -> Inputs:
         """A frame of the device."""
         self.rig.advance(muscles, requests.get("impairment", 0.0) > 0.5)
-        fe, ru = (math.degrees(a.theta_rad) for a in self.rig.axes)
+        fe, ru = map(math.degrees, self.rig.theta_rad)
         return {"fe_deg": fe, "ru_deg": ru}
 
     def look(self, scene: Scene) -> None:

@@ -72,7 +72,7 @@ def outcome(method: str, folder: Path, refused: list[str]) -> MethodOutcome:
 
 
 def compare_methods(
-    folder: Path, participants: int, seed: int, jobs: int = 1
+    folder: Path, participants: int, seed: int, jobs: int = 1, cluster: str | None = None
 ) -> tuple[MethodOutcome, ...]:
     """Run the study under every method.
 
@@ -80,7 +80,7 @@ def compare_methods(
     ----------
     folder : Path
         A new folder; one study below it a method.
-    participants, seed, jobs : int
+    participants, seed, jobs, cluster
         As for :func:`esea_host.wrist.virtual.run_study`.
 
     Returns
@@ -90,6 +90,6 @@ def compare_methods(
     """
     found = []
     for method in METHODS:
-        refused = run_study(folder / method, participants, seed, jobs, method)
+        refused = run_study(folder / method, participants, seed, jobs, method, cluster=cluster)
         found.append(outcome(method, folder / method, refused))
     return tuple(found)

@@ -1,73 +1,43 @@
-"""The virtual wrist device: two axes, the controller's emitted C in the loop.  Simulated.
+"""The virtual wrist device: two axes on one board, the firmware in the loop.  Simulated.
 
 Each axis: a hand with the handle (inertia, passive wrist), an elastomeric coupling, and a motor
-that turns the coupling's other side until the sensed torque is the wanted one.  The wanted torque
-is that of the emitted impairment, the sensed one that of the emitted torque sensor, 1000 times a
-second.  The coupling's own torque is the sensor's model too: a perfect sensor is assumed, and so
-are the motor (its rate follows at once, up to its limit) and every number of the device.
+that turns the coupling's other side until the torque that the board senses is the one that its
+impairment wants.  Encoders stand on the coupling and on the joint.  The motor and its torque loop
+are not the board's: its rate follows at once, up to its limit.  They are assumed, and so is every
+number of the device.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from importlib import resources
+from pathlib import Path
 
-import esea_gen
-from esea_gen.control.impairment import impairment
-from esea_gen.hostlib.library import HostLibrary, compile_system
-from esea_gen.language.system import System, Task
+from esea_gen.device import Device, load_device
 from esea_host.people.person import Limb
+from esea_host.people.rig import SensedRig
 
 NAMES = ("fe", "ru")
-STEPS = 10  # of 1 ms in a frame of 10 ms
+AXES = ("flexion", "deviation")  # as the device has them
 TORQUE_LOOP_1_S = 2 * math.pi * 15.0
 MOTOR_RAD_S = 15.0
 HANDLE_KGM2 = 0.006
 
 
-def rig_system() -> System:
-    """Sensor and impairment of both axes, as one task."""
-    device = esea_gen.load_device("wrist")
-    sensor, wall = device.sensor, impairment(device)
-    blocks: dict[str, Any] = {}
-    inputs: dict[str, tuple[str, ...]] = {}
-    outputs: dict[str, str] = {}
-    for axis in NAMES:
-        blocks |= {f"sensor_{axis}": sensor, f"impairment_{axis}": wall}
-        inputs[f"deflection_{axis}_rad"] = (f"sensor_{axis}.theta_rad",)
-        inputs[f"deflection_{axis}_rad_s"] = (f"sensor_{axis}.omega_rad_s",)
-        inputs[f"theta_{axis}_rad"] = (f"impairment_{axis}.theta_rad",)
-        inputs[f"omega_{axis}_rad_s"] = (f"impairment_{axis}.omega_rad_s",)
-        inputs[f"constrained_{axis}"] = (f"impairment_{axis}.constrained",)
-        outputs[f"tau_{axis}_Nm"] = f"sensor_{axis}.tau_Nm"
-        outputs[f"tau_set_{axis}_Nm"] = f"impairment_{axis}.tau_set_Nm"
-        outputs[f"acts_{axis}"] = f"impairment_{axis}.acts"
-    task = Task("sense", tuple(blocks))
-    return System("wrist_rig", device.period_s, blocks, (task,), {}, inputs, outputs)
+def impaired_file() -> Path:
+    """The device file of the wrist with its impairment, to give to any command that takes one."""
+    return Path(str(resources.files("esea_host.wrist") / "devices" / "wrist_impaired.toml"))
 
 
 @cache
-def rig_library() -> HostLibrary:
-    """Its C, compiled once a process."""
-    return compile_system(rig_system(), "f64")
+def impaired_device() -> Device:
+    """The wrist with its impairment, read once a process."""
+    return load_device(impaired_file())
 
 
-@dataclass
-class AxisState:
-    """One axis; angles from the device's zero."""
-
-    theta_rad: float = 0.0
-    omega_rad_s: float = 0.0
-    deflection_rad: float = 0.0
-    deflection_rad_s: float = 0.0
-    tau_Nm: float = 0.0
-    tau_set_Nm: float = 0.0
-
-
-class Rig:
+class Rig(SensedRig):
     """The device with a wrist in it.
 
     Parameters
@@ -77,74 +47,60 @@ class Rig:
     """
 
     def __init__(self, limbs: Sequence[Limb]) -> None:
-        library = rig_library()
-        self._lib, self._limbs = library, tuple(limbs)
-        prefix, ffi = library.prefix, library.ffi
-        self._step = library.function(f"{prefix}_sense_step")
-        params = ffi.new(f"{prefix}_params_t *")
-        self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
-        self._state = ffi.new(f"{prefix}_state_t *")
-        library.function(f"{prefix}_default_params")(params)
-        # No wall in RU: resistance to speed alone.
-        params.impairment_ru.Kp_Nm_rad = params.impairment_ru.Kd_Nms_rad = 0.0
-        if library.function(f"{prefix}_prepare")(params, self._coeffs):
-            raise AssertionError("the impairment refuses its tunables")
-        library.function(f"{prefix}_init")(self._coeffs, self._state)
-        self.most_Nm = float(params.impairment_fe.tau_max_Nm)
-        self._in = ffi.new(f"{prefix}_sense_in_t *")
-        self._out = ffi.new(f"{prefix}_sense_out_t *")
-        self._h = library.system.base_period_s
-        self.axes = (AxisState(), AxisState())
+        device = impaired_device()
+        super().__init__(device, limbs, HANDLE_KGM2)
+        at = self.board.places
+        self._torques = [(at[f"tau_set_{a}_Nm"], at[f"tau_{a}_Nm"]) for a in AXES]
+        self._angles = [at[f"theta_load_{a}_rad"] for a in AXES]
+        self._acting = [at[f"acts_{a}"] for a in AXES]
+        self.most_Nm = device.tau_full_scale_Nm
         # Small deflections: the loop's gain in rate per torque.
-        sensor = library.system.blocks["sensor_fe"]
-        k1 = next(c.value for c in sensor.constants if c.name.endswith("k1_Nm_rad"))
-        self._gain = TORQUE_LOOP_1_S / k1
+        self._gain = TORQUE_LOOP_1_S / device.elastomer.k1_Nm_rad.value
 
-    def advance(self, muscle: Sequence[Sequence[float]], constrained: bool) -> None:
+    def start(self) -> None:
+        """From rest at zero; no wall in RU: resistance to speed alone."""
+        super().start()
+        self._asked = False
+        for gain in ("Kp_Nm_rad", "Kd_Nms_rad"):
+            self.board.set_parameter(f"impairment_deviation.{gain}", 0.0)
+
+    def advance(self, muscles: Sequence[Sequence[float]], constrained: bool) -> None:
         """A frame.
 
         Parameters
         ----------
-        muscle : sequence of (stiffness, damping, aim at the start, aim at the end)
-            Per axis, Nm/rad, Nms/rad, rad, rad; then the largest torque, Nm.
+        muscles : sequence of sequence of float
+            Of each axis, as of :meth:`CoupledLimb.step`.
         constrained : bool
-            Whether the impairment is asked for.
+            Whether the impairment is asked for; it is switched where the wrist rests.
         """
-        given, out, h = self._in, self._out, self._h
-        given.constrained_fe = given.constrained_ru = 1.0 if constrained else 0.0
-        a, b = self.axes
-        for k in range(STEPS):
-            given.deflection_fe_rad, given.deflection_fe_rad_s = (
-                a.deflection_rad,
-                a.deflection_rad_s,
-            )
-            given.deflection_ru_rad, given.deflection_ru_rad_s = (
-                b.deflection_rad,
-                b.deflection_rad_s,
-            )
-            given.theta_fe_rad, given.omega_fe_rad_s = a.theta_rad, a.omega_rad_s
-            given.theta_ru_rad, given.omega_ru_rad_s = b.theta_rad, b.omega_rad_s
-            self._step(self._coeffs, self._state, given, out)
-            a.tau_Nm, a.tau_set_Nm = out.tau_fe_Nm, out.tau_set_fe_Nm
-            b.tau_Nm, b.tau_set_Nm = out.tau_ru_Nm, out.tau_set_ru_Nm
-            share = (k + 1) / STEPS
-            for axis, limb, m in zip(self.axes, self._limbs, muscle, strict=True):
-                self._axis(axis, limb, m, share, h)
+        if constrained != self._asked:
+            self.board.set_parameter("request.constrained", float(constrained))
+            self._asked = constrained
+        self.frame(muscles)
 
-    def _axis(self, x: AxisState, limb: Limb, m: Sequence[float], share: float, h: float) -> None:
-        theta, omega = x.theta_rad, x.omega_rad_s
-        hand = limb.torque_Nm(theta, omega, m, share, STEPS * h)
-        omega += h * (hand + x.tau_Nm) / (limb.inertia_kgm2 + HANDLE_KGM2)
-        x.omega_rad_s = omega
-        x.theta_rad = theta + h * omega
-        motor = self._gain * (x.tau_set_Nm - x.tau_Nm)
-        motor = (
-            MOTOR_RAD_S if motor > MOTOR_RAD_S else -MOTOR_RAD_S if motor < -MOTOR_RAD_S else motor
-        )
-        x.deflection_rad_s = motor - omega
-        x.deflection_rad += h * x.deflection_rad_s
+    def show(self) -> None:
+        drivers = self.board.drivers
+        for k, axis in enumerate(self.axes):
+            drivers[2 * k] = self.counted(axis.deflection_rad)
+            drivers[2 * k + 1] = self.counted(axis.theta_rad)
+
+    def turning_rad_s(self) -> Sequence[float]:
+        told, most = self.board.values, MOTOR_RAD_S
+        wanted = (self._gain * (told[a] - told[b]) for a, b in self._torques)
+        return [min(max(rate, -most), most) for rate in wanted]
+
+    @property
+    def theta_rad(self) -> list[float]:
+        """Angle of each joint, as the board has it."""
+        return [self.board.values[k] for k in self._angles]
+
+    @property
+    def tau_Nm(self) -> list[float]:
+        """Torque on each axis, as the board senses it."""
+        return [self.board.values[k] for _, k in self._torques]
 
     @property
     def acts(self) -> bool:
         """Whether the impairment acts on both axes."""
-        return bool(self._out.acts_fe > 0.5 and self._out.acts_ru > 0.5)
+        return all(self.board.values[k] > 0.5 for k in self._acting)

@@ -215,7 +215,9 @@ class VelocityParameters(OnAxis):
 
     movements: int = Field(5, ge=2, le=50, description="how many, from end to end")
     longest_s: float = Field(30.0, gt=1, le=300, description="then it ends anyhow")
-    near_end: float = Field(0.05, gt=0, lt=0.5, description="share of the range that is an end")
+    near_end: float = Field(
+        0.05, gt=0, lt=0.5, description="share of the range that is an end, if no node is in it"
+    )
 
 
 @dataclass(frozen=True)
@@ -238,6 +240,7 @@ class VelocitySweep(_WristTask):
 
     name = "wrist.velocity"
     title = "Position-dependent velocity"
+    version = "3"
     Parameters = VelocityParameters
     columns = (
         IMPAIRMENT,
@@ -262,16 +265,19 @@ class VelocitySweep(_WristTask):
         k = AXES.index(p.axis)
         low, high = state.past.range_of(p.axis)
         theta = angles(inputs)[k] - state.past.neutral[k]
-        room = p.near_end * (high - low)
-        there = theta <= low + room if state.way < 0 else theta >= high - room
+        room, nodes = p.near_end * (high - low), state.past.nodes(p.axis)
+        # Never short of the outermost node, which would not be crossed by who turns round there.
+        bottom, top = min([low + room, *nodes]), max([high - room, *nodes])
+        there = theta < bottom if state.way < 0 else theta >= top
+        done = state.done + there
         events: tuple[TaskEvent, ...] = ()
         state = replace(
             state,
-            done=state.done + there,
+            done=done,
             way=-state.way if there else state.way,
             end_s=time_s if there else state.end_s,
-            times=(*state.times, time_s) if state.done >= 0 else (),
-            thetas=(*state.thetas, theta) if state.done >= 0 else (),
+            times=(*state.times, time_s) if done >= 0 else (),
+            thetas=(*state.thetas, theta) if done >= 0 else (),
         )
         if there and state.done > 0:
             # Once a movement: what it was like, on disk, on both screens.

@@ -8,6 +8,7 @@ from typing import Any
 
 from esea_host.people.hand import MovingHand, Pointer, shape
 from esea_host.people.person import PersonModel, VirtualParticipant
+from esea_host.people.rig import compile_rig
 from esea_host.people.source import PersonSource, VirtualPeople
 from esea_host.study.folder import StudyFolder
 from esea_host.study.many import run_everybody
@@ -16,7 +17,7 @@ from esea_host.study.scene import Scene
 from esea_host.study.task import Inputs, Row, Situation, StudyTask
 from esea_host.study.watching import Gauge
 from esea_host.wrist.actor import WristActor
-from esea_host.wrist.rig import NAMES, Rig, rig_library
+from esea_host.wrist.rig import NAMES, Rig, impaired_device
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
 
@@ -30,17 +31,17 @@ class VirtualPerson(PersonSource):
         self.aims = [0.0, 0.0]
 
     def ready(self) -> Mapping[str, Any]:
-        """The torque at rest, as the emitted sensor has it."""
+        """The torque at rest, as the board senses it."""
         still = [(0.0, 0.0, 0.0, 0.0, 0.0)] * 2
         self.rig.advance(still, False)
-        return {"simulated": True, "tau_Nm": [a.tau_Nm for a in self.rig.axes]}
+        return {"simulated": True, "tau_Nm": self.rig.tau_Nm}
 
     def gauges(self) -> tuple[Gauge, ...]:
         """Torque on the wrist beside the largest that the impairment may ask for."""
         most = self.rig.most_Nm
         return tuple(
-            Gauge(f"torque {name.upper()}", axis.tau_Nm, -most, most, "Nm")
-            for name, axis in zip(NAMES, self.rig.axes, strict=True)
+            Gauge(f"torque {name.upper()}", tau_Nm, -most, most, "Nm")
+            for name, tau_Nm in zip(NAMES, self.rig.tau_Nm, strict=True)
         )
 
     def hand(self, task: StudyTask, situation: Situation, number: int) -> MovingHand:
@@ -95,6 +96,7 @@ def run_study(
     method: str = "rbf",
     model: PersonModel | None = None,
     protocol: Protocol | None = None,
+    cluster: str | None = None,
 ) -> list[str]:
     """The wrist study with virtual participants.
 
@@ -114,6 +116,8 @@ def run_study(
         The people, other than the default ones.
     protocol : Protocol, optional
         Another one of wrist tasks.
+    cluster : str, optional
+        In place of processes: address of a Dask scheduler.
 
     Returns
     -------
@@ -121,9 +125,9 @@ def run_study(
         Sessions that ended early, with the reason.
     """
     asked = protocol or wrist_protocol(seed, method)
-    rig_library()  # compiled once, before the processes start
+    compile_rig(impaired_device())
     people = WristPeople(seed, model or PersonModel())
-    return run_everybody(folder, asked, participants, people, jobs)
+    return run_everybody(folder, asked, participants, people, jobs, cluster)
 
 
 def all_rows(folder: Path) -> list[Row]:
