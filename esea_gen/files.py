@@ -5,10 +5,18 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
+
+
+@cache
+def template_folder() -> Path:
+    """Folder of the Jinja templates: inside the wheel, or at the top of a checkout."""
+    packaged = Path(__file__).parent / "_templates"
+    return packaged if packaged.is_dir() else Path(__file__).parents[1] / "templates"
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -27,7 +35,8 @@ def write_whole(path: Path, content: str | bytes) -> None:
                 raise
     except OSError as error:
         raise UserError(
-            f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
+            f"{path}: cannot be written ({error.strerror or error}).",
+            "Make room, or give another file.",
         ) from error
 
 

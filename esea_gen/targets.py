@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 
 # What every verified number rests on: no contraction to fused multiply-add, no other liberty.
 EXACT_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
@@ -325,5 +325,6 @@ def find_board(name: str) -> Board:
     known = firmware_boards()
     if name not in known:
         listed = "; ".join(f"{b.name} ({b.title})" for b in known.values())
-        raise UserError(f"There is no board '{name}'.", f"Boards: {listed}.")
+        near = nearest(name, known)
+        raise UserError(f"There is no board '{name}'.", f"{near}Boards: {listed}.")
     return known[name]

@@ -3,32 +3,32 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import json
+import re
+import tomllib
 import types
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-import tomlkit
-import tomlkit.exceptions
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Problem:
-    """The first thing that is wrong in a document.
+    """One thing that is wrong in a document.
 
     kind: pydantic's word for it; ``extra_forbidden`` and ``missing`` among others.
     known: names of the keys that may stand there.
     within, wanted: type of the table the key stands in, and of the key itself; None if unknown.
     text: what the model says of the key.
+    reason: what pydantic says is wrong.
     """
 
     kind: str
@@ -38,6 +38,7 @@ class Problem:
     within: Any
     wanted: Any
     text: str
+    reason: str
 
     @property
     def key(self) -> str:
@@ -57,11 +58,64 @@ def read_text(path: Path, fix: str) -> str:
 def parse_toml(text: str, origin: str, see: str) -> dict[str, Any]:
     """The document as plain values; ``see`` names where the form is shown."""
     try:
-        return dict(tomlkit.parse(text).unwrap())  # its errors name a key that occurs twice
-    except tomlkit.exceptions.TOMLKitError as error:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        where = re.search(r"\(at line (\d+), column \d+\)$", str(error))
+        line = int(where[1]) if where else 0
+        stands = f": {text.splitlines()[line - 1].strip()}" if line else ""
         raise UserError(
-            f"{origin}: not valid TOML ({error}).", f"Correct that line; see {see}."
+            f"{origin}: not valid TOML ({error}){stands}", f"Correct that line; see {see}."
         ) from None
+
+
+_HEADER = re.compile(r"^\s*(\[\[?)\s*([\w.\"-]+)\s*\]\]?")
+
+
+def line_of(text: str, loc: Sequence[str | int]) -> int:
+    """Line of a key, or of the nearest table around it; 0 where it is not found."""
+    wanted = [str(p) for p in loc]
+    here: list[str] = []
+    rows: dict[tuple[str, ...], int] = {}
+    best, depth = 0, 0
+    for number, line in enumerate(text.splitlines(), 1):
+        header = _HEADER.match(line)
+        if header:
+            here = []
+            parts = header[2].split(".")
+            for k, part in enumerate(parts):
+                here.append(part)
+                if header[1] == "[[" and k == len(parts) - 1:
+                    rows[tuple(here)] = rows.get(tuple(here), -1) + 1
+                if tuple(here) in rows:
+                    here.append(str(rows[tuple(here)]))
+            path = here
+        else:
+            key = re.match(r"^\s*([\w\"-]+)\s*=", line)
+            if not key:
+                continue
+            path = [*here, *key[1].strip('"').split(".")]
+        if wanted[: len(path)] == path and len(path) > depth:
+            best, depth = number, len(path)
+    return best
+
+
+def together(
+    problems: Iterable[tuple[Sequence[str | int], UserError]], origin: str, text: str
+) -> None:
+    """Raise what is wrong in a file as one message, each problem with the line of its key."""
+    said = []
+    for loc, problem in problems:
+        line = line_of(text, loc)
+        at = f", line {line}" if line else ""
+        said.append((line, at, problem))
+    if len(said) == 1:
+        _, at, problem = said[0]
+        raise UserError(f"{origin}{at}: {problem.what}", problem.fix)
+    if said:
+        said.sort(key=lambda s: s[0])
+        rows = [f"- {origin}{at}: {problem}" for _, at, problem in said]
+        more = [f"and {len(rows) - MOST} more."] if len(rows) > MOST else []
+        raise UserError(f"{origin}: {len(rows)} problems.", "\n".join(["", *rows[:MOST], *more]))
 
 
 def checked(
@@ -69,57 +123,59 @@ def checked(
     document: Mapping[str, Any],
     origin: str,
     fix: Callable[[Problem], str | UserError | None],
+    text: str = "",
 ) -> T:
     """A document as ``kind``, a pydantic model or dataclass.
 
-    fix: what to do about a problem, or the whole message; None where the text says it.
+    fix: what to do about a problem, or the whole message; None where the model's text says it.
+    text: of the file, for the lines of what is wrong.
     """
     try:
         # As JSON, so that a strict model takes a row of numbers for a tuple.
         return TypeAdapter(kind).validate_json(json.dumps(document, default=str))
     except ValidationError as error:
-        raise _explained(error, kind, origin, fix) from None
+        problems = _problems(error, kind)
+    together(((p.loc, _explained(p, fix(p))) for p in problems), origin, text)
+    raise AssertionError(origin)
 
 
-def nearest(name: str, known: typing.Iterable[str]) -> str:
-    """``Did you mean ...? `` for a name that is near a known one."""
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f"Did you mean {close[0]}? " if close else ""
+def _problems(error: ValidationError, kind: Any) -> list[Problem]:
+    found: list[Problem] = []
+    # A misspelt key shows as one unknown and one missing key: the unknown one tells of both.
+    for e in sorted(error.errors(), key=lambda e: e["type"] not in UNKNOWN):
+        loc, word = e["loc"], "extra_forbidden" if e["type"] in UNKNOWN else e["type"]
+        beside = [
+            str(p.loc[-1]) for p in found if p.kind == "extra_forbidden" and p.loc[:-1] == loc[:-1]
+        ]
+        if word in MISSING and nearest(str(loc[-1]), beside):
+            continue
+        within = _type_at(kind, loc[:-1])
+        keys = _keys(within)
+        wanted, text = keys.get(str(loc[-1]), (None, "")) if loc else (kind, "")
+        reason = e["msg"][0].lower() + e["msg"][1:]
+        found.append(Problem(word, loc, e.get("input"), tuple(keys), within, wanted, text, reason))
+    return found
 
 
-def _explained(
-    error: ValidationError, kind: Any, origin: str, fix: Callable[[Problem], str | UserError | None]
-) -> UserError:
-    # A misspelt key shows as one unknown and one missing key: tell of the unknown first.
-    items = sorted(error.errors(), key=lambda e: e["type"] not in UNKNOWN)
-    first, more = items[0], len(items) - 1
-    tail = f" ({more} more problem{'s' if more > 1 else ''} in this file.)" if more else ""
-    within = _type_at(kind, first["loc"][:-1])
-    keys = _keys(within)
-    wanted, text = keys.get(str(first["loc"][-1]), (None, "")) if first["loc"] else (kind, "")
-    word = "extra_forbidden" if first["type"] in UNKNOWN else first["type"]
-    problem = Problem(word, first["loc"], first.get("input"), tuple(keys), within, wanted, text)
-    said = fix(problem)
+def _explained(problem: Problem, said: str | UserError | None) -> UserError:
     if isinstance(said, UserError):
-        return UserError(f"{origin}: {said.what}", said.fix + tail)
-    if word == "extra_forbidden":
+        return said
+    key, known = problem.key, problem.known
+    if problem.kind == "extra_forbidden":
         return UserError(
-            f"{origin}: unknown key {problem.key} = {problem.given!r}.",
-            f"{nearest(str(problem.loc[-1]), keys)}Known keys here: {', '.join(keys)}.{tail}",
+            f"unknown key {key} = {problem.given!r}.",
+            f"{nearest(str(problem.loc[-1]), known)}Known keys here: {', '.join(known)}.",
         )
-    if word in MISSING:
-        about = f" ({text.rstrip('.')})" if text else ""
-        return UserError(
-            f"{origin}: key {problem.key} is missing{about}.", (said or "Add it.") + tail
-        )
-    reason = first["msg"][0].lower() + first["msg"][1:]
+    if problem.kind in MISSING:
+        about = f" ({problem.text.rstrip('.')})" if problem.text else ""
+        return UserError(f"key {key} is missing{about}.", said or "Add it.")
     return UserError(
-        f"{origin}: {problem.key} = {problem.given!r}: {reason}.",
-        (said or text or "Correct it.") + tail,
+        f"{key} = {problem.given!r}: {problem.reason}.", said or problem.text or "Correct it."
     )
 
 
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+MOST = 20  # problems of a file told at once
 MISSING = ("missing", "missing_argument")
 
 

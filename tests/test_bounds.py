@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.emit.error_bounds import block_bound, linear_bound, step_bound
+from esea_gen.emit.error_bounds import Bound, block_bound, linear_bound, step_bound
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.ranges import RangeError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable
+from esea_gen.verify.verdict import Verification
 
 PARTS = 1.5
 THIRD = 2 / 3
@@ -196,3 +197,19 @@ def test_a_bound_says_which_decisions_it_takes_for_equal():
         assert said.endswith("= lt")
         # An input is the same number on both sides.
         assert bound(made("switch", told)).assumptions == ()
+
+
+def test_a_bound_as_wide_as_its_output_tells_nothing_and_says_so():
+    def bound(**outputs: float) -> Bound:
+        return Bound("f32", 1, outputs, {}, "one step", ())
+
+    scales = {"trend": {"tau_Nm": 4.0, "curve": 10.0, "status": 0.0}}
+    # The narrower domain counts: an output that is told of in one is told of.
+    bounds = {"trend": {"a": bound(tau_Nm=5.0, curve=11.0), "b": bound(tau_Nm=0.1, curve=10.0)}}
+    found = Verification("x", "-", [], bounds, {}, scales)
+    assert found.telling_nothing("trend") == {"curve": 100.0}
+    assert found.to_dict()["bounds_that_tell_nothing_percent"] == {"trend": {"curve": 100.0}}
+    bounds["trend"]["b"].outputs["curve"] = 9.9
+    assert found.telling_nothing("trend") == {}
+    found.bounds.clear()  # judged by its residual
+    assert found.telling_nothing("trend") == {}

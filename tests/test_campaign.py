@@ -270,7 +270,7 @@ def test_kill_9_loses_only_what_is_running(tmp_path):
 def test_time_left(monkeypatch):
     text = io.StringIO()
     terminal = Console(file=text, force_terminal=True, width=100)
-    monkeypatch.setattr(output, "err", terminal)
+    monkeypatch.setattr(output, "_terminal", lambda: terminal)
     with output.counted("runs") as tell:
         tell(100, 1000, 0)  # of a journal: no rate follows from them
         for n in range(1, 6):

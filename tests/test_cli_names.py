@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
+from importlib import import_module
 from operator import attrgetter
+from pathlib import Path
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
 import esea_gen
 from esea_gen import load_device
-from esea_gen.cli import names
+from esea_gen.analysis.plots import new_figure, save
+from esea_gen.cli import main, names
+from esea_gen.cli.app import HOMES, app
 from esea_gen.devices.file import shipped_controllers, shipped_devices
+from esea_gen.errors import UserError
 from esea_gen.studies.registry import Study, studies
 from esea_gen.studies.reproduction import Reproduction
 from esea_gen.studies.simulation import ClosedLoopStudy
@@ -19,7 +27,7 @@ from esea_gen.twin.controllers import controllers
 from esea_gen.twin.people import PEOPLE
 
 # None of these may be loaded to show a list of commands, or to complete a name.
-SLOW = ("casadi", "sympy", "scipy", "numpy", "matplotlib")
+SLOW = ("casadi", "sympy", "scipy", "numpy", "matplotlib", "rich")
 
 
 def test_the_text_of_the_sources_says_what_is_registered():
@@ -72,6 +80,49 @@ except SystemExit:
 )
 def test_help_loads_no_engine(args):
     assert loaded_by(HELP.format(args=args)) == []
+
+
+def test_every_command_has_a_home_and_every_file_of_commands_is_in_it():
+    command = typer.main.get_command(app)
+    for path in (names.ROOT / "cli").glob("[a-z]*.py"):
+        import_module(f"esea_gen.cli.{path.stem}")
+    written = {c.name or c.callback.__name__ for c in app.registered_commands}
+    written |= {g.name for g in app.registered_groups}
+    assert written == set(command.commands)
+    assert {n: command.commands[n].name for n in HOMES} == {n: n for n in HOMES}
+
+
+def test_quiet_and_verbose(capsys, tmp_path, monkeypatch):
+    target = tmp_path / "mine.toml"
+    assert CliRunner().invoke(app, ["-q", "new", "mine", "--out", str(target)]).output == ""
+    assert target.is_file()
+    for flags, traced in (([], False), (["-v"], True)):
+        monkeypatch.setattr(sys, "argv", ["esea-gen", *flags, "build", "nothing"])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        assert stopped.value.code == 2
+        assert ("Traceback" in capsys.readouterr().err) == traced
+
+
+def test_a_full_disk_is_one_paragraph(capsys, monkeypatch, tmp_path):
+    """Scratch files, kept files, pictures: what was there stays, nothing half is left."""
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(sys, "argv", ["esea-gen", "schema"])
+    monkeypatch.setattr("esea_gen.devices.schema.json_schema", full)
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    said = capsys.readouterr().err
+    assert "No space left on device" in said
+    assert "TMPDIR" in said
+    (tmp_path / "old.png").write_text("old")
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(UserError, match="No space left"):
+        save(new_figure(2, 2)[0], tmp_path / "old.png")
+    assert [p.read_text() for p in tmp_path.iterdir()] == ["old"]
 
 
 def test_what_is_slow_is_seen():

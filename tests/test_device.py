@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from esea_gen.device import load_device, parse_device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.devices.schema import json_schema
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, paragraphs
 from esea_gen.language.ports import Tunable, unit_of
 
 ELBOW = shipped_devices()["elbow"].read_text()
@@ -104,6 +105,44 @@ def test_what_is_wrong_is_said(old: str, new: str, words: list[str]):
     message = refuse(ELBOW.replace(old, new, 1))
     for word in [*words, "mine.toml"]:
         assert word in message, message
+
+
+def test_all_problems_at_once_each_with_its_line():
+    text = ELBOW.replace("value = 9.39", 'value = "9"').replace("schema = 1", "schema = 2")
+    text = text.replace("alpha_Nm_rad =", "alpa_Nm_rad =") + "[sped]\n"
+    lines = text.splitlines()
+    said = refuse(text).splitlines()
+    wanted = ["schema = 2", 'value = "9"', "alpa_Nm_rad", "[sped]"]
+    places = [1 + next(i for i, x in enumerate(lines) if w in x) for w in wanted]
+    assert said[0] == "mine.toml: 4 problems. "
+    assert [int(re.match(r"- mine.toml, line (\d+): ", x)[1]) for x in said[1:]] == sorted(places)
+    assert sum("alpha_Nm_rad" in x for x in said) == 1  # misspelt, and not missing besides
+    # Bounds are looked at once the form is right, relations once the bounds are.
+    text = ELBOW.replace("value = 9.39", "value = -1.0").replace("value = 10,", "value = 10.5,")
+    low, whole = refuse(text).splitlines()[1:]
+    assert re.search(r"line \d+: .*below its limit 0", low)
+    assert "10.5" in whole
+    with pytest.raises(UserError, match=r"at line 3.*\): title title"):
+        parse_device("schema = 1\n\ntitle title\n", "mine.toml")
+
+
+def test_gains_of_another_rate_are_told_of():
+    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "Mine"\n'
+    rate = '[timing]\nsense_rate_Hz = { value = 2000, status = "assumed", source = "a test" }\n'
+    with pytest.warns(UserWarning, match=r"gain_theta, .* designed for 1000 Hz; .* at 2000 Hz"):
+        parse_device(head + rate, "mine.toml")
+    gains = [f"gain_{k}" for k in ("theta", "omega_1_s", "tau_Nm_rad", "rate_Nm_s_rad")]
+    given = [f'{k} = {{ value = 0.2, status = "assumed", source = "x" }}' for k in gains]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parse_device("\n".join([head + rate + "[disturbance]", *given]), "mine.toml")
+        parse_device(head + rate.replace("2000", "1000"), "mine.toml")
+
+
+def test_a_line_is_folded_at_blanks_only():
+    text = "a-b " * 60
+    assert paragraphs(text).replace("\n", " ") == text.strip()
+    assert max(map(len, paragraphs(text).splitlines())) <= 100
 
 
 def test_missing_keys_are_named():

@@ -193,6 +193,25 @@ def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, monkeypatch):
     assert case["rms_true_Nm"] == expected["rms_true_Nm"] != elbows["rms_true_Nm"]
 
 
+def test_nothing_stands_beside_where_the_published_law_does_not_go(tmp_path, findings):
+    # Its observer's filter is made for 1 kHz; the thesis' figures are of the elbow's drive.
+    own = tmp_path / "slow.toml"
+    own.write_text(
+        'schema = 1\nextends = "elbow_drive"\nname = "slow"\ntitle = "Slow"\n[timing]\n'
+        'sense_rate_Hz = { value = 2000, status = "assumed", source = "a test" }\n'
+    )
+    assert "2000 Hz" in drive.no_yardstick(load_device(own))
+    assert drive.no_yardstick(load_device("elbow_drive")) == ""
+    alone = replace(findings, yardsticks={}, device=load_device(own))
+    (row, *_) = drive._experiments(alone)["experiments"]
+    assert row["rms_true_Nm"] is not None
+    assert row["printed_rms_true_Nm"] is row["thesis_rms_Nm"] is row["ratio"] is None
+    assert "as published" not in " ".join(drive.summary(alone)[:1])
+    assert any("2000 Hz" in note for note in drive._notes(alone)["notes"])
+    (row, *_) = drive._experiments(findings)["experiments"]
+    assert row["thesis_rms_Nm"] is not None
+
+
 @pytest.mark.slow
 def test_a_predictive_controller_has_a_page(findings, monkeypatch):
     device = load_device("elbow_drive", "mpc")

@@ -14,13 +14,14 @@ import pytest
 from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
+from esea_gen.toml_file import line_of
 from esea_host.cli import app
 from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.acting import SimulatedSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
 from esea_host.study.plan import build_plan, explain, group_of
-from esea_host.study.protocol import Protocol, line_of, load_protocol, parse_protocol
+from esea_host.study.protocol import Protocol, load_protocol, parse_protocol
 from esea_host.study.scene import COLOURS, Scene, Shape, Text, catalogue, draw, said
 from esea_host.study.session import StudySession, read_session, replay
 from esea_host.study.task import Actor, Situation, task_named

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.analysis.journal import files_digest, versions
-from esea_gen.emit.render import template_folder
 from esea_gen.errors import UserError
+from esea_gen.files import template_folder
 
 CONNECT_S = 5.0
 WORKERS_S = 60.0  # for workers to come back, when all of them died

@@ -6,6 +6,7 @@ one as a picture with that look.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from esea_gen.analysis.monte_carlo import Percentiles
 from esea_gen.analysis.passivity import PassivityMap
 from esea_gen.analysis.response import Array
 from esea_gen.errors import UserError
+from esea_gen.files import write_whole
 from esea_gen.plotting import (
     BOUND,
     INK,
@@ -55,15 +57,15 @@ def finished(figure: Figure) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path | str) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Write a figure as .png, .svg or .pdf."""
+    picture, form = io.BytesIO(), path.suffix.lower().removeprefix(".")
     try:
         with mpl.rc_context(STYLE):
-            figure.savefig(path)
-    except (OSError, ValueError) as error:
-        raise UserError(
-            f"{path}: cannot be written ({error}).", "End it in .png or .svg."
-        ) from None
+            figure.savefig(picture, format=form or None)
+    except ValueError as error:
+        raise UserError(f"{path}: cannot be drawn ({error}).", "End it in .png or .svg.") from None
+    write_whole(path, picture.getvalue())
 
 
 def _drawn(axes: Axes, time: Array, y: Array, **kwargs: Any) -> None:

@@ -1,28 +1,8 @@
-"""``esea-gen``: the command line.  One file a group of commands; each registers itself."""
+"""``esea-gen``: the command line.  One file a group of commands, read when one of them is typed."""
 
-from esea_gen.cli import (
-    boards,
-    evidence,
-    experiments,
-    exporting,
-    faults,
-    generate,
-    identification,
-    pages,
-    startup,
-)
-from esea_gen.cli.app import app, main
+try:
+    from esea_gen.cli.app import app, main
+except KeyboardInterrupt:  # nothing is under way yet
+    raise SystemExit(130) from None
 
-__all__ = [
-    "app",
-    "boards",
-    "evidence",
-    "experiments",
-    "exporting",
-    "faults",
-    "generate",
-    "identification",
-    "main",
-    "pages",
-    "startup",
-]
+__all__ = ["app", "main"]

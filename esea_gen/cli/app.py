@@ -2,48 +2,204 @@
 
 from __future__ import annotations
 
+import errno
 import sys
-import textwrap
-from typing import Annotated
+import traceback
+import warnings
+from collections.abc import Iterator, MutableMapping
+from functools import cache
+from importlib import import_module
+from typing import Annotated, Any, NoReturn
 
 import typer
-from rich.console import Console
+from typer.core import TyperGroup
 
 from esea_gen import __version__
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, paragraphs
+
+# Every command with the file that has it, in the groups that help shows.
+GROUPS = {
+    "Devices and their C": {
+        "new": "generate",
+        "schema": "generate",
+        "build": "generate",
+        "check": "generate",
+        "export": "exporting",
+        "report": "pages",
+    },
+    "Boards": {"firmware": "boards", "emulate": "boards", "faults": "faults"},
+    "Evidence that the C is the model": {
+        "verify": "evidence",
+        "coverage": "evidence",
+        "ranges": "evidence",
+        "fixed": "evidence",
+        "gates": "evidence",
+        "mutate": "evidence",
+        "mutate-python": "evidence",
+        "traces": "evidence",
+    },
+    "Virtual experiments": {
+        "simulate": "experiments",
+        "passivity": "experiments",
+        "tune": "experiments",
+        "reproduce": "experiments",
+    },
+    "From recordings, and on a real machine": {
+        "identify": "identification",
+        "uncertainty": "identification",
+        "torque-check": "identification",
+        "startup": "startup",
+    },
+}
+HOMES = {name: home for group in GROUPS.values() for name, home in group.items()}
+
+
+class _Commands(MutableMapping[str, Any]):
+    # What is typed is loaded, and nothing else: a press of the tab key must answer at once.
+
+    def __getitem__(self, name: str) -> Any:
+        return _command(name, HOMES[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(HOMES)
+
+    def __len__(self) -> int:
+        return len(HOMES)
+
+    def __setitem__(self, name: str, command: Any) -> None:
+        raise TypeError(name)
+
+    def __delitem__(self, name: str) -> None:
+        raise TypeError(name)
+
+
+@cache
+def _command(name: str, home: str) -> Any:
+    import_module(f"esea_gen.cli.{home}")
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.callback()(lambda: None)
+    for c in app.registered_commands:
+        if (c.name or getattr(c.callback, "__name__", "")) == name:
+            alone.registered_commands.append(c)
+    alone.registered_groups += [g for g in app.registered_groups if g.name == name]
+    group: Any = typer.main.get_command(alone)
+    return group.commands[name]
+
+
+class Commands(TyperGroup):
+    """The commands of :data:`GROUPS`."""
+
+    @property
+    def commands(self) -> MutableMapping[str, Any]:
+        """By name."""
+        return _Commands()
+
+    @commands.setter
+    def commands(self, _: Any) -> None:
+        return
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """In the order of the groups."""
+        return list(HOMES)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Each group under its title, the first sentence of each command whole."""
+        for title, group in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl(
+                    [(n, self.commands[n].get_short_help_str(limit=200)) for n in group]
+                )
+
 
 app = typer.Typer(
     name="esea-gen",
+    cls=Commands,
     help="From a model of an elastomeric series elastic actuator to verified firmware.",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
-# Words as they are: no markup in a title, no wrapping of a line that somebody will copy.
-out = Console(highlight=False, markup=False, soft_wrap=True)
+class Out:
+    """What is printed: lines as they are, tables by rich, nothing where it is ``quiet``.
+
+    verbose: steps of the work stay on the terminal, errors come with where they were raised.
+    """
+
+    quiet = verbose = False
+
+    def print(self, what: Any = "") -> None:
+        """Print a line for people, or a table."""
+        if self.quiet:
+            return
+        if isinstance(what, str):
+            print(what)
+        else:
+            from rich.console import Console
+
+            Console(highlight=False, markup=False).print(what)
 
 
-err = Console(stderr=True, highlight=False)
+out = Out()
 
 
 @app.callback(invoke_without_command=True)
 def _main(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Print errors only; the exit code tells.")
+    ] = False,
+    verbose: Annotated[
+        bool, typer.Option("-v", "--verbose", help="Keep every step said, and where errors arose.")
+    ] = False,
 ) -> None:
+    out.quiet, out.verbose = quiet, verbose
     if version:
-        out.print(f"esea-gen {__version__}")
+        print(f"esea-gen {__version__}")
         raise typer.Exit
+
+
+# What the machine refuses, in the words of its error; anything else is a fault of this program.
+REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM)
 
 
 def main() -> None:
     """Entry point: bad input becomes one paragraph and exit code 2."""
+    warnings.showwarning = _note
     try:
         app()
     except UserError as error:
-        print(textwrap.fill(f"esea-gen: {error}", 100), file=sys.stderr)
-        raise SystemExit(2) from None
+        _refuse(error, str(error))
     except BrokenPipeError:
         raise SystemExit(1) from None
+    except OSError as error:
+        if error.errno not in REFUSED:
+            raise
+        where = error.filename2 or error.filename or "a scratch file"
+        _refuse(
+            error,
+            f"{where}: {error.strerror}. Make room, or name other folders: TMPDIR for scratch "
+            "files, XDG_CACHE_HOME for what is kept.",
+        )
+
+
+def _note(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: Any = None,
+    line: str | None = None,
+) -> None:
+    if issubclass(category, UserWarning) and not out.quiet:
+        print(paragraphs(f"esea-gen: note: {message}"), file=sys.stderr)
+
+
+def _refuse(error: Exception, said: str) -> NoReturn:
+    if out.verbose:
+        traceback.print_exception(error)
+    print(paragraphs(f"esea-gen: {said}"), file=sys.stderr)
+    raise SystemExit(2)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 import esea_gen
 from esea_gen.cli.app import app, out
@@ -165,6 +164,8 @@ def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path |
         )
     results = emulate_tasks(loaded, board, round(seconds / loaded.period_s))
     content = {t: r.to_dict() for t, r in results.items()}
+    from rich.table import Table
+
     table = Table("task", "runs", "bits", "instructions a run", "stack, B")
     for name, r in results.items():
         same = "the host's" if r.identical else "DIFFER"

@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 import esea_gen
 from esea_gen.cli.app import app, out
@@ -88,6 +86,10 @@ def _bound_note(result: Any, block: str) -> str:
     if block not in result.bounds and residuals:
         worst, limit = max(residuals)
         return f"gives the request back to {worst:.2g} Nm (limit {limit:.2g} Nm)"
+    wide = result.telling_nothing(block)
+    if wide:
+        port, percent = max(wide.items(), key=lambda w: w[1])
+        return f"BOUND TELLS NOTHING: {port} may err by {percent:.2g} % of full scale"
     # How much the derived bound allows: one that allows a lot proves little, and shows as that.
     scale = result.full_scales[block]
     (name, bound), *_ = sorted(result.bounds[block].items())
@@ -106,6 +108,9 @@ def _bound_note(result: Any, block: str) -> str:
 
 
 def _print_verification(loaded: Device, result: Any) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
     from esea_gen.verify.verdict import EXACT_PROGRAM
 
     title = Text(f"{loaded.title}: C against the symbolic model")
@@ -129,7 +134,7 @@ def _print_verification(loaded: Device, result: Any) -> None:
             f"{worst[0]:.2g} ({worst[1]})",
             (note or _bound_note(result, block)) if passed else "FAILED",
         )
-    out.print(table, soft_wrap=False)
+    out.print(table)
     for c in result.comparisons:
         for problem in c.problems:
             out.print(f"{c.block} {c.real}, {c.stream}: {problem}")

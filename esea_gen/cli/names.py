@@ -101,6 +101,7 @@ def block_names(device: str) -> list[str]:
     """Blocks of a device; loaded once, then kept under the digest of its file and our sources."""
     from esea_gen.cache import cache_folder
     from esea_gen.errors import UserError
+    from esea_gen.files import write_whole
 
     path = ROOT / "devices" / f"{device}.toml"
     path = path if path.is_file() else Path(device)
@@ -112,7 +113,7 @@ def block_names(device: str) -> list[str]:
             import esea_gen
 
             names = sorted(b.name for b in esea_gen.load_device(device).system.kinds)
-            kept.write_text(json.dumps(names), encoding="utf-8")
+            write_whole(kept, json.dumps(names))
         return [str(x) for x in json.loads(kept.read_text(encoding="utf-8"))]
     except (OSError, UserError, ValueError):
         return []  # a press of the tab key has no place for an error

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from esea_gen.cli.names import complete_block, completing, configured, shipped
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 from esea_gen.targets import firmware_boards
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def chosen_formats(real: list[str] | None, known: Collection[str] = ()) -> list[
     chosen = real or list(DEFAULT_FORMATS)
     for name in chosen:
         if name not in allowed:
-            fix = f"Choose from {', '.join(allowed)}."
+            fix = f"{nearest(name, allowed)}Choose from {', '.join(allowed)}."
             if name in FORMATS:
                 fix += f" {name} has its own command: {FORMATS[name].verified_by}."
             raise UserError(f"Unknown number format '{name}'.", fix)

@@ -6,45 +6,62 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
-
-from esea_gen.cli.app import err, out
-from esea_gen.errors import UserError
+from esea_gen.cli.app import out
 from esea_gen.files import write_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
+
+def _terminal() -> Console:
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False)
+
+
+def _progress(*columns: Any, **settings: Any) -> Progress:
+    # Gone when done; nothing where nobody looks.
+    from rich.progress import Progress
+
+    console = _terminal()
+    hidden = out.quiet or not console.is_terminal
+    return Progress(*columns, console=console, transient=True, disable=hidden, **settings)
 
 
 @contextmanager
 def progress_line() -> Iterator[Callable[[str], None]]:
     """A line on the terminal that says what is being done, gone when it is."""
-    columns = SpinnerColumn(), TextColumn("{task.description}")
-    with Progress(*columns, console=err, transient=True) as p:
+    from rich.progress import SpinnerColumn, TextColumn
+
+    with _progress(SpinnerColumn(), TextColumn("{task.description}")) as p:
         task = p.add_task("starting", total=None)
-        yield lambda text: p.update(task, description=text)
+
+        def say(text: str) -> None:
+            p.update(task, description=text)
+            if out.verbose:
+                p.console.print(text, markup=False)
+
+        yield say
 
 
 def progress_bar() -> Progress:
     """A bar on the terminal, gone when done."""
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
-    return Progress(*columns, console=err, transient=True)
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+
+    return _progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
 
 
 @contextmanager
 def counted(text: str) -> Iterator[Callable[[int, int, int], None]]:
     """A bar that counts cases: done, of how many, failed, and the time left at their mean rate."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
     left = TimeRemainingColumn(), TextColumn("left")
-    with Progress(
-        *columns, *left, console=err, transient=True, speed_estimate_period=math.inf
-    ) as p:
+    with _progress(*columns, *left, speed_estimate_period=math.inf) as p:
         task = p.add_task(text, total=None)
 
         def tell(done: int, total: int, failed: int) -> None:
@@ -66,14 +83,7 @@ def show(result: Any, json_file: Path | None) -> None:
 
 def picture(figure: Path | None, draw: Callable[[], Any]) -> None:
     """Draw and save a figure, if a file was named."""
-    from esea_gen.analysis.plots import save
+    if figure is not None:
+        from esea_gen.analysis.plots import save
 
-    if figure is None:
-        return
-    try:
-        figure.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(
-            f"{figure}: cannot be written ({error.strerror}).", "Give another file."
-        ) from error
-    save(draw(), figure)
+        save(draw(), figure)

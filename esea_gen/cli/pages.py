@@ -35,12 +35,13 @@ def report(
     json_file: JsonOption = None,
 ) -> None:
     """Build, verify, emulate, measure: everything known of a device on one HTML page."""
+    loaded = esea_gen.load_device(device, controller)
+    target = page or writable(Path(f"{loaded.name}.html"))
+    assert target is not None
     from esea_gen.report.builder import gather
 
-    loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         found = gather(loaded, recording, data, board, progress=say)
-    target = page or Path(f"{loaded.name}.html")
     for line in found.summary():
         out.print(line)
     write_whole(target, found.html())

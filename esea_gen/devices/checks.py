@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterator
 
 from esea_gen.devices.fields import LAW_SECTIONS, DeviceFile, field_facts, quantities_of, series_of
 from esea_gen.devices.numbers import Quantity, Series
 from esea_gen.devices.rubber_checks import check_rubber
 from esea_gen.errors import UserError
 from esea_gen.language.ports import unit_of
+from esea_gen.toml_file import together
 
 SAME_ORIENTATION_RAD = 0.02  # about 1 deg: an encoder's error moves little within that
 MOST_CORRECTION_SLOPE = 0.25  # 1 deg with four periods a turn: 0.07
@@ -17,21 +20,25 @@ WHOLE_PERIOD = 1e-6  # of a period: far below what a crystal holds
 FILTER_RATE_HZ = 1000.0  # the published observers' filters were printed for this rate
 
 
-def check_content(origin: str, file: DeviceFile) -> None:
-    """Bounds of every number, then what numbers must be to each other."""
-    for key, q in quantities_of(file):
-        _check_value(origin, key, q)
-    for key, row in series_of(file):
-        _check_series(origin, key, row)
-    _check_texts(origin, file)
-    check_rubber(origin, file)
-    _check_relations(origin, file)
-    _check_control(origin, file)
-    _check_inverse(origin, file)
-    _check_encoder(origin, file)
+def check_content(origin: str, text: str, file: DeviceFile) -> None:
+    """Bounds of every number, then what numbers must be to each other.
+
+    text: of the file, for the lines of what is wrong.
+    """
+    found = [p for key, q in quantities_of(file) for p in _check_value(key, q)]
+    found += [p for key, row in series_of(file) for p in _check_series(key, row)]
+    found += _check_texts(file)
+    # Relations of numbers that are wrong themselves say nothing more.
+    found = found or [p for check in RELATIONS for p in check(file)]
+    together(((_first_key(p.what), p) for p in found), origin, text)
 
 
-def _check_value(origin: str, key: str, q: Quantity) -> None:
+def _first_key(what: str) -> list[str]:
+    # A problem begins with the key that it is about.
+    return re.findall(r"\w+", what.split(maxsplit=1)[0])
+
+
+def _check_value(key: str, q: Quantity) -> Iterator[UserError]:
     extra = field_facts(key)
     unit = unit_of(key)
     shown = "" if unit == "1" else f" {unit}"
@@ -39,36 +46,33 @@ def _check_value(origin: str, key: str, q: Quantity) -> None:
         side, limit = (
             ("below", extra["low"]) if q.value < extra["low"] else ("above", extra["high"])
         )
-        raise UserError(
-            f"{origin}: {key} = {q.value:g}{shown} is {side} its limit {limit:g}{shown} "
-            f"({extra['text']})",
+        yield UserError(
+            f"{key} = {q.value:g}{shown} is {side} its limit {limit:g}{shown} ({extra['text']})",
             f"Give a value from {extra['low']:g} to {extra['high']:g}{shown}.",
         )
     if extra["whole"] and q.value != math.floor(q.value):
-        raise UserError(
-            f"{origin}: {key} = {q.value:g} is not a whole number.", "Give a whole one."
-        )
+        yield UserError(f"{key} = {q.value:g} is not a whole number.", "Give a whole one.")
 
 
-def _check_series(origin: str, key: str, row: Series) -> None:
+def _check_series(key: str, row: Series) -> Iterator[UserError]:
     extra = field_facts(key)
     unit = unit_of(key)
     sizes = ", ".join(map(str, extra["sizes"]))
     if len(row.values) not in extra["sizes"]:
-        raise UserError(
-            f"{origin}: {key} has {len(row.values)} values; it takes {sizes}. ({extra['text']})",
+        yield UserError(
+            f"{key} has {len(row.values)} values; it takes {sizes}. ({extra['text']})",
             "Give one of these numbers of values, at equal steps.",
         )
     for i, value in enumerate(row.values):
         if not extra["low"] <= value <= extra["high"]:
-            raise UserError(
-                f"{origin}: {key}: value {i} (counted from 0) is {value:g} {unit}, outside "
+            yield UserError(
+                f"{key}: value {i} (counted from 0) is {value:g} {unit}, outside "
                 f"{extra['low']:g} to {extra['high']:g} {unit}.",
                 "Check its unit and sign.",
             )
 
 
-def _check_texts(origin: str, file: DeviceFile) -> None:
+def _check_texts(file: DeviceFile) -> Iterator[UserError]:
     # These words stand in comments of the generated C.
     texts = [("title", file.title)]
     if file.family is not None:
@@ -80,13 +84,13 @@ def _check_texts(origin: str, file: DeviceFile) -> None:
         if bad is None and not text.isprintable():
             bad = "a line break or other control character"
         if bad is not None:
-            raise UserError(
-                f"{origin}: {key} holds {bad}, which would end or break a comment of the C.",
+            yield UserError(
+                f"{key} holds {bad}, which would end or break a comment of the C.",
                 "Take it out.",
             )
 
 
-def _check_relations(origin: str, file: DeviceFile) -> None:
+def _check_relations(file: DeviceFile) -> Iterator[UserError]:
     values = dict(quantities_of(file))
     for inner, outer in (
         ("domain.theta_max_rad", "limits.theta_rad"),
@@ -94,52 +98,50 @@ def _check_relations(origin: str, file: DeviceFile) -> None:
         ("domain.tau_full_scale_Nm", "limits.tau_Nm"),
     ):
         if values[inner].value > values[outer].value:
-            raise UserError(
-                f"{origin}: {inner} = {values[inner].value:g} is above {outer} = "
+            yield UserError(
+                f"{inner} = {values[inner].value:g} is above {outer} = "
                 f"{values[outer].value:g}: the identified domain must lie inside the port's range.",
                 f"Raise {outer} or lower {inner}.",
             )
     rate = values["timing.sense_rate_Hz"].value
     period = round(1e6 / rate)
     if abs(1e6 / rate - period) > WHOLE_PERIOD * period:
-        raise UserError(
-            f"{origin}: timing.sense_rate_Hz = {rate:g} Hz is a period of {1e6 / rate:.6g} us, no "
+        yield UserError(
+            f"timing.sense_rate_Hz = {rate:g} Hz is a period of {1e6 / rate:.6g} us, no "
             f"whole number of microseconds: the board would run with {period} us, and the model "
             "not.",
             f"Give {1e6 / period:.9g} Hz.",
         )
     if len(set(file.axes)) != len(file.axes):
-        raise UserError(
-            f"{origin}: axes = {list(file.axes)} names an axis twice.", "Give each its own name."
-        )
+        yield UserError(f"axes = {list(file.axes)} names an axis twice.", "Give each its own name.")
     for key in ("velocity.bandwidth_Hz", "impairment.bandwidth_Hz"):
         if key in values and values[key].value > 0.1 * rate:
-            raise UserError(
-                f"{origin}: {key} = {values[key].value:g} Hz is above its limit, a tenth of "
+            yield UserError(
+                f"{key} = {values[key].value:g} Hz is above its limit, a tenth of "
                 f"timing.sense_rate_Hz ({0.1 * rate:g} Hz).",
                 "Lower the bandwidth or raise the rate.",
             )
 
 
-def _check_control(origin: str, file: DeviceFile) -> None:
+def _check_control(file: DeviceFile) -> Iterator[UserError]:
     drive = ("actuator", "joint", "disturbance", "impedance", "safety")
     laws = [k for k in LAW_SECTIONS if getattr(file, k) is not None]
     if file.redundancy is not None and (file.actuator is None or file.joint is None):
-        raise UserError(
-            f"{origin}: [redundancy] compares the drive with the joint, but section "
+        yield UserError(
+            f"[redundancy] compares the drive with the joint, but section "
             f"[{'actuator' if file.actuator is None else 'joint'}] is missing.",
             'Add it, or write extends = "elbow_drive" and give what differs.',
         )
     if file.impairment is not None and (file.actuator is not None or laws):
-        raise UserError(
-            f"{origin}: [impairment] stands in a device that only measures; no drive follows it.",
+        yield UserError(
+            "[impairment] stands in a device that only measures; no drive follows it.",
             'Leave it out, or write extends = "wrist".',
         )
     if file.passivity is not None:
-        _check_passivity(origin, file)
+        yield from _check_passivity(file)
     if file.cable is not None and file.redundancy is None:
-        raise UserError(
-            f"{origin}: [cable] goes with the motor's own encoder, but section [redundancy], which "
+        yield UserError(
+            "[cable] goes with the motor's own encoder, but section [redundancy], which "
             "brings it in, is missing.",
             'Add it, or write extends = "elbow_drive" and give what differs.',
         )
@@ -147,8 +149,8 @@ def _check_control(origin: str, file: DeviceFile) -> None:
         control = (*drive, *LAW_SECTIONS[law])
         needed = [k for k in control if getattr(file, k) is None]
         if needed:
-            raise UserError(
-                f"{origin}: section [{needed[0]}] is missing: torque control by [{law}] needs "
+            yield UserError(
+                f"section [{needed[0]}] is missing: torque control by [{law}] needs "
                 f"{', '.join(control)}.",
                 'Add it, or write extends = "elbow_drive" and give what differs.',
             )
@@ -167,50 +169,51 @@ def _check_control(origin: str, file: DeviceFile) -> None:
     ]
     for low, high in pairs:
         if low in values and high in values and values[low] > values[high]:
-            raise UserError(
-                f"{origin}: {low} = {values[low]:g} is above {high} = {values[high]:g}.",
+            yield UserError(
+                f"{low} = {values[low]:g} is above {high} = {values[high]:g}.",
                 f"Lower {low} or raise {high}.",
             )
     sense = values["timing.sense_rate_Hz"]
     rate = values.get("timing.control_rate_Hz")
     if rate is None:
         if laws:
-            raise UserError(
-                f"{origin}: timing.control_rate_Hz is missing: torque control needs its rate.",
+            yield UserError(
+                "timing.control_rate_Hz is missing: torque control needs its rate.",
                 "Give one that divides timing.sense_rate_Hz.",
             )
         return
     every = sense / rate
     if abs(every - round(every)) > 1e-9 or every < 1:
-        raise UserError(
-            f"{origin}: timing.control_rate_Hz = {rate:g} Hz does not divide "
+        yield UserError(
+            f"timing.control_rate_Hz = {rate:g} Hz does not divide "
             f"timing.sense_rate_Hz = {sense:g} Hz: {every:g} periods.",
-            f"Give {_dividing(sense, every):g} Hz, or another rate that divides it.",
+            f"Give {_dividing(sense, every):.12g} Hz, or another rate that divides it.",
         )
+        return
     release = values.get("timing.control_release_s")
     if release is not None and not (
         abs(release * sense - round(release * sense)) < 1e-9 and 1 <= release * sense <= every
     ):
-        raise UserError(
-            f"{origin}: timing.control_release_s = {release:g} s is not a whole number of sensing "
+        yield UserError(
+            f"timing.control_release_s = {release:g} s is not a whole number of sensing "
             f"periods ({1 / sense:g} s) up to the control period ({1 / rate:g} s).",
             "Give such a number, or leave it out.",
         )
 
 
-def _check_passivity(origin: str, file: DeviceFile) -> None:
+def _check_passivity(file: DeviceFile) -> Iterator[UserError]:
     for name in ("actuator", "joint", "disturbance", "impedance", "safety"):
         if getattr(file, name) is None:
-            raise UserError(
-                f"{origin}: [passivity] bounds what a drive gives, but section [{name}] is "
-                "missing.",
+            yield UserError(
+                f"[passivity] bounds what a drive gives, but section [{name}] is missing.",
                 'Add it, or write extends = "elbow_drive" and give what differs.',
             )
+            return
     values = {k: q.value for k, q in quantities_of(file)}
     for gain, most in (("Kp_Nm_rad", "Kp_max_Nm_rad"), ("Kd_Nms_rad", "Kd_max_Nms_rad")):
         if values[f"impedance.{gain}"] > values[f"passivity.{most}"]:
-            raise UserError(
-                f"{origin}: impedance.{gain} = {values[f'impedance.{gain}']:g} is above "
+            yield UserError(
+                f"impedance.{gain} = {values[f'impedance.{gain}']:g} is above "
                 f"passivity.{most} = {values[f'passivity.{most}']:g}: not every hand would be "
                 "stable with it.",
                 f"Lower it; raise passivity.{most} only after esea-gen passivity has found the "
@@ -224,74 +227,74 @@ def _dividing(sense: float, every: float) -> float:
     return sense / min(near or [max(1, round(every))], key=lambda n: abs(n - every))
 
 
-def _check_inverse(origin: str, file: DeviceFile) -> None:
+def _check_inverse(file: DeviceFile) -> Iterator[UserError]:
     asked = file.inverse
     if asked is None:
         return
     if asked.kind == "exact" and asked.filter != "none":
-        raise UserError(
-            f"{origin}: inverse.filter = '{asked.filter}' has no meaning with inverse.kind = "
+        yield UserError(
+            f"inverse.filter = '{asked.filter}' has no meaning with inverse.kind = "
             "'exact': the exact inverse has no disturbance observer.",
             'Write filter = "none", or kind = "published".',
         )
     e = file.elastomer
     if e is None:  # a member of the family always has an exact one
         if asked.kind == "published":
-            raise UserError(
-                f"{origin}: inverse.kind = 'published' with [family]: the published inverse is of "
+            yield UserError(
+                "inverse.kind = 'published' with [family]: the published inverse is of "
                 "the published model, [elastomer].",
                 'Write kind = "exact".',
             )
         return
     if e.k1_Nm_rad.value == 0:
-        raise UserError(
-            f"{origin}: [inverse] with elastomer.k1_Nm_rad = 0: the torque has no unique inverse.",
+        yield UserError(
+            "[inverse] with elastomer.k1_Nm_rad = 0: the torque has no unique inverse.",
             "Give a positive linear stiffness, or leave the section out.",
         )
     if asked.kind == "exact":
         return
     zone, rate = e.dead_zone_rad, file.timing.sense_rate_Hz.value
     if zone is not None and zone.value > 0:
-        raise UserError(
-            f"{origin}: inverse.kind = 'published' with elastomer.dead_zone_rad = {zone.value:g}: "
+        yield UserError(
+            f"inverse.kind = 'published' with elastomer.dead_zone_rad = {zone.value:g}: "
             "the published envelope (4.13) has no dead zone.",
             'Write kind = "exact".',
         )
     if asked.filter != "none" and rate != FILTER_RATE_HZ:
-        raise UserError(
-            f"{origin}: inverse.filter = '{asked.filter}' is made for {FILTER_RATE_HZ:g} Hz, but "
+        yield UserError(
+            f"inverse.filter = '{asked.filter}' is made for {FILTER_RATE_HZ:g} Hz, but "
             f"timing.sense_rate_Hz = {rate:g} Hz.",
             'Write filter = "none", or sense at that rate.',
         )
     if asked.kappa_rad is not None and asked.kappa_rad.value == 0:
-        raise UserError(
-            f"{origin}: inverse.kappa_rad = 0: the set-point would be 0 for every torque.",
+        yield UserError(
+            "inverse.kappa_rad = 0: the set-point would be 0 for every torque.",
             "Give a positive weight, or leave the key out for the published one.",
         )
 
 
-def _check_encoder(origin: str, file: DeviceFile) -> None:
+def _check_encoder(file: DeviceFile) -> Iterator[UserError]:
     for side in ("motor", "load"):
         e = getattr(file.encoder, side)
         if e is None:
             continue
-        at = f"{origin}: encoder.{side}"
+        at = f"encoder.{side}"
         if e.direction is not None and e.direction.value == 0:
-            raise UserError(f"{at}.direction = 0 is neither 1 nor -1.", "Give 1 or -1.")
+            yield UserError(f"{at}.direction = 0 is neither 1 nor -1.", "Give 1 or -1.")
         table, there = e.correction_rad, e.correction_orientation_rad
         if (table is None) != (there is None):
             given, other = ("correction_rad", "correction_orientation_rad")[:: 1 if table else -1]
-            raise UserError(
+            yield UserError(
                 f"{at}.{given} is given without {other}: a correction holds for the angle at which "
                 "the encoder was mounted.",
                 "Give both, or leave both out.",
             )
-        if table is None:
+        if table is None or there is None:
             continue
         now = e.orientation_rad.value if e.orientation_rad else 0.0
         moved = abs(math.remainder(there.value - now, 2 * math.pi))
         if moved > SAME_ORIENTATION_RAD:
-            raise UserError(
+            yield UserError(
                 f"{at}.correction_rad was characterised at {there.value:g} rad, but the encoder is "
                 f"mounted at orientation_rad = {now:g} rad, {moved:g} rad away (limit "
                 f"{SAME_ORIENTATION_RAD:g}).",
@@ -301,9 +304,12 @@ def _check_encoder(origin: str, file: DeviceFile) -> None:
         for i, value in enumerate(table.values):
             after = table.values[(i + 1) % len(table.values)]
             if abs(after - value) > MOST_CORRECTION_SLOPE * cell:
-                raise UserError(
+                yield UserError(
                     f"{at}.correction_rad changes by {after - value:g} rad from value {i} to the "
                     f"next, above {MOST_CORRECTION_SLOPE:g} of their distance "
                     f"({MOST_CORRECTION_SLOPE * cell:g} rad): no encoder's error is as steep.",
                     "Check the values' unit and order.",
                 )
+
+
+RELATIONS = (check_rubber, _check_relations, _check_control, _check_inverse, _check_encoder)

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
+import warnings
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from importlib import resources
@@ -21,9 +23,9 @@ from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, DeviceFile, quantit
 from esea_gen.devices.numbers import Quantity, Section, Series
 from esea_gen.devices.rubber import Elastomer
 from esea_gen.devices.writing import render_toml
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
-from esea_gen.toml_file import Problem, checked, nearest, parse_toml, read_text
+from esea_gen.toml_file import Problem, checked, parse_toml, read_text
 
 TORQUE_MODELS = ("elastomer", "family")  # one of the two
 SERIES_FORM = '{ values = [0.0, 0.001, 0.0, -0.001], status = "identified", source = "where from" }'
@@ -48,6 +50,11 @@ class DeviceData:
     def title(self) -> str:
         """One line for reports."""
         return self.file.title
+
+    @property
+    def shipped(self) -> bool:
+        """Whether it is one of the package's own files, and no other of that name."""
+        return self.name in shipped_devices() and self.origin == f"{self.name}.toml"
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -144,8 +151,8 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
     controllers: shipped controllers, or TOML files, whose sections take the place of the file's.
     """
     document = _with_controllers(_resolved(text, origin), controllers)
-    file = checked(DeviceFile, document, origin, _fix)
-    check_content(origin, file)
+    file = checked(DeviceFile, document, origin, _fix, text)
+    check_content(origin, text, file)
     return file
 
 
@@ -162,7 +169,27 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
             f"{origin}: extends = {base!r} is not a shipped device.",
             f"Shipped: {', '.join(sorted(shipped))}.",
         )
-    return _merged(_with_controllers(_resolved(*read_file(base)), controllers), document)
+    below = _with_controllers(_resolved(*read_file(base)), controllers)
+    merged = _merged(below, document)
+    rates_Hz = [_number(d, "timing", "sense_rate_Hz") for d in (below, merged)]
+    own = document.get("disturbance", {})
+    left = [k for k in merged.get("disturbance", {}) if k.startswith("gain_") and k not in own]
+    if left and rates_Hz[0] != rates_Hz[1]:
+        warnings.warn(
+            f"{origin}: disturbance.{', '.join(left)} are those of {base}, designed for "
+            f"{rates_Hz[0]:g} Hz; this device senses at {rates_Hz[1]:g} Hz. Design them again for "
+            "that rate, and give them with their source.",
+            stacklevel=2,
+        )
+    return merged
+
+
+def _number(document: dict[str, Any], section: str, key: str) -> float:
+    # NaN for what the checks will refuse.
+    try:
+        return float(document[section][key]["value"])
+    except (KeyError, TypeError, ValueError):
+        return math.nan
 
 
 def _with_controllers(document: dict[str, Any], controllers: Iterable[str]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.formats import DEFAULT_FORMATS, FORMATS
 from esea_gen.emit.render import Renderer, content_hash, versions
 from esea_gen.emit.walker import UnsupportedOperationError
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 
 MANIFEST = "manifest.json"
 # Formats beside the default ones that a shipped device is built in, and its output compared in.
@@ -140,10 +140,7 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
     """
     bundles = []
     for real in reals:
-        if real not in FORMATS:
-            raise UserError(
-                f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}."
-            )
+        choose("number format", real, FORMATS)
         command = f"{build_command(device)} --real {real}"
         try:
             digest = format_hash(device, real)

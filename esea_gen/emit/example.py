@@ -255,6 +255,7 @@ class _Run:
 
 ARMED_TICKS = 5  # between the release of the latch and torque mode
 MOVE_TICKS = 120  # of the torque that is wanted: to one side, and half way back
+LEAST_WAIT = 10  # where the control task runs at each tick, its inputs settle for longer
 REST_TICKS = 10  # at the end: held, with no torque wanted
 SHARES = (0.04, 0.015, 0.005)  # of the largest torque: what is wanted, tried in this order
 COMMAND_SHARE = 4e-3  # largest seen: 2.4e-4 of the range in f32, 2.9e-3 in q31
@@ -309,7 +310,7 @@ class _Recording:
         self.system = system
         self.most_Nm = most_Nm
         every = max(t.every for t in system.tasks)
-        self.wait = 3 * every
+        self.wait = max(3 * every, LEAST_WAIT)
         self.arm = max(SETTLE_TICKS, 2 * every)
         self.start = self.arm + ARMED_TICKS
         self.end = self.start + MOVE_TICKS

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -18,18 +16,12 @@ from esea_gen.emit.printed import EmittedBlock, bare, comment
 from esea_gen.emit.program_c import EmittedProgram, emit_program
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.emit.wrapping import wrap
+from esea_gen.files import template_folder
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port
 from esea_gen.language.program import Program
 from esea_gen.language.system import External, Latch, Signal, System
 from esea_gen.language.watch import LATE_FULL, LATE_MOST, LATE_STEP, Watched
-
-
-@cache
-def template_folder() -> Path:
-    """Folder of the Jinja templates: inside the wheel, or at the top of a checkout."""
-    packaged = Path(__file__).parent.parent / "_templates"
-    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "templates"
 
 
 class _Compiled(jinja2.BytecodeCache):

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from esea_gen.emit.render import template_folder, versions
+from esea_gen.emit.render import versions
 from esea_gen.errors import UserError
 from esea_gen.export.model import ExportedModel
 from esea_gen.export.units import DEGREES, PER_RADIAN, exponents
+from esea_gen.files import template_folder
 from esea_gen.hostlib.compiler import compile_sources
 
 Version = Literal["2", "3"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import re
@@ -13,6 +14,7 @@ from pathlib import Path
 
 from esea_gen.cache import cache_folder
 from esea_gen.errors import UserError
+from esea_gen.files import write_whole
 from esea_gen.targets import EXACT_FLAGS, HOST_GCC
 
 CFLAGS = (*EXACT_FLAGS, "-fPIC")
@@ -62,12 +64,11 @@ def compile_sources(
             text=True,
             check=False,
         )
+        if "No space left on device" in done.stderr:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), scratch)
         if done.returncode != 0:
             raise RuntimeError(f"the generated C does not compile:\n{done.stderr}")
-        # Copy beside the target, then rename: a second process sees all of it or none.
-        partial = target.with_suffix(f".{os.getpid()}.tmp")
-        shutil.copyfile(built, partial)
-        partial.replace(target)
+        write_whole(target, built.read_bytes())  # a second process sees all of it or none
     return target
 
 

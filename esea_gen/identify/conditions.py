@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.mapping import Cycles
 from esea_gen.identify.recorded import Recording
-from esea_gen.toml_file import nearest
 
 # With fewer, leaving one out leaves too little, or one on one side only.
 LEAST_CONDITIONS = 3

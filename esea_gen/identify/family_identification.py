@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 from esea_gen.identify.candidates import members
 from esea_gen.identify.drafting import draft
 from esea_gen.identify.family_file import drafted_member, grid_rate
@@ -23,7 +23,6 @@ from esea_gen.identify.recording import load_recordings
 from esea_gen.identify.resampling import LeftOut
 from esea_gen.identify.verdict import Verdict, judge
 from esea_gen.model.family import FittedMember, Member
-from esea_gen.toml_file import nearest
 
 
 @dataclass(frozen=True, kw_only=True)

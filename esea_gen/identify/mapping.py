@@ -351,7 +351,7 @@ def parse_mapping(text: str, origin: str) -> Mapping:
         As :func:`load_mapping`.
     """
     document = parse_toml(text, origin, "docs/identify.md")
-    mapping = checked(Mapping, document, origin, _fix)
+    mapping = checked(Mapping, document, origin, _fix, text)
     for key, q, extra in _quantities(mapping):
         if not extra["low"] <= q.value <= extra["high"]:
             below = q.value < extra["low"]

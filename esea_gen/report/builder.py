@@ -8,7 +8,6 @@ from types import ModuleType
 from typing import Any
 
 from esea_gen.device import Device
-from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.errors import UserError
@@ -124,8 +123,7 @@ def gather(
 
 
 def _command(device: Device, recording: Path | None, data: Path | None, board: str) -> str:
-    shipped = device.name in shipped_devices() and device.origin == f"{device.name}.toml"
-    words = ["esea-gen report", device.name if shipped else device.origin]
+    words = ["esea-gen report", device.name if device.shipped else device.origin]
     if device.given[1]:
         words.append(f"--controller {','.join(Path(n).name for n in device.given[1].split(','))}")
     if recording is not None:

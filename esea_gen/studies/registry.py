@@ -17,9 +17,8 @@ from types import ModuleType
 from typing import ClassVar, TypeVar
 
 from esea_gen import studies as room
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 from esea_gen.python_file import import_file
-from esea_gen.twin.choices import choose
 
 SUFFIX = ".py"
 

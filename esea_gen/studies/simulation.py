@@ -16,12 +16,11 @@ from esea_gen.analysis.journal import Configuration, file_digest, files_digest, 
 from esea_gen.analysis.monte_carlo import MonteCarlo
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 from esea_gen.studies import torque_errors
 from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.registry import Study, load_study, study_file
 from esea_gen.twin.case import Case, Setting
-from esea_gen.twin.choices import choose
 from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
 from esea_gen.twin.faults import parse_fault

@@ -9,10 +9,8 @@ from pathlib import Path
 from esea_gen.control.laws import LAWS
 from esea_gen.device import Device, load_device
 from esea_gen.devices.file import read_file, shipped_controllers, shipped_devices
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 from esea_gen.language.system import System
-from esea_gen.twin.choices import choose
-from esea_gen.twin.trajectories import RATE_HZ
 
 DRIVE = "elbow_drive"  # whose plant the virtual exoskeleton has
 
@@ -44,13 +42,6 @@ def _simulated(device: Device) -> Device:
         raise UserError(
             f"{device.origin}: the device has no drive to be simulated.",
             'Write extends = "elbow_drive" in it.',
-        )
-    rate = device.file.timing.sense_rate_Hz.value
-    if rate != RATE_HZ:
-        raise UserError(
-            f"{device.origin}: timing.sense_rate_Hz = {rate:g} Hz; the studies' signals have a "
-            f"sample every {1000 / RATE_HZ:g} ms and would be played at another speed.",
-            f"Simulate a device with {RATE_HZ:g} Hz.",
         )
     return device
 

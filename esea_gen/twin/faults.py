@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from esea_gen.errors import UserError
-from esea_gen.toml_file import nearest
+from esea_gen.errors import UserError, nearest
 from esea_gen.twin.encoders import ENCODERS
 
 # What an encoder may do, with the amount that is taken where none is given and its unit.

@@ -298,7 +298,8 @@ class Plants:
 
 def parse_plants(text: str) -> Plants:
     """Read the text of a ``plants.toml``."""
-    return checked(Plants, parse_toml(text, FILE, "the shipped one"), FILE, lambda _: None)
+    document = parse_toml(text, FILE, "the shipped one")
+    return checked(Plants, document, FILE, lambda _: None, text)
 
 
 PLANTS = parse_plants((resources.files("esea_gen") / "twin" / FILE).read_text(encoding="utf-8"))

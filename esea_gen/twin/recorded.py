@@ -34,26 +34,26 @@ class RecordedDrive:
     plant: PlantVariant
 
 
-def _tuning_case(ticks: int) -> Trajectory:
+def _tuning_case(device: Device, ticks: int) -> Trajectory:
     path = tuning()
-    longest = len(path.tau_desired_Nm)
-    if not 1 <= ticks <= longest:
+    longest_s = len(path.tau_desired_Nm) / RATE_HZ
+    if not device.period_s <= ticks * device.period_s <= longest_s:
         raise UserError(
-            f"{ticks} ms of the tuning case are asked for.",
-            f"Give 1 to {longest} ms ({longest / RATE_HZ:g} s).",
+            f"{1e3 * ticks * device.period_s:g} ms of the tuning case are asked for.",
+            f"Give {1e3 * device.period_s:g} to {1e3 * longest_s:g} ms ({longest_s:g} s).",
         )
     return path
 
 
 def tuning_signals(device: Device, loop: ClosedLoop, ticks: int) -> dict[str, Array]:
     """What a controller is told in the tuning case: off at first, armed, then torque control."""
-    signals = told(device, loop, _tuning_case(ticks), TORQUE)
+    signals = told(device, loop, _tuning_case(device, ticks), TORQUE)
     return {k: v[:ticks] for k, v in signals.items() if k in loop.signals or k in PATH}
 
 
 def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
     """Run the tuning case and keep what went into every task and came out."""
-    _tuning_case(ticks)  # before anything takes time
+    _tuning_case(device, ticks)  # before anything takes time
     plant = plant_variant(device, "real", "none", seed)
     loop = ClosedLoop(device.system, plant, "f32")
     signals = tuning_signals(device, loop, ticks)

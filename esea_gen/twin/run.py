@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,9 +11,9 @@ import numpy as np
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.device import Device
+from esea_gen.errors import choose
 from esea_gen.language.ports import Array
 from esea_gen.twin.case import IMPEDANCE, OFF, Case, Setting
-from esea_gen.twin.choices import choose
 from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.faults import parse_fault
@@ -42,6 +44,7 @@ def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVa
         "real": lambda: real_plant(device, seed=seed),
         "random": lambda: random_plant(device, seed),
     }[plant]()
+    made = _stepped(device, made)
     if person == "none":
         return made.having(PEOPLE["none"], clamped=1.0)
     return made.having(random_person(seed) if person == "random" else PEOPLE[person])
@@ -51,17 +54,24 @@ def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVa
 def compiled_loop(device: Device, cable: bool, real: str) -> ClosedLoop:
     """Loop of a device and a plant, compiled once in a process."""
     variant = real_plant(device) if cable else ideal_plant(device)
-    return ClosedLoop(device.system, variant, real)
+    return ClosedLoop(device.system, _stepped(device, variant), real)
 
 
-def previews(path: Trajectory, horizon: Horizon) -> dict[str, Array]:
+def _stepped(device: Device, variant: PlantVariant) -> PlantVariant:
+    # The plant takes whole steps in a tick of the device, none longer than its own.
+    steps = math.ceil(device.period_s / variant.step_s - 1e-6)
+    step_s = device.period_s / steps
+    return variant if math.isclose(step_s, variant.step_s) else replace(variant, step_s=step_s)
+
+
+def previews(path: Trajectory, horizon: Horizon, tick_s: float = 1 / RATE_HZ) -> dict[str, Array]:
     """What a predictive controller with a known future is given.
 
+    tick_s: of the sensing task: the control task reads what was measured a tick ago.
     return: ``tau_preview_Nm``, ``theta_preview_rad`` and ``omega_preview_rad_s``, each of shape
         (ticks, intervals): the values at the end of every interval; the last ones hold.
     """
-    # The control task reads what was measured a tick ago.
-    ticks = np.rint(np.array(horizon.ends_s) * RATE_HZ).astype(int) - 1
+    ticks = np.rint(np.array(horizon.ends_s) * RATE_HZ).astype(int) - round(tick_s * RATE_HZ)
     n = len(path.tau_desired_Nm)
     at = np.minimum(np.arange(n)[:, None] + ticks, n - 1)
     given = {
@@ -73,17 +83,29 @@ def previews(path: Trajectory, horizon: Horizon) -> dict[str, Array]:
 
 
 def told(device: Device, loop: ClosedLoop, path: Trajectory, mode: int) -> dict[str, Array]:
-    """What a controller is told along a path: off at first, armed, then the mode; the first law."""
+    """What a controller is told along a path: off at first, armed, then the mode; the first law.
+
+    return: one value a tick of the device.
+    """
     n = len(path.tau_desired_Nm)
     t = np.arange(n) / RATE_HZ
-    slow_s = device.system.tasks[-1].every / RATE_HZ
+    slow_s = device.system.tasks[-1].every * device.period_s
     signals = path.signals() | {
         "mode": np.where(t < max(ON_S, ON_PERIODS * slow_s), OFF, mode).astype(float),
         "rearm": (t >= max(ARM_S, ARM_PERIODS * slow_s)).astype(float),
     }
     rest = ("stop", "frame_error_motor", "frame_error_load", "frame_error_gear", "law")
-    given = {name: np.zeros(n) for name in rest} | previews(path, device_horizon(device))
-    return signals | {k: v for k, v in given.items() if k in loop.signals}
+    future = previews(path, device_horizon(device), device.period_s)
+    given = {name: np.zeros(n) for name in rest} | future
+    signals |= {k: v for k, v in given.items() if k in loop.signals}
+    ticks = round(n / RATE_HZ / device.period_s)
+    return {k: _resampled(v, RATE_HZ * device.period_s, ticks) for k, v in signals.items()}
+
+
+def _resampled(values: Array, ratio: float, count: int) -> Array:
+    # What holds at each of ``count`` moments, ``ratio`` old samples apart; unchanged at ratio 1.
+    at = (np.arange(count) * ratio + 1e-6).astype(int)
+    return np.asarray(values[np.minimum(at, len(values) - 1)])
 
 
 def run_case(case: Case, setting: Setting, seed: int) -> ClosedLoopRun:
@@ -123,13 +145,22 @@ def run_on(
     fault = parse_fault(setting.fault) if setting.fault else None
     off = deviation(setting.off, device, seed)
     refuse_unknown(setting.off, off, known)
-    n = len(case.trajectory.tau_desired_Nm)
-    return loop.run(
+    n, ratio = len(case.trajectory.tau_desired_Nm), RATE_HZ * device.period_s
+    missed = off.missed(n, seed)
+    run = loop.run(
         signals,
         {**variant.values, **extra, **off.values},
         merged,
         seed=seed,
-        delay_ticks=off.delay_ticks,
-        missed=off.missed(n, seed),
+        delay_ticks=round(off.delay_ticks / ratio),
+        missed=None if missed is None else _resampled(missed, ratio, round(n / ratio)),
         fault=fault,
     )
+    if device.period_s == 1 / RATE_HZ:
+        return run
+    # Judged at the rate of the trajectories, whatever the device's.
+    plant, controller = (
+        {k: _resampled(v, 1 / ratio, n) for k, v in part.items()}
+        for part in (run.plant, run.controller)
+    )
+    return ClosedLoopRun(plant, controller, np.arange(n) / RATE_HZ, run.missed_runs)

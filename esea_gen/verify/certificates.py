@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from esea_gen.emit.fixed.functions import source_files
-from esea_gen.emit.render import template_folder
+from esea_gen.files import template_folder
 from esea_gen.verify.emitted_c import Reader
 from esea_gen.verify.smt import Script
 from esea_gen.verify.tools import TIMEOUT_S, tool

@@ -30,7 +30,7 @@ from typing import Any
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.emit.error_bounds import Bound
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
@@ -67,7 +67,8 @@ def chosen_blocks(device: Device, names: Sequence[str] | None) -> list[Any]:
     for name in names or ():
         if name not in known:
             raise UserError(
-                f"{device.origin}: there is no Block '{name}'.", f"Choose from {', '.join(known)}."
+                f"{device.origin}: there is no Block '{name}'.",
+                f"{nearest(name, known)}Choose from {', '.join(known)}.",
             )
     return [b for n, b in known.items() if not names or n in names]
 

@@ -19,7 +19,7 @@ from typing import Any
 from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
 from esea_gen.verify.example import run_example
@@ -96,7 +96,8 @@ def find_target(name: str) -> Processor:
     """A processor that the gates know, by name."""
     if name not in TARGETS:
         listed = "; ".join(f"{t.name} ({t.full_title})" for t in TARGETS.values())
-        raise UserError(f"There is no target '{name}'.", f"Targets: {listed}.")
+        near = nearest(name, TARGETS)
+        raise UserError(f"There is no target '{name}'.", f"{near}Targets: {listed}.")
     return TARGETS[name]
 
 

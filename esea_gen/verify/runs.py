@@ -10,7 +10,7 @@ import cffi
 import numpy as np
 
 from esea_gen.emit.formats.f64 import casadi_c
-from esea_gen.emit.render import template_folder
+from esea_gen.files import template_folder
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.block import Block

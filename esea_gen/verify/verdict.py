@@ -17,6 +17,8 @@ EXACT, RESIDUAL, LASTING, ONE_STEP, EXACT_PROGRAM, STATED = RULES = (
     "a program's executor, a stated share of full scale",
 )
 
+NOTHING_TOLD_PERCENT = 100.0  # of full scale: any value of the output would be within such a bound
+
 
 @dataclass
 class Comparison:
@@ -107,6 +109,24 @@ class Verification:
         """Whether every comparison holds."""
         return all(c.passed for c in self.comparisons)
 
+    def telling_nothing(self, block: str) -> dict[str, float]:
+        """Outputs of a Block whose derived bound is as wide as the output itself, or wider.
+
+        Parameters
+        ----------
+        block : str
+            Name of the Block.
+
+        Returns
+        -------
+        dict of str to float
+            The narrowest bound of each, in per cent of full scale: an error within it says nothing.
+        """
+        scale, domains = self.full_scales[block], self.bounds.get(block, {}).values()
+        names = {k for b in domains for k in b.outputs if scale.get(k)}
+        least = {k: min(100 * b.outputs[k] / scale[k] for b in domains) for k in sorted(names)}
+        return {k: v for k, v in least.items() if v >= NOTHING_TOLD_PERCENT}
+
     def worst(self, real: str, block: str) -> dict[str, float]:
         """Largest error per port of a Block in a format, over all streams.
 
@@ -137,6 +157,9 @@ class Verification:
             "passed": self.passed,
             "full_scale": self.full_scale,
             "full_scales": self.full_scales,
+            "bounds_that_tell_nothing_percent": {
+                k: wide for k in self.bounds if (wide := self.telling_nothing(k))
+            },
             "comparisons": [
                 {
                     "block": c.block,

@@ -20,14 +20,13 @@ from esea_gen.analysis.journal import Configuration, Result, rooms_digest
 from esea_gen.analysis.passivity import Hand, hand_family
 from esea_gen.control.faults import FAULT_TEXT, Fault
 from esea_gen.emit.build import device_hash
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import Array, Tunable
 from esea_gen.studies.impedance import GAINS
 from esea_gen.studies.passivity.push import GAIN_TUNABLES, PUSH_RAD_S, PushRun, run_push
 from esea_gen.studies.passivity.region import PushMap, push_map
 from esea_gen.studies.passivity.sliding import SlidingCheck, check_sliding
 from esea_gen.studies.registry import Study
-from esea_gen.twin.choices import choose
 from esea_gen.twin.controllers import controller_device, controller_system
 from esea_gen.twin.run import PLANT_NAMES
 

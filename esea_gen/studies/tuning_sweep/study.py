@@ -18,7 +18,7 @@ from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, rooms_digest
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import Array, Tunable
 from esea_gen.studies.registry import Study
 from esea_gen.studies.tuning import TuningCase
@@ -32,7 +32,6 @@ from esea_gen.studies.tuning_sweep.trial import (
     trial_of,
     tunables_of,
 )
-from esea_gen.twin.choices import choose
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import PLANT_NAMES
 

@@ -14,9 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from esea_gen.emit.render import template_folder
 from esea_gen.errors import UserError
-from esea_gen.files import write_whole
+from esea_gen.files import template_folder, write_whole
 from esea_gen.plotting import BOUND, HELD_OUT, INK, MEASURED, MODEL, ROUNDING, STYLE, svg
 from esea_host.assess import MEASURED_NOTICE
 from esea_host.assess.desk import conclusion, long_name, unit_of

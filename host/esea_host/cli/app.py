@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import sys
-import textwrap
 
 import typer
 from rich.console import Console
 
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, paragraphs
 from esea_link.transport import LinkError
 
 app = typer.Typer(
@@ -35,7 +34,7 @@ def main() -> None:
     try:
         app()
     except (UserError, LinkError) as error:
-        print(textwrap.fill(f"esea-host: {error}", 100), file=sys.stderr)
+        print(paragraphs(f"esea-host: {error}"), file=sys.stderr)
         raise SystemExit(2) from None
     except BrokenPipeError:
         raise SystemExit(1) from None

@@ -8,7 +8,7 @@ from typing import Any
 import jinja2
 from matplotlib.figure import Figure
 
-from esea_gen.emit.render import template_folder
+from esea_gen.files import template_folder
 from esea_gen.plotting import svg
 from esea_host.interaction.analysis import InteractionAnalysis
 from esea_host.interaction.figures import effects_figure, people_figure

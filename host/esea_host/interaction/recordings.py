@@ -96,7 +96,7 @@ def read_manifest(folder: Path) -> Manifest:
     path = folder / MANIFEST
     text = read_text(path, f"Give a folder with {MANIFEST}; see the page on interaction quality.")
     document = parse_toml(text, path.name, "the page on interaction quality")
-    manifest = checked(Manifest, document, path.name, lambda _: None)
+    manifest = checked(Manifest, document, path.name, lambda _: None, text)
     seen: dict[tuple[str, str, int], str] = {}
     groups: dict[str, str] = {}
     for e in manifest.recording:

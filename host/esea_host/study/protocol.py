@@ -11,8 +11,8 @@ from typing import Any, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from esea_gen.errors import UserError
-from esea_gen.toml_file import Problem, checked, nearest, parse_toml, read_text
+from esea_gen.errors import UserError, nearest
+from esea_gen.toml_file import Problem, checked, line_of, parse_toml, read_text
 from esea_host.study.task import StudyTask, load_tasks, task_named
 
 GROUP = "group"
@@ -245,34 +245,3 @@ def _next_line(text: str, start: int, problem: Problem) -> int:
         if k >= start and key and key.search(line):
             return k
     return start
-
-
-_HEADER = re.compile(r"^\s*(\[\[?)\s*([\w.\"-]+)\s*\]\]?")
-
-
-def line_of(text: str, loc: Sequence[str | int]) -> int:
-    """Line of a key, or of the nearest table around it; 0 where it is not found."""
-    wanted = [str(p) for p in loc]
-    here: list[str] = []
-    rows: dict[tuple[str, ...], int] = {}
-    best, depth = 0, 0
-    for number, line in enumerate(text.splitlines(), 1):
-        header = _HEADER.match(line)
-        if header:
-            here = []
-            parts = header[2].split(".")
-            for k, part in enumerate(parts):
-                here.append(part)
-                if header[1] == "[[" and k == len(parts) - 1:
-                    rows[tuple(here)] = rows.get(tuple(here), -1) + 1
-                if tuple(here) in rows:
-                    here.append(str(rows[tuple(here)]))
-            path = here
-        else:
-            key = re.match(r"^\s*([\w\"-]+)\s*=", line)
-            if not key:
-                continue
-            path = [*here, *key[1].strip('"').split(".")]
-        if wanted[: len(path)] == path and len(path) > depth:
-            best, depth = number, len(path)
-    return best

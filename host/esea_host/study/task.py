@@ -16,9 +16,8 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 from esea_gen.python_file import import_file
-from esea_gen.toml_file import nearest
 from esea_host.study.scene import Scene
 
 Row = Mapping[str, Any]
