@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import tomlkit
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -195,7 +195,7 @@ def test_a_steeper_surface_has_less_error_until_it_overshoots(monkeypatch, capsy
     lines = shown.split("In the device file:\n")[1].splitlines()
     assert lines == content["device_file"]
     device = parse_device(EXTENDED + "\n".join(lines), "mine.toml")
-    assert tomlkit.parse("\n".join(lines))["sliding_mode"]["lambda_1_s"]["status"] == "assumed"
+    assert tomllib.loads("\n".join(lines))["sliding_mode"]["lambda_1_s"]["status"] == "assumed"
     assert device.file.sliding_mode.lambda_1_s.value == 15
 
 
