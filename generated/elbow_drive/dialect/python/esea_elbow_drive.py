@@ -475,7 +475,7 @@ enums["MAV_CMD"][511].param[5] = """Reserved (default:0)"""
 enums["MAV_CMD"][511].param[6] = """Reserved (default:0)"""
 enums["MAV_CMD"][511].param[7] = """Reserved (default:0)"""
 MAV_CMD_REQUEST_MESSAGE = 512
-enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK or ESEA_TRAFFIC.""")
+enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK, ESEA_TRAFFIC or ESEA_KEPT.""")
 enums["MAV_CMD"][512].param[1] = """Id of the message."""
 enums["MAV_CMD"][512].label[1] = """Message ID"""
 enums["MAV_CMD"][512].param[2] = """Reserved (default:0)"""
@@ -613,6 +613,18 @@ ESEA_FAULT_BROWN_OUT = 108
 enums["ESEA_FAULT"][108] = EnumEntry("ESEA_FAULT_BROWN_OUT", """The board's supply is too low. Cure: look at the supply, then reset. Found: 1 tick.""")
 ESEA_FAULT_ENUM_END = 109
 enums["ESEA_FAULT"][109] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
+
+# ESEA_ZERO
+enums["ESEA_ZERO"] = Enum()
+enums["ESEA_ZERO"].bitmask = False
+ESEA_ZERO_NONE = 0
+enums["ESEA_ZERO"][0] = EnumEntry("ESEA_ZERO_NONE", """There is none: zero the joint.""")
+ESEA_ZERO_TAKEN = 1
+enums["ESEA_ZERO"][1] = EnumEntry("ESEA_ZERO_TAKEN", """Taken since power-on.""")
+ESEA_ZERO_PUT_BACK = 2
+enums["ESEA_ZERO"][2] = EnumEntry("ESEA_ZERO_PUT_BACK", """Put back at the start, as it was kept for these serial numbers.""")
+ESEA_ZERO_ENUM_END = 3
+enums["ESEA_ZERO"][3] = EnumEntry("ESEA_ZERO_ENUM_END", """""")
 
 # MAV_PARAM_TYPE
 enums["MAV_PARAM_TYPE"] = Enum()
@@ -1379,6 +1391,8 @@ MAVLINK_MSG_ID_ESEA_STREAM = 42662
 MAVLINK_MSG_ID_ESEA_DATA = 42663
 MAVLINK_MSG_ID_ESEA_TRAFFIC = 42664
 MAVLINK_MSG_ID_ESEA_KEY = 42665
+MAVLINK_MSG_ID_ESEA_KEPT = 42666
+MAVLINK_MSG_ID_ESEA_BLACKBOX = 42667
 MAVLINK_MSG_ID_ESEA_WANTED = 42660
 
 
@@ -2342,6 +2356,102 @@ class MAVLink_esea_key_message(MAVLink_message):
 setattr(MAVLink_esea_key_message, "name", mavlink_msg_deprecated_name_property())
 
 
+class MAVLink_esea_kept_message(MAVLink_message):
+    """
+    What outlasts the power beside parameters; on request. To the
+    board: the serial numbers of the encoders that are fitted; the
+    board answers with the same.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_KEPT
+    msgname = "ESEA_KEPT"
+    fieldnames = ["serial", "zero_rad", "starts", "armings", "faults", "watchdog_resets", "saves", "active_s", "encoders", "zero", "result"]
+    ordered_fieldnames = ["serial", "zero_rad", "starts", "armings", "faults", "watchdog_resets", "saves", "active_s", "encoders", "zero", "result"]
+    fieldtypes = ["uint32_t", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint8_t", "uint8_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"zero": "ESEA_ZERO", "result": "MAV_RESULT"}
+    fieldunits_by_name: Dict[str, str] = {"active_s": "s"}
+    native_format = bytearray(b"<IfIIIIIIBBB")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
+    lengths = [4, 4, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [4, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 84
+    unpacker = struct.Struct("<4I4fIIIIIIBBB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, serial: Sequence[int], zero_rad: Sequence[float], starts: int, armings: int, faults: int, watchdog_resets: int, saves: int, active_s: int, encoders: int, zero: int, result: int):
+        MAVLink_message.__init__(self, MAVLink_esea_kept_message.id, MAVLink_esea_kept_message.msgname)
+        self._fieldnames = MAVLink_esea_kept_message.fieldnames
+        self._instance_field = MAVLink_esea_kept_message.instance_field
+        self._instance_offset = MAVLink_esea_kept_message.instance_offset
+        self.serial = serial
+        self.zero_rad = zero_rad
+        self.starts = starts
+        self.armings = armings
+        self.faults = faults
+        self.watchdog_resets = watchdog_resets
+        self.saves = saves
+        self.active_s = active_s
+        self.encoders = encoders
+        self.zero = zero
+        self.result = result
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.serial[0], self.serial[1], self.serial[2], self.serial[3], self.zero_rad[0], self.zero_rad[1], self.zero_rad[2], self.zero_rad[3], self.starts, self.armings, self.faults, self.watchdog_resets, self.saves, self.active_s, self.encoders, self.zero, self.result), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_kept_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_esea_blackbox_message(MAVLink_message):
+    """
+    Records of the black box; to the board: asks for those from the
+    first on.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_BLACKBOX
+    msgname = "ESEA_BLACKBOX"
+    fieldnames = ["first", "count", "fault", "tick", "records", "size", "whole", "data"]
+    ordered_fieldnames = ["first", "count", "fault", "tick", "records", "size", "whole", "data"]
+    fieldtypes = ["uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"fault": "ESEA_FAULT"}
+    fieldunits_by_name: Dict[str, str] = {}
+    native_format = bytearray(b"<IIIIBBBB")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 224]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 224]
+    crc_extra = 80
+    unpacker = struct.Struct("<IIIIBBB224B")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, first: int, count: int, fault: int, tick: int, records: int, size: int, whole: int, data: Sequence[int]):
+        MAVLink_message.__init__(self, MAVLink_esea_blackbox_message.id, MAVLink_esea_blackbox_message.msgname)
+        self._fieldnames = MAVLink_esea_blackbox_message.fieldnames
+        self._instance_field = MAVLink_esea_blackbox_message.instance_field
+        self._instance_offset = MAVLink_esea_blackbox_message.instance_offset
+        self.first = first
+        self.count = count
+        self.fault = fault
+        self.tick = tick
+        self.records = records
+        self.size = size
+        self.whole = whole
+        self.data = data
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.first, self.count, self.fault, self.tick, self.records, self.size, self.whole, self.data[0], self.data[1], self.data[2], self.data[3], self.data[4], self.data[5], self.data[6], self.data[7], self.data[8], self.data[9], self.data[10], self.data[11], self.data[12], self.data[13], self.data[14], self.data[15], self.data[16], self.data[17], self.data[18], self.data[19], self.data[20], self.data[21], self.data[22], self.data[23], self.data[24], self.data[25], self.data[26], self.data[27], self.data[28], self.data[29], self.data[30], self.data[31], self.data[32], self.data[33], self.data[34], self.data[35], self.data[36], self.data[37], self.data[38], self.data[39], self.data[40], self.data[41], self.data[42], self.data[43], self.data[44], self.data[45], self.data[46], self.data[47], self.data[48], self.data[49], self.data[50], self.data[51], self.data[52], self.data[53], self.data[54], self.data[55], self.data[56], self.data[57], self.data[58], self.data[59], self.data[60], self.data[61], self.data[62], self.data[63], self.data[64], self.data[65], self.data[66], self.data[67], self.data[68], self.data[69], self.data[70], self.data[71], self.data[72], self.data[73], self.data[74], self.data[75], self.data[76], self.data[77], self.data[78], self.data[79], self.data[80], self.data[81], self.data[82], self.data[83], self.data[84], self.data[85], self.data[86], self.data[87], self.data[88], self.data[89], self.data[90], self.data[91], self.data[92], self.data[93], self.data[94], self.data[95], self.data[96], self.data[97], self.data[98], self.data[99], self.data[100], self.data[101], self.data[102], self.data[103], self.data[104], self.data[105], self.data[106], self.data[107], self.data[108], self.data[109], self.data[110], self.data[111], self.data[112], self.data[113], self.data[114], self.data[115], self.data[116], self.data[117], self.data[118], self.data[119], self.data[120], self.data[121], self.data[122], self.data[123], self.data[124], self.data[125], self.data[126], self.data[127], self.data[128], self.data[129], self.data[130], self.data[131], self.data[132], self.data[133], self.data[134], self.data[135], self.data[136], self.data[137], self.data[138], self.data[139], self.data[140], self.data[141], self.data[142], self.data[143], self.data[144], self.data[145], self.data[146], self.data[147], self.data[148], self.data[149], self.data[150], self.data[151], self.data[152], self.data[153], self.data[154], self.data[155], self.data[156], self.data[157], self.data[158], self.data[159], self.data[160], self.data[161], self.data[162], self.data[163], self.data[164], self.data[165], self.data[166], self.data[167], self.data[168], self.data[169], self.data[170], self.data[171], self.data[172], self.data[173], self.data[174], self.data[175], self.data[176], self.data[177], self.data[178], self.data[179], self.data[180], self.data[181], self.data[182], self.data[183], self.data[184], self.data[185], self.data[186], self.data[187], self.data[188], self.data[189], self.data[190], self.data[191], self.data[192], self.data[193], self.data[194], self.data[195], self.data[196], self.data[197], self.data[198], self.data[199], self.data[200], self.data[201], self.data[202], self.data[203], self.data[204], self.data[205], self.data[206], self.data[207], self.data[208], self.data[209], self.data[210], self.data[211], self.data[212], self.data[213], self.data[214], self.data[215], self.data[216], self.data[217], self.data[218], self.data[219], self.data[220], self.data[221], self.data[222], self.data[223]), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_blackbox_message, "name", mavlink_msg_deprecated_name_property())
+
+
 class MAVLink_esea_wanted_message(MAVLink_message):
     """
     What the host wants, from the state ARMED on; anew before its
@@ -2407,6 +2517,8 @@ mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_ESEA_DATA: MAVLink_esea_data_message,
     MAVLINK_MSG_ID_ESEA_TRAFFIC: MAVLink_esea_traffic_message,
     MAVLINK_MSG_ID_ESEA_KEY: MAVLink_esea_key_message,
+    MAVLINK_MSG_ID_ESEA_KEPT: MAVLink_esea_kept_message,
+    MAVLINK_MSG_ID_ESEA_BLACKBOX: MAVLink_esea_blackbox_message,
     MAVLINK_MSG_ID_ESEA_WANTED: MAVLink_esea_wanted_message,
 }
 
@@ -3489,6 +3601,82 @@ class MAVLink(object):
 
         """
         self.send(self.esea_key_encode(sequence, first, total, words), force_mavlink1=force_mavlink1)
+
+    def esea_kept_encode(self, serial: Sequence[int], zero_rad: Sequence[float], starts: int, armings: int, faults: int, watchdog_resets: int, saves: int, active_s: int, encoders: int, zero: int, result: int) -> MAVLink_esea_kept_message:
+        """
+        What outlasts the power beside parameters; on request. To the board:
+        the serial numbers of the encoders that are fitted; the board
+        answers with the same.
+
+        serial                    : Serial numbers of the encoders that are fitted; 0: none. (type:uint32_t)
+        zero_rad                  : Their zeros as they are kept, NaN: none. (type:float)
+        starts                    : Power-ups. (type:uint32_t)
+        armings                   : Times that the motor was switched on. (type:uint32_t)
+        faults                    : Faults that were latched. (type:uint32_t)
+        watchdog_resets           : Resets by the watchdog. (type:uint32_t)
+        saves                     : Sets written to the memory. (type:uint32_t)
+        active_s                  : Time with the motor on. [s] (type:uint32_t)
+        encoders                  : How many of these the device has. (type:uint8_t)
+        zero                      : Where the zero in force comes from. (type:uint8_t, values:ESEA_ZERO)
+        result                    : Of naming the encoders. (type:uint8_t, values:MAV_RESULT)
+
+        """
+        return MAVLink_esea_kept_message(serial, zero_rad, starts, armings, faults, watchdog_resets, saves, active_s, encoders, zero, result)
+
+    def esea_kept_send(self, serial: Sequence[int], zero_rad: Sequence[float], starts: int, armings: int, faults: int, watchdog_resets: int, saves: int, active_s: int, encoders: int, zero: int, result: int, force_mavlink1: bool = False) -> None:
+        """
+        What outlasts the power beside parameters; on request. To the board:
+        the serial numbers of the encoders that are fitted; the board
+        answers with the same.
+
+        serial                    : Serial numbers of the encoders that are fitted; 0: none. (type:uint32_t)
+        zero_rad                  : Their zeros as they are kept, NaN: none. (type:float)
+        starts                    : Power-ups. (type:uint32_t)
+        armings                   : Times that the motor was switched on. (type:uint32_t)
+        faults                    : Faults that were latched. (type:uint32_t)
+        watchdog_resets           : Resets by the watchdog. (type:uint32_t)
+        saves                     : Sets written to the memory. (type:uint32_t)
+        active_s                  : Time with the motor on. [s] (type:uint32_t)
+        encoders                  : How many of these the device has. (type:uint8_t)
+        zero                      : Where the zero in force comes from. (type:uint8_t, values:ESEA_ZERO)
+        result                    : Of naming the encoders. (type:uint8_t, values:MAV_RESULT)
+
+        """
+        self.send(self.esea_kept_encode(serial, zero_rad, starts, armings, faults, watchdog_resets, saves, active_s, encoders, zero, result), force_mavlink1=force_mavlink1)
+
+    def esea_blackbox_encode(self, first: int, count: int, fault: int, tick: int, records: int, size: int, whole: int, data: Sequence[int]) -> MAVLink_esea_blackbox_message:
+        """
+        Records of the black box; to the board: asks for those from the first
+        on.
+
+        first                     : Number of the first record here, the oldest is 0. (type:uint32_t)
+        count                     : Records that there are; 0: it is not frozen. (type:uint32_t)
+        fault                     : Why it was frozen. (type:uint32_t, values:ESEA_FAULT)
+        tick                      : Base tick at which it was frozen. (type:uint32_t)
+        records                   : Records here. To the board: 255 releases it. (type:uint8_t)
+        size                      : Bytes of a record. (type:uint8_t)
+        whole                     : Bit by record: whether its check holds. (type:uint8_t)
+        data                      : Records as they lie in memory. (type:uint8_t)
+
+        """
+        return MAVLink_esea_blackbox_message(first, count, fault, tick, records, size, whole, data)
+
+    def esea_blackbox_send(self, first: int, count: int, fault: int, tick: int, records: int, size: int, whole: int, data: Sequence[int], force_mavlink1: bool = False) -> None:
+        """
+        Records of the black box; to the board: asks for those from the first
+        on.
+
+        first                     : Number of the first record here, the oldest is 0. (type:uint32_t)
+        count                     : Records that there are; 0: it is not frozen. (type:uint32_t)
+        fault                     : Why it was frozen. (type:uint32_t, values:ESEA_FAULT)
+        tick                      : Base tick at which it was frozen. (type:uint32_t)
+        records                   : Records here. To the board: 255 releases it. (type:uint8_t)
+        size                      : Bytes of a record. (type:uint8_t)
+        whole                     : Bit by record: whether its check holds. (type:uint8_t)
+        data                      : Records as they lie in memory. (type:uint8_t)
+
+        """
+        self.send(self.esea_blackbox_encode(first, count, fault, tick, records, size, whole, data), force_mavlink1=force_mavlink1)
 
     def esea_wanted_encode(self, mode: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, deadline_ms: int) -> MAVLink_esea_wanted_message:
         """

@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 #ifndef MAVLINK_MESSAGE_CRCS
-#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {20, 214, 20, 20, 3, 2, 3}, {21, 159, 2, 2, 3, 0, 1}, {22, 220, 25, 25, 0, 0, 0}, {23, 168, 23, 23, 3, 4, 5}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {111, 34, 16, 16, 0, 0, 0}, {253, 83, 51, 54, 0, 0, 0}, {256, 71, 42, 42, 3, 8, 9}, {345, 209, 21, 21, 3, 2, 3}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 190, 136, 136, 0, 0, 0}, {42603, 75, 124, 124, 0, 0, 0}, {42604, 212, 44, 44, 0, 0, 0}, {42660, 35, 138, 138, 0, 0, 0}, {42661, 167, 32, 32, 0, 0, 0}, {42662, 182, 67, 67, 0, 0, 0}, {42663, 36, 253, 253, 0, 0, 0}, {42664, 62, 28, 28, 0, 0, 0}, {42665, 247, 244, 244, 0, 0, 0}}
+#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {20, 214, 20, 20, 3, 2, 3}, {21, 159, 2, 2, 3, 0, 1}, {22, 220, 25, 25, 0, 0, 0}, {23, 168, 23, 23, 3, 4, 5}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {111, 34, 16, 16, 0, 0, 0}, {253, 83, 51, 54, 0, 0, 0}, {256, 71, 42, 42, 3, 8, 9}, {345, 209, 21, 21, 3, 2, 3}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 190, 136, 136, 0, 0, 0}, {42603, 75, 124, 124, 0, 0, 0}, {42604, 212, 44, 44, 0, 0, 0}, {42660, 35, 138, 138, 0, 0, 0}, {42661, 167, 32, 32, 0, 0, 0}, {42662, 182, 67, 67, 0, 0, 0}, {42663, 36, 253, 253, 0, 0, 0}, {42664, 62, 28, 28, 0, 0, 0}, {42665, 247, 244, 244, 0, 0, 0}, {42666, 84, 59, 59, 0, 0, 0}, {42667, 80, 243, 243, 0, 0, 0}}
 #endif
 
 #include "../protocol.h"
@@ -118,7 +118,7 @@ typedef enum MAV_CMD
    MAV_CMD_PREFLIGHT_STORAGE=245, /* Parameters to or from storage, with the motor off. |0: those that were saved; 1: save what stands; 2: defaults.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_COMPONENT_ARM_DISARM=400, /* Switch the motor on or off. |1 on; anything else off.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_SET_MESSAGE_INTERVAL=511, /* Tell the inputs or outputs of a task's runs on the board's own clock. |Id of the task's message.| Time between two, rounded up to runs of the task; 0 and less: none.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
-   MAV_CMD_REQUEST_MESSAGE=512, /* Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK or ESEA_TRAFFIC. |Id of the message.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_REQUEST_MESSAGE=512, /* Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK, ESEA_TRAFFIC or ESEA_KEPT. |Id of the message.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_USER_1=31010, /* Reset: self-test, initial state of every Block, counters to 0. A stop that is held stays. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_USER_2=31011, /* Zero: the joint is at its zero and unloaded; take the encoders' angles. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_USER_3=31012, /* Clear: the fault has been seen to. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
@@ -179,6 +179,18 @@ typedef enum ESEA_FAULT
    ESEA_FAULT_BROWN_OUT=108, /* The board's supply is too low. Cure: look at the supply, then reset. Found: 1 tick. | */
    ESEA_FAULT_ENUM_END=109, /*  | */
 } ESEA_FAULT;
+#endif
+
+/** @brief Where the zero of the encoders comes from. */
+#ifndef HAVE_ENUM_ESEA_ZERO
+#define HAVE_ENUM_ESEA_ZERO
+typedef enum ESEA_ZERO
+{
+   ESEA_ZERO_NONE=0, /* There is none: zero the joint. | */
+   ESEA_ZERO_TAKEN=1, /* Taken since power-on. | */
+   ESEA_ZERO_PUT_BACK=2, /* Put back at the start, as it was kept for these serial numbers. | */
+   ESEA_ZERO_ENUM_END=3, /*  | */
+} ESEA_ZERO;
 #endif
 
 /** @brief Type of a parameter; the entry in use. */
@@ -246,7 +258,7 @@ typedef enum ESEA_PARAM
    ESEA_PARAM_DRIVE_BANDWIDTH_1_S=21, /* bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it |drive.bandwidth_1_s| drive.bandwidth| 1/s| 0| 18.0335312| 5| free|  */
    ESEA_PARAM_HUMAN_DECAY_S=22, /* decay of the torque's rate: longer trusts a rate longer and overshoots more |human.decay_s| human.decay_s| s| 0.0600000024| 1.5| 0.3| free|  */
    ESEA_PARAM_DRIVE_BY_GEAR_BANDWIDTH_1_S=23, /* bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it |drive_by_gear.bandwidth_1_s| drv_by_.bndwdth| 1/s| 0| 500| 100| free|  */
-   ESEA_PARAM_PREDICTIVE_Q=24, /* weight of the torque error |predictive.Q| predictive.Q| 1| 0.0100000007| 100000| 300| free|  */
+   ESEA_PARAM_PREDICTIVE_Q=24, /* weight of the torque error |predictive.Q| predictive.Q| 1| 0.0100000007| 100000| 1200| free|  */
    ESEA_PARAM_PREDICTIVE_R=25, /* weight of the motor torque's rate; less than Q/10000 counts as that |predictive.R| predictive.R| 1| 0.000100000005| 10000| 1| free|  */
    ESEA_PARAM_PREDICTIVE_LOAD_FREE=26, /* 1 free load side, 0 held fast |predictive.load_free| prdctv.load_free| 1| 0| 1| 1| free|  */
    ESEA_PARAM_ENUM_END=27, /*  | */
@@ -571,6 +583,8 @@ typedef enum ESEA_ELBOW_MPC_STAMP_STATUS
 #include "./mavlink_msg_esea_data.h"
 #include "./mavlink_msg_esea_traffic.h"
 #include "./mavlink_msg_esea_key.h"
+#include "./mavlink_msg_esea_kept.h"
+#include "./mavlink_msg_esea_blackbox.h"
 #include "./mavlink_msg_esea_wanted.h"
 
 // base include
@@ -578,8 +592,8 @@ typedef enum ESEA_ELBOW_MPC_STAMP_STATUS
 
 
 #if MAVLINK_ESEA_ELBOW_MPC_XML_HASH == MAVLINK_PRIMARY_XML_HASH
-# define MAVLINK_MESSAGE_INFO {MAVLINK_MESSAGE_INFO_HEARTBEAT, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_READ, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_LIST, MAVLINK_MESSAGE_INFO_PARAM_VALUE, MAVLINK_MESSAGE_INFO_PARAM_SET, MAVLINK_MESSAGE_INFO_COMMAND_LONG, MAVLINK_MESSAGE_INFO_COMMAND_ACK, MAVLINK_MESSAGE_INFO_TIMESYNC, MAVLINK_MESSAGE_INFO_STATUSTEXT, MAVLINK_MESSAGE_INFO_SETUP_SIGNING, MAVLINK_MESSAGE_INFO_PARAM_ERROR, MAVLINK_MESSAGE_INFO_ESEA_INFO, MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN, MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_IN, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT, MAVLINK_MESSAGE_INFO_ESEA_WANTED, MAVLINK_MESSAGE_INFO_ESEA_CLOCK, MAVLINK_MESSAGE_INFO_ESEA_STREAM, MAVLINK_MESSAGE_INFO_ESEA_DATA, MAVLINK_MESSAGE_INFO_ESEA_TRAFFIC, MAVLINK_MESSAGE_INFO_ESEA_KEY}
-# define MAVLINK_MESSAGE_NAMES {{ "COMMAND_ACK", 77 }, { "COMMAND_LONG", 76 }, { "ESEA_CLOCK", 42661 }, { "ESEA_CONTROL_IN", 42603 }, { "ESEA_CONTROL_OUT", 42604 }, { "ESEA_DATA", 42663 }, { "ESEA_INFO", 42600 }, { "ESEA_KEY", 42665 }, { "ESEA_SENSE_IN", 42601 }, { "ESEA_SENSE_OUT", 42602 }, { "ESEA_STREAM", 42662 }, { "ESEA_TRAFFIC", 42664 }, { "ESEA_WANTED", 42660 }, { "HEARTBEAT", 0 }, { "PARAM_ERROR", 345 }, { "PARAM_REQUEST_LIST", 21 }, { "PARAM_REQUEST_READ", 20 }, { "PARAM_SET", 23 }, { "PARAM_VALUE", 22 }, { "SETUP_SIGNING", 256 }, { "STATUSTEXT", 253 }, { "TIMESYNC", 111 }}
+# define MAVLINK_MESSAGE_INFO {MAVLINK_MESSAGE_INFO_HEARTBEAT, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_READ, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_LIST, MAVLINK_MESSAGE_INFO_PARAM_VALUE, MAVLINK_MESSAGE_INFO_PARAM_SET, MAVLINK_MESSAGE_INFO_COMMAND_LONG, MAVLINK_MESSAGE_INFO_COMMAND_ACK, MAVLINK_MESSAGE_INFO_TIMESYNC, MAVLINK_MESSAGE_INFO_STATUSTEXT, MAVLINK_MESSAGE_INFO_SETUP_SIGNING, MAVLINK_MESSAGE_INFO_PARAM_ERROR, MAVLINK_MESSAGE_INFO_ESEA_INFO, MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN, MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_IN, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT, MAVLINK_MESSAGE_INFO_ESEA_WANTED, MAVLINK_MESSAGE_INFO_ESEA_CLOCK, MAVLINK_MESSAGE_INFO_ESEA_STREAM, MAVLINK_MESSAGE_INFO_ESEA_DATA, MAVLINK_MESSAGE_INFO_ESEA_TRAFFIC, MAVLINK_MESSAGE_INFO_ESEA_KEY, MAVLINK_MESSAGE_INFO_ESEA_KEPT, MAVLINK_MESSAGE_INFO_ESEA_BLACKBOX}
+# define MAVLINK_MESSAGE_NAMES {{ "COMMAND_ACK", 77 }, { "COMMAND_LONG", 76 }, { "ESEA_BLACKBOX", 42667 }, { "ESEA_CLOCK", 42661 }, { "ESEA_CONTROL_IN", 42603 }, { "ESEA_CONTROL_OUT", 42604 }, { "ESEA_DATA", 42663 }, { "ESEA_INFO", 42600 }, { "ESEA_KEPT", 42666 }, { "ESEA_KEY", 42665 }, { "ESEA_SENSE_IN", 42601 }, { "ESEA_SENSE_OUT", 42602 }, { "ESEA_STREAM", 42662 }, { "ESEA_TRAFFIC", 42664 }, { "ESEA_WANTED", 42660 }, { "HEARTBEAT", 0 }, { "PARAM_ERROR", 345 }, { "PARAM_REQUEST_LIST", 21 }, { "PARAM_REQUEST_READ", 20 }, { "PARAM_SET", 23 }, { "PARAM_VALUE", 22 }, { "SETUP_SIGNING", 256 }, { "STATUSTEXT", 253 }, { "TIMESYNC", 111 }}
 # if MAVLINK_COMMAND_24BIT
 #  include "../mavlink_get_info.h"
 # endif
