@@ -17,6 +17,7 @@ from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
+from esea_gen.link.transport import LinkError
 from esea_gen.targets import BOARDS, firmware_folder
 from esea_gen.verify.emulator import (
     RunningBoard,
@@ -30,7 +31,6 @@ from esea_gen.verify.firmware import (
     double_helpers,
 )
 from esea_gen.verify.stack import deepest_stack
-from esea_link.transport import LinkError
 
 STEPS = 2000
 

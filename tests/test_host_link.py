@@ -19,6 +19,7 @@ from pymavlink.generator.mavcrc import x25crc
 
 import esea_host
 from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
 from esea_host.cli import main
 from esea_host.connection.address import parse_address
 from esea_host.connection.decoder import TelemetryDecoder
@@ -26,7 +27,6 @@ from esea_host.connection.identity import check_hash, identify
 from esea_host.connection.receiver import Receiver, Subscription
 from esea_host.simulated import LockstepDevice, NoisyTransport, SimulatedBoard
 from esea_host.simulated.server import serve_hosts
-from esea_link.transport import LinkError
 
 
 @pytest.fixture

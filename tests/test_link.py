@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from esea_gen.device import load_device
 from esea_gen.emit.dialect import load_dialect
-from esea_link.frames import FrameReader
-from esea_link.session import BOARD, HOST, Session
-from esea_link.transport import LinkError, ProcessTransport, SocketTransport
+from esea_gen.link.frames import FrameReader
+from esea_gen.link.session import BOARD, HOST, Session
+from esea_gen.link.transport import LinkError, ProcessTransport, SocketTransport
 
 DIALECT = load_dialect(load_device("elbow"))
 HEAD_BYTES, CHECKSUM_BYTES = 10, 2
@@ -314,11 +314,12 @@ def test_closing_ends_the_process():
         os.kill(number, 0)
 
 
-def test_the_link_needs_neither_the_generator_nor_its_dependencies():
+def test_the_link_needs_no_other_room_and_none_of_its_dependencies():
     program = (
-        "import sys, esea_link.session\n"
-        "print(sorted({m.split('.')[0] for m in sys.modules}"
-        " & {'esea_gen', 'esea_host', 'casadi', 'numpy', 'pymavlink'}))"
+        "import sys, esea_gen.link.session\n"
+        "print(sorted({m for m in sys.modules if m.startswith(('esea_gen.', 'esea_host'))"
+        " and not m.startswith('esea_gen.link')}"
+        " | {m.split('.')[0] for m in sys.modules} & {'casadi', 'numpy', 'pymavlink'}))"
     )
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

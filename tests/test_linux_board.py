@@ -21,12 +21,12 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.export.model import controller_model
+from esea_gen.link.session import Session
+from esea_gen.link.transport import LinkError, PtyTransport, TcpTransport
 from esea_gen.twin.recorded import record_drive
 from esea_gen.verify.emulator import run_tasks_in_emulator
 from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.package import build_package
-from esea_link.session import Session
-from esea_link.transport import LinkError, PtyTransport, TcpTransport
 
 from .conftest import require_tool
 

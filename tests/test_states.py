@@ -33,11 +33,11 @@ from esea_gen.emit.states import (
     states_header,
 )
 from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
 from esea_gen.targets import firmware_folder
 from esea_gen.verify.emulator import RunningBoard
 from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.sim import SimBoard
-from esea_link.transport import LinkError
 
 from .conftest import ROOT, require_tool
 

@@ -13,9 +13,8 @@ import pytest
 
 from esea_gen.device import load_device
 from esea_gen.emit.dialect import load_dialect, render_dialect
-from esea_gen.verify.firmware import build_firmware
-from esea_link.session import Session
-from esea_link.transport import (
+from esea_gen.link.session import Session
+from esea_gen.link.transport import (
     FileTransport,
     LinkError,
     ProcessTransport,
@@ -24,6 +23,7 @@ from esea_link.transport import (
     TcpTransport,
     open_transport,
 )
+from esea_gen.verify.firmware import build_firmware
 
 from .conftest import require_tool
 

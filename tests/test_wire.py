@@ -17,14 +17,14 @@ from esea_gen.device import load_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.parameters import fnv1a, link_parameters
 from esea_gen.emit.telemetry import cost_table, stream_costs
+from esea_gen.link.signing import read_key
+from esea_gen.link.streams import gaps
+from esea_gen.link.transport import LinkError
 from esea_gen.targets import BOARDS, firmware_folder
 from esea_gen.verify import firmware
 from esea_gen.verify.emulator import RunningBoard
 from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.sim import SimBoard
-from esea_link.signing import read_key
-from esea_link.streams import gaps
-from esea_link.transport import LinkError
 
 from .conftest import require_tool
 

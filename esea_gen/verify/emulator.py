@@ -27,10 +27,10 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device, find_compiler
 from esea_gen.hostlib.runner import run_schedule
 from esea_gen.language.system import Task
+from esea_gen.link.session import Session
+from esea_gen.link.transport import LinkError, Process, ProcessTransport, Transport
 from esea_gen.targets import Board, find_board
 from esea_gen.verify.firmware import FirmwareImage
-from esea_link.session import Session
-from esea_link.transport import LinkError, Process, ProcessTransport, Transport
 
 Array = npt.NDArray[Any]
 Progress = Callable[[int, int], None]

@@ -12,10 +12,10 @@ import tempfile
 from types import TracebackType
 from typing import Self
 
+from esea_gen.link.transport import LinkError, Process
 from esea_gen.targets import find_board
 from esea_gen.verify.emulator import qemu_command
 from esea_gen.verify.firmware import FirmwareImage
-from esea_link.transport import LinkError, Process
 
 TIMEOUT_S = 30.0
 PC, XPSR = 15, 25

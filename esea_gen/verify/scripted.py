@@ -61,7 +61,7 @@ class TapedBoard(SimBoard):
         self.tape.measured.append([values.get(n, 0.0) for n in self.inputs])
 
     def send_bytes(self, data: bytes) -> None:
-        """See :class:`esea_link.messenger.Messenger`."""
+        """See :class:`esea_gen.link.messenger.Messenger`."""
         super().send_bytes(data)
         if hasattr(self, "tape"):
             tick = max(0, len(self.tape.measured) - 1)

@@ -19,11 +19,11 @@ from esea_gen.device import Device
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.emit.messages import board_roles
 from esea_gen.emit.states import EVENTS, GUARDS, STATES
+from esea_gen.link.session import Session
+from esea_gen.link.transport import LinkError
 from esea_gen.targets import firmware_folder
 from esea_gen.verify.blackbox import BlackboxRecord, read_record, record_bytes
 from esea_gen.verify.firmware import build_firmware
-from esea_link.session import Session
-from esea_link.transport import LinkError
 
 _LINE_BYTES = 1 << 16
 
@@ -36,7 +36,7 @@ class SimTransport:
         self._bytes = ffi.new(f"uint8_t[{_LINE_BYTES}]")
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         self._lib.sim_poll()
         count = self._lib.sim_take(self._bytes, _LINE_BYTES)
         if count == 0 and timeout_s > 0:
@@ -44,7 +44,7 @@ class SimTransport:
         return bytes(self._ffi.buffer(self._bytes, count))
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         self._lib.sim_feed(data, len(data))
         self._lib.sim_poll()
 

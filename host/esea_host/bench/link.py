@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.link.transport import RECEIVE_CHUNK_BYTES
 from esea_host.bench.plotting import memory_bytes, plot_latency, window_soak
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.receiver import KEY, Receiver
@@ -25,7 +26,6 @@ from esea_host.recording.writer import Recorder
 from esea_host.simulated.drive import SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
 from esea_host.simulated.noise import NoisyTransport
-from esea_link.transport import RECEIVE_CHUNK_BYTES
 
 PIECE_BYTES = 4096
 SAMPLE_S = 20.0

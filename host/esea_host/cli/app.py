@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from esea_gen.errors import UserError, paragraphs
-from esea_link.transport import LinkError
+from esea_gen.link.transport import LinkError
 
 app = typer.Typer(
     name="esea-host",

@@ -10,11 +10,11 @@ import typer
 from esea_gen.emit.messages import board_roles
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
+from esea_gen.link.kept import kept_use, name_encoders, read_blackbox, release_blackbox
 from esea_gen.verify.blackbox import blackbox_csv, read_record
 from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption
 from esea_host.connection import open_device
-from esea_link.kept import kept_use, name_encoders, read_blackbox, release_blackbox
 
 KeyOption = Annotated[Path | None, typer.Option("--key", help="Key of a board that is paired.")]
 

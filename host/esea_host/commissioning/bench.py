@@ -13,12 +13,12 @@ from typing import Literal
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
 from esea_gen.studies.startup.motions import GearPath
 from esea_gen.studies.startup.procedures import require_drive
 from esea_gen.studies.startup.watch import DriveRecording
 from esea_host.connection import Batch, ConnectedDevice, Subscription
 from esea_host.recording.layout import Array
-from esea_link.transport import LinkError
 
 IN, OUT = "sense_in", "sense_out"
 TURN_S = 0.02  # from one command to the next

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from esea_gen.errors import UserError
-from esea_link import transport as link
-from esea_link.transport import LinkError, SocketTransport, Transport
+from esea_gen.link import transport as link
+from esea_gen.link.transport import LinkError, SocketTransport, Transport
 
 KINDS = ("tcp", "serial", "pty", "sim", "file")
 EXAMPLES = (
@@ -135,7 +135,7 @@ class SimulatedProcess(SocketTransport):
             self._process.communicate()
 
     def close(self) -> None:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         super().close()
         if self._process.poll() is None:
             self._stop()

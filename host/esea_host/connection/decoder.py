@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from pymavlink.generator import mavcrc
 
+from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, SIGNATURE_BYTES, SIGNED, START
 from esea_host.recording.layout import Array, StreamLayout, fits, layout_of
-from esea_link.frames import CHECKSUM_BYTES, HEADER_BYTES, SIGNATURE_BYTES, SIGNED, START
 
 _FAST: Any = getattr(mavcrc, "mcrf4xx", None)  # in C, where pymavlink found it
 # Start, length; flags, sequence, sender and message in one number.

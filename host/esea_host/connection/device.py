@@ -13,6 +13,8 @@ from typing import Any, Self
 
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
+from esea_gen.link.session import Session
+from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.address import BoardAddress, open_patiently, open_transport, parse_address
 from esea_host.connection.decoder import TICK, TelemetryDecoder
 from esea_host.connection.identity import Identity, column_texts, identify, passive
@@ -21,8 +23,6 @@ from esea_host.connection.recording import LiveRecording
 from esea_host.connection.samples import RunSample, run_samples
 from esea_host.recording.layout import StreamLayout
 from esea_host.recording.writer import Recorder
-from esea_link.session import Session
-from esea_link.transport import LinkError, Transport
 
 WAIT_S = 1.0
 KEY_US = 1e6  # from one key frame to the next

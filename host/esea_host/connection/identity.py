@@ -18,10 +18,10 @@ from esea_gen.devices.file import read_file, shipped_devices
 from esea_gen.emit.build import format_hash, render_device
 from esea_gen.emit.dialect import load_dialect, render_dialect
 from esea_gen.errors import UserError
+from esea_gen.link.session import Session
+from esea_gen.link.transport import LinkError, Transport
 from esea_gen.targets import BOARDS
 from esea_host.recording.replay import loaded_device
-from esea_link.session import Session
-from esea_link.transport import LinkError, Transport
 
 ANYBODY = "elbow_drive"  # its dialect has the messages that all devices share
 SIMULATED_BOARDS = ("sim", "sim-q31")

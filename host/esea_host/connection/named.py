@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from esea_gen.link.streams import BoardStream
 from esea_host.recording.layout import Array, StreamColumn, StreamLayout
-from esea_link.streams import BoardStream
 
 TICK = "sequence"
 Texts = Mapping[str, Mapping[str, str]]

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.decoder import TICK, Decoded, LinkHealth, TelemetryDecoder
 from esea_host.connection.named import NamedStream, data_key, data_rows
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import Array, StreamLayout
-from esea_link.transport import LinkError, Transport
 
 MOST_ROWS = 60_000  # a minute at 1 kHz
 READ_S = 0.05
@@ -104,19 +104,19 @@ class SessionTransport:
         self._receiver = receiver
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         return self._receiver.other_bytes(timeout_s)
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         self._receiver.write(data, timeout_s)
 
     def close(self) -> None:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         self._receiver.close()
 
     def said(self) -> str:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         return self._receiver.transport.said()
 
 

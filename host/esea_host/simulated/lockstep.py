@@ -21,7 +21,7 @@ class LockstepTransport:
         self.drive = drive
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         data = self.drive.read()
         last = self.drive.ticks + round(timeout_s * 1000)
         while not data and self.drive.ticks < last:
@@ -30,15 +30,15 @@ class LockstepTransport:
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         self.drive.write(data)
 
     def close(self) -> None:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         self.drive.close()
 
     def said(self) -> str:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         return ""
 
 

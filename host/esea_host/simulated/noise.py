@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from esea_link.transport import Transport
+from esea_gen.link.transport import Transport
 
 KINDS = ("flip", "cut", "repeat", "swap")
 
@@ -49,17 +49,17 @@ class NoisyTransport:
         return bytes(out)
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         return self.damage(self.transport.read(timeout_s))
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         self.transport.write(data, timeout_s)
 
     def close(self) -> None:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         self.transport.close()
 
     def said(self) -> str:
-        """See :class:`esea_link.transport.Transport`."""
+        """See :class:`esea_gen.link.transport.Transport`."""
         return self.transport.said()

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
 from esea_host.connection.recording import LiveRecording
 from esea_host.study.scene import Scene
 from esea_host.study.session import InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 from esea_host.study.watching import Gauge
-from esea_link.transport import LinkError
 
 STREAM = "sense_out"
 # What a task knows, by the board's column and the factor to the unit of the name.

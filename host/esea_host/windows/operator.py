@@ -7,8 +7,8 @@ import threading
 import time
 
 from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
-from esea_link.transport import LinkError
 
 AMPLITUDE_Nm, WANTED_HZ = 1.7, 0.6
 TURN_S, DEADLINE_MS, PATIENCE_S = 0.01, 500, 1.0

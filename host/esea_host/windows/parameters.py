@@ -17,8 +17,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from esea_gen.link.parameters import BoardParameter
 from esea_host.windows.feed import LiveFeed
-from esea_link.parameters import BoardParameter
 
 HEADS = ("parameter", "in force", "new", "unit", "bounds", "effect")
 NEW, MOST_HEIGHT_PX = 2, 210

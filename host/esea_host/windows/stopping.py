@@ -6,8 +6,8 @@ import contextlib
 import threading
 import time
 
+from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
-from esea_link.transport import LinkError
 
 COMPONENT = 192  # its frames are counted apart from the session's
 EVERY_S, FOR_S = 0.05, 2.0

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from esea_link.session import Session
-from esea_link.transport import LinkError
+from esea_gen.link.session import Session
+from esea_gen.link.transport import LinkError
 
 COUNTERS = ("starts", "armings", "faults", "watchdog_resets", "saves", "active_s")
 _ZEROS = ("none", "taken", "put back")

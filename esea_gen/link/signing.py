@@ -9,7 +9,7 @@ import stat
 import time
 from pathlib import Path
 
-from esea_link.transport import LinkError
+from esea_gen.link.transport import LinkError
 
 KEY_BYTES = 32
 # Of MAVLink's signatures: 10 us since 2015-01-01.

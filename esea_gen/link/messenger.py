@@ -9,9 +9,9 @@ from itertools import islice
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from esea_link import signing
-from esea_link.frames import CHECKSUM_BYTES, HEADER_BYTES, Counters, FrameReader
-from esea_link.transport import LinkError, Transport
+from esea_gen.link import signing
+from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, Counters, FrameReader
+from esea_gen.link.transport import LinkError, Transport
 
 MOST_ON_THE_WAY = 64
 UNSIGNED = (

@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from esea_link import signing, streams
-from esea_link.messenger import BOARD, HOST, Address, Messenger
-from esea_link.parameters import BoardParameter, find_parameter, known_parameters
-from esea_link.streams import BoardStream, StreamSamples, StreamSignal
-from esea_link.transport import LinkError, Transport
+from esea_gen.link import signing, streams
+from esea_gen.link.messenger import BOARD, HOST, Address, Messenger
+from esea_gen.link.parameters import BoardParameter, find_parameter, known_parameters
+from esea_gen.link.streams import BoardStream, StreamSamples, StreamSignal
+from esea_gen.link.transport import LinkError, Transport
 
 __all__ = ["BOARD", "HOST", "Address", "Session", "TimeSync"]
 
