@@ -25,7 +25,6 @@ from esea_gen.model.filters import tracking_observer
 from esea_gen.model.rubber import rubber_inverse, rubber_sensor
 from esea_gen.model.sensing import sensing_system
 from esea_gen.observe import Drive, drive_of, has_drive
-from esea_gen.observe.life import life_counter
 
 
 class Device(DeviceData):
@@ -100,8 +99,7 @@ class Device(DeviceData):
                 "Add [sliding_mode] or [predictive], or give --controller.",
             )
         if not self.laws:
-            life = life_counter(self) if self.file.life else None
-            return sensing_system(self, self.velocity, self.sensor, self._impaired, life)
+            return sensing_system(self, self.velocity, self.sensor, self._impaired)
         return control_system(self, self.laws, self.velocity, self.sensor, lambda: self.inverse)
 
 

@@ -88,7 +88,6 @@ TYPED = {
     "[obs 1]": "v + h * a + beta * e",
     "[obs 2]": "v + a * h / 2",
     "[obs 3]": "1.5 * q**2 * (1 + p) / h",
-    "[near]": "clip(theta_hat_k, theta_k - q_c, theta_k + q_c)",
     "[obs 4]": "2 * pi * f * h",
     "[obs 5]": "h * W**2 * (1 + p) * (1 + 5 * p + 10 * p**2) / (4 * (1 - p)**3)",
     "[obs 6]": "h / 2 + h * W**2 * (1 + p)**3 / (1 - p)**3",

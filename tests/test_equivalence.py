@@ -164,7 +164,7 @@ def test_the_task_is_its_blocks_wired(elbow, elbow_f64, elbow_f32, real):
     got, _ = task.run({"theta_rad": theta})
     rates, _ = library.block("velocity").run({"theta_rad": theta})
     torque, _ = library.block("sensor").run(
-        {"theta_rad": rates["theta_filtered_rad"], "omega_rad_s": rates["omega_mid_rad_s"]}
+        {"theta_rad": theta, "omega_rad_s": rates["omega_mid_rad_s"]}
     )
     assert got["tau_Nm"].tobytes() == torque["tau_Nm"].tobytes()
     assert got["sensor_status"].tobytes() == torque["status"].tobytes()

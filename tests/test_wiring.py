@@ -23,8 +23,7 @@ SENSING = """
     joint.motor_usable            encoder_motor.usable
     joint.load_usable             encoder_load.usable
     velocity.theta_rad            joint.theta_rad
-    # Quantised counts would cost the torque two to three times the error.
-    sensor.theta_rad              velocity.theta_filtered_rad
+    sensor.theta_rad              joint.theta_rad
     # Viscosity at the middle of the step, from past samples: the sensor's inverse stays unique.
     sensor.omega_rad_s            velocity.omega_mid_rad_s
     motor_rate.theta_rad          encoder_motor.theta_rad

@@ -29,17 +29,6 @@ if TYPE_CHECKING:
     from esea_gen.device import Device
 
 
-SearchOption = Annotated[
-    int,
-    typer.Option(
-        "--search",
-        min=0,
-        metavar="N",
-        help="Also search N motions for the worst torque of rate and sensor together.",
-    ),
-]
-
-
 @app.command()
 def verify(
     device: DeviceArgument,
@@ -53,25 +42,18 @@ def verify(
     ] = None,
     block: BlockOption = None,
     controller: ControllerOption = None,
-    search: SearchOption = 0,
     json_file: JsonOption = None,
 ) -> None:
     """Compare the generated C, compiled for this machine, with the symbolic model."""
-    from esea_gen.verify.chain import search_chain
     from esea_gen.verify.equivalence import verify as compare_c
 
     loaded = esea_gen.load_device(device, controller)
     recorded = recorded_streams(loaded, recording, data)
     with progress_line() as say:
-        formats = chosen_formats(real)
-        result = compare_c(loaded, formats, recorded, progress=say, blocks=block)
-        others = [f for f in formats if f != "f64"]
-        chain = search_chain(loaded, others, search, say=say) if search else None
+        result = compare_c(loaded, chosen_formats(real), recorded, progress=say, blocks=block)
     _print_verification(loaded, result)
-    for line in chain.table() if chain else []:
-        out.print(line)
-    write_json(json_file, result.to_dict() | ({"chain": chain.to_dict()} if chain else {}))
-    if not (result.passed and (chain is None or chain.passed)):
+    write_json(json_file, result.to_dict())
+    if not result.passed:
         raise typer.Exit(1)
 
 
@@ -359,7 +341,6 @@ def fixed(
         bool,
         typer.Option("--prove", help="Also run Frama-C's value analysis; lists its assumptions."),
     ] = False,
-    search: SearchOption = 0,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -369,7 +350,7 @@ def fixed(
     loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         deflections = read_recorded(loaded, recording, data)
-        result = check_fixed(loaded, minutes, deflections, cores, prove, search, say)
+        result = check_fixed(loaded, minutes, deflections, cores, prove, say)
     show(result, json_file)
     if not result.passed:
         raise typer.Exit(1)

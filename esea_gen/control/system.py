@@ -28,10 +28,9 @@ from esea_gen.language.watch import WATCH
 from esea_gen.model.encoder import encoder
 from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.model.joint import deflection
-from esea_gen.model.sensing import LIFE_OUTPUTS, of_axis
+from esea_gen.model.sensing import of_axis
 from esea_gen.observe.disturbance import drive_observer, gear_observer
 from esea_gen.observe.human import extended_state
-from esea_gen.observe.life import life_counter
 from esea_gen.observe.rates import load_rate, motor_rate
 
 SIGNALS = {
@@ -58,7 +57,6 @@ SIGNALS = {
     "coeffs_ok": "watch.coeffs_ok",
 }
 WIRES = {
-    "sensor.theta_rad": "velocity.theta_filtered_rad",
     "sensor.omega_rad_s": "velocity.omega_mid_rad_s",
     "motor_rate.theta_rad": "encoder_motor.theta_rad",
     "load_rate.theta_rad": "encoder_load.theta_rad",
@@ -105,9 +103,6 @@ WIRES_PASSIVE = {
     "passivity.u_command_Nm": "stamp.u_command_Nm",
     "limits.u_command_Nm": "passivity.u_command_Nm",
 }
-# What a device with [life] has besides.
-WIRES_LIFE = {"life.theta_rad": "velocity.theta_filtered_rad"}
-LIVED = {n: f"life.{p}" for n, p in LIFE_OUTPUTS.items()}
 GIVEN = {
     "damping_Nms_rad": "passivity.damping_Nms_rad",
     "given_J": "passivity.given_J",
@@ -202,7 +197,6 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         "joint": deflection(device),
         "velocity": velocity,
         "sensor": sensor,
-        **({"life": life_counter(device)} if device.file.life else {}),
         "motor_rate": motor_rate(device),
         "load_rate": load_rate(device),
         **({"encoder_gear": gear_encoder(device)} if redundant else {}),
@@ -260,7 +254,6 @@ def _wired(
     inputs = INPUTS | (INPUTS_REDUNDANT if redundant else {})
     passive = "passivity" in sense
     wires = WIRES | (WIRES_PASSIVE if passive else {})
-    wires = wires | (WIRES_LIFE if "life" in sense else {})
     known = SIGNALS | (SIGNALS_REDUNDANT if redundant else {})
     known |= SIGNALS_PASSIVE if passive else {}
     signals = dict.fromkeys(every, known)
@@ -289,7 +282,6 @@ def _wired(
         outputs |= part.setpoints
     outputs |= ESTIMATED | told | (COMPARED if redundant else {})
     outputs |= GIVEN if passive else {}
-    outputs |= LIVED if "life" in sense else {}
     for part in parts:
         outputs |= part.outputs
     outputs |= {f"{n}_status": f"{n}.status" for n, b in every.items() if b.status_port}

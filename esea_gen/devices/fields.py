@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, Field
 
 from esea_gen.devices.numbers import Quantity, Section, Series, number, series
-from esea_gen.devices.rubber import Elastomer, Family, Life
+from esea_gen.devices.rubber import Elastomer, Family
 
 SCHEMA = 1
 SCHEMA_FILE = "esea-gen.schema.json"
@@ -360,7 +360,6 @@ class DeviceFile(Section):
         description="Torque model of the rubber coupling: a member of the family, in place of "
         "[elastomer].",
     )
-    life: Life | None = Field(default=None)
     domain: Domain
     limits: Limits
     timing: Timing

@@ -46,23 +46,6 @@ class Elastomer(Section):
     )
 
 
-class FatigueCurve(Section):
-    """Cycles to the end of the life: N = cycles (range/range_rad)^-exponent."""
-
-    range_rad: Quantity = number(1e-3, 6.4, "A range of deflection, end to end.")
-    cycles: Quantity = number(1, 1e12, "Cycles of that range to the end of the life.")
-    exponent: Quantity = number(0.5, 50, "How much fewer cycles a larger range leaves.")
-
-
-class Life(Section):
-    """Counting of the coupling's cycles on the board; left out, nothing is counted."""
-
-    least_rad: Quantity = number(0, 0.5, "Ranges up to this one are no cycles: noise.")
-    curve: FatigueCurve | None = Field(
-        default=None, description="Fatigue curve, with its source; leave it out where not known."
-    )
-
-
 class FamilyTerm(Section):
     """One term: a weight, what drives it, what it remembers, how it softens."""
 

@@ -1,4 +1,4 @@
-"""Velocity estimate: one Block, shared by all that need a rate, and the deflection behind it."""
+"""Velocity estimate: one Block, shared by all that need a rate."""
 
 from __future__ import annotations
 
@@ -52,10 +52,7 @@ def tracking_observer(
     It follows position, velocity and acceleration, so that a constant acceleration leaves no
     steady error and the rate has no group delay at low frequency.  Besides the present rate it
     gives the rate predicted for the middle of the coming step, from past samples only: the
-    viscosity then holds nothing of theta(k), which keeps the sensor's inverse unique.  The
-    deflection that it follows by goes to the torque sensor: quantised counts cost two to three
-    times the error.  It is held within one count of what the encoders say (each is off by half a
-    count at most), so that it can never lag by more.
+    viscosity then holds nothing of theta(k), which keeps the sensor's inverse unique.
 
     Parameters
     ----------
@@ -69,8 +66,7 @@ def tracking_observer(
     Returns
     -------
     Block
-        Input ``theta_rad``; outputs ``omega_rad_s``, ``omega_mid_rad_s``, ``theta_filtered_rad``
-        and a status word.
+        Input ``theta_rad``; outputs ``omega_rad_s``, ``omega_mid_rad_s`` and a status word.
 
     Notes
     -----
@@ -85,8 +81,6 @@ def tracking_observer(
     """
     law = _TrackingObserver(device, joint_rad, bandwidth_Hz)
     p, q, hs, e, v, a = sp.symbols("p q h e v a")
-    theta, count = sp.symbols("theta_k q_c")
-    near = sp.Max(theta - count, sp.Min(sp.Symbol("theta_hat_k"), theta + count))
     return Block.define(
         "velocity" if joint_rad is None else "joint_rate",
         f"{law.what.capitalize()} rate: third-order tracking observer",
@@ -106,7 +100,6 @@ def tracking_observer(
             equation("[obs 1]", "v_k", v + hs * a + sp.Symbol("beta") * e, "rate"),
             equation("[obs 2]", "omega_m", v + hs * a / 2, "rate in the middle of the step"),
             equation("[obs 3]", "beta", sp.Rational(3, 2) * q**2 * (1 + p) / hs, "velocity gain"),
-            equation("[near]", "theta_f", near, "deflection, within a count of the encoders'"),
         ),
         step=law.step,
     )
@@ -129,8 +122,6 @@ class _TrackingObserver:
         # clipping them at the rate's range (with room for the transient) also unwinds a corrupt
         # start.
         self.v_lim, self.a_lim = 4 * self.omega_lim, threshold(4 * self.omega_lim / self.h)
-        # Two encoders, each off by half a count at most.
-        self.count = threshold(2 * math.pi / 2**file.encoder.resolution_bits.value)
         self.bandwidth = bandwidth_Hz or file.velocity.bandwidth_Hz
         self.high = min(BANDWIDTH_MAX_HZ, 0.1 / self.h)
 
@@ -174,7 +165,6 @@ class _TrackingObserver:
         outputs = {
             "omega_rad_s": clip(v, -limit, limit),
             "omega_mid_rad_s": clip(mid, -limit, limit),
-            "theta_filtered_rad": label("near_rad", self.near(theta_hat, u.theta_rad), "[near]"),
             "status": flag_word(
                 [
                     ca.logic_not(guard.inputs_ok),
@@ -185,10 +175,6 @@ class _TrackingObserver:
             ),
         }
         return next_state, outputs
-
-    def near(self, estimate: ca.SX, measured: ca.SX) -> ca.SX:
-        held = clip(estimate, measured - self.count, measured + self.count)
-        return clip(held, -self.theta_lim, self.theta_lim)
 
     def tunables(self) -> tuple[Tunable, ...]:
         return (
@@ -230,12 +216,6 @@ class _TrackingObserver:
                 "omega_mid_rad_s",
                 self.omega_lim,
                 f"{self.what} rate predicted for the middle of this step from past samples",
-            ),
-            around(
-                "theta_filtered_rad",
-                self.theta_lim,
-                f"{self.what} behind the observer, within one count of the measured one",
-                equation="[near]",
             ),
             Port(
                 "status",

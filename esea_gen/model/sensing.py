@@ -7,8 +7,6 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.language.system import System, Task
 
-LIFE_OUTPUTS = {"life_halves": "halves", "life_damage": "damage"}
-
 
 def of_axis(name: str, axis: str) -> str:
     """A name with its axis, before the unit, which stays last: ``tau_flexion_Nm``.
@@ -34,7 +32,6 @@ def sensing_system(
     velocity: Block,
     sensor: Block,
     impaired: tuple[Block, Block, Block] | None = None,
-    life: Block | None = None,
 ) -> System:
     """The measuring System: velocity estimate and torque sensor in one task.
 
@@ -51,8 +48,6 @@ def sensing_system(
     impaired : tuple of Block, optional
         What is asked of the impairments, the rate of a joint, and the impairment; the first stands
         once for all axes, so that they are asked for together.
-    life : Block, optional
-        Counter of the coupling's cycles.
 
     Returns
     -------
@@ -69,19 +64,12 @@ def sensing_system(
         rate, torque = (f"{b.name}_{axis}" if axis else b.name for b in (velocity, sensor))
         blocks |= {rate: velocity, torque: sensor}
         wires[f"{torque}.omega_rad_s"] = f"{rate}.omega_mid_rad_s"
-        wires[f"{torque}.theta_rad"] = f"{rate}.theta_filtered_rad"
-        inputs[of_axis("theta_rad", axis)] = (f"{rate}.theta_rad",)
+        inputs[of_axis("theta_rad", axis)] = (f"{rate}.theta_rad", f"{torque}.theta_rad")
         for port in ("tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm"):
             outputs[of_axis(port, axis)] = f"{torque}.{port}"
         outputs[of_axis("omega_rad_s", axis)] = f"{rate}.omega_rad_s"
         outputs[f"{torque}_status"] = f"{torque}.status"
         outputs[f"{rate}_status"] = f"{rate}.status"
-        if life is not None:
-            count = f"{life.name}_{axis}" if axis else life.name
-            blocks[count] = life
-            wires[f"{count}.theta_rad"] = f"{rate}.theta_filtered_rad"
-            outputs |= {of_axis(n, axis): f"{count}.{p}" for n, p in LIFE_OUTPUTS.items()}
-            outputs[f"{count}_status"] = f"{count}.status"
         if impaired is None:
             continue
         request, joint, wall = impaired

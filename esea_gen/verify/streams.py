@@ -256,11 +256,7 @@ def recorded_stream(device: Device, theta_rad: Array, name: str = "recorded") ->
     return {
         "velocity": Stream(name, {"theta_rad": theta}),
         "sensor": Stream(
-            name,
-            {
-                "theta_rad": single(rates["theta_filtered_rad"]),
-                "omega_rad_s": single(rates["omega_mid_rad_s"]),
-            },
+            name, {"theta_rad": theta, "omega_rad_s": single(rates["omega_mid_rad_s"])}
         ),
     }
 

@@ -12,8 +12,8 @@ the device file says; the device's float32 C, as it ships, senses it.  Sources, 
 ``rate and sampling``
     The rate estimate and the step of 1 ms against the continuous model; no chance in it.
 
-Not in it: temperature, wear, the Mullins effect and the model's form.  What the form leaves is
-known where the device's own recording is given: its errors in blocks left out.
+Not in it: temperature, wear, the Mullins effect and the model's form.  The errors of published
+validations (0.7 to 1.6 % of full scale on one elastomer, up to 3.7 % on others) hold those too.
 """
 
 from __future__ import annotations
@@ -51,7 +51,10 @@ PARAMETERS, QUANTISATION, NONLINEARITY = "parameters", "quantisation", "nonlinea
 RATE, TOGETHER = "rate and sampling", "together"
 SOURCES = (PARAMETERS, QUANTISATION, NONLINEARITY, RATE, TOGETHER)
 
-NOT_INCLUDED = "Not included: temperature (no published data), wear, the Mullins effect, and the"
+NOT_INCLUDED = (
+    "Not included: temperature (no published data), wear, the Mullins effect, and the model's form "
+    "(published validations, which hold it: 0.7 to 1.6 % of full scale on one elastomer)."
+)
 
 
 @dataclass(frozen=True)
@@ -80,13 +83,6 @@ class TorqueUncertainty:
         """Over all torques and rates."""
         return self.cells[source][None, None]
 
-    def _form(self) -> str:
-        band = self.spread.band_Nm
-        if band is None:
-            return "of this device not known: --recording gives it"
-        share = 100 * band / self.full_scale_Nm
-        return f"95 % of this device's errors in blocks left out: {band:.3g} Nm, {share:.2g} %"
-
     def notes(self) -> list[str]:
         """What is assumed and what is left out."""
         notes = [
@@ -95,7 +91,7 @@ class TorqueUncertainty:
             f"{math.degrees(LOAD_RAD):g} deg at {LOAD_HZ:g} Hz (assumed), zeroed at the start.",
             f"Nonlinearity left by the correction: {self.residual_deg:g} deg (assumed; the encoder "
             "has 1 deg uncorrected), one of the first harmonics of the turn, any phase.",
-            f"{NOT_INCLUDED} model's form ({self._form()}).",
+            NOT_INCLUDED,
         ]
         if self.clipped:
             notes.insert(1, f"{self.clipped} drawn parameters were put on a bound.")
@@ -237,8 +233,7 @@ class _Bench:
         velocity.reset()
         sensor.reset()
         rates, _ = velocity.run({"theta_rad": theta}, trace=False)
-        filtered, middle = rates["theta_filtered_rad"], rates["omega_mid_rad_s"]
-        inputs = {"theta_rad": filtered, "omega_rad_s": middle}
+        inputs = {"theta_rad": theta, "omega_rad_s": rates["omega_mid_rad_s"]}
         return np.asarray(sensor.run(inputs, trace=False)[0]["tau_Nm"], dtype=np.float64)
 
     def rubber(self, values: Mapping[str, float], move: Motion) -> Array:
