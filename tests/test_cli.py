@@ -89,7 +89,10 @@ def test_verify_writes_json(tmp_path):
     [
         (["build", "nothing.toml"], ["no device 'nothing.toml'", "Shipped: elbow"]),
         (["build", "elbow", "--real", "q15"], ["Unknown number format 'q15'", "f64, f32"]),
-        (["build", "bad.toml"], ["bad.toml: elastomer.k1_Nm_rad = -9.39", "limit 0", "0 to 1000"]),
+        (
+            ["build", "bad.toml"],
+            ["bad.toml, line 10: elastomer.k1_Nm_rad = -9.39", "limit 0", "0 to 1000"],
+        ),
         (["verify", "elbow", "--recording", "none.toml"], ["none.toml"]),
         (["firmware", "elbow", "--board", "arduino"], ["arduino", "netduinoplus2"]),
         (["emulate", "elbow", "--board", "arduino"], ["arduino", "netduinoplus2"]),

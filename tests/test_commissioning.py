@@ -110,19 +110,19 @@ def test_an_encoder_off_twice_a_turn_is_found_and_its_correction_takes_it_away(b
     bench = bench_of()
     amplitude_rad = math.radians(0.8)
     full = 1 << round(bench.board.file.encoder.resolution_bits.value)
-    drive = bench.device.drive
-    show = drive._show
+    board = bench.device.drive.board
+    show = board.show
 
     def off(counts: tuple[int, int, int]) -> None:
         motor, load, gear = counts
         error = amplitude_rad * math.sin(2 * 2 * math.pi * motor / full)
         show((round(motor + error * full / (2 * math.pi)) % full, load, gear))
 
-    drive._show = off
+    board.show = off
     try:
         result = quick("encoders", bench)
     finally:
-        del drive._show
+        del board.show
     assert result.problem is None
     assert not result.passed
     assert "motor side: largest error" in next(c.what for c in result.checks if not c.passed)

@@ -519,7 +519,7 @@ def test_figures_say_what_the_numbers_are(tmp_path, swept):
         save(figure, tmp_path / f"x.{ending}")
         assert (tmp_path / f"x.{ending}").stat().st_size > 5000
     with pytest.raises(UserError, match="cannot be written"):
-        save(figure, tmp_path / "none" / "x.png")
+        save(figure, tmp_path / "x.png" / "y.png")
     curves = t, desired, desired + 0.25, desired - 0.5
     panels = torque_cases([("a", *curves), ("b", *curves)], title="smc")
     assert [a.get_title(loc="left") or a.get_title() for a in panels.axes] == [

@@ -249,6 +249,8 @@ def test_identified_spread_is_the_identifications_own(tmp_path):
     assert done.exit_code == 0, done.output
     device = load_device(tmp_path / "hdrb.toml")
     spread = identified_spread(device, mapping, DATA)
+    assert spread.band_Nm is not None
+    assert 0 < spread.band_Nm < device.tau_full_scale_Nm
     recordings = load_recordings(load_mapping(mapping, DATA))
     values = elastomer_values(device)
     known = identified(FittedPlant(device, recordings), values)
@@ -318,3 +320,13 @@ def test_the_command_refuses(arguments, said):
 def test_a_device_without_linear_stiffness_is_refused(elbow):
     with pytest.raises(UserError, match="no unique inverse"):
         torque_uncertainty(with_values(elbow, {"k1_Nm_rad": 0.0}), 2)
+
+
+def test_what_the_models_form_leaves_is_the_devices_own(found):
+    # No recording: nothing is known of it, and no other device's figure stands in.
+    (note,) = (n for n in found.notes() if "model's form" in n)
+    assert "not known" in note
+    assert "1.6" not in note
+    own = replace(found, spread=replace(found.spread, band_Nm=0.0894))
+    (note,) = (n for n in own.notes() if "model's form" in n)
+    assert "0.0894 Nm, 2 %" in note  # of 4.47 Nm

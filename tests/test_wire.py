@@ -144,7 +144,7 @@ def test_the_clock_of_a_sample_goes_on_where_the_tick_is_set_back(board):
 
 def test_a_lost_tick_ends_a_message_so_that_every_sample_has_its_own_time(board):
     """What is measured tells the time."""
-    measured = board._inputs[0]
+    measured = board.inputs[0]
     (stream,) = board.stream([f"sense.{measured}"])
     now = 0
     for step in [1] * 30 + [3] + [1] * 30:

@@ -47,6 +47,7 @@ GROUPS = {
     "From recordings, and on a real machine": {
         "identify": "identification",
         "uncertainty": "identification",
+        "reliability": "identification",
         "torque-check": "identification",
         "startup": "startup",
     },

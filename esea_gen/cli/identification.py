@@ -1,4 +1,4 @@
-"""From recordings: ``identify``, ``uncertainty``, ``torque-check``."""
+"""From recordings: ``identify``, ``reliability``, ``uncertainty``, ``torque-check``."""
 
 from __future__ import annotations
 
@@ -125,6 +125,20 @@ def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) ->
         )
     show(result, json_file)
     return result.chosen
+
+
+@app.command()
+def reliability(
+    table: Annotated[
+        Path, typer.Argument(help="CSV: a column a specimen, a row a condition, torques in Nm.")
+    ],
+    json_file: JsonOption = None,
+) -> None:
+    """How far specimens agree: ICC(2,1), ICC(3,1), limits of agreement."""
+    from esea_gen.identify.reliability import read_specimens
+    from esea_gen.identify.reliability import reliability as judged
+
+    show(judged(read_specimens(table)), json_file)
 
 
 @app.command(cls=StudyCommand)

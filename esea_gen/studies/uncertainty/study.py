@@ -12,8 +12,8 @@ the device file says; the device's float32 C, as it ships, senses it.  Sources, 
 ``rate and sampling``
     The rate estimate and the step of 1 ms against the continuous model; no chance in it.
 
-Not in it: temperature, wear, the Mullins effect and the model's form.  The errors of published
-validations (0.7 to 1.6 % of full scale on one elastomer, up to 3.7 % on others) hold those too.
+Not in it: temperature, wear, the Mullins effect and the model's form.  What the form leaves is
+known where the device's own recording is given: its errors in blocks left out.
 """
 
 from __future__ import annotations
@@ -51,10 +51,7 @@ PARAMETERS, QUANTISATION, NONLINEARITY = "parameters", "quantisation", "nonlinea
 RATE, TOGETHER = "rate and sampling", "together"
 SOURCES = (PARAMETERS, QUANTISATION, NONLINEARITY, RATE, TOGETHER)
 
-NOT_INCLUDED = (
-    "Not included: temperature (no published data), wear, the Mullins effect, and the model's form "
-    "(published validations, which hold it: 0.7 to 1.6 % of full scale on one elastomer)."
-)
+NOT_INCLUDED = "Not included: temperature (no published data), wear, the Mullins effect, and the"
 
 
 @dataclass(frozen=True)
@@ -83,6 +80,13 @@ class TorqueUncertainty:
         """Over all torques and rates."""
         return self.cells[source][None, None]
 
+    def _form(self) -> str:
+        band = self.spread.band_Nm
+        if band is None:
+            return "of this device not known: --recording gives it"
+        share = 100 * band / self.full_scale_Nm
+        return f"95 % of this device's errors in blocks left out: {band:.3g} Nm, {share:.2g} %"
+
     def notes(self) -> list[str]:
         """What is assumed and what is left out."""
         notes = [
@@ -91,7 +95,7 @@ class TorqueUncertainty:
             f"{math.degrees(LOAD_RAD):g} deg at {LOAD_HZ:g} Hz (assumed), zeroed at the start.",
             f"Nonlinearity left by the correction: {self.residual_deg:g} deg (assumed; the encoder "
             "has 1 deg uncorrected), one of the first harmonics of the turn, any phase.",
-            NOT_INCLUDED,
+            f"{NOT_INCLUDED} model's form ({self._form()}).",
         ]
         if self.clipped:
             notes.insert(1, f"{self.clipped} drawn parameters were put on a bound.")

@@ -1,0 +1,259 @@
+"""How far specimens of one coupling agree: reliability and limits of agreement.
+
+Rows are conditions (a deflection, rate and instant each), columns are specimens; each cell is the
+torque of that specimen there.  Specimens are a sample of all that may come: ICC(2,1), absolute
+agreement, says whether one device file serves any of them; ICC(3,1), consistency, leaves out what
+a constant offset of each would mend.
+
+References
+----------
+.. [1] P. E. Shrout, J. L. Fleiss, "Intraclass correlations: uses in assessing rater reliability",
+   Psychological Bulletin 86(2), 1979.
+.. [2] J. M. Bland, D. G. Altman, Lancet 327 (1986) 307: limits of agreement, and their errors.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_gen.language.ports import Array
+
+CONFIDENCE = 0.95
+LEAST_ROWS, LEAST_COLUMNS = 5, 2
+# Chapter 3, RMS error of one model on other specimens, % of full scale: table 3.4's worst, and
+# session 1 of the three of the two-day test (table 3.7).
+PUBLISHED = "thesis, one model on other elastomers: RMS 2.93 % (worst of two), 3.30 to 3.72 %"
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """An intraclass correlation and its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class PairAgreement:
+    """Two specimens, Bland and Altman: torque of the first less that of the second, Nm.
+
+    low_Nm, high_Nm: between them lie 95 % of the differences, were they normal.
+    limit_error_Nm: half width of the 95 % interval of either limit.
+    """
+
+    first: str
+    second: str
+    bias_Nm: float
+    low_Nm: float
+    high_Nm: float
+    limit_error_Nm: float
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """What the specimens say together.
+
+    apart_pct: RMS of each specimen less the mean of the others, % of the largest mean torque.
+    """
+
+    specimens: tuple[str, ...]
+    rows: int
+    absolute: Coefficient
+    consistent: Coefficient
+    agreements: tuple[PairAgreement, ...]
+    apart_pct: dict[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content."""
+        return asdict(self) | {"published": PUBLISHED}
+
+    def table(self) -> list[str]:
+        """Lines of text."""
+        lines = [f"{len(self.specimens)} specimens at {self.rows} conditions"]
+        for name, c in (
+            ("ICC(2,1), absolute agreement", self.absolute),
+            ("ICC(3,1), consistency", self.consistent),
+        ):
+            lines.append(f"{name:30} {c.value:.4f}, 95 % {c.low:.4f} to {c.high:.4f}")
+        lines.append("limits of agreement, Nm (each limit +- its 95 % error)")
+        for a in self.agreements:
+            lines.append(
+                f"{a.first + ' - ' + a.second:30} {a.bias_Nm:+.4f}, {a.low_Nm:+.4f} to "
+                f"{a.high_Nm:+.4f} (+-{a.limit_error_Nm:.4f})"
+            )
+        lines.append("each against the mean of the others, RMS in % of the largest torque")
+        lines += [f"{name:30} {x:.2f}" for name, x in self.apart_pct.items()]
+        lines += [
+            PUBLISHED,
+            "The intervals take conditions for independent: samples of one loop are not. Give one "
+            "row a condition, not a whole recording.",
+        ]
+        return lines
+
+
+def mean_squares(table: Array) -> tuple[float, float, float]:
+    """Two-way analysis of variance without replication: rows, columns, residual [1]_."""
+    n, k = table.shape
+    grand, rows, columns = table.mean(), table.mean(axis=1), table.mean(axis=0)
+    left = table - rows[:, None] - columns + grand
+    return (
+        float(k * np.sum((rows - grand) ** 2) / (n - 1)),
+        float(n * np.sum((columns - grand) ** 2) / (k - 1)),
+        float(np.sum(left**2) / ((n - 1) * (k - 1))),
+    )
+
+
+def coefficients(table: Array) -> tuple[Coefficient, Coefficient]:
+    """ICC(2,1) and ICC(3,1) with their 95 % intervals [1]_.
+
+    table: shape (conditions, specimens).
+    """
+    from scipy.stats import f
+
+    n, k = table.shape
+    bms, jms, ems = mean_squares(table)
+    upper, d1, d2 = 1 - (1 - CONFIDENCE) / 2, n - 1, (n - 1) * (k - 1)
+    spread = bms + (k - 1) * ems
+    two = (bms - ems) / (spread + k * (jms - ems) / n)
+    f0 = bms / ems
+    low, high = f0 / f.ppf(upper, d1, d2), f0 * f.ppf(upper, d2, d1)
+    three = Coefficient(
+        (bms - ems) / spread, float((low - 1) / (low + k - 1)), float((high - 1) / (high + k - 1))
+    )
+    fj, rest = jms / ems, n * (1 + (k - 1) * two) - k * two
+    # Satterthwaite's degrees of freedom.
+    v = d2 * (k * two * fj + rest) ** 2 / ((n - 1) * (k * two * fj) ** 2 + rest**2)
+    f1, f2 = f.ppf(upper, d1, v), f.ppf(upper, v, d1)
+    among = k * jms + (k * n - k - n) * ems
+    return (
+        Coefficient(
+            two,
+            float(n * (bms - f1 * ems) / (f1 * among + n * bms)),
+            float(n * (f2 * bms - ems) / (among + n * f2 * bms)),
+        ),
+        three,
+    )
+
+
+def agreement(first: Array, second: Array) -> tuple[float, float, float, float]:
+    """Bias, both limits of agreement, and the half width of either limit's 95 % interval [2]_."""
+    from scipy.stats import norm, t
+
+    d = np.asarray(first - second, float)
+    n, bias, sd = len(d), float(np.mean(d)), float(np.std(d, ddof=1))
+    z = float(norm.ppf(1 - (1 - CONFIDENCE) / 2))
+    error = sd * np.sqrt(1 / n + z * z / (2 * (n - 1))) * t.ppf(1 - (1 - CONFIDENCE) / 2, n - 1)
+    return bias, bias - z * sd, bias + z * sd, float(error)
+
+
+def reliability(torques_Nm: Mapping[str, Array]) -> Reliability:
+    """What specimens say together.
+
+    Parameters
+    ----------
+    torques_Nm : mapping of str to array
+        By specimen, its torque in Nm at the same conditions in the same order.
+
+    Returns
+    -------
+    Reliability
+        Coefficients, limits of agreement of every pair, each specimen against the others.
+
+    Raises
+    ------
+    UserError
+        For fewer than two specimens or five conditions, unequal lengths, numbers that are none,
+        or specimens that do not differ at all.
+    """
+    names = tuple(torques_Nm)
+    lengths = {len(x) for x in torques_Nm.values()}
+    if len(names) < LEAST_COLUMNS or len(lengths) != 1 or min(lengths) < LEAST_ROWS:
+        raise UserError(
+            f"{len(names)} specimens at {sorted(lengths)} conditions: reliability needs "
+            f"{LEAST_COLUMNS} or more at the same {LEAST_ROWS} or more.",
+            "Give one column a specimen and one row a condition.",
+        )
+    table = np.column_stack([np.asarray(torques_Nm[n], float) for n in names])
+    if not np.all(np.isfinite(table)):
+        row, column = np.argwhere(~np.isfinite(table))[0]
+        raise UserError(
+            f"specimen {names[column]}, condition {row + 1}: no finite number.",
+            "Leave out conditions that not every specimen was measured at.",
+        )
+    bms, jms, ems = mean_squares(table)
+    if ems <= 1e-24 * max(bms, jms) or bms <= 0:
+        raise UserError(
+            "The specimens differ by nothing but a constant, or the conditions not at all: there "
+            "is no variance to judge by.",
+            "Give measured torques, and conditions that differ.",
+        )
+    absolute, consistent = coefficients(table)
+    largest = float(np.max(np.abs(table.mean(axis=1))))
+    apart = {
+        n: 100 * float(np.sqrt(np.mean((table[:, i] - _others(table, i)) ** 2))) / largest
+        for i, n in enumerate(names)
+    }
+    pairs = tuple(
+        PairAgreement(a, b, *agreement(table[:, i], table[:, j]))
+        for (i, a), (j, b) in combinations(enumerate(names), 2)
+    )
+    return Reliability(names, len(table), absolute, consistent, pairs, apart)
+
+
+def _others(table: Array, column: int) -> Array:
+    return np.asarray(np.delete(table, column, axis=1).mean(axis=1))
+
+
+def read_specimens(path: Path) -> dict[str, Array]:
+    """A CSV table: a column a specimen under its name, a row a condition, torques in Nm.
+
+    A first column named ``condition`` is a label and left out.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = [row for row in csv.reader(file) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"'{path}' cannot be read ({error}).", "Give a CSV file.") from None
+    head, *rows = lines or [[]]
+    first = 1 if head and head[0].strip().lower() == "condition" else 0
+    names = [h.strip() for h in head[first:]]
+    if len(set(names)) != len(names) or not all(names):
+        raise UserError(
+            f"{path}, line 1: {head} does not name each specimen once.",
+            "Give one name a column, and 'condition' over the labels.",
+        )
+    columns: list[list[float]] = [[] for _ in names]
+    for number, row in enumerate(rows, 2):
+        cells = row[first:]
+        if len(cells) != len(names):
+            raise UserError(
+                f"{path}, line {number}: {len(cells)} torques for {len(names)} specimens.",
+                "Give every specimen's torque at every condition.",
+            )
+        for column, cell in zip(columns, cells, strict=True):
+            try:
+                column.append(float(cell))
+            except ValueError:
+                raise UserError(
+                    f"{path}, line {number}: '{cell}' is no number.", "Give torques in Nm."
+                ) from None
+    return {n: np.array(c) for n, c in zip(names, columns, strict=True)}
+
+
+__all__ = [
+    "Coefficient",
+    "PairAgreement",
+    "Reliability",
+    "coefficients",
+    "read_specimens",
+    "reliability",
+]

@@ -1,0 +1,127 @@
+"""Agreement of specimens against published examples and formulas of other tools."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import statsmodels.api as sm
+from scipy.stats import f_oneway
+from statsmodels.formula.api import ols
+from typer.testing import CliRunner
+
+from esea_gen.cli import app
+from esea_gen.errors import UserError
+from esea_gen.identify.reliability import (
+    agreement,
+    coefficients,
+    mean_squares,
+    reliability,
+)
+
+# Shrout and Fleiss 1979, table 2: six targets, four judges.
+SHROUT = np.array(
+    [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]], float
+)
+
+
+def test_the_published_example():
+    # Table 3 of the paper: mean squares; table 4: coefficients.  Intervals as R's psych and
+    # pingouin print them for these data.
+    assert mean_squares(SHROUT) == pytest.approx((11.24, 32.49, 1.02), abs=0.005)
+    two, three = coefficients(SHROUT)
+    assert two.value == pytest.approx(0.29, abs=0.005)
+    assert three.value == pytest.approx(0.71, abs=0.005)
+    assert (two.low, two.high) == pytest.approx((0.02, 0.76), abs=0.005)
+    assert (three.low, three.high) == pytest.approx((0.34, 0.95), abs=0.005)
+
+
+def test_mean_squares_against_another_tool():
+    rng = np.random.default_rng(0)
+    table = rng.normal(0, 1, (8, 1)) + rng.normal(0, 0.3, (1, 3)) + rng.normal(0, 0.2, (8, 3))
+    rows, columns = np.indices(table.shape)
+    data = {"y": table.ravel(), "row": rows.ravel(), "column": columns.ravel()}
+    anova = sm.stats.anova_lm(ols("y ~ C(row) + C(column)", pd.DataFrame(data)).fit())
+    assert mean_squares(table) == pytest.approx(tuple(anova["mean_sq"]))
+    # Consistency does not see a constant of each specimen; agreement does.
+    moved = table + np.array([0.0, 2.0, -1.0])
+    assert coefficients(moved)[1].value == pytest.approx(coefficients(table)[1].value)
+    assert coefficients(moved)[0].value < 0.7 * coefficients(table)[0].value
+    assert f_oneway(*moved.T).pvalue < 0.05  # the constant is one that shows
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    # Variances 1, 0.2 and 0.1 of rows, specimens and rest: 1/1.3 and 1/1.1.
+    rng = np.random.default_rng(4)
+    held = np.zeros(2)
+    for _ in range(300):
+        table = (
+            rng.normal(0, 1, (20, 1))
+            + rng.normal(0, np.sqrt(0.2), (1, 6))
+            + rng.normal(0, np.sqrt(0.1), (20, 6))
+        )
+        truth = (1 / 1.3, 1 / 1.1)
+        held += [c.low <= x <= c.high for c, x in zip(coefficients(table), truth, strict=True)]
+    # Of consistency the interval is exact; of agreement it is Satterthwaite's approximation, which
+    # is somewhat narrow with few specimens.
+    assert 0.92 < held[1] / 300 < 0.985
+    assert 0.87 < held[0] / 300 < 0.985
+
+
+def test_limits_of_agreement_hold_their_share():
+    rng = np.random.default_rng(1)
+    first = rng.normal(0, 1, 4000)
+    second = first + rng.normal(0.1, 0.05, 4000)
+    bias, low, high, error = agreement(first, second)
+    assert bias == pytest.approx(-0.1, abs=0.003)
+    inside = np.mean((first - second > low) & (first - second < high))
+    assert inside == pytest.approx(0.95, abs=0.01)
+    # Bland and Altman: the variance of a limit is about 3 s^2 / n.
+    assert error == pytest.approx(1.96 * np.sqrt(3 * 0.05**2 / 4000), rel=0.03)
+
+
+def test_specimens_of_a_table_and_the_command(tmp_path):
+    rng = np.random.default_rng(2)
+    true = np.linspace(-4, 4, 12)
+    table = {
+        "a": true * 1.00 + rng.normal(0, 0.02, 12),
+        "b": true * 1.02 + rng.normal(0, 0.02, 12),
+        "odd": true * 1.2 + 0.3,
+    }
+    path, out = tmp_path / "t.csv", tmp_path / "t.json"
+    lines = ["condition," + ",".join(table)]
+    lines += [f"c{i}," + ",".join(repr(float(x[i])) for x in table.values()) for i in range(12)]
+    path.write_text("\n".join(lines) + "\n")
+    done = CliRunner().invoke(app, ["reliability", str(path), "--json", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "ICC(2,1)" in done.output
+    assert "2.93" in done.output  # chapter 3's beside it
+    found, own = json.loads(out.read_text()), reliability(table)
+    assert found["absolute"]["value"] == pytest.approx(own.absolute.value, rel=1e-9)
+    assert max(own.apart_pct, key=own.apart_pct.__getitem__) == "odd"
+    assert len(own.agreements) == 3
+    biases = {(x.first, x.second): x.bias_Nm for x in own.agreements}
+    assert biases["a", "odd"] == pytest.approx(np.mean(table["a"] - table["odd"]))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a,b\n1,2\n", "5 or more"),
+        ("a\n1\n2\n3\n4\n5\n", "2 or more"),
+        ("a,a\n1,2\n", "each specimen once"),
+        ("a,b\n1,2,3\n", "3 torques for 2"),
+        ("a,b\n1,x\n", "is no number"),
+        ("a,b\n" + "1,nan\n" * 5, "no finite number"),
+        ("a,b\n" + "".join(f"{i},{i + 1}\n" for i in range(6)), "nothing but a constant"),
+        ("", "specimens"),
+    ],
+)
+def test_a_table_that_says_nothing_is_refused(tmp_path, text, words):
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    done = CliRunner().invoke(app, ["reliability", str(path)])
+    assert isinstance(done.exception, UserError)
+    assert words in str(done.exception)
