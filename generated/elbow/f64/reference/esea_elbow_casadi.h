@@ -68,7 +68,7 @@ const casadi_int* esea_elbow_casadi_velocity_step_sparsity_out(casadi_int i);
 int esea_elbow_casadi_velocity_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_casadi_velocity_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 #define esea_elbow_casadi_velocity_step_SZ_ARG 8
-#define esea_elbow_casadi_velocity_step_SZ_RES 8
+#define esea_elbow_casadi_velocity_step_SZ_RES 7
 #define esea_elbow_casadi_velocity_step_SZ_IW 0
 #define esea_elbow_casadi_velocity_step_SZ_W 0
 int esea_elbow_casadi_sensor_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);

@@ -293,10 +293,10 @@ CASADI_SYMBOL_EXPORT int esea_wrist_casadi_velocity_init_work_bytes(casadi_int *
   return 0;
 }
 
-/* esea_wrist_casadi_velocity_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_theta_hat_rad,s_v_rad_s,s_a_rad_s2,u_theta_rad)->(next_primed,next_theta_hat_rad,next_v_rad_s,next_a_rad_s2,y_omega_rad_s,y_omega_mid_rad_s,y_theta_filtered_rad,y_status) */
+/* esea_wrist_casadi_velocity_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_theta_hat_rad,s_v_rad_s,s_a_rad_s2,u_theta_rad)->(next_primed,next_theta_hat_rad,next_v_rad_s,next_a_rad_s2,y_omega_rad_s,y_omega_mid_rad_s,y_status) */
 static int casadi_f2(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
-  casadi_real a12, a13, a14, a15, a16, a17, a18;
+  casadi_real a12, a13, a14, a15, a16;
   a00=arg[3]? arg[3][0] : 0;
   a01=1.;
   a02=(a00<=a01);
@@ -327,47 +327,47 @@ static int casadi_f2(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   a00=(a02?a00:0);
   a11=arg[7]? arg[7][0] : 0;
   a13=3.4999999403953552e-01;
-  a14=(a11<=a13);
-  a15=-3.4999999403953552e-01;
-  a16=(a15<=a11);
-  a14=(a14&&a16);
-  a16=(a00||a14);
-  if (res[0]!=0) res[0][0]=a16;
-  a16=1.0000000000000000e-03;
-  a17=5.0000000000000001e-04;
-  a17=(a17*a08);
-  a17=(a05+a17);
-  a18=(a16*a17);
-  a18=(a03+a18);
-  a18=(a02?a18:0);
-  a18=(a00?a18:0);
+  a13=(a11<=a13);
+  a14=-3.4999999403953552e-01;
+  a14=(a14<=a11);
+  a13=(a13&&a14);
+  a14=(a00||a13);
+  if (res[0]!=0) res[0][0]=a14;
+  a14=1.0000000000000000e-03;
+  a15=5.0000000000000001e-04;
+  a15=(a15*a08);
+  a15=(a05+a15);
+  a16=(a14*a15);
+  a16=(a03+a16);
+  a16=(a02?a16:0);
+  a16=(a00?a16:0);
   a00=(!a00);
-  a11=(a14?a11:0);
-  a14=(!a14);
+  a11=(a13?a11:0);
+  a13=(!a13);
   a03=(a02?a03:0);
-  a03=(a14?a03:0);
+  a03=(a13?a03:0);
   a11=(a11+a03);
   a00=(a00?a11:0);
-  a18=(a18+a00);
+  a16=(a16+a00);
   a00=arg[0]? arg[0][0] : 0;
-  a03=(a11-a18);
-  a00=(a00*a03);
-  a18=(a18+a00);
-  a04=casadi_fmin(a18,a04);
-  a04=casadi_fmax(a04,a06);
-  if (res[1]!=0) res[1][0]=a04;
-  a16=(a16*a08);
-  a05=(a05+a16);
+  a11=(a11-a16);
+  a00=(a00*a11);
+  a16=(a16+a00);
+  a16=casadi_fmin(a16,a04);
+  a16=casadi_fmax(a16,a06);
+  if (res[1]!=0) res[1][0]=a16;
+  a14=(a14*a08);
+  a05=(a05+a14);
   a05=(a02?a05:0);
-  a16=arg[1]? arg[1][0] : 0;
-  a16=(a16*a03);
-  a05=(a05+a16);
+  a14=arg[1]? arg[1][0] : 0;
+  a14=(a14*a11);
+  a05=(a05+a14);
   a07=casadi_fmin(a05,a07);
   a07=casadi_fmax(a07,a09);
   if (res[2]!=0) res[2][0]=a07;
   a08=(a02?a08:0);
   a07=arg[2]? arg[2][0] : 0;
-  a07=(a07*a03);
+  a07=(a07*a11);
   a08=(a08+a07);
   a08=casadi_fmin(a08,a10);
   a08=casadi_fmax(a08,a12);
@@ -377,32 +377,24 @@ static int casadi_f2(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   a10=-25.;
   a12=casadi_fmax(a12,a10);
   if (res[4]!=0) res[4][0]=a12;
-  a17=(a02?a17:0);
-  a12=casadi_fmin(a17,a08);
+  a15=(a02?a15:0);
+  a12=casadi_fmin(a15,a08);
   a12=casadi_fmax(a12,a10);
   if (res[5]!=0) res[5][0]=a12;
-  a12=1.5339807141572237e-03;
-  a10=(a11+a12);
-  a18=casadi_fmin(a18,a10);
-  a11=(a11-a12);
-  a18=casadi_fmax(a18,a11);
-  a18=casadi_fmin(a18,a13);
-  a18=casadi_fmax(a18,a15);
-  if (res[6]!=0) res[6][0]=a18;
-  a14=(a14?a01:0);
+  a13=(a13?a01:0);
   a02=(!a02);
   a01=2.;
   a02=(a02?a01:0);
-  a14=(a14+a02);
+  a13=(a13+a02);
   a05=casadi_fabs(a05);
   a05=(a08<a05);
-  a17=casadi_fabs(a17);
-  a08=(a08<a17);
+  a15=casadi_fabs(a15);
+  a08=(a08<a15);
   a05=(a05||a08);
   a08=4.;
   a05=(a05?a08:0);
-  a14=(a14+a05);
-  if (res[7]!=0) res[7][0]=a14;
+  a13=(a13+a05);
+  if (res[6]!=0) res[6][0]=a13;
   return 0;
 }
 
@@ -425,7 +417,7 @@ CASADI_SYMBOL_EXPORT void esea_wrist_casadi_velocity_step_decref(void) {
 
 CASADI_SYMBOL_EXPORT casadi_int esea_wrist_casadi_velocity_step_n_in(void) { return 8;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_wrist_casadi_velocity_step_n_out(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_wrist_casadi_velocity_step_n_out(void) { return 7;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_wrist_casadi_velocity_step_default_in(casadi_int i) {
   switch (i) {
@@ -455,8 +447,7 @@ CASADI_SYMBOL_EXPORT const char* esea_wrist_casadi_velocity_step_name_out(casadi
     case 3: return "next_a_rad_s2";
     case 4: return "y_omega_rad_s";
     case 5: return "y_omega_mid_rad_s";
-    case 6: return "y_theta_filtered_rad";
-    case 7: return "y_status";
+    case 6: return "y_status";
     default: return 0;
   }
 }
@@ -484,14 +475,13 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_wrist_casadi_velocity_step_sparsity_
     case 4: return casadi_s0;
     case 5: return casadi_s0;
     case 6: return casadi_s0;
-    case 7: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_wrist_casadi_velocity_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 8;
-  if (sz_res) *sz_res = 8;
+  if (sz_res) *sz_res = 7;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
@@ -499,7 +489,7 @@ CASADI_SYMBOL_EXPORT int esea_wrist_casadi_velocity_step_work(casadi_int *sz_arg
 
 CASADI_SYMBOL_EXPORT int esea_wrist_casadi_velocity_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
   if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
+  if (sz_res) *sz_res = 7*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;

@@ -258,7 +258,7 @@ typedef enum ESEA_PARAM
    ESEA_PARAM_DRIVE_BANDWIDTH_1_S=21, /* bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it |drive.bandwidth_1_s| drive.bandwidth| 1/s| 0| 18.0335312| 5| free|  */
    ESEA_PARAM_HUMAN_DECAY_S=22, /* decay of the torque's rate: longer trusts a rate longer and overshoots more |human.decay_s| human.decay_s| s| 0.0600000024| 1.5| 0.3| free|  */
    ESEA_PARAM_DRIVE_BY_GEAR_BANDWIDTH_1_S=23, /* bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it |drive_by_gear.bandwidth_1_s| drv_by_.bndwdth| 1/s| 0| 500| 100| free|  */
-   ESEA_PARAM_PREDICTIVE_Q=24, /* weight of the torque error |predictive.Q| predictive.Q| 1| 0.0100000007| 100000| 1200| free|  */
+   ESEA_PARAM_PREDICTIVE_Q=24, /* weight of the torque error |predictive.Q| predictive.Q| 1| 0.0100000007| 100000| 500| free|  */
    ESEA_PARAM_PREDICTIVE_R=25, /* weight of the motor torque's rate; less than Q/10000 counts as that |predictive.R| predictive.R| 1| 0.000100000005| 10000| 1| free|  */
    ESEA_PARAM_PREDICTIVE_LOAD_FREE=26, /* 1 free load side, 0 held fast |predictive.load_free| prdctv.load_free| 1| 0| 1| 1| free|  */
    ESEA_PARAM_ENUM_END=27, /*  | */
