@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 SMOOTH_RAD_S = 1e-4
 SMOOTH_RAD = 1e-4
 
-Q_BEST, R_BEST = 300.0, 1.0
+Q_BEST, R_BEST = 500.0, 1.0
 # R counts as this share of Q at least.
 LEAST_SHARE = 1e-4
 
