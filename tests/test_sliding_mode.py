@@ -124,7 +124,7 @@ def test_equivalent_control_and_gain_as_typed(drive, printed, which):
         integral = rng.uniform(-4, 4)
         simulator.state = {"active": 1.0, "integral_rad_s": integral, "offset_Nm": 0.0}
         if which == "softened":
-            simulator.state |= {"square_rad2": 6e-5}
+            simulator.state |= {"square": 0.9}
         acc, omega = 0.0, u["omega_motor_rad_s"]
         if which != "printed":
             acc = u["delta_acc_rad_s2"] + (u["tau_Nm"] + u["tau_h_Nm"]) / JH

@@ -15,7 +15,7 @@ import sympy as sp
 from esea_gen.control.linear_loop import check_loop, sliding_mode_numbers, slope_range
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.sliding_mode_streams import STREAMS
-from esea_gen.control.softening import Softening
+from esea_gen.control.softening import SwingSoftening
 from esea_gen.control.surface import (
     DELTA,
     ERROR,
@@ -135,7 +135,7 @@ class _SlidingMode:
         self.limited = threshold(LIMITED_SHARE * self.u_lim)
         # A law as published knows no such thing.
         self.softening = (
-            Softening(h, 2 * self.delta_lim, LEAD_HIGH) if self.model_acceleration else None
+            SwingSoftening(h, 2 * self.delta_lim, LEAD_HIGH) if self.model_acceleration else None
         )
         self.numbers = self._numbers()
         self._ranges()

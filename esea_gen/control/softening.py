@@ -31,7 +31,7 @@ SLOPE_FALLS, LEAD_RISES = 0.4, 0.6
 """Shares: lambda from 15 to 9 1/s, the lead from 2.5 to 4."""
 
 
-class Softening:
+class SwingSoftening:
     """What softens the gains of the sliding mode.
 
     h: control period (s).
@@ -58,10 +58,13 @@ class Softening:
         last = ca.if_else(entering, e, s.slow_rad)
         slow = last + self.follow * (e - last)
         middle = s.middle_rad + self.follow * (e - slow - s.middle_rad)
-        swing = label("swing_rad", clip(e - slow - middle, -MOST_RAD, MOST_RAD), "fast part of e")
-        square = s.square_rad2 + self.gain * (swing * swing - s.square_rad2)
-        square = label("square_rad2", ca.fmax(square, 0), "its mean square")
-        asked = (square - SEEN_RAD**2) * (1 / (FULL_RAD**2 - SEEN_RAD**2))
+        # In shares of the most that counts: its square in rad^2 has few digits in fixed point.
+        swing = clip((e - slow - middle) * (1 / MOST_RAD), -1, 1)
+        swing = label("swing", swing, "fast part of e, 1 is the most that counts")
+        square = s.square + self.gain * (swing * swing - s.square)
+        square = label("square", ca.fmax(square, 0), "its mean square")
+        seen, full = (SEEN_RAD / MOST_RAD) ** 2, (FULL_RAD / MOST_RAD) ** 2
+        asked = (square - seen) * (1 / (full - seen))
         soft = label(
             "soft", ca.fmax(c.softening * clip(asked, 0, 1), s.soft * self.keep), "1: all soft"
         )
@@ -75,14 +78,14 @@ class Softening:
             "lead": label("lead_now", ca.fmin(lead, self.lead_high - 1), "less 1"),
             "soft": soft,
         }
-        kept = {"slow_rad": slow, "middle_rad": middle, "square_rad2": square, "soft": soft}
+        kept = {"slow_rad": slow, "middle_rad": middle, "square": square, "soft": soft}
         return SimpleNamespace(**gains), {n: ca.if_else(on, x, 0) for n, x in kept.items()}
 
     def state(self) -> tuple[Port, ...]:
         return (
             around("slow_rad", 1.01 * self.error_lim, "slow part of the error"),
             around("middle_rad", 2.02 * self.error_lim, "slow part of what is left"),
-            Port("square_rad2", 0.0, 1.01 * MOST_RAD**2, "mean square of the fast part"),
+            Port("square", 0.0, 1.001, "mean square of the fast part, 1 is the most that counts"),
             Port("soft", 0.0, 1.0, "how soft the gains are"),
         )
 
@@ -114,4 +117,4 @@ class Softening:
         )
 
 
-__all__ = ["Softening"]
+__all__ = ["SwingSoftening"]
