@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import cheby2, sosfiltfilt, sosfreqz
 
-from esea_host.smoothness.checks import NoAnswerError, as_number, checked_cutoff, checked_rate, rows
+from esea_host.smoothness.checks import NoAnswerError, as_number, checked_cutoff, checked_rate, in_words, rows
 from esea_host.smoothness.result import Array, Processing
 
 ORDER, ATTENUATION_DB = 6, 30.0  # of one pass; there are two
@@ -69,7 +69,7 @@ class Derivatives:
         if not 0.5 < wanted < there + 0.5:
             raise NoAnswerError(
                 "short",
-                f"The last {duration_s} s of a record of {there / self.fs_Hz:g} s.",
+                f"The last {in_words(duration_s)} s of a record of {there / self.fs_Hz:g} s.",
                 "Record longer, or take less.",
             )
         samples = round(wanted)

@@ -57,6 +57,12 @@ def as_number(value: Any) -> float:
         return math.nan
 
 
+def in_words(value: Any) -> str:
+    """A setting as it is told back."""
+    found = as_number(value)
+    return str(value) if math.isnan(found) else f"{found:g}"
+
+
 def rows(
     signal: ArrayLike,
     name: str,
@@ -177,7 +183,7 @@ def checked_cutoff(cutoff_Hz: float, fs_Hz: float, what: str, below: bool = Fals
     if not 0 < found <= fs_Hz / 2 or (below and found == fs_Hz / 2):
         raise NoAnswerError(
             "cutoff",
-            f"{what} of {cutoff_Hz} Hz: more than 0 and {'below' if below else 'at most'} "
+            f"{what} of {in_words(cutoff_Hz)} Hz: more than 0 and {'below' if below else 'at most'} "
             f"{fs_Hz / 2:g} Hz, half the sampling rate (Nyquist).",
             "Sample faster or choose a lower one.",
         )
