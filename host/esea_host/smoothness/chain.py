@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import cheby2, sosfiltfilt, sosfreqz
 
-from esea_host.smoothness.checks import NoAnswerError, as_number, checked_cutoff, checked_rate, in_words, rows
+from esea_host.smoothness.checks import (
+    NoAnswerError,
+    as_number,
+    checked_cutoff,
+    checked_rate,
+    in_words,
+    rows,
+)
 from esea_host.smoothness.result import Array, Processing
 
 ORDER, ATTENUATION_DB = 6, 30.0  # of one pass; there are two

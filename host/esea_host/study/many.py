@@ -103,9 +103,7 @@ def run_everybody(
     return sorted(filter(None, found))
 
 
-def _told(
-    done: Iterable[str], participants: int, say: Callable[[str], None] | None
-) -> list[str]:
+def _told(done: Iterable[str], participants: int, say: Callable[[str], None] | None) -> list[str]:
     found = []
     for reason in done:
         found.append(reason)
