@@ -46,11 +46,12 @@ class PendulumResult:
 
     def sentences(self) -> list[str]:
         """In words."""
+        sure = "" if self.reached_rest else ", which is not sure"
         out = [
             f"The leg fell by {self.first_swing_rad / DEG:.0f}° on its first swing and came to "
             f"rest {(self.rest_rad - self.start_rad) / DEG:.0f}° below where it was let go.",
-            f"Relaxation index {self.relaxation_index:.2f}"
-            f"{'' if self.reached_rest else ', which is not sure'} (relaxed healthy legs: about {HEALTHY_INDEX} or more).",
+            f"Relaxation index {self.relaxation_index:.2f}{sure} "
+            f"(relaxed healthy legs: about {HEALTHY_INDEX} or more).",
             f"{self.swings} swings, fastest {self.peak_rate_rad_s / DEG:.0f}°/s.",
         ]
         if self.damping_ratio is not None and self.frequency_Hz is not None:

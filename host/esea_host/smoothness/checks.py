@@ -183,8 +183,9 @@ def checked_cutoff(cutoff_Hz: float, fs_Hz: float, what: str, below: bool = Fals
     if not 0 < found <= fs_Hz / 2 or (below and found == fs_Hz / 2):
         raise NoAnswerError(
             "cutoff",
-            f"{what} of {in_words(cutoff_Hz)} Hz: more than 0 and {'below' if below else 'at most'} "
-            f"{fs_Hz / 2:g} Hz, half the sampling rate (Nyquist).",
+            f"{what} of {in_words(cutoff_Hz)} Hz: more than 0 and "
+            f"{'below' if below else 'at most'} {fs_Hz / 2:g} Hz, half the sampling "
+            "rate (Nyquist).",
             "Sample faster or choose a lower one.",
         )
     return found
