@@ -111,7 +111,7 @@ def rows(
 def _samples(signal: ArrayLike, name: str) -> Array:
     try:
         # A masked sample is a missing one.
-        array = np.ma.asarray(signal)
+        array: Any = np.ma.asarray(signal)
         if array.dtype.kind in "biuf":
             return np.asarray(array.astype(np.float64).filled(np.nan))
     except (TypeError, ValueError):
