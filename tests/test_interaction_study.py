@@ -506,7 +506,7 @@ def test_the_command(monkeypatch, capsys, tmp_path, gcc):
     answer = tmp_path / "answer.json"
     arguments = ("--participants", 2, "--seed", 3, "--jobs", 1, "--json", answer)
     code, shown, error = called(monkeypatch, capsys, "study", "virtual", "interaction", *arguments)
-    assert (code, error) == (0, "")
+    assert (code, error) == (0, "1 of 2 simulated participants\n2 of 2 simulated participants\n")
     assert "SIMULATED: no person took part" in shown
     assert json.loads(answer.read_text())["simulated"] is True
 

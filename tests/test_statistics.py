@@ -347,6 +347,12 @@ def test_kappa():
         (lambda: crossover([1.0], [1.0], ["X"], ("S", "E")), "First treatments X"),
         (lambda: crossover([1.0, 2], [1.0], ["S", "E"], ("S", "E")), "same order"),
         (lambda: mixed_model([1.0] * 4, ["a"], ["S"] * 4, [1] * 4, ("S", "E")), "lengths"),
+        (
+            lambda: mixed_model(
+                [1.0, 2.0, 2.0, 1.0], ["a", "b"] * 2, ["S", "E", "E", "S"], [1, 1, 2, 2], ("S", "E")
+            ),
+            "no standard errors",
+        ),
         (lambda: cohens_kappa(["a"], ["a", "b"]), "1 items of one coder, 2"),
         (lambda: cohens_kappa(["a", "a"], ["a", "a"]), "one code only"),
         (lambda: paired_t_power(1, 0.5), "1 pairs"),
