@@ -6,6 +6,7 @@ import dataclasses
 import io
 import json
 import math
+import re
 import subprocess
 import sys
 import tomllib
@@ -18,10 +19,10 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
-from esea_host.assess.build import none_offset
+from esea_host.assess.build import cached, none_offset
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.desk import ClinicDesk, converse
-from esea_host.assess.evaluation import evaluate, fixed_protocol, meet
+from esea_host.assess.evaluation import draw_groups, evaluate, fixed_protocol, meet
 from esea_host.assess.files import angle_columns, from_recordings, read_recording
 from esea_host.assess.hypotheses import KINDS
 from esea_host.assess.judge import judge
@@ -382,6 +383,24 @@ def test_evaluation_is_the_same_for_any_number_of_workers():
         assert np.array_equal(a.steps, b.steps)
 
 
+def test_it_is_judged_on_the_simulated_knees_categories_alone():
+    for names in (("S", "D"), ("stiff", "soft"), ("S1", "S2", "D1"), ("Spastic", "D1", "D2")):
+        with pytest.raises(UserError, match="judged on are S1"):
+            draw_groups(10, 1, names)
+
+
+def test_a_data_base_is_announced_and_built_once(monkeypatch, tmp_path):
+    built, told = [], []
+    monkeypatch.setattr("esea_host.assess.build.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("esea_host.assess.build.build", lambda n, say: built.append(n) or made_up())
+    one, two = (cached(8, told.append).digest for _ in range(2))
+    assert (one, built) == (two, [8])
+    (line,) = told
+    (kept,) = tmp_path.iterdir()
+    assert "no data base yet" in line
+    assert str(kept) in line
+
+
 def test_a_meeting_goes_to_its_end_and_draws_again_the_same(monkeypatch):
     require_tool("gcc")
     monkeypatch.setattr("esea_host.assess.evaluation.MOST", 3)
@@ -571,6 +590,54 @@ def test_pendulum_and_range_from_files(tmp_path):
     done = CliRunner().invoke(app, call)
     assert done.exit_code == 0, done.output
     assert figure.read_bytes()[:4] == b"\x89PNG"
+
+
+def fallen(t):
+    return 65 * (1 - np.exp(-0.4 * t) * np.cos(5.8 * t))
+
+
+@pytest.mark.parametrize(
+    ("call", "t", "columns", "said"),
+    [
+        ("pendulum", 0.01, {"angle_rad": fallen}, "angle_rad goes to [0-9]{4} deg, further"),
+        ("pendulum", 0.1, {"angle_deg": fallen}, "a sample every 0.1 s, at most 0.04 s"),
+        ("pendulum", 10.0, {"angle_deg": lambda t: fallen(t / 1000)}, "time_s in seconds"),
+        ("pendulum", 0.01, {"angle_deg": lambda t: 3 * t}, "3 deg/s, the leg was lowered"),
+        (
+            "pendulum",
+            0.0005,
+            {"angle_deg": lambda t: fallen(np.maximum(0, t - 0.2))},
+            "ends within the first swing",
+        ),
+        (
+            "range",
+            0.01,
+            {"angle_deg": lambda t: 60 + 30 * np.sin(t), "torque_Nm": lambda t: 1e3 * np.sin(t)},
+            "more than hands do",
+        ),
+    ],
+)
+def test_wrong_units_and_what_is_no_fall(tmp_path, call, t, columns, said):
+    time_s = np.arange(1200) * t
+    file = csv_of(tmp_path / "x.csv", time_s=time_s, **{k: f(time_s) for k, f in columns.items()})
+    assert re.search(said, refused(call, file))
+
+
+def test_a_leg_that_still_moves_gets_no_sure_index():
+    t = np.arange(0, 3, 0.01)
+    found = pendulum_test(t, fallen(t) * DEG)
+    assert not found.reached_rest
+    assert "which is not sure" in found.sentences()[1]
+    t = np.arange(0, 14, 0.01)
+    assert "not sure" not in " ".join(pendulum_test(t, fallen(t) * DEG).sentences())
+
+
+def test_no_seed_meets_the_calibrations_patients(base):
+    """Seeds below 0 would: they count from those of the evaluation down to those."""
+    for call in (("evaluate", "--seed", -987), ("run", "--seed", -1)):
+        done = CliRunner().invoke(app, ["assess", *map(str, call), "--database", str(base)])
+        assert done.exit_code == 2
+        assert "greater than or equal to 0" in done.output
 
 
 def mcap_of(path, gap=False, note="", **columns):

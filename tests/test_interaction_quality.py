@@ -142,6 +142,9 @@ def test_an_angle_at_rest_other_than_zero():
         (np.sin(np.linspace(0, 12, 300)), np.zeros(200), "200 torques"),
         (np.zeros(5), np.zeros(5), "at least 20"),
         (np.sin(np.linspace(0, 4.5, 100)), np.zeros(100), "loading branches"),
+        (np.sin(np.linspace(0, 18, 300)), np.zeros(300), "does not rise with the angle"),
+        (np.sin(np.linspace(0, 18, 300)), -np.sin(np.linspace(0, 18, 300)), "torque's sign"),
+        (10 * np.sin(np.linspace(0, 18, 300)), np.zeros(300), "give radians"),
     ],
 )
 def test_curves_that_say_nothing(theta, tau, words):
@@ -329,6 +332,11 @@ CODED = "comment,element,coder,theme,tone\n"
         (read_survey, HEADER + "a,A,,0,0,0\n", "answer ''"),
         (read_survey, "participant,group\na,A\n", "no column comfort, naturalness"),
         (read_survey, HEADER, "no rows"),
+        (read_survey, HEADER + "a,A,1,0,0,0,2\n", "row 2: 7 values, the header has 6"),
+        (read_survey, HEADER + "a,A,1,0\n", "row 2: 4 values, the header has 6"),
+        (read_survey, "participant,group,group\na,A,B\n", "a column comes twice"),
+        (read_comments, CODED + "c,spring,,t,positive\n", "coder without a name"),
+        (read_comments, CODED + ",spring,one,t,positive\n", "comment or coder without"),
         (read_comments, CODED + "c,rubber,one,t,positive\n", "element 'rubber'"),
         (read_comments, CODED + "c,spring,one,t,positive\n", "1 coders"),
         (
@@ -529,6 +537,15 @@ def test_folders_that_are_refused(folder, tmp_path, monkeypatch, capsys, old, ne
     assert words in " ".join(error.split())
 
 
+def test_a_simulated_recording_makes_the_folder_so(folder, tmp_path):
+    copy = changed(folder, tmp_path, "simulated = true", "simulated = false")
+    assert not analyse_interaction(copy).simulated
+    one = copy / "p0_1_tracking.csv"
+    one.write_text("# simulated\n" + one.read_text())
+    with pytest.raises(UserError, match=r"p0_1_tracking.csv says that it is simulated"):
+        analyse_interaction(copy)
+
+
 def test_a_gap_in_a_recording_is_refused_by_name(folder, tmp_path, monkeypatch, capsys):
     copy = changed(folder, tmp_path, "simulated", "simulated")
     path = copy / "p3_2_tracking.csv"
@@ -582,6 +599,19 @@ def test_own_data(tmp_path, monkeypatch, capsys):
     assert named["RMS acceleration", "thesis"]["unit"] == "deg/s^2"
     for m in metrics:
         assert m["band"]["low"] <= m["value"] <= m["band"]["high"]
+    path.write_text("# simulated\n" + path.read_text())
+    code, shown, _ = command(monkeypatch, capsys, *base)
+    assert code == 0
+    assert "mine.csv, SIMULATED" in shown
+    for last in ("nan", "inf"):
+        code, _, error = command(monkeypatch, capsys, *base, "--last", last)
+        assert code == 2
+        assert f"The last {last} s" in error
+    row = tmp_path / "row.csv"
+    row.write_text("t,angle_deg\n0,1\n")
+    code, _, error = command(monkeypatch, capsys, "smoothness", row, *base[2:])
+    assert code == 2
+    assert "1 samples whose times do not rise" in error
     code, _, error = command(monkeypatch, capsys, *base, "--stop", 40)
     assert code == 2
     assert "Nyquist" in error

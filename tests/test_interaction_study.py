@@ -259,6 +259,13 @@ def test_check_explains_it_and_names_a_wrong_element(monkeypatch, capsys, tmp_pa
     assert code == 0
     assert "group B: elastomer, then spring" in shown
     assert "last 45 s analysed" in shown
+    for given_, words in (
+        (("--jobs", 0), "no number of processes"),
+        (("--keep", PROTOCOL), "cannot be made"),
+    ):
+        code, _, error = called(monkeypatch, capsys, "study", "virtual", "interaction", *given_)
+        assert code == 2
+        assert words in error
     wrong = tmp_path / "wrong.toml"
     text = PROTOCOL.read_text().replace('element = "spring"', 'element = "springs"')
     wrong.write_text(text)
@@ -401,7 +408,9 @@ def short(seed=1, seconds=8.0):
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory, gcc):
     folder = tmp_path_factory.mktemp("interaction") / "s"
-    assert run_crossover(folder, 2, 1, protocol=short(), last_s=5.0) == []
+    told = []
+    assert run_crossover(folder, 2, 1, protocol=short(), last_s=5.0, say=told.append) == []
+    assert told == [f"{k} of 2 simulated participants" for k in (1, 2)]
     return folder
 
 
@@ -497,7 +506,7 @@ def test_the_command(monkeypatch, capsys, tmp_path, gcc):
     answer = tmp_path / "answer.json"
     arguments = ("--participants", 2, "--seed", 3, "--jobs", 1, "--json", answer)
     code, shown, error = called(monkeypatch, capsys, "study", "virtual", "interaction", *arguments)
-    assert (code, error) == (0, "")
+    assert (code, error) == (0, "1 of 2 simulated participants\n2 of 2 simulated participants\n")
     assert "SIMULATED: no person took part" in shown
     assert json.loads(answer.read_text())["simulated"] is True
 

@@ -290,10 +290,16 @@ ALL = (sparc, ldlj, dimensionless_jerk, submovements, peak_speed_ratio, rms_acce
         (GOOD[:9], 100.0, "short", "9 samples, too short: at least 10"),
         ([], 100.0, "shape", "shape"),
         (np.ones((2, 3, 4)), 100.0, "shape", "shape"),
-        (["a", "b"], 100.0, "shape", "no array of numbers"),
+        (["a", "b"], 100.0, "shape", "no array of real numbers"),
+        (GOOD + 1j, 100.0, "shape", "no array of real numbers"),
+        (np.arange(200).astype("datetime64[s]"), 100.0, "shape", "no array of real numbers"),
+        (np.ma.masked_inside(GOOD, 1, 1.2), 100.0, "gap", "samples are NaN"),
         (GOOD, 0.0, "rate", "0"),
         (GOOD, math.nan, "rate", "nan"),
         (GOOD, -5, "rate", "-5"),
+        (GOOD, "100", "rate", "100"),
+        (GOOD, True, "rate", "True"),
+        (GOOD, 10**400, "rate", "1000"),
     ],
 )
 def test_no_number_without_an_answer(metric, signal, fs_Hz, reason, words):
@@ -303,7 +309,9 @@ def test_no_number_without_an_answer(metric, signal, fs_Hz, reason, words):
     assert isinstance(caught.value, ValueError)
 
 
-@pytest.mark.parametrize("metric", [sparc, ldlj, dimensionless_jerk])
+@pytest.mark.parametrize(
+    "metric", [sparc, ldlj, dimensionless_jerk, submovements, peak_speed_ratio]
+)
 def test_aliased(metric):
     """A tremor of 49.5 Hz at 100 Hz, or noise alone; but a tenth of noise on a reach is let by."""
     rng = np.random.default_rng(3)
@@ -349,6 +357,13 @@ def test_a_gap_in_time_is_found_and_a_steady_rate_is_not_one():
         (lambda: derivatives(np.zeros(200), 100.0), "constant"),
         (lambda: derivatives(with_nan(), 100.0), "gap"),
         (lambda: derivatives(GOOD, 100.0).last(3.0), "short"),
+        (lambda: derivatives(GOOD, 100.0).last(math.nan), "short"),
+        (lambda: derivatives(GOOD, 100.0).last("1"), "short"),
+        (lambda: derivatives(GOOD, 100.0, None), "cutoff"),
+        (lambda: sparc(GOOD, 100.0, cutoff_Hz="4"), "cutoff"),
+        (lambda: sparc(GOOD, 100.0, threshold=None), "setting"),
+        (lambda: sparc(GOOD, 100.0, time_s="now"), "shape"),
+        (lambda: submovements(GOOD, 100.0, apart_s="1"), "setting"),
     ],
 )
 def test_settings_without_an_answer(call, reason):
@@ -508,6 +523,51 @@ def test_the_benchmark_races_a_file_that_is_given(tmp_path):
     assert all(r.ours_s > 0 and r.theirs_s > 0 for r in rows)
 
 
+# Of the published package on tests/data/reaches, at 100 Hz: SPARC, LDLJ; numpy 2.
+REACHES = {
+    ("cp01-1", 5): (-1.3956152212559843, -13.43838147188516),
+    ("cp01-1", 6): (-1.4622088484707156, -14.01231747120541),
+    ("cp01-1", 7): (-1.5043243200233287, -14.579279813224739),
+    ("cp01-1", 8): (-1.4183351816076553, -13.336584674746831),
+    ("ap01-1", 5): (-1.5335522922280587, -15.13438645203577),
+    ("ap01-1", 6): (-1.4616782345680464, -14.622566898407014),
+    ("ap01-1", 7): (-1.7013461203471705, -14.96188967707367),
+    ("ap01-1", 8): (-1.4703239324448807, -14.338294796950775),
+    ("pp01-1", 5): (-2.0924219253496044, -16.014033513014198),
+    ("pp01-1", 6): (-1.8512638203790817, -15.24674655393441),
+    ("pp01-1", 7): (-3.3964552741892295, -19.311023657663814),
+    ("pp01-1", 8): (-1.8456178746530647, -15.330414848006928),
+}
+
+
+def reach_speed(x, y, time_s):
+    """Speed of a reach at 100 Hz."""
+    steady = np.arange(0, time_s[-1], 0.01)
+    return np.hypot(*(np.gradient(np.interp(steady, time_s, p), 0.01) for p in (x, y)))
+
+
+def test_a_few_recorded_reaches_agree_with_the_published_package():
+    rows = np.genfromtxt(
+        ROOT / "tests/data/reaches/reaches.csv", delimiter=",", names=True, dtype=None
+    )
+    for (recording, reach), (arc, jerk) in REACHES.items():
+        own = rows[(rows["recording"] == recording) & (rows["reach"] == reach)]
+        speed = reach_speed(own["x_px"], own["y_px"], own["time_ms"] / 1000)
+        assert sparc(speed, 100.0).value == pytest.approx(arc, abs=1e-8)
+        assert ldlj(speed, 100.0).value == pytest.approx(jerk, abs=1e-8)
+
+
+@pytest.mark.parametrize("factor", [1e-300, 1e300])
+def test_numbers_of_any_size(factor):
+    """Powers of them would be 0 or infinite."""
+    for metric in (ldlj, dimensionless_jerk):
+        assert metric(factor * GOOD, 100.0).value == pytest.approx(metric(GOOD, 100.0).value)
+    for metric in (rms_acceleration, vdv):
+        assert metric(factor * GOOD, 100.0).value == pytest.approx(
+            factor * metric(GOOD, 100.0).value
+        )
+
+
 @pytest.mark.slow
 def test_recorded_reaches_agree_with_the_published_package():
     """Where its file and the recordings are at hand: ESEA_SMOOTHNESS_REFERENCE, ESEA_REACH_DATA."""
@@ -524,11 +584,9 @@ def test_recorded_reaches_agree_with_the_published_package():
         values = []
         for reach in np.split(rows, ends):
             time_s = (reach[:, 2] - reach[0, 2]) / 1000
-            steady = np.arange(0, time_s[-1], 0.01)
-            if len(steady) < 50 or np.any(np.diff(time_s) <= 0):
+            if time_s[-1] <= 0.49 or np.any(np.diff(time_s) <= 0):
                 continue
-            x, y = (np.interp(steady, time_s, reach[:, k]) for k in (0, 1))
-            speed = np.hypot(np.gradient(x, 0.01), np.gradient(y, 0.01))
+            speed = reach_speed(reach[:, 0], reach[:, 1], time_s)
             values.append(sparc(speed, 100.0).value)
             assert values[-1] == pytest.approx(package.sparc(speed, 100.0)[0], abs=1e-8)
             theirs = package.log_dimensionless_jerk(speed, 100.0)

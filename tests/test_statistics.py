@@ -83,6 +83,16 @@ def test_zeros_and_ties_are_stated():
     assert found.rank_biserial_high == pytest.approx(-(1 - c) / (1 + c), abs=1e-6)
 
 
+def test_ties_and_zeros_up_to_rounding():
+    """Tenths: 0.3 - 0.2, 0.2 - 0.1 and 1.3 - 1.2 are one tie, 0.1 + 0.2 - 0.3 is a zero."""
+    x, y = [0.3, 0.2, 1.3, 0.1 + 0.2], [0.2, 0.1, 1.2, 0.3]
+    assert len({a - b for a, b in zip(x, y, strict=True)}) == 4
+    for found in (signed_rank(x, y), signed_rank([a - b for a, b in zip(x, y, strict=True)])):
+        assert (found.n, found.zeros, found.ties) == (4, 1, 3)
+        assert found.p == 2 / 8
+    assert signed_rank([1e-200, 2e-200], [0, 0]).ties == 0
+
+
 def test_scipy_agrees_without_ties():
     rng = np.random.default_rng(4)
     for n in (3, 10, 25, 50, 80):
@@ -304,7 +314,15 @@ def test_kappa():
     found = cohens_kappa(one, other)
     assert (found.observed, found.kappa) == pytest.approx((0.7, 0.4))
     assert found.low < 0.4 < found.high
+    # Fleiss, Cohen and Everitt by hand: se 0.1270.
+    assert (found.low, found.high) == pytest.approx((0.4 - 0.2489, 0.4 + 0.2489), abs=5e-4)
     assert cohens_kappa(one, one).kappa == 1
+    # Three items on which all agree prove little: Wilson's low end of 3 of 3, n / (n + z^2), 5/9 by
+    # chance.
+    few = cohens_kappa(["yes", "no", "no"], ["yes", "no", "no"])
+    share = 3 / (3 + 1.959964**2)
+    assert (few.kappa, few.high) == (1, 1)
+    assert few.low == pytest.approx((share - 5 / 9) / (4 / 9), abs=1e-6)
     assert found.table == ((15, 10), (5, 20))
 
 
@@ -329,11 +347,19 @@ def test_kappa():
         (lambda: crossover([1.0], [1.0], ["X"], ("S", "E")), "First treatments X"),
         (lambda: crossover([1.0, 2], [1.0], ["S", "E"], ("S", "E")), "same order"),
         (lambda: mixed_model([1.0] * 4, ["a"], ["S"] * 4, [1] * 4, ("S", "E")), "lengths"),
+        (
+            lambda: mixed_model(
+                [1.0, 2.0, 2.0, 1.0], ["a", "b"] * 2, ["S", "E", "E", "S"], [1, 1, 2, 2], ("S", "E")
+            ),
+            "no standard errors",
+        ),
         (lambda: cohens_kappa(["a"], ["a", "b"]), "1 items of one coder, 2"),
         (lambda: cohens_kappa(["a", "a"], ["a", "a"]), "one code only"),
         (lambda: paired_t_power(1, 0.5), "1 pairs"),
         (lambda: signed_rank_power(10, 0.5, alpha=5), "less than 1"),
         (lambda: effect_from_p(0.0, 10), "more than 0"),
+        (lambda: power_statement(10, -1.0), "standard deviation of -1"),
+        (lambda: power_statement(10, math.inf), "standard deviation of inf"),
         (lambda: attainable_p(51), "1 to 50"),
         (lambda: bayes_paired([1.0, 2], equivalence=-1), "half-width"),
     ],

@@ -39,6 +39,10 @@ FITTING = ("build", "hypotheses", "probing", "session")
 Say = Callable[[str], None]
 
 
+def _nothing(_: str) -> None:
+    """Told to nobody."""
+
+
 def draw_many(root: int, per_category: int, names: Sequence[str] = CATEGORIES) -> list[KneePatient]:
     """So many patients of each category, category by category."""
     return [
@@ -73,7 +77,7 @@ def _people(per_category: int, provenance: dict[str, Any], tell: Say) -> Respons
 
 def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseDataBase:
     """The knee's data base, of simulated patients alone."""
-    tell = say or (lambda _: None)
+    tell = say or _nothing
     provenance = {
         "notice": NOTICE,
         "source": "simulated knee patients, docs/assessment.md",
@@ -84,14 +88,12 @@ def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseD
         "code": code_digest(SIMULATION + FITTING),
     }
     data = _people(per_category, provenance, tell)
-    tell("calibration: noise of a movement")
-    data = dataclasses.replace(data, calibration=movement_noise(data))
-    tell("calibration: none of these")
-    none = none_calibration(data)
+    data = dataclasses.replace(data, calibration=movement_noise(data, tell))
+    none = none_calibration(data, tell)
     return dataclasses.replace(data, calibration={**(data.calibration or {}), **none})
 
 
-def movement_noise(data: ResponseDataBase) -> dict[str, float]:
+def movement_noise(data: ResponseDataBase, tell: Say = _nothing) -> dict[str, float]:
     """What a map, a person and a reading differ by: best log score on calibration patients.
 
     Every other movement is chosen as in use, for a chooser goes where errors repeat themselves.
@@ -101,6 +103,7 @@ def movement_noise(data: ResponseDataBase) -> dict[str, float]:
     rng = np.random.default_rng([CALIBRATION, 1])
     any_one = [p.movement for p in plans(sessions[0].hypotheses)]
     for k in range(CALIBRATION_MOVEMENTS):
+        tell(f"noise of a movement: movement {k + 1} of {CALIBRATION_MOVEMENTS}")
         drawn = [any_one[i] for i in rng.integers(0, len(any_one), len(people))]
         moves = [next_movement(s) for s in sessions] if k % 2 else drawn
         seeds = [[CALIBRATION, 8, i, k] for i in range(len(people))]
@@ -119,6 +122,7 @@ def movement_noise(data: ResponseDataBase) -> dict[str, float]:
     kept = {k: UNCALIBRATED[k] for k in FITTED}
     best = score(kept)
     for name in (*FITTED, *FITTED):  # one after the other, twice
+        tell(f"noise of a movement: {name} is fitted")
         for value in FITTED[name]:
             tried = kept | {name: value}
             found = score(tried) if tried != kept else best
@@ -127,7 +131,7 @@ def movement_noise(data: ResponseDataBase) -> dict[str, float]:
     return kept
 
 
-def none_calibration(data: ResponseDataBase) -> dict[str, float]:
+def none_calibration(data: ResponseDataBase, tell: Say = _nothing) -> dict[str, float]:
     """What "none of these" is lowered by, from other people of the categories alone.
 
     Nobody of no category is used: what such people are like is not known beforehand.
@@ -136,6 +140,7 @@ def none_calibration(data: ResponseDataBase) -> dict[str, float]:
     hypotheses = assessed_hypotheses(data)
     sessions = [Assessment(data, hypotheses=hypotheses) for _ in people]
     for k in range(CALIBRATION_MOVEMENTS):
+        tell(f"none of these: movement {k + 1} of {CALIBRATION_MOVEMENTS}")
         moves = [next_movement(s) for s in sessions]
         seeds = [[NONE_CALIBRATION, 8, i, k] for i in range(len(people))]
         for s, m, p in zip(sessions, moves, probed(people, moves, seeds), strict=True):
@@ -172,6 +177,8 @@ def cached(per_category: int = PER_CATEGORY, say: Say | None = None) -> Response
     path = cache_folder() / f"assess-knee-{per_category}-{code_digest(SIMULATION + FITTING)}.npz"
     if path.exists():
         return ResponseDataBase.load(path)
+    if say:
+        say(f"There is no data base yet: it is simulated and fitted once, and kept as {path}.")
     data = build(per_category, say)
     data.save(path)
     return data

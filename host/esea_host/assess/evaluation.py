@@ -124,8 +124,9 @@ def draw_groups(patients: int, seed: int, names: Sequence[str]) -> list[tuple[st
 
 def _levels(names: Sequence[str]) -> dict[str, list[float]]:
     # Severities of either disorder; whoever is simulated has no other ones.
-    found = {x: sorted(float(n[1:]) for n in names if n[0] == x) for x in DISORDERS}
-    if set(names) <= set(CATEGORIES) and all(len(x) > 1 for x in found.values()):
+    known = set(names) <= set(CATEGORIES)
+    found = {x: sorted(float(n[1:]) for n in names if known and n[0] == x) for x in DISORDERS}
+    if all(len(x) > 1 for x in found.values()):
         return found
     raise UserError(
         f"data base: categories {', '.join(names)}; the simulated patients that it would be judged "
@@ -227,8 +228,10 @@ def evaluate(
     """
     if patients < len(data.diagnoses):
         raise UserError(f"patients: {patients}.", f"Give at least {len(data.diagnoses)}.")
-    if jobs < 1 and jobs != -1:
-        raise UserError(f"workers: {jobs}.", "Give 1 or more, or -1 for all cores.")
+    if (jobs < 1 and jobs != -1) or seed < 0:
+        raise UserError(
+            f"workers: {jobs}, seed: {seed}.", "Give 1 or more, or -1 for all cores; a seed from 0."
+        )
     people = draw_groups(patients, seed, data.diagnoses)
     plain, pairs = assessed_hypotheses(data), assessed_hypotheses(data, mixed=True)
     work: list[tuple[Hypotheses, list[tuple[str, KneePatient]], int, Sequence[str]]] = [

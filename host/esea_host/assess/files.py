@@ -22,6 +22,7 @@ ANGLES = {
     "theta_load_rad": 1.0,
 }
 TORQUES = ("torque_Nm", "tau_Nm")
+STRONGEST_NM = 300.0  # six times the sensor's full scale
 HOLE = 5.0  # times the usual step: a longer one has lost samples
 
 
@@ -103,7 +104,14 @@ def angle_columns(path: Path) -> tuple[Array, Array, dict[str, Array]]:
             f"{path}: columns {', '.join(found)}.",
             "Needs time_s and angle_rad or angle_deg (bending from the straight knee).",
         )
-    return found["time_s"], found[name] * ANGLES[name], found
+    angle = found[name] * ANGLES[name]
+    most = float(np.max(np.abs(angle), initial=0.0))
+    if most > np.pi:
+        raise UserError(
+            f"{path}: {name} goes to {most / DEG:.0f} deg, further than a knee bends.",
+            "Check its unit: degrees are angle_deg, radians angle_rad.",
+        )
+    return found["time_s"], angle, found
 
 
 def read_recording(
@@ -116,6 +124,12 @@ def read_recording(
         raise UserError(
             f"{path}: no torque among {', '.join(found)}.",
             "Needs torque_Nm, of the hands on the leg, positive towards bending.",
+        )
+    most = float(np.max(np.abs(found[torque]), initial=0.0))
+    if most > STRONGEST_NM:
+        raise UserError(
+            f"{path}: {torque} goes to {most:.3g} Nm, more than hands do ({STRONGEST_NM:.0f} Nm).",
+            "Check its unit.",
         )
     return LegRecording(time_s, angle, found[torque], height_m, mass_kg)
 

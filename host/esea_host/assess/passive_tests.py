@@ -17,12 +17,13 @@ from scipy.signal import find_peaks, savgol_filter
 
 from esea_gen.errors import UserError
 from esea_host.assess.patients import DEG, Array
-from esea_host.assess.responses import LATENCY_S, LegRecording, Passage, passage
+from esea_host.assess.responses import LATENCY_S, SLOWEST_S, LegRecording, Passage, passage
 
 REST_S = 0.5  # the end, over which the leg must be at rest
 REST_RAD, REST_rad_s = 3 * DEG, 12 * DEG
 LEAST_SWING_RAD = 2 * DEG  # smaller ones do not count
 HEALTHY_INDEX = 1.6
+FALLING_rad_s = 30 * DEG  # the most severe simulated legs pass 320
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,11 @@ class PendulumResult:
 
     def sentences(self) -> list[str]:
         """In words."""
+        sure = "" if self.reached_rest else ", which is not sure"
         out = [
             f"The leg fell by {self.first_swing_rad / DEG:.0f}° on its first swing and came to "
             f"rest {(self.rest_rad - self.start_rad) / DEG:.0f}° below where it was let go.",
-            f"Relaxation index {self.relaxation_index:.2f} "
+            f"Relaxation index {self.relaxation_index:.2f}{sure} "
             f"(relaxed healthy legs: about {HEALTHY_INDEX} or more).",
             f"{self.swings} swings, fastest {self.peak_rate_rad_s / DEG:.0f}°/s.",
         ]
@@ -74,6 +76,11 @@ def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
             "Record at least 50 samples without gaps.",
         )
     h = float(np.median(np.diff(t)))
+    if h > SLOWEST_S:
+        raise UserError(
+            f"pendulum test: a sample every {h:.3g} s, at most {SLOWEST_S:g} s.",
+            f"Record at {1 / SLOWEST_S:.0f} Hz or more, with time_s in seconds.",
+        )
     even = np.arange(t[0], t[-1], h)
     window = max(5, 2 * round(0.02 / h) + 1)
     smooth = savgol_filter(np.interp(even, t, x), window, 2)
@@ -90,7 +97,17 @@ def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
             f"pendulum test: the leg came to rest {drop / DEG:.1f} deg below its start.",
             "Let it fall from a straight knee (at least 10 deg), and check the angle's sign.",
         )
-    extremes = _extremes(smooth)
+    extremes, fastest = _extremes(smooth), float(np.max(rate))
+    if fastest < FALLING_rad_s:
+        raise UserError(
+            f"pendulum test: at most {fastest / DEG:.0f} deg/s, the leg was lowered.",
+            f"Let go of it: a leg that falls passes {FALLING_rad_s / DEG:.0f} deg/s.",
+        )
+    if not (len(extremes) or reached):
+        raise UserError(
+            "pendulum test: the recording ends within the first swing.",
+            "Record until the leg hangs still.",
+        )
     if not len(extremes):
         first, swings = rest - start, 0
     else:
@@ -104,7 +121,7 @@ def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
         damping,
         frequency,
         swings,
-        float(np.max(rate)),
+        fastest,
         bool(reached),
     )
 

@@ -29,6 +29,11 @@ def _app() -> None:
 out = Console(highlight=False, markup=False, soft_wrap=True)
 
 
+def told(text: str) -> None:
+    """What is being done, while it is: beside the result, not in it."""
+    print(text, file=sys.stderr, flush=True)
+
+
 def main() -> None:
     """Entry point: bad input, or a board that does not answer, is one paragraph and exit code 2."""
     try:

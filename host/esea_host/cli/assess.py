@@ -9,10 +9,11 @@ from typing import Annotated, Any
 
 import typer
 
+from esea_gen.cli.options import JobsOption
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
-from esea_host.cli.app import app, out
+from esea_host.cli.app import app, out, told
 from esea_host.cli.view import need_a_screen
 
 assess = typer.Typer(
@@ -35,15 +36,11 @@ HeightOption = Annotated[float, typer.Option("--height-m", help="Body height, 1.
 MassOption = Annotated[float, typer.Option("--mass-kg", help="Body mass, 15 to 250.")]
 
 
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
 def _data(path: Path | None) -> Any:
     from esea_host.assess.build import cached
     from esea_host.assess.database import ResponseDataBase
 
-    return ResponseDataBase.load(path) if path else cached(say=_say)
+    return ResponseDataBase.load(path) if path else cached(say=told)
 
 
 @assess.command(epilog=NOTICE)
@@ -65,7 +62,7 @@ def build(
     from esea_host.assess.build import build as simulate
     from esea_host.assess.files import from_recordings
 
-    data = from_recordings(recordings) if recordings else simulate(patients, _say)
+    data = from_recordings(recordings) if recordings else simulate(patients, told)
     digest = data.save(file)
     out.print(data.notice)
     out.print(
@@ -85,8 +82,8 @@ def build(
 @assess.command(epilog=NOTICE)
 def evaluate(
     patients: Annotated[int, typer.Option("--patients", help="Patients of the categories.")] = 200,
-    seed: Annotated[int, typer.Option("--seed", help="Who is drawn.")] = 1,
-    jobs: Annotated[int, typer.Option("--jobs", help="Processes; -1: all cores.")] = -1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Who is drawn.")] = 1,
+    jobs: JobsOption = -1,
     json_file: JsonOption = None,
     page: Annotated[
         Path | None, typer.Option("--page", metavar="FILE", help="Write the page (.html).")
@@ -99,7 +96,7 @@ def evaluate(
     from esea_host.assess.pages import evaluation_page
 
     data = _data(database)
-    met, mixed = meet_all(data, patients, seed, jobs, say=_say)
+    met, mixed = meet_all(data, patients, seed, jobs, say=told)
     result = {"seed": seed} | judge(met, mixed, data)
     out.print(data.notice)
     for line in table(result):
@@ -119,7 +116,7 @@ def run(
         str | None,
         typer.Option("--patient", help="simulated:S3, simulated:S2+D4, simulated:rigid, or :any."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the simulated patient.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the simulated patient.")] = 1,
     window: Annotated[bool, typer.Option("--window", help="The clinician's window.")] = False,
     dark: Annotated[
         bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")

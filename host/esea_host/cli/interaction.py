@@ -87,18 +87,12 @@ def loading(
     figure: FigureOption = None,
 ) -> None:
     """Loading stiffness and hysteresis of a torque-displacement curve (theta_rad, tau_Nm)."""
-    import numpy as np
-
-    from esea_host.interaction.design import read_table
+    from esea_host.interaction.design import read_numbers
     from esea_host.interaction.figures import loading_figure
     from esea_host.interaction.loading import analyse_loading
 
     _checked_figure(figure)
-    rows = read_table(file, ("theta_rad", "tau_Nm"))
-    try:
-        theta, tau = (np.array([float(r[k]) for r in rows]) for k in ("theta_rad", "tau_Nm"))
-    except ValueError as error:
-        raise UserError(f"{file.name}: {error}.", "Give numbers.") from None
+    theta, tau = read_numbers(file, ("theta_rad", "tau_Nm"))
     found = analyse_loading(theta, tau, rest_rad=rest, skip_first=skip_first)
     _say(found.lines())
     write_json(json_file, found.to_dict())
@@ -130,7 +124,7 @@ def comments(file: FileArgument, json_file: JsonOption = None) -> None:
 @analyse.command()
 def power(
     people: Annotated[int, typer.Option("--people", help="People with both conditions.")] = 10,
-    tests: Annotated[int, typer.Option("--tests", help="Comparisons of the family.")] = 1,
+    tests: Annotated[int, typer.Option("--tests", min=1, help="Comparisons of the family.")] = 1,
     sd: Annotated[
         float, typer.Option("--sd", help="Standard deviation of the differences, in their unit.")
     ] = math.nan,
@@ -139,8 +133,6 @@ def power(
     """How large a difference so many people can show, and how many a difference needs."""
     from esea_host.statistics import NoStatisticError, power_statement
 
-    if tests < 1:
-        raise UserError(f"--tests {tests}.", "At least 1.")
     try:
         found = power_statement(people, sd, alpha=0.05 / tests)
     except NoStatisticError as error:

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from esea_gen.cli.options import ClusterOption
+from esea_gen.cli.options import ClusterOption, JobsOption
 from esea_gen.errors import UserError
-from esea_host.cli.app import out
+from esea_host.cli.app import out, told
 from esea_host.cli.interaction import checked_page, shown_interaction
 from esea_host.cli.options import know_shipped_tasks
 from esea_host.cli.study import study_app
@@ -24,9 +24,7 @@ def virtual(
     ],
     participants: Annotated[int, typer.Option("--participants", min=1, max=10000)] = 10,
     seed: Annotated[int, typer.Option("--seed", min=0, help="The same seed, the same study.")] = 1,
-    jobs: Annotated[
-        int, typer.Option("--jobs", help="Processes; the result does not depend on it.")
-    ] = -1,
+    jobs: JobsOption = -1,
     cluster: ClusterOption = None,
     method: Annotated[
         str, typer.Option("--method", help="Wrist: normalisation none, linear, published or rbf.")
@@ -73,7 +71,7 @@ def _wrist(
     from esea_host.wrist.analysis import analyse
     from esea_host.wrist.virtual import run_study
 
-    early = run_study(folder, participants, seed, jobs, method, cluster=cluster)
+    early = run_study(folder, participants, seed, jobs, method, cluster=cluster, say=told)
     shown_wrist(analyse(folder), to_json, report, None)
     return early
 
@@ -92,7 +90,7 @@ def _interaction(
     if participants < 2:
         raise UserError(f"--participants {participants}.", "A comparison needs at least 2.")
     checked_page(report)
-    early = run_crossover(folder, participants, seed, jobs, cluster=cluster)
+    early = run_crossover(folder, participants, seed, jobs, cluster=cluster, say=told)
     shown_interaction(folder, to_json, report)
     return early
 
@@ -106,7 +104,7 @@ def _any_protocol(
 
     know_shipped_tasks()
     protocol = load_protocol(path)
-    early = run_everybody(folder, protocol, participants, EveryTask(seed), jobs, cluster)
+    early = run_everybody(folder, protocol, participants, EveryTask(seed), jobs, cluster, told)
     rows = sum(len(StudyFolder.open(folder).rows(code_of(k))) for k in range(participants))
     out.print(f"{participants} SIMULATED participants: {rows} trials completed")
     return early

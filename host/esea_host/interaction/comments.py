@@ -100,6 +100,8 @@ def read_comments(path: Path) -> Comments:
     ):
         where = f"{path.name}, row {number}"
         comment, element, theme, tone = (row[k] for k in ("comment", "element", "theme", "tone"))
+        if not (comment and row["coder"]):
+            raise UserError(f"{where}: comment or coder without a name.", "Name both.")
         if element not in ELEMENTS or tone not in TONES or not theme:
             raise UserError(
                 f"{where}: element {element!r}, theme {theme!r}, tone {tone!r}.",

@@ -117,15 +117,20 @@ class LoadingCurve:
         spread = (
             ""
             if self.area_low_J is None
-            else f" ({1e3 * self.area_low_J:.4g} to {1e3 * (self.area_high_J or 0):.4g})"
+            else f" ({_mJ(self.area_low_J)} to {_mJ(self.area_high_J or 0)})"
         )
         return [
             f"loading stiffness   {k:.4f} Nm/deg, 95 % {low:.4f} to {high:.4f}, "
             f"{len(self.branches)} branches",
             f"  with an offset for each direction {between:.4f} Nm/deg",
-            f"hysteresis          {1e3 * self.area_J:.4g} mJ a cycle{spread}, {cycles}, "
-            f"loss factor {self.loss_factor:.3f}",
+            f"hysteresis          {_mJ(self.area_J)} mJ a cycle{spread}, {cycles}, "
+            f"loss factor {self.loss_factor:z.3f}",
         ]
+
+
+def _mJ(work_J: float) -> str:
+    # Below a nanojoule it is rounding.
+    return f"{1e3 * work_J if abs(work_J) > 1e-9 else 0.0:.4g}"
 
 
 def loading_branches(theta_rad: ArrayLike, rest_rad: float = 0.0) -> tuple[Branch, ...]:
@@ -185,6 +190,11 @@ def analyse_loading(
     """Loading stiffness and hysteresis of a torque-displacement record; skip_first: see Branch."""
     theta = _finite(theta_rad, "theta_rad") - rest_rad
     tau = _finite(tau_Nm, "tau_Nm")
+    if np.max(np.abs(theta)) > np.pi:
+        raise UserError(
+            f"theta_rad: {np.max(np.abs(theta)):.3g} rad from rest.",
+            "At most half a turn: give radians, and the angle at rest.",
+        )
     if theta.shape != tau.shape:
         raise UserError(f"{len(theta)} angles and {len(tau)} torques.", "Give one torque an angle.")
     branches = [b for b in loading_branches(theta) if not (skip_first and b.first)]
@@ -195,6 +205,11 @@ def analyse_loading(
         )
     pieces = [(theta[b.start : b.stop], tau[b.start : b.stop]) for b in branches]
     whole, at_rest = _line(pieces)
+    if not whole > 0:
+        raise UserError(
+            f"Loading stiffness {whole:.3g} Nm/rad: the torque does not rise with the angle.",
+            "Check both columns and the torque's sign: positive where it holds the angle.",
+        )
     # The samples of one branch hang together; the branches are what was repeated.
     n = len(pieces)
     left = np.array([_line(pieces[:i] + pieces[i + 1 :])[0] for i in range(n)])

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from esea_gen.errors import UserError
-from esea_host.interaction.design import read_table
-from esea_host.interaction.recordings import rate_of
+from esea_host.interaction.design import read_numbers
+from esea_host.interaction.recordings import is_simulated, rate_of
 from esea_host.smoothness import (
     Band,
     Derivatives,
@@ -33,6 +31,7 @@ class OwnSmoothness:
     """Results and bands of one file; refused: metrics without an answer, and why."""
 
     file: str
+    simulated: bool
     results: tuple[tuple[SmoothnessResult, Band], ...]
     refused: tuple[str, ...]
 
@@ -40,6 +39,7 @@ class OwnSmoothness:
         """For JSON."""
         return {
             "file": self.file,
+            "simulated": self.simulated,
             "metrics": [r.to_dict() | {"band": b.to_dict()} for r, b in self.results],
             "refused": list(self.refused),
         }
@@ -47,7 +47,8 @@ class OwnSmoothness:
     def lines(self) -> list[str]:
         """For a terminal."""
         first = self.results[0][0]
-        out = [f"{self.file}: {first.duration_s:g} s at {first.fs_Hz:g} Hz; {first.filter}"]
+        whose = f"{self.file}{', SIMULATED' if self.simulated else ''}"
+        out = [f"{whose}: {first.duration_s:g} s at {first.fs_Hz:g} Hz; {first.filter}"]
         for r, b in self.results:
             unit = "" if r.unit == "1" else f" {r.unit}"
             cut = "" if r.cutoff_Hz is None else f", up to {r.cutoff_Hz:g} Hz"
@@ -63,11 +64,7 @@ def measure_file(
     path: Path, column: str, time: str, stop_Hz: float, last_s: float | None
 ) -> OwnSmoothness:
     """Metrics of a column of a CSV file."""
-    table = read_table(path, (time, column))
-    try:
-        t, x = (np.array([float(row[c] or "nan") for row in table]) for c in (time, column))
-    except ValueError as error:
-        raise UserError(f"{path.name}: {error}.", "Give numbers.") from None
+    t, x = read_numbers(path, (time, column))
     unit = column.rsplit("_", 1)[-1] if "_" in column else "unit"
     try:
         fs_Hz = rate_of(t)
@@ -78,13 +75,13 @@ def measure_file(
 
         others = (s for s in (0.8 * stop_Hz, 1.5 * stop_Hz) if s < fs_Hz / 2)
         chains = {stop_Hz: chain(stop_Hz)} | {s: chain(s) for s in others}
-        return _measured(path.name, chains, stop_Hz, f"{unit}/s^2")
+        return _measured(path, chains, stop_Hz, f"{unit}/s^2")
     except NoAnswerError as error:
         raise UserError(f"{path.name}: {error.what}", error.fix) from None
 
 
 def _measured(
-    name: str, chains: dict[float, Derivatives], stop_Hz: float, unit: str
+    path: Path, chains: dict[float, Derivatives], stop_Hz: float, unit: str
 ) -> OwnSmoothness:
     def of(kind: str, convention: str = "") -> Any:
         def measure(stop_Hz: float = stop_Hz, **settings: Any) -> SmoothnessResult:
@@ -125,5 +122,5 @@ def _measured(
         except NoAnswerError as error:
             refused.append(f"{kind} ({convention}): {error}")
     if not results:
-        raise UserError(f"{name}: {refused[0]}", "Look at the recording.")
-    return OwnSmoothness(name, tuple(results), tuple(refused))
+        raise UserError(f"{path.name}: {refused[0]}", "Look at the recording.")
+    return OwnSmoothness(path.name, is_simulated(path), tuple(results), tuple(refused))

@@ -151,7 +151,9 @@ def read_angle(path: Path) -> tuple[Array, Array]:
     try:
         table = pd.read_csv(path, comment="#", skipinitialspace=True)
     except (OSError, ValueError) as error:
-        raise UserError(f"{path.name}: {error}.", "Give a CSV file with a header.") from None
+        raise UserError(
+            f"{path.name}: {str(error).strip()}.", "Give a CSV file with a header."
+        ) from None
     angle = next((c for c in ("theta_deg", "theta_rad") if c in table), None)
     if "time_s" not in table or angle is None:
         raise UserError(
@@ -169,8 +171,13 @@ def read_angle(path: Path) -> tuple[Array, Array]:
 
 def rate_of(time_s: Array) -> float:
     """Mean sampling rate, to six digits, for times are printed with a few only."""
-    step = (time_s[-1] - time_s[0]) / (len(time_s) - 1) if len(time_s) > 1 else 0.0
-    return checked_rate(float(f"{1 / step:.6g}") if step > 0 else 0.0)
+    if len(time_s) < 2 or not time_s[-1] > time_s[0]:
+        raise NoAnswerError(
+            "rate",
+            f"{len(time_s)} samples whose times do not rise from first to last.",
+            "Give the times of a recording, in s.",
+        )
+    return checked_rate(float(f"{(len(time_s) - 1) / (time_s[-1] - time_s[0]):.6g}"))
 
 
 def steady_angle(path: Path) -> tuple[Array, float]:
@@ -213,6 +220,10 @@ def _stacked(
     rates = {}
     for e in entries:
         angles[e.participant, e.element], rates[e.file] = steady_angle(folder / e.file)
+        if is_simulated(folder / e.file) and not manifest.simulated:
+            raise UserError(
+                f"{MANIFEST}: {e.file} says that it is simulated.", "Write simulated = true."
+            )
     rate = next(iter(rates.values()))
     odd = [f for f, r in rates.items() if abs(r / rate - 1) > 1e-3]
     if odd:

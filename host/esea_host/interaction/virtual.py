@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -115,6 +115,7 @@ def run_crossover(
     protocol: Protocol | None = None,
     last_s: float | None = None,
     cluster: str | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> list[str]:
     """The cross-over with virtual participants, ready for ``analyse interaction``.
 
@@ -136,6 +137,8 @@ def run_crossover(
         Analysed of each task, other than the published 45 s.
     cluster : str, optional
         In place of processes: address of a Dask scheduler.
+    say : callable, optional
+        Is told whenever a participant is through.
 
     Returns
     -------
@@ -146,7 +149,7 @@ def run_crossover(
     for element in ELEMENTS:
         compile_rig(element_device(element))
     people = RigPeople(seed, model or PersonModel(), folder)
-    early = run_everybody(folder, asked, participants, people, jobs, cluster)
+    early = run_everybody(folder, asked, participants, people, jobs, cluster, say)
     write_manifest(folder, LAST_S if last_s is None else last_s)
     return early
 

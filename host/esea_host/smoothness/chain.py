@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import cheby2, sosfiltfilt, sosfreqz
 
-from esea_host.smoothness.checks import NoAnswerError, checked_cutoff, checked_rate, rows
+from esea_host.smoothness.checks import (
+    NoAnswerError,
+    as_number,
+    checked_cutoff,
+    checked_rate,
+    in_words,
+    rows,
+)
 from esea_host.smoothness.result import Array, Processing
 
 ORDER, ATTENUATION_DB = 6, 30.0  # of one pass; there are two
@@ -65,13 +72,14 @@ class Derivatives:
         NoAnswerError
             The record is shorter.
         """
-        samples, there = round(duration_s * self.fs_Hz), self.position.shape[-1]
-        if not 0 < samples <= there:
+        wanted, there = as_number(duration_s) * self.fs_Hz, self.position.shape[-1]
+        if not 0.5 < wanted < there + 0.5:
             raise NoAnswerError(
                 "short",
-                f"The last {duration_s:g} s of a record of {there / self.fs_Hz:g} s.",
+                f"The last {in_words(duration_s)} s of a record of {there / self.fs_Hz:g} s.",
                 "Record longer, or take less.",
             )
+        samples = round(wanted)
         return Derivatives(
             self.position[..., -samples:],
             self.velocity[..., -samples:],

@@ -40,11 +40,27 @@ class NoAnswerError(ValueError):
 
 def checked_rate(fs_Hz: float) -> float:
     """A sampling rate, finite and above zero."""
-    if not (isinstance(fs_Hz, int | float | np.number) and 0 < fs_Hz < math.inf):
+    rate = as_number(fs_Hz)
+    if not 0 < rate < math.inf:
         raise NoAnswerError(
             "rate", f"A sampling rate of {fs_Hz} Hz.", "Give it in Hz, more than 0."
         )
-    return float(fs_Hz)
+    return rate
+
+
+def as_number(value: Any) -> float:
+    """A setting as a number; NaN, which every limit refuses, where it is none."""
+    plain = isinstance(value, int | float | np.integer | np.floating)
+    try:
+        return float(value) if plain and not isinstance(value, bool) else math.nan
+    except OverflowError:
+        return math.nan
+
+
+def in_words(value: Any) -> str:
+    """A setting as it is told back."""
+    found = as_number(value)
+    return str(value) if math.isnan(found) else f"{found:g}"
 
 
 def rows(
@@ -63,10 +79,7 @@ def rows(
     NoAnswerError
         The signal has no answer, whatever the metric.
     """
-    try:
-        array = np.asarray(signal, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise NoAnswerError("shape", f"{name} is no array of numbers.", "Give samples.") from None
+    array = _samples(signal, name)
     if array.ndim not in (1, 2) or array.size == 0:
         raise NoAnswerError(
             "shape",
@@ -95,6 +108,17 @@ def rows(
     return found, stacked
 
 
+def _samples(signal: ArrayLike, name: str) -> Array:
+    try:
+        # A masked sample is a missing one.
+        array: Any = np.ma.asarray(signal)
+        if array.dtype.kind in "biuf":
+            return np.asarray(array.astype(np.float64).filled(np.nan))
+    except (TypeError, ValueError):
+        pass
+    raise NoAnswerError("shape", f"{name} is no array of real numbers.", "Give samples.")
+
+
 def _row(bad: Any, stacked: bool) -> str:
     return f", movement {int(np.argmax(bad))}," if stacked else ""
 
@@ -113,7 +137,7 @@ def _no_gap(found: Array, name: str, stacked: bool) -> None:
 
 
 def _steady(time_s: ArrayLike, samples: int, fs_Hz: float) -> None:
-    time = np.asarray(time_s, dtype=np.float64)
+    time = _samples(time_s, "The time")
     if time.shape != (samples,) or not np.isfinite(time).all():
         raise NoAnswerError(
             "shape",
@@ -155,14 +179,16 @@ def not_aliased(found: Array, name: str, stacked: bool) -> None:
 
 def checked_cutoff(cutoff_Hz: float, fs_Hz: float, what: str, below: bool = False) -> float:
     """A frequency between 0 and half the sampling rate; below: not that rate itself."""
-    if not 0 < cutoff_Hz <= fs_Hz / 2 or (below and cutoff_Hz == fs_Hz / 2):
+    found = as_number(cutoff_Hz)
+    if not 0 < found <= fs_Hz / 2 or (below and found == fs_Hz / 2):
         raise NoAnswerError(
             "cutoff",
-            f"{what} of {cutoff_Hz:g} Hz: more than 0 and {'below' if below else 'at most'} "
-            f"{fs_Hz / 2:g} Hz, half the sampling rate (Nyquist).",
+            f"{what} of {in_words(cutoff_Hz)} Hz: more than 0 and "
+            f"{'below' if below else 'at most'} {fs_Hz / 2:g} Hz, half the sampling "
+            "rate (Nyquist).",
             "Sample faster or choose a lower one.",
         )
-    return float(cutoff_Hz)
+    return found
 
 
 def checked_choice(value: str, choices: tuple[str, ...], what: str) -> str:

@@ -150,22 +150,24 @@ def _dimensionless(
     found, stacked = rows(speed, "The speed", fs_Hz, time_s)
     not_aliased(found, "The speed", stacked)
     duration_s = found.shape[1] / fs_Hz
-    peak = np.max(np.abs(found), axis=1)
+    # Of shares of the peak, as the definition has it: squares of the numbers may overflow.
+    peak = np.max(np.abs(found), axis=1, keepdims=True)
     if jerk is None:
-        change = np.diff(found, 2, axis=1) * fs_Hz**2
+        change = np.diff(found / peak, 2, axis=1) * fs_Hz**2
     else:
-        change, _ = rows(jerk, "The jerk", fs_Hz)
-        if change.shape != found.shape:
+        given, _ = rows(jerk, "The jerk", fs_Hz)
+        if given.shape != found.shape:
             raise NoAnswerError(
                 "shape",
-                f"The jerk has the shape {change.shape}, the speed {found.shape}.",
+                f"The jerk has the shape {given.shape}, the speed {found.shape}.",
                 "Give both at the same samples.",
             )
+        change = given / peak
     total = np.einsum("ij,ij->i", change, change)
-    if (total <= (8 * np.finfo(np.float64).eps * peak * fs_Hz**2) ** 2 * found.shape[1]).any():
+    if (total <= (8 * np.finfo(np.float64).eps * fs_Hz**2) ** 2 * found.shape[1]).any():
         raise NoAnswerError(
             "constant", "The acceleration is constant.", "Its jerk is 0: leave it out."
         )
     if convention == "thesis":
-        return np.asarray(duration_s**5 / peak**2 * total), stacked
-    return np.asarray(duration_s**3 / peak**2 * total / fs_Hz), stacked
+        return np.asarray(duration_s**5 * total), stacked
+    return np.asarray(duration_s**3 * total / fs_Hz), stacked

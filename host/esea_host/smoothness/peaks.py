@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import find_peaks
 
-from esea_host.smoothness.checks import NoAnswerError, checked_rate, rows
+from esea_host.smoothness.checks import NoAnswerError, as_number, checked_rate, not_aliased, rows
 from esea_host.smoothness.result import Processing, SmoothnessResult, as_value
 
 
@@ -45,16 +45,17 @@ def submovements(
     Raises
     ------
     NoAnswerError
-        The signal is constant, too short, or has gaps.
+        The signal is constant, too short, has gaps, or is aliased.
     """
     fs_Hz = checked_rate(fs_Hz)
-    if not (0 < threshold < 1 and 0 <= apart_s < np.inf):
+    if not (0 < as_number(threshold) < 1 and 0 <= as_number(apart_s) < np.inf):
         raise NoAnswerError(
             "setting",
             f"A threshold of {threshold} and peaks {apart_s} s apart.",
             "More than 0 and less than 1; 0 s or more.",
         )
     found, stacked = rows(speed, "The speed", fs_Hz, time_s, magnitude=True)
+    not_aliased(found, "The speed", stacked)
     apart = max(1.0, apart_s * fs_Hz)
     highest = found.max(axis=1, keepdims=True)
     # Of equal peaks each would stand out of all that lies between them and the next higher one:
@@ -108,7 +109,7 @@ def peak_speed_ratio(
     Raises
     ------
     NoAnswerError
-        The signal is constant, too short, or has gaps.
+        The signal is constant, too short, has gaps, or is aliased.
 
     References
     ----------
@@ -117,6 +118,7 @@ def peak_speed_ratio(
     """
     fs_Hz = checked_rate(fs_Hz)
     found, stacked = rows(speed, "The speed", fs_Hz, time_s, magnitude=True)
+    not_aliased(found, "The speed", stacked)
     return SmoothnessResult(
         "peak-speed ratio",
         as_value(found.max(axis=1) / found.mean(axis=1), stacked),

@@ -11,6 +11,7 @@ from scipy.signal import ZoomFFT
 
 from esea_host.smoothness.checks import (
     NoAnswerError,
+    as_number,
     checked_choice,
     checked_cutoff,
     checked_rate,
@@ -110,7 +111,7 @@ def sparc(
 def _spectral_arcs(
     found: Array, fs_Hz: float, cutoff_Hz: float, threshold: float, padlevel: int
 ) -> Array:
-    if not 0 < threshold < 1:
+    if not 0 < as_number(threshold) < 1:
         raise NoAnswerError("setting", f"A threshold of {threshold}.", "More than 0, less than 1.")
     if padlevel not in range(_MOST_PADDING + 1):
         raise NoAnswerError("setting", f"A padlevel of {padlevel}.", f"0 to {_MOST_PADDING}.")

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from esea_host.smoothness.checks import checked_choice, checked_rate, rows
-from esea_host.smoothness.result import Processing, SmoothnessResult, as_value
+from esea_host.smoothness.result import Array, Processing, SmoothnessResult, as_value
 
 CONVENTIONS = ("iso2631", "thesis")
 
@@ -48,7 +48,7 @@ def rms_acceleration(
     found, stacked = rows(acceleration, "The acceleration", fs_Hz, time_s)
     return SmoothnessResult(
         "RMS acceleration",
-        as_value(np.sqrt(np.mean(found**2, axis=1)), stacked),
+        as_value(_root_of_sum(found, 2, found.shape[1]), stacked),
         unit,
         "thesis",
         False,
@@ -105,10 +105,9 @@ def vdv(
     checked_choice(convention, CONVENTIONS, "convention")
     thesis = convention == "thesis"
     found, stacked = rows(acceleration, "The acceleration", fs_Hz, time_s)
-    total = np.sum(found**4, axis=1) / (1.0 if thesis else fs_Hz)
     return SmoothnessResult(
         "VDV",
-        as_value(total**0.25, stacked),
+        as_value(_root_of_sum(found, 4, 1.0 if thesis else fs_Hz), stacked),
         unit if thesis else f"{unit} * s^0.25",
         convention,
         False,
@@ -117,3 +116,10 @@ def vdv(
         "(sum over the samples of a^4)^(1/4)" if thesis else "(integral of a^4 dt)^(1/4)",
         processing=processing,
     )
+
+
+def _root_of_sum(found: Array, power: int, over: float) -> Array:
+    # Of shares of the largest: a power of the numbers themselves may overflow.
+    top = np.max(np.abs(found), axis=1)
+    total = np.sum((found / top[:, None]) ** power, axis=1)
+    return np.asarray(top * (total / over) ** (1 / power))

@@ -24,7 +24,8 @@ class Agreement:
     kappa : float
         Agreement beyond chance, Cohen's.
     low : float
-        Lower end of its 95 % interval (Fleiss, Cohen and Everitt).
+        Lower end of its 95 % interval: Fleiss, Cohen and Everitt's; where they agree on all, which
+        leaves that without a width, from Wilson's of the share on which they agree.
     high : float
         Upper end.
     categories : tuple of str
@@ -67,6 +68,7 @@ def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
         Different numbers of items, none, or both coders use one single code, which chance explains.
     """
     from statsmodels.stats.inter_rater import cohens_kappa as fitted
+    from statsmodels.stats.proportion import proportion_confint
 
     if len(one) != len(other) or not one:
         raise NoStatisticError(
@@ -81,11 +83,15 @@ def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
     # Of full agreement it also forms a z value, 0/0, which is not used.
     with np.errstate(invalid="ignore", divide="ignore"):
         found = fitted(table)
+    observed, low = float(np.trace(table) / len(one)), float(found.kappa_low)
+    if observed == 1:
+        chance = float(table.sum(axis=0) @ table.sum(axis=1)) / len(one) ** 2
+        low = (proportion_confint(len(one), len(one), method="wilson")[0] - chance) / (1 - chance)
     return Agreement(
         len(one),
-        float(np.trace(table) / len(one)),
+        observed,
         float(found.kappa),
-        max(-1.0, float(found.kappa_low)),
+        max(-1.0, low),
         min(1.0, float(found.kappa_upp)),
         tuple(names),
         tuple(tuple(int(v) for v in row) for row in table),

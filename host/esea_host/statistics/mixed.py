@@ -102,13 +102,16 @@ def mixed_model(
             fit = MixedLM((found - found.mean()) / scale, columns, groups=np.array(people)).fit()
         except (np.linalg.LinAlgError, ValueError) as error:
             raise NoStatisticError(f"The mixed model: {error}.", "Look at the data.") from None
+        errors = np.asarray(fit.bse_fe)
+    if not np.isfinite(errors[1:]).all():
+        raise NoStatisticError("The mixed model has no standard errors.", "More people.")
     notes = tuple(dict.fromkeys(str(w.message).strip() for w in caught))
     return MixedModel(
         float(fit.fe_params[1]) * scale,
-        float(fit.bse_fe[1]) * scale,
+        float(errors[1]) * scale,
         float(fit.pvalues[1]),
         float(fit.fe_params[2]) * scale,
-        float(fit.bse_fe[2]) * scale,
+        float(errors[2]) * scale,
         float(fit.pvalues[2]),
         float(np.sqrt(np.asarray(fit.cov_re)[0, 0])) * scale,
         float(np.sqrt(fit.scale)) * scale,

@@ -252,8 +252,10 @@ def power_statement(
     Raises
     ------
     NoStatisticError
-        As :func:`signed_rank_power`.
+        As :func:`signed_rank_power`, or a standard deviation that is none.
     """
+    if sd <= 0 or math.isinf(sd):
+        raise NoStatisticError(f"A standard deviation of {sd:g}.", "Give more than 0, or none.")
     dz = detectable_effect(n, power, alpha)
     sizes = (0.2, 0.5, 0.8, 1.0, 1.5)
     return PowerStatement(

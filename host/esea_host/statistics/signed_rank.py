@@ -14,6 +14,8 @@ from esea_host.statistics.checks import Array, NoStatisticError, as_dict, differ
 
 # Up to here all 2^n signs are counted: their number is exact in a double.
 MOST_EXACT = 50
+# Of the largest value: differences closer than this are equal.
+ROUNDING = 1e-12
 ZEROS = ("drop", "pratt")
 METHODS = ("auto", "exact", "normal")
 
@@ -31,7 +33,8 @@ class SignedRank:
     zero_method : str
         ``"drop"``: they are left out before ranking (Wilcoxon); ``"pratt"``: after ranking.
     ties : int
-        Differences whose magnitude another one shares; they get the mean of their ranks.
+        Differences whose magnitude another one shares, up to 1e-12 of the largest value; they get
+        the mean of their ranks.
     w_plus : float
         Sum of the ranks of positive differences.
     w_minus : float
@@ -123,14 +126,15 @@ def signed_rank(
             f"Choose from {', '.join(ZEROS)} and {', '.join(METHODS)}.",
         )
     found = differences(x, y, least=1)
-    kept = found[found != 0]
+    steps = _in_steps(found, x)
+    kept = steps[steps != 0]
     if len(kept) == 0:
         raise NoStatisticError("All differences are 0.", "There is nothing to rank.")
     if method == "exact" and len(kept) > MOST_EXACT:
         raise NoStatisticError(
             f"{len(kept)} differences.", f"Up to {MOST_EXACT} are counted; take 'auto'."
         )
-    ranks = rankdata(np.abs(found))[found != 0] if zeros == "pratt" else rankdata(np.abs(kept))
+    ranks = rankdata(np.abs(steps))[steps != 0] if zeros == "pratt" else rankdata(np.abs(kept))
     plus = float(ranks[kept > 0].sum())
     minus = float(ranks[kept < 0].sum())
     exact = method != "normal" and len(kept) <= MOST_EXACT
@@ -154,6 +158,12 @@ def signed_rank(
         biserial,
         *biserial_interval(biserial, len(kept), confidence),
     )
+
+
+def _in_steps(found: Array, x: ArrayLike) -> Array:
+    # 1.1 - 1.0 and 2.1 - 2.0 are a tie, though not to the last bit.
+    largest = max(float(np.max(np.abs(np.asarray(x, dtype=np.float64)))), np.max(np.abs(found)))
+    return np.asarray(np.round(found / (ROUNDING * largest))) if largest > 0 else found
 
 
 def null_distribution(ranks: ArrayLike) -> Array:

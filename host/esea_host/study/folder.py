@@ -47,9 +47,14 @@ class StudyFolder:
         cls, path: Path, protocol: Protocol, simulated: bool, durable: bool = True
     ) -> StudyFolder:
         """A new study in an empty folder; the protocol is copied into it."""
-        if path.exists() and any(path.iterdir()):
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UserError(
+                f"{path}: cannot be made ({error.strerror}).", "Name a new folder."
+            ) from None
+        if any(path.iterdir()):
             raise UserError(f"{path} is not empty.", "Name a new folder; nothing is overwritten.")
-        path.mkdir(parents=True, exist_ok=True)
         (path / "protocol.toml").write_text(protocol.text, encoding="utf-8")
         for file in protocol.task_files:
             (path / "tasks").mkdir(exist_ok=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -49,6 +49,7 @@ def run_everybody(
     sources: Sources,
     jobs: int = 1,
     cluster: str | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> list[str]:
     """Every session of a study with simulated participants.
 
@@ -66,6 +67,8 @@ def run_everybody(
         Processes, as joblib counts them.  What is recorded does not depend on it.
     cluster : str, optional
         In place of processes here: address of a Dask scheduler, whose workers see the same folder.
+    say : callable, optional
+        Is told whenever a participant is through.
 
     Returns
     -------
@@ -84,10 +87,11 @@ def run_everybody(
         study.enrol(code, consent=True)
     work, cases = partial(_everything, folder, sources), enumerate(codes)
     if cluster is None:
-        found = Parallel(n_jobs=jobs)(delayed(work)(case) for case in cases)
+        done = Parallel(n_jobs=jobs, return_as="generator_unordered")(map(delayed(work), cases))
+        found = _told(done, participants, say)
     else:
         with connected(cluster) as client:
-            found = list(run_on(client, cluster, work, cases))
+            found = _told(run_on(client, cluster, work, cases), participants, say)
     if len(found) < participants:
         raise UserError(
             f"Workers of {cluster} died: {participants - len(found)} participants are missing.",
@@ -97,6 +101,15 @@ def run_everybody(
         head = read_log(path).entries[-1].hash
         study.audit("session_end", participant=code, session=number, head=head)
     return sorted(filter(None, found))
+
+
+def _told(done: Iterable[str], participants: int, say: Callable[[str], None] | None) -> list[str]:
+    found = []
+    for reason in done:
+        found.append(reason)
+        if say:
+            say(f"{len(found)} of {participants} simulated participants")
+    return found
 
 
 def _everything(folder: Path, sources: Sources, case: tuple[int, str]) -> str:

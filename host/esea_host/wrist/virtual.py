@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +97,7 @@ def run_study(
     model: PersonModel | None = None,
     protocol: Protocol | None = None,
     cluster: str | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> list[str]:
     """The wrist study with virtual participants.
 
@@ -118,6 +119,8 @@ def run_study(
         Another one of wrist tasks.
     cluster : str, optional
         In place of processes: address of a Dask scheduler.
+    say : callable, optional
+        Is told whenever a participant is through.
 
     Returns
     -------
@@ -127,7 +130,7 @@ def run_study(
     asked = protocol or wrist_protocol(seed, method)
     compile_rig(impaired_device())
     people = WristPeople(seed, model or PersonModel())
-    return run_everybody(folder, asked, participants, people, jobs, cluster)
+    return run_everybody(folder, asked, participants, people, jobs, cluster, say)
 
 
 def all_rows(folder: Path) -> list[Row]:
