@@ -61,6 +61,37 @@ def compare_wrist(
     write_json(to_json, {"simulated": True, "methods": [x.to_dict() for x in found]})
 
 
+def shift_wrist(
+    folder: Path,
+    participants: int,
+    seed: int,
+    jobs: int,
+    to_json: Path | None,
+    report: Path | None,
+    cluster: str | None,
+) -> None:
+    from esea_host.wrist.sensitivity import sensitivity, sensitivity_page
+
+    runs = sensitivity(folder, participants, seed, jobs, cluster)
+    table = Table(title=f"{participants} SIMULATED participants: what a shifted number changes")
+    for head in ("number", "end", "range from", "other conclusions"):
+        table.add_column(head)
+    for x in runs[1:]:
+        table.add_row(x.name, x.end, x.source, "; ".join(x.changed) or "-")
+    out.print(table)
+    kept = sum(not x.changed for x in runs[1:])
+    out.print(
+        f"{kept} of {len(runs) - 1} runs change nothing.  A conclusion: the second side is more or "
+        "less in three quarters of the ranks, else neither."
+    )
+    for x in runs:
+        for reason in x.early:
+            out.print(f"{x.name} {x.end}: ended early: {reason}")
+    write_json(to_json, {"simulated": True, "runs": [x.to_dict() for x in runs]})
+    if report:
+        write_whole(report, sensitivity_page(runs, participants))
+
+
 @analyse_app.command("wrist")
 def analyse_wrist(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The study's folder.")],
