@@ -55,7 +55,18 @@ def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System
 def sensing_parts(
     device: DeviceData, velocity: Block, sensor: Block
 ) -> tuple[dict[str, Component], dict[str, str], dict[str, tuple[str, ...]], dict[str, str]]:
-    """Blocks, wires, inputs and outputs of the measuring System, to which others may add theirs."""
+    """Blocks, wires, inputs and outputs of the measuring System, to which others may add theirs.
+
+    Parameters
+    ----------
+    device, velocity, sensor
+        As for :func:`sensing_system`.
+
+    Returns
+    -------
+    tuple of dict
+        In the order and form of :class:`~esea_gen.language.system.System`.
+    """
     blocks: dict[str, Component] = {}
     wires: dict[str, str] = {}
     inputs: dict[str, tuple[str, ...]] = {}

@@ -28,7 +28,7 @@ LEAST_SAMPLES = 10
 
 
 @dataclass(frozen=True)
-class Reach:
+class ScreenReach:
     """One target, from its appearance to the next one.
 
     achieved: held within the target for 0.75 s, within 10 s.  reach_s: to the beginning of that.
@@ -50,7 +50,7 @@ class Reach:
     submovements: float | None
 
 
-def reaches(table: Table) -> tuple[Reach, ...]:
+def reaches(table: Table) -> tuple[ScreenReach, ...]:
     """Every reach of a recording, without what came before the first target changed.
 
     Parameters
@@ -60,7 +60,7 @@ def reaches(table: Table) -> tuple[Reach, ...]:
 
     Returns
     -------
-    tuple of Reach
+    tuple of ScreenReach
         In order.
 
     Raises
@@ -89,7 +89,7 @@ def reaches(table: Table) -> tuple[Reach, ...]:
     return tuple(found)
 
 
-def _reach(time_s: Array, at: Array, aim: Array, inside: npt.NDArray[np.bool_]) -> Reach:
+def _reach(time_s: Array, at: Array, aim: Array, inside: npt.NDArray[np.bool_]) -> ScreenReach:
     t = time_s - time_s[0]
     speed = np.hypot(np.gradient(at[:, 0], t), np.gradient(at[:, 1], t))
     way = aim - at[0]
@@ -102,7 +102,7 @@ def _reach(time_s: Array, at: Array, aim: Array, inside: npt.NDArray[np.bool_]) 
     sse = float(np.sum(errors[until] * steps)) * SSE_RATE_HZ / distance**2
     first = along[np.abs(along) > LEAST_PEAK]
     smooth, count = _smoothness(t, at)
-    return Reach(
+    return ScreenReach(
         *(len(t), float(t[-1]), float(np.max(speed)), float(np.mean(speed))),
         *(done_s is not None, done_s, None if done_s is None else sse),
         *(float(max(np.max(along) - 1.0, 0.0)), bool(len(first) and first[0] < 0)),
@@ -133,7 +133,7 @@ def _smoothness(t: Array, at: Array) -> tuple[float | None, float | None]:
     return found[0], found[1]
 
 
-def summary(found: Sequence[Reach]) -> dict[str, Any]:
+def summary(found: Sequence[ScreenReach]) -> dict[str, Any]:
     """Counts and medians over the reaches of one recording."""
 
     def median(name: str) -> float | None:
@@ -150,6 +150,6 @@ def summary(found: Sequence[Reach]) -> dict[str, Any]:
     }
 
 
-def to_rows(found: Sequence[Reach]) -> list[dict[str, Any]]:
+def to_rows(found: Sequence[ScreenReach]) -> list[dict[str, Any]]:
     """For JSON."""
     return [asdict(x) for x in found]

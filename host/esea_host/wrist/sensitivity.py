@@ -26,7 +26,7 @@ CLEAR = 0.5  # rank-biserial: three quarters of the ranks go one way
 
 
 @dataclass(frozen=True)
-class Span:
+class PersonSpan:
     """A number's range, and whose it is."""
 
     name: str
@@ -42,26 +42,28 @@ def _scaled(share: float) -> dict[str, Any]:
 
 ASSUMED = "assumed"
 SPANS = (
-    Span(
+    PersonSpan(
         *("correction's delay, 117 to 200 ms", {"delay_s": 0.117}, {"delay_s": 0.200}),
         "J. Saunders, D. Knill, Experimental Brain Research 162, 2005: direction, distance",
     ),
-    Span(
+    PersonSpan(
         *("two to three submovements a second", {"every_s": 1 / 3}, {"every_s": 0.5}),
         "R. Miall, D. Weir, J. Stein, J. Motor Behavior 25, 1993",
     ),
-    Span(
+    PersonSpan(
         *("hand's stiffness, 3 to 10 Nm/rad", {"stiffness_Nm_rad": 3.0}),
         *({"stiffness_Nm_rad": 10.0}, "as in the model: wrists at work"),
     ),
-    Span("reaction, 200 to 350 ms", {"reaction_s": 0.2}, {"reaction_s": 0.35}, ASSUMED),
-    Span(
+    PersonSpan("reaction, 200 to 350 ms", {"reaction_s": 0.2}, {"reaction_s": 0.35}, ASSUMED),
+    PersonSpan(
         *("submovement, 0.25 to 0.55 s", {"submovement_s": 0.25}, {"submovement_s": 0.55}, ASSUMED)
     ),
-    Span("noise, 0.05 to 0.15", {"noise": 0.05}, {"noise": 0.15}, ASSUMED),
-    Span("learning, half to twice", {"learn": (0.105, 0.01)}, {"learn": (0.42, 0.04)}, ASSUMED),
-    Span("range, less or more by 20 %", _scaled(0.8), _scaled(1.2), ASSUMED),
-    Span("sweep, 0.6 to 2.5 s", {"sweep_s": 0.6}, {"sweep_s": 2.5}, ASSUMED),
+    PersonSpan("noise, 0.05 to 0.15", {"noise": 0.05}, {"noise": 0.15}, ASSUMED),
+    PersonSpan(
+        "learning, half to twice", {"learn": (0.105, 0.01)}, {"learn": (0.42, 0.04)}, ASSUMED
+    ),
+    PersonSpan("range, less or more by 20 %", _scaled(0.8), _scaled(1.2), ASSUMED),
+    PersonSpan("sweep, 0.6 to 2.5 s", {"sweep_s": 0.6}, {"sweep_s": 2.5}, ASSUMED),
 )
 
 
@@ -117,7 +119,7 @@ def sensitivity(
     seed: int,
     jobs: int = 1,
     cluster: str | None = None,
-    spans: Sequence[Span] = SPANS,
+    spans: Sequence[PersonSpan] = SPANS,
 ) -> tuple[ShiftedRun, ...]:
     """Run the study as it is and with each number shifted, one acquisition block a session.
 
@@ -127,7 +129,7 @@ def sensitivity(
         A new folder; one study below it a run.
     participants, seed, jobs, cluster
         As for :func:`esea_host.wrist.virtual.run_study`.
-    spans : sequence of Span
+    spans : sequence of PersonSpan
         What is shifted.
 
     Returns
