@@ -59,6 +59,8 @@ def test_each_run_shifts_its_number_alone_and_the_page_tells(monkeypatch, tmp_pa
         file = protocol.file
         copies = [b.copies for s in file.session for b in s.block if b.name == "acquisition"]
         assert (participants, file.seed, copies) == (4, 7, [1, 1])
+        assert not folder.exists()
+        folder.mkdir(parents=True)
         return []
 
     monkeypatch.setattr(shifted, "run_study", run)
@@ -67,8 +69,12 @@ def test_each_run_shifts_its_number_alone_and_the_page_tells(monkeypatch, tmp_pa
     )
     to, page = tmp_path / "x.json", tmp_path / "x.html"
     words = ["study", "virtual", "wrist", "--sensitivity", "--participants", "4", "--seed", "7"]
+    words += ["--keep", str(tmp_path / "kept")]
     done = CliRunner().invoke(app, [*words, "--json", str(to), "--report", str(page)])
     assert done.exit_code == 0, done.output
+    before = list(asked)
+    again = CliRunner().invoke(app, words)
+    assert (again.exit_code, asked) == (0, before)  # what is there is not run again
     usual = PersonModel()
     wanted = [replace(usual, **end) for x in SPANS for end in (x.low, x.high)]
     assert asked == [usual, *wanted]

@@ -7,6 +7,8 @@ end of its range, the same people otherwise: same seed, same order of trials.
 from __future__ import annotations
 
 import html
+import json
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -16,12 +18,14 @@ import numpy as np
 from matplotlib import style
 from matplotlib.figure import Figure
 
+from esea_gen.files import write_json
 from esea_gen.plotting import INK, STYLE, svg
 from esea_host.people.person import PersonModel
 from esea_host.study.protocol import parse_protocol
 from esea_host.wrist.analysis import WristResult, analyse
 from esea_host.wrist.virtual import PROTOCOL, run_study
 
+EARLY = "early.json"  # sessions of a run that ended early
 CLEAR = 0.5  # rank-biserial: three quarters of the ranks go one way
 
 
@@ -55,15 +59,15 @@ SPANS = (
         *({"stiffness_Nm_rad": 10.0}, "as in the model: wrists at work"),
     ),
     PersonSpan("reaction, 200 to 350 ms", {"reaction_s": 0.2}, {"reaction_s": 0.35}, ASSUMED),
+    PersonSpan("sweep, 0.6 to 2.5 s", {"sweep_s": 0.6}, {"sweep_s": 2.5}, ASSUMED),
+    PersonSpan("noise, 0.05 to 0.15", {"noise": 0.05}, {"noise": 0.15}, ASSUMED),
     PersonSpan(
         *("submovement, 0.25 to 0.55 s", {"submovement_s": 0.25}, {"submovement_s": 0.55}, ASSUMED)
     ),
-    PersonSpan("noise, 0.05 to 0.15", {"noise": 0.05}, {"noise": 0.15}, ASSUMED),
     PersonSpan(
-        "learning, half to twice", {"learn": (0.105, 0.01)}, {"learn": (0.42, 0.04)}, ASSUMED
+        *("learning, half to twice", {"learn": (0.105, 0.01)}, {"learn": (0.42, 0.04)}, ASSUMED)
     ),
     PersonSpan("range, less or more by 20 %", _scaled(0.8), _scaled(1.2), ASSUMED),
-    PersonSpan("sweep, 0.6 to 2.5 s", {"sweep_s": 0.6}, {"sweep_s": 2.5}, ASSUMED),
 )
 
 
@@ -126,7 +130,8 @@ def sensitivity(
     Parameters
     ----------
     folder : Path
-        A new folder; one study below it a run.
+        One study below it a run.  Runs that are there, of an interrupted call with as many people
+        and the same seed, are taken as they are.
     participants, seed, jobs, cluster
         As for :func:`esea_host.wrist.virtual.run_study`.
     spans : sequence of PersonSpan
@@ -143,12 +148,18 @@ def sensitivity(
     for x in spans:
         plan += [(x.name, "low", x.source, x.low), (x.name, "high", x.source, x.high)]
     found: list[ShiftedRun] = []
-    for k, (name, end, source, shift) in enumerate(plan):
-        place = folder / f"{k:02d}"
-        model = replace(PersonModel(), **shift)
-        early = run_study(
-            place, participants, seed, jobs, model=model, protocol=protocol, cluster=cluster
-        )
+    for name, end, source, shift in plan:
+        place = folder / "-".join([f"{participants}x{seed}", *shift, end or "usual"])
+        if not place.exists():
+            model = replace(PersonModel(), **shift)
+            begun = place.with_name(place.name + ".begun")
+            shutil.rmtree(begun, ignore_errors=True)
+            early = run_study(
+                begun, participants, seed, jobs, model=model, protocol=protocol, cluster=cluster
+            )
+            write_json(begun / EARLY, early)
+            begun.rename(place)
+        early = json.loads((place / EARLY).read_text(encoding="utf-8"))
         effects = effects_of(analyse(place))
         other = changed(found[0].effects, effects) if found else ()
         found.append(ShiftedRun(name, end, source, effects, other, tuple(early)))
