@@ -175,20 +175,23 @@ def sensitivity_figure(runs: Sequence[ShiftedRun]) -> Figure:
     with style.context(STYLE):
         figure = Figure(figsize=(9.0, 0.28 * len(runs) + 2.6), layout="constrained")
         axes = figure.subplots()
-        image = axes.imshow(-values, cmap="PuOr", vmin=-1, vmax=1, aspect="auto")
+        # Not to the ends of the colours: a ring is to be seen on every cell.
+        image = axes.imshow(-values, cmap="PuOr", vmin=-1.7, vmax=1.7, aspect="auto")
+        axes.grid(visible=False)
         usual = [conclusion(runs[0].effects[k]) for k in keys]
         for row, run in enumerate(runs):
             for column, k in enumerate(keys):
                 if conclusion(run.effects[k]) != usual[column]:
-                    axes.plot(column, row, "o", mfc="none", mec=INK, ms=9, mew=1.5)
+                    axes.plot(column, row, "o", mfc="white", mec=INK, ms=8, mew=1.5)
         axes.set_xticks(range(len(keys)), keys, rotation=50, ha="right", fontsize=8)
         names = [f"{r.name}: {r.end}" if r.end else r.name for r in runs]
         axes.set_yticks(range(len(runs)), names, fontsize=8)
         bar = figure.colorbar(image, ax=axes, pad=0.01, ticks=(-1, 0, 1))
+        bar.ax.set_ylim(-1, 1)
         bar.ax.set_yticklabels(["all less", "even", "all more"], fontsize=8)
         axes.set_title(
-            "simulated participants: constrained (7.3: session 2) against the other side; "
-            "a ring: another conclusion",
+            "simulated participants: constrained against healthy (7.3: session 2 against 1)\n"
+            "ring: another conclusion than as it is; empty: nothing to compare",
             fontsize=9,
         )
     return figure
