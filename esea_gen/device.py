@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from pathlib import Path
 
-from esea_gen.control.impairment import JOINT_RAD, impairment, impairment_request
+from esea_gen.control.impaired import impaired_system
 from esea_gen.control.law import Law
 from esea_gen.control.laws import find_law
 from esea_gen.control.system import control_system
@@ -82,14 +82,6 @@ class Device(DeviceData):
         asked = self.file.laws or [n for n in reversed(LAW_SECTIONS) if getattr(self.file, n)][:1]
         return tuple(find_law(n) for n in asked)
 
-    @property
-    def _impaired(self) -> tuple[Block, Block, Block] | None:
-        section = self.file.impairment
-        if section is None:
-            return None
-        joint_rate = tracking_observer(self, JOINT_RAD, section.bandwidth_Hz)
-        return impairment_request(self), joint_rate, impairment(self)
-
     @cached_property
     def system(self) -> System:
         """All Blocks, wired into tasks: with a law torque control, else sensing."""
@@ -99,7 +91,8 @@ class Device(DeviceData):
                 "Add [sliding_mode] or [predictive], or give --controller.",
             )
         if not self.laws:
-            return sensing_system(self, self.velocity, self.sensor, self._impaired)
+            make = impaired_system if self.file.impairment else sensing_system
+            return make(self, self.velocity, self.sensor)
         return control_system(self, self.laws, self.velocity, self.sensor, lambda: self.inverse)
 
 

@@ -31,7 +31,7 @@ from esea_gen.language.system import System, Task
 from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare
 from esea_gen.verify.coverage import branch_coverage
-from esea_gen.verify.emulator import run_in_emulator
+from esea_gen.verify.emulator import run_tasks_in_emulator
 from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.memories import other_memories
 from esea_gen.verify.runs import CasadiOracle
@@ -219,10 +219,15 @@ def test_both_axes_on_the_m4f_in_time_and_to_the_bit(device, tmp_path):
         "theta_load_flexion_rad": 0.3 * np.sin(20 * t),
         "theta_deviation_rad": 0.1 * np.sin(60 * t),
         "theta_load_deviation_rad": 0.2 * np.cos(30 * t),
+        "stop": np.zeros(60),
     }
-    result = run_in_emulator(device, build_firmware(device, "netduinoplus2", tmp_path), swing)
-    assert result.identical, result.first_difference
-    assert 1500 < result.instructions["max"] < 2600
+    image = build_firmware(device, "netduinoplus2", tmp_path)
+    inputs = {"sense": swing, "control": {"": np.zeros(12)}}
+    found = run_tasks_in_emulator(device, image, inputs)
+    for result in found.values():
+        assert result.identical, result.first_difference
+    assert 4000 < found["sense"].instructions["max"] < 5200
+    assert found["control"].instructions["max"] < 500
 
 
 def test_a_section_that_nothing_would_follow_is_refused(device):

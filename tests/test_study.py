@@ -191,6 +191,10 @@ def test_a_stop_acts_at_once_and_the_trial_comes_again(tmp_path, protocol):
     ]
     assert sum(samples) == 30
     assert run_one(study).state.remaining == ()
+    ends = [e.data for e in read_log(study.log_of("P01", 0)).entries if e.kind == "end"]
+    stopped, done = ends
+    assert stopped == {"reason": "the participant asked", "completed": False}
+    assert done == {"reason": "", "completed": True}
 
 
 class Broken(Actor):

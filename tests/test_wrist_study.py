@@ -312,7 +312,7 @@ def test_more_than_the_wall_may_hold_trips_nothing(gcc):
     assert tau_Nm == pytest.approx(-4.47, abs=0.02)
     told = rig.board.values[rig.board.places["tau_set_flexion_Nm"]]
     assert told == pytest.approx(-4.47)
-    assert (rig.board.state_now, rig.board.lib.sim_fault()) == ("READY", 0)
+    assert (rig.board.state_now, rig.board.lib.sim_fault(), rig.faults) == ("READY", 0, [0, 0])
     rig.board.set_parameter("impairment_flexion.Kd_Nms_rad", 1.5)
     theta_deg, _ = pushed(rig, (8.0, 0.3, 1.0, 1.0, 3.0))
     assert np.mean(theta_deg) == pytest.approx(6.5, abs=0.05)
@@ -547,6 +547,7 @@ def test_the_command_writes_tables_and_files(studied, tmp_path):
     done = CliRunner().invoke(app, [*words, "--report", report])
     assert done.exit_code == 0, done.output
     assert "SIMULATED" in done.output
+    assert "amplitude there" in done.output  # whole, however narrow the terminal is
     assert json.loads((tmp_path / "r.json").read_text())["simulated"] is True
     assert "V001" in (tmp_path / "r.csv").read_text()
     assert (tmp_path / "r.html").read_text().count("<svg") == 4

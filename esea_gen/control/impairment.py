@@ -7,12 +7,12 @@ the motion and feed it.  What is workable, and passive, is here.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import sympy as sp
 
+from esea_gen.control.safety import JOINT_RAD
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import (
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 # Switching on or off is for a wrist that rests, and is not in the wall.
 REST_RAD_S = 0.1
-JOINT_RAD = math.pi  # how far the joint may turn from its neutral position
 
 THETA, OMEGA, WALL = sp.symbols("theta omega theta_w", real=True)
 KP, KD, KV = sp.symbols("K_p K_d K_v", nonnegative=True)
@@ -58,7 +57,8 @@ def impairment(device: DeviceData) -> Block:
     -------
     Block
         Inputs ``theta_rad`` and ``omega_rad_s`` of the joint and ``constrained`` (1 asks for the
-        impairment, 0 for none); outputs the set torque ``tau_set_Nm``, ``acts`` and a status word.
+        impairment, 0 for none); outputs the set torque ``tau_set_Nm``, ``acts``, ``usable`` and a
+        status word.
 
     Notes
     -----
@@ -90,35 +90,6 @@ def impairment(device: DeviceData) -> Block:
         equations=law.equations(),
         step=law.step,
         streams=OwnStreams(events=_events),
-    )
-
-
-def impairment_request(device: DeviceData) -> Block:
-    """What is asked of the impairments of a device: a parameter, so that any host can ask.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Its sensing period.
-
-    Returns
-    -------
-    Block
-        Output ``constrained``.
-    """
-    low, high, meaning = 0.0, 1.0, "1 asks for the impairment; 0, as after power on, for none"
-    return Block.define(
-        "request",
-        "What is asked of the impairments",
-        period_s=device.period_s,
-        tunables=(Tunable("constrained", 0.0, low, high, meaning, "nobody is impaired unasked"),),
-        coefficients=(Port("constrained", low, high, meaning),),
-        prepare=lambda t: {"constrained": t.constrained},
-        state=(),
-        inputs=(),
-        outputs=(Port("constrained", low, high, meaning),),
-        equations=(),
-        step=lambda c, s, u, guard, label: ({}, {"constrained": c.constrained}),
     )
 
 
@@ -168,6 +139,7 @@ class _Impairment:
         return (
             around("tau_set_Nm", self.tau, "torque wanted on the wrist", equation="(7.1), (7.2)"),
             Port("acts", 0.0, 1.0, "1 while the impairment acts"),
+            Port("usable", 0.0, 1.0, "1 while nothing here was invalid or corrupt"),
             Port(
                 *("status", 0, 31, "what is known of it"),
                 flags=(
@@ -208,8 +180,12 @@ class _Impairment:
             ca.logic_and(ca.fabs(raw) > c.tau_max_Nm, acts),
             ca.logic_and(asked != on, guard.inputs_ok),
         ]
-        given = {"tau_set_Nm": ca.if_else(acts, torque, 0), "acts": acts, "status": None}
-        return {"on": on}, {**given, "status": flag_word(flags)}
+        return {"on": on}, {
+            "tau_set_Nm": ca.if_else(acts, torque, 0),
+            "acts": acts,
+            "usable": ca.logic_and(guard.inputs_ok, guard.state_ok),
+            "status": flag_word(flags),
+        }
 
     def equations(self) -> tuple[Equation, ...]:
         shown = sp.Piecewise((PUSH, DEPTH > 0), (0, True))

@@ -64,11 +64,16 @@ class BoardRoles:
 
 
 def board_roles(system: System) -> BoardRoles:
-    """Roles of a System's inputs; with limits all but counts and frame words are wanted."""
+    """Roles of a System's inputs; with a motor all but counts and frame words are wanted.
+
+    Without one only ``stop`` is, which the board itself gives to whatever limits there are.
+    """
     inputs = {x.name: x for t in system.tasks for x in system.task_inputs(t)}
     drive = "rearm" in inputs
     measured = [
-        x for x in inputs.values() if not drive or x.name.startswith(("count_", "frame_error_"))
+        x
+        for x in inputs.values()
+        if (x.name.startswith(("count_", "frame_error_")) if drive else x.name != "stop")
     ]
     outputs = {
         (x.signals[0].instance, x.signals[0].port): x.name

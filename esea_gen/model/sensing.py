@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block
+from esea_gen.language.component import Component
 from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.language.system import System, Task
 
@@ -27,12 +28,7 @@ def of_axis(name: str, axis: str) -> str:
     return f"{name.removesuffix(unit)}_{axis}{unit}"
 
 
-def sensing_system(
-    device: DeviceData,
-    velocity: Block,
-    sensor: Block,
-    impaired: tuple[Block, Block, Block] | None = None,
-) -> System:
+def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System:
     """The measuring System: velocity estimate and torque sensor in one task.
 
     A device with several axes has an instance of both Blocks for each, all in the same task; the
@@ -45,18 +41,33 @@ def sensing_system(
         What to build for.
     velocity, sensor : Block
         Velocity estimate and torque sensor.
-    impaired : tuple of Block, optional
-        What is asked of the impairments, the rate of a joint, and the impairment; the first stands
-        once for all axes, so that they are asked for together.
 
     Returns
     -------
     System
-        Task ``sense``: deflection in; torque, its parts, rates and status words out.  With
-        impairments also the joint's angle in, ``theta_load_rad``, and the torque that they want
-        out.
+        Task ``sense``: deflection in; torque, its parts, rates and status words out.
     """
-    blocks: dict[str, Block] = {}
+    blocks, wires, inputs, outputs = sensing_parts(device, velocity, sensor)
+    task = Task("sense", tuple(blocks))
+    return System(device.name, device.period_s, blocks, (task,), wires, inputs, outputs)
+
+
+def sensing_parts(
+    device: DeviceData, velocity: Block, sensor: Block
+) -> tuple[dict[str, Component], dict[str, str], dict[str, tuple[str, ...]], dict[str, str]]:
+    """Blocks, wires, inputs and outputs of the measuring System, to which others may add theirs.
+
+    Parameters
+    ----------
+    device, velocity, sensor
+        As for :func:`sensing_system`.
+
+    Returns
+    -------
+    tuple of dict
+        In the order and form of :class:`~esea_gen.language.system.System`.
+    """
+    blocks: dict[str, Component] = {}
     wires: dict[str, str] = {}
     inputs: dict[str, tuple[str, ...]] = {}
     outputs: dict[str, str] = {}
@@ -70,24 +81,4 @@ def sensing_system(
         outputs[of_axis("omega_rad_s", axis)] = f"{rate}.omega_rad_s"
         outputs[f"{torque}_status"] = f"{torque}.status"
         outputs[f"{rate}_status"] = f"{rate}.status"
-        if impaired is None:
-            continue
-        request, joint, wall = impaired
-        turning, limb = (f"{b.name}_{axis}" if axis else b.name for b in (joint, wall))
-        blocks |= {request.name: request, turning: joint, limb: wall}
-        wires[f"{limb}.constrained"] = f"{request.name}.constrained"
-        wires[f"{limb}.omega_rad_s"] = f"{turning}.omega_rad_s"
-        inputs[of_axis("theta_load_rad", axis)] = (f"{turning}.theta_rad", f"{limb}.theta_rad")
-        outputs[of_axis("omega_load_rad_s", axis)] = f"{turning}.omega_rad_s"
-        outputs[of_axis("tau_set_Nm", axis)] = f"{limb}.tau_set_Nm"
-        outputs[of_axis("acts", axis)] = f"{limb}.acts"
-        outputs |= {f"{x}_status": f"{x}.status" for x in (turning, limb)}
-    return System(
-        device.name,
-        device.period_s,
-        blocks,
-        (Task("sense", tuple(blocks)),),
-        wires,
-        inputs,
-        outputs,
-    )
+    return blocks, wires, inputs, outputs

@@ -40,7 +40,7 @@ class BlackboxRecord:
 def _desired(device: Device) -> list[tuple[str, int]]:
     roles = board_roles(device.system)
     if not roles.drive:
-        return [("mode", 1)]
+        return [*((x.name, x.port.size) for x in roles.wanted), ("mode", 1)]
     return [(x.name, x.port.size) for x in roles.wanted if x.name not in _PACKED]
 
 

@@ -88,10 +88,12 @@ static void tell_limits(esea_app_t *app)
 {
     esea_motion_t *const motion = &app->motion;
     const bool on = app->state == ESEA_STATE_ACTIVE || app->state == ESEA_STATE_LETTING_GO;
+    /* Without a motor nothing is armed; limits may stand before a torque that others follow. */
+    const bool may = ESEA_LINK_DRIVE ? esea_state_drives(app->state) : app->state == ESEA_STATE_READY;
 
     if (motion->rearm_asked)
         motion->rearm = motion->rearm < 7.0f ? motion->rearm + 1.0f : 0.0f;
-    esea_link_hold(&motion->wanted, on, !esea_state_drives(app->state), motion->rearm);
+    esea_link_hold(&motion->wanted, on, !may, motion->rearm);
 }
 
 /* What the limits say of this tick. */

@@ -14,7 +14,7 @@ from esea_host.cli.app import out, told
 from esea_host.cli.interaction import checked_page, shown_interaction
 from esea_host.cli.options import know_shipped_tasks
 from esea_host.cli.study import study_app
-from esea_host.cli.wrist import JsonOption, ReportOption, compare_wrist, shown_wrist
+from esea_host.cli.wrist import JsonOption, ReportOption, compare_wrist, shift_wrist, shown_wrist
 
 
 @study_app.command("virtual")
@@ -32,6 +32,9 @@ def virtual(
     compare: Annotated[
         bool, typer.Option("--compare", help="Wrist: the study under every method.")
     ] = False,
+    sensitivity: Annotated[
+        bool, typer.Option("--sensitivity", help="Wrist: with each number of people shifted.")
+    ] = False,
     keep: Annotated[
         Path | None, typer.Option("--keep", metavar="FOLDER", help="Keep the study's folder.")
     ] = None,
@@ -47,6 +50,13 @@ def virtual(
         folder = keep or Path(scratch) / "study"
         if study == "wrist" and compare:
             compare_wrist(folder, participants, seed, jobs, to_json, cluster)
+            return
+        if sensitivity:
+            if study != "wrist":
+                raise UserError(
+                    "--sensitivity is of the wrist study.", "Leave it out, or ask for wrist."
+                )
+            shift_wrist(folder, participants, seed, jobs, to_json, report, cluster)
             return
         if study == "wrist":
             early = _wrist(folder, participants, seed, jobs, method, to_json, report, cluster)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
 from rich.table import Table
 
 from esea_gen.files import write_json, write_whole
@@ -22,6 +23,14 @@ ReportOption = Annotated[
 CsvOption = Annotated[
     Path | None, typer.Option("--csv", metavar="FILE", help="Write every participant's values.")
 ]
+
+
+WIDE = 132  # characters in which every table here can be read
+
+
+def _print_wide(table: Table) -> None:
+    # In a narrower terminal, or a file, lines run on: cells cut to a letter tell nothing.
+    Console(highlight=False, markup=False, width=max(out.width, WIDE)).print(table)
 
 
 def compare_wrist(
@@ -50,7 +59,7 @@ def compare_wrist(
             x.after_effect_gap_deg,
         ]
         table.add_row(x.method, str(x.people), *(number(v) for v in values))
-    out.print(table)
+    _print_wide(table)
     out.print(
         "RMS: speed error over the peak, tracking the own healthy motion.  Peak: constrained over "
         "healthy.  Targets, after-effect: healthy less constrained; 0 is what is wanted."
@@ -59,6 +68,37 @@ def compare_wrist(
         for reason in x.refused:
             out.print(f"{x.method}: ended early: {reason}")
     write_json(to_json, {"simulated": True, "methods": [x.to_dict() for x in found]})
+
+
+def shift_wrist(
+    folder: Path,
+    participants: int,
+    seed: int,
+    jobs: int,
+    to_json: Path | None,
+    report: Path | None,
+    cluster: str | None,
+) -> None:
+    from esea_host.wrist.sensitivity import sensitivity, sensitivity_page
+
+    runs = sensitivity(folder, participants, seed, jobs, cluster)
+    table = Table(title=f"{participants} SIMULATED participants: what a shifted number changes")
+    for head in ("number", "end", "range from", "other conclusions"):
+        table.add_column(head)
+    for x in runs[1:]:
+        table.add_row(x.name, x.end, x.source, "; ".join(x.changed) or "-")
+    _print_wide(table)
+    kept = sum(not x.changed for x in runs[1:])
+    out.print(
+        f"{kept} of {len(runs) - 1} runs change nothing.  A conclusion: the second side is more or "
+        "less in three quarters of the ranks, else neither."
+    )
+    for x in runs:
+        for reason in x.early:
+            out.print(f"{x.name} {x.end}: ended early: {reason}")
+    write_json(to_json, {"simulated": True, "runs": [x.to_dict() for x in runs]})
+    if report:
+        write_whole(report, sensitivity_page(runs, participants))
 
 
 @analyse_app.command("wrist")
@@ -88,7 +128,7 @@ def shown_wrist(
             table.add_column(head)
         for line in lines:
             table.add_row(*cells(line))
-        out.print(table)
+        _print_wide(table)
         for line in lines:
             if line.note:
                 out.print(f"{line.metric}: {line.note}")
@@ -109,3 +149,41 @@ def shown_wrist(
             for k, x in values.items()
         ]
         pd.DataFrame(rows).to_csv(csv, index=False)
+
+
+@analyse_app.command("reaches")
+def analyse_reaches(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Imported recordings.")],
+    to_json: JsonOption = None,
+    stream: Annotated[
+        str, typer.Option("--stream", help="Stream with cursor and target.")
+    ] = "reach",
+) -> None:
+    """The motor-learning task's numbers on reaching to targets that stand, a line a recording."""
+    from esea_host.recording.log import open_log
+    from esea_host.wrist.figures import number
+    from esea_host.wrist.reaching import reaches, summary, to_rows
+
+    found = {}
+    for path in files:
+        with open_log(path) as log:
+            found[path.name] = reaches(log[stream])
+    table = Table(title="Reaching to targets that stand; medians")
+    for head in ("file", "reaches", "held", "until, s", "SSE", "beyond, %", "SPARC", "parts"):
+        table.add_column(head)
+    for name, each in found.items():
+        x = summary(each)
+        beyond = None if x["beyond"] is None else 100 * x["beyond"]
+        values = (x["reach_s"], x["sse"], beyond, x["sparc"], x["submovements"])
+        counts = (str(x["reaches"]), str(x["achieved"]))
+        table.add_row(name, *counts, *(number(v) for v in values))
+    _print_wide(table)
+    out.print(
+        "held: 0.75 s within the target, within 10 s; until: to the beginning of that; SSE: "
+        "squared error over the squared distance, 100 a second; beyond: past the target, of the "
+        "distance."
+    )
+    write_json(
+        to_json,
+        {k: {"summary": summary(v), "reaches": to_rows(v)} for k, v in found.items()},
+    )

@@ -236,7 +236,7 @@ class StudySession:
         ready = dict(self.source.ready())
         self.say("ready", **ready)
         reason = str(ready.get("problem", "")) or self._trials(watcher)
-        self.say("end", reason=reason, completed=len(self.state.remaining) == 0)
+        self.say("end", reason=reason, completed=not reason)
         self._reread()
         return reason
 

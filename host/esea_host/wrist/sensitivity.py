@@ -1,0 +1,215 @@
+"""Which conclusions of the wrist study hang on which number of the model of people.  Simulated.
+
+The study is run again with one number of :class:`~esea_host.people.person.PersonModel` at either
+end of its range, the same people otherwise: same seed, same order of trials.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import style
+from matplotlib.figure import Figure
+
+from esea_gen.files import write_json
+from esea_gen.plotting import INK, STYLE, svg
+from esea_host.people.person import PersonModel
+from esea_host.study.protocol import parse_protocol
+from esea_host.wrist.analysis import WristResult, analyse
+from esea_host.wrist.virtual import PROTOCOL, run_study
+
+EARLY = "early.json"  # sessions of a run that ended early
+CLEAR = 0.5  # rank-biserial: three quarters of the ranks go one way
+
+
+@dataclass(frozen=True)
+class PersonSpan:
+    """A number's range, and whose it is."""
+
+    name: str
+    low: Mapping[str, Any]
+    high: Mapping[str, Any]
+    source: str
+
+
+def _scaled(share: float) -> dict[str, Any]:
+    model = PersonModel()
+    return {"range_deg": tuple(share * x for x in model.range_deg)}
+
+
+ASSUMED = "assumed"
+SPANS = (
+    PersonSpan(
+        *("correction's delay, 117 to 200 ms", {"delay_s": 0.117}, {"delay_s": 0.200}),
+        "J. Saunders, D. Knill, Experimental Brain Research 162, 2005: direction, distance",
+    ),
+    PersonSpan(
+        *("two to three submovements a second", {"every_s": 1 / 3}, {"every_s": 0.5}),
+        "R. Miall, D. Weir, J. Stein, J. Motor Behavior 25, 1993",
+    ),
+    PersonSpan(
+        *("hand's stiffness, 3 to 10 Nm/rad", {"stiffness_Nm_rad": 3.0}),
+        *({"stiffness_Nm_rad": 10.0}, "as in the model: wrists at work"),
+    ),
+    PersonSpan("reaction, 200 to 350 ms", {"reaction_s": 0.2}, {"reaction_s": 0.35}, ASSUMED),
+    PersonSpan("sweep, 0.6 to 2.5 s", {"sweep_s": 0.6}, {"sweep_s": 2.5}, ASSUMED),
+    PersonSpan("noise, 0.05 to 0.15", {"noise": 0.05}, {"noise": 0.15}, ASSUMED),
+    PersonSpan(
+        *("submovement, 0.25 to 0.55 s", {"submovement_s": 0.25}, {"submovement_s": 0.55}, ASSUMED)
+    ),
+    PersonSpan(
+        *("learning, half to twice", {"learn": (0.105, 0.01)}, {"learn": (0.42, 0.04)}, ASSUMED)
+    ),
+    PersonSpan("range, less or more by 20 %", _scaled(0.8), _scaled(1.2), ASSUMED),
+)
+
+
+@dataclass(frozen=True)
+class ShiftedRun:
+    """The study with one number shifted.
+
+    effects: per conclusion, as :func:`effects_of`.  changed: conclusions that are other ones.
+    early: sessions that ended early, with the reason.
+    """
+
+    name: str
+    end: str
+    source: str
+    effects: Mapping[str, float | None]
+    changed: tuple[str, ...]
+    early: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def effects_of(result: WristResult) -> dict[str, float | None]:
+    """Rank-biserial correlation of every comparison of tables 7.1 to 7.4; below 0: grows."""
+    found: dict[str, float | None] = {}
+    for title, lines in result.tables.items():
+        axis = title[-2:] + " " if title.startswith(("7.1", "7.2")) else ""
+        for x in lines:
+            if not x.note.startswith("one value"):
+                even = 0.0 if x.n else None  # people there are, and every difference is 0
+                found[f"{title[:3]} {axis}{x.metric}"] = even if x.effect is None else x.effect
+    return found
+
+
+def conclusion(effect: float | None) -> str:
+    """What is concluded: more, less, or neither; none where nothing can be compared."""
+    if effect is None:
+        return "none"
+    # The first side less the second: positive means that the second is smaller.
+    return "less" if effect >= CLEAR else "more" if effect <= -CLEAR else "neither"
+
+
+def changed(usual: Mapping[str, float | None], now: Mapping[str, float | None]) -> tuple[str, ...]:
+    """Conclusions that differ, with what they were and are."""
+    pairs = ((k, conclusion(usual[k]), conclusion(now.get(k))) for k in usual)
+    return tuple(f"{k}: {a} to {b}" for k, a, b in pairs if a != b)
+
+
+def sensitivity(
+    folder: Path,
+    participants: int,
+    seed: int,
+    jobs: int = 1,
+    cluster: str | None = None,
+    spans: Sequence[PersonSpan] = SPANS,
+) -> tuple[ShiftedRun, ...]:
+    """Run the study as it is and with each number shifted, one acquisition block a session.
+
+    Parameters
+    ----------
+    folder : Path
+        One study below it a run.  Runs that are there, of an interrupted call with as many people
+        and the same seed, are taken as they are.
+    participants, seed, jobs, cluster
+        As for :func:`esea_host.wrist.virtual.run_study`.
+    spans : sequence of PersonSpan
+        What is shifted.
+
+    Returns
+    -------
+    tuple of ShiftedRun
+        The study as it is first.
+    """
+    text = PROTOCOL.read_text(encoding="utf-8").replace("copies = 3\n", "copies = 1\n")
+    protocol = parse_protocol(text.replace("seed = 1\n", f"seed = {seed}\n", 1), PROTOCOL.name)
+    plan: list[tuple[str, str, str, Mapping[str, Any]]] = [("as it is", "", "", {})]
+    for x in spans:
+        plan += [(x.name, "low", x.source, x.low), (x.name, "high", x.source, x.high)]
+    found: list[ShiftedRun] = []
+    for name, end, source, shift in plan:
+        place = folder / "-".join([f"{participants}x{seed}", *shift, end or "usual"])
+        if not place.exists():
+            model = replace(PersonModel(), **shift)
+            begun = place.with_name(place.name + ".begun")
+            shutil.rmtree(begun, ignore_errors=True)
+            early = run_study(
+                begun, participants, seed, jobs, model=model, protocol=protocol, cluster=cluster
+            )
+            write_json(begun / EARLY, early)
+            begun.rename(place)
+        early = json.loads((place / EARLY).read_text(encoding="utf-8"))
+        effects = effects_of(analyse(place))
+        other = changed(found[0].effects, effects) if found else ()
+        found.append(ShiftedRun(name, end, source, effects, other, tuple(early)))
+    return tuple(found)
+
+
+def sensitivity_figure(runs: Sequence[ShiftedRun]) -> Figure:
+    """Every comparison's effect in every run; a ring where the conclusion is another one."""
+    keys = list(runs[0].effects)
+    values = np.array(
+        [[np.nan if r.effects[k] is None else r.effects[k] for k in keys] for r in runs]
+    )
+    with style.context(STYLE):
+        figure = Figure(figsize=(9.0, 0.28 * len(runs) + 2.6), layout="constrained")
+        axes = figure.subplots()
+        # Not to the ends of the colours: a ring is to be seen on every cell.
+        image = axes.imshow(-values, cmap="PuOr", vmin=-1.7, vmax=1.7, aspect="auto")
+        axes.grid(visible=False)
+        usual = [conclusion(runs[0].effects[k]) for k in keys]
+        for row, run in enumerate(runs):
+            for column, k in enumerate(keys):
+                if conclusion(run.effects[k]) != usual[column]:
+                    axes.plot(column, row, "o", mfc="white", mec=INK, ms=8, mew=1.5)
+        axes.set_xticks(range(len(keys)), keys, rotation=50, ha="right", fontsize=8)
+        names = [f"{r.name}: {r.end}" if r.end else r.name for r in runs]
+        axes.set_yticks(range(len(runs)), names, fontsize=8)
+        bar = figure.colorbar(image, ax=axes, pad=0.01, ticks=(-1, 0, 1))
+        bar.ax.set_ylim(-1, 1)
+        bar.ax.set_yticklabels(["all less", "even", "all more"], fontsize=8)
+        axes.set_title(
+            "simulated participants: constrained against healthy (7.3: session 2 against 1)\n"
+            "ring: another conclusion than as it is; empty: nothing to compare",
+            fontsize=9,
+        )
+    return figure
+
+
+def sensitivity_page(runs: Sequence[ShiftedRun], participants: int) -> str:
+    """One HTML page."""
+    rows = "".join(
+        f"<tr><td>{html.escape(r.name)}</td><td>{r.end}</td><td>{html.escape(r.source)}</td>"
+        f"<td>{html.escape('; '.join(r.changed)) or '-'}</td></tr>"
+        for r in runs[1:]
+    )
+    return (
+        "<!doctype html><meta charset='utf-8'><title>Wrist study: sensitivity</title>"
+        "<style>body{font:15px sans-serif;max-width:75em;margin:2em auto}td,th{padding:.2em .7em;"
+        "text-align:left}table{border-collapse:collapse}tr{border-bottom:1px solid #ccc}</style>"
+        f"<h1>Sensitivity: {participants} SIMULATED participants</h1>"
+        f"{svg(sensitivity_figure(runs), 's', 'Effects in every run')}"
+        "<table><tr><th>number</th><th>end</th><th>range from</th><th>other conclusions</th></tr>"
+        f"{rows}</table>"
+    )
