@@ -23,6 +23,7 @@ RANGES = {
     "coarse": (27, -1_000_000_007, 1_999_999_999),
     "above": (28, 200_000_003, 1_800_000_001),  # 0.75 to 6.7
     "below": (28, -1_800_000_001, -200_000_003),
+    "deep": (28, -2_100_000_003, -100_000_007),  # -7.8; less the least of above it is beyond 8
     "small": (31, -3_000_017, 2_999_999),
     "short": (20, -3_000_017, 2_999_999),
 }
@@ -100,9 +101,16 @@ PAIRS = [
 ]
 
 
+# Sums and products of what has no bits left over, or hardly any size.
+MORE = [(r, x, y) for r in RATIONAL[:4] for x, y in (("deep", "above"), ("small", "small"))]
+
+
 @pytest.mark.parametrize("wide", [False, True], ids=["32", "64"])
-@pytest.mark.parametrize(("x", "y"), PAIRS)
-@pytest.mark.parametrize("rule", RATIONAL, ids=lambda r: str(r[0]))
+@pytest.mark.parametrize(
+    ("rule", "x", "y"),
+    [*((r, *p) for r in RATIONAL for p in PAIRS), *MORE],
+    ids=lambda x: str(x[0]) if isinstance(x, tuple) else x,
+)
 def test_arithmetic_keeps_the_error_it_states_and_is_as_fine_as_fits(rule, x, y, wide):
     expression, exact, of_constant, whole = rule
     divided = expression.is_op(ca.OP_DIV) or expression.is_op(ca.OP_INV)
