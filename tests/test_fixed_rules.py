@@ -33,7 +33,7 @@ COUNT = 400
 class Found:
     """One operation in whole numbers, over random operands and their ends."""
 
-    def __init__(self, expression, x: str, y: str, wide: bool) -> None:
+    def __init__(self, expression, x: str, y: str, wide: bool, fact=None) -> None:
         kernel = rewrite(fuse_selects(walk(ca.Function("f", [X, Y], [expression]))))
         self.given = [RANGES[x], RANGES[y]]
 
@@ -43,7 +43,9 @@ class Found:
 
         target = [[Target("y", 31, -WORD, WORD - 1, False)]]
         nodes = range(len(kernel.nodes)) if wide else ()
-        lowered = lower(kernel, source, target, wide=nodes, block="tried")
+        (node,) = kernel.results[0]
+        facts = {node: fact} if fact else {}
+        lowered = lower(kernel, source, target, facts=facts, wide=nodes, block="tried")
         rng = np.random.default_rng(5)
         raws = [
             np.array([low, high, high, low, *rng.integers(low, high + 1, COUNT).tolist()], object)
@@ -55,7 +57,6 @@ class Found:
             [Fraction(int(r)) / 2**f for r in column]
             for column, (f, _, _) in zip(raws, self.given, strict=True)
         ]
-        (node,) = kernel.results[0]
         self.value = lowered.values[node]
         self.raw = [int(r) for r in values[node]]
         self.bits = self.value.expr.bits
@@ -255,3 +256,29 @@ def decided(expression, x, y, xs, ys) -> list[bool]:
     values = lowered_values(lowered, places, len(xs))
     (node,) = kernel.results[0]
     return [bool(v) for v in values[node]]
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["32", "64"])
+@pytest.mark.parametrize("fact", [(-1.0, 0.7), (-0.3, 1.0)])
+def test_a_fact_of_algebra_cuts_the_value_and_makes_its_format_finer(fact, wide):
+    low, high = (Fraction(x) for x in fact)
+    for expression, exact in (
+        (X + Y, lambda a, b: a + b),
+        (X * Y, lambda a, b: a * b),
+        (X / Y, lambda a, b: a / b),
+        (X / 3, lambda a, b: a / 3),
+    ):
+        known = Found(expression, "coarse", "above", wide, fact)
+        plain = Found(expression, "coarse", "above", wide)
+        unit = Fraction(2) ** -known.value.fraction
+        assert abs(known.value.low - max(low, plain.value.low)) <= unit
+        assert abs(known.value.high - min(high, plain.value.high)) <= unit
+        assert known.value.fraction >= plain.value.fraction
+        wanted, errors = known.errors(exact)
+        inside = [e for w, e in zip(wanted, errors, strict=True) if low <= w <= high]
+        assert len(inside) > 5
+        assert float(max(inside)) <= known.value.local + known.value.relative
+        # What exact arithmetic never gives is cut to the nearest that it may.
+        for w, r in zip(wanted, known.raw, strict=True):
+            if w > high or w < low:
+                assert abs(r * unit - (high if w > high else low)) <= unit

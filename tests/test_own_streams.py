@@ -70,8 +70,21 @@ def test_every_fault_of_the_limits_comes_and_is_released(drive):
     }
     assert fault[-1] == 0
     assert 0.5 * SHIPPED.u < np.max(np.abs(y["u_Nm"])) < SHIPPED.u
+    # What trips is tried with the valid values too, and hardly beyond each end of each limit.
+    n, x = SHIPPED, found["every fault, and its release"].inputs
+    assert {0.0, 0.5, 1.0} <= set(x["stop"]) & set(x["sensing_ok"]) & set(x["coeffs_ok"])
+    bent = x["theta_motor_rad"] - x["theta_load_rad"][0]
+    for tried, limit in (
+        (x["theta_rad"], n.theta),
+        (bent, n.theta),
+        (x["tau_Nm"], n.tau),
+        (x["omega_load_rad_s"], n.omega),
+        (x["omega_motor_rad_s"], n.omega),
+    ):
+        for side in (1, -1):
+            share = side * tried[np.isfinite(tried)] / limit
+            assert np.min(share[share > 1]) == pytest.approx(1.02, abs=1e-3)
     # Both modes are tried after a release, and the stamp of the control task wraps.
-    x = found["every fault, and its release"].inputs
     assert {1.0, 2.0} <= set(x["mode"][fault == 0])
     beat = x["control_beat"]
     assert any(a == 255 and b == 1 for a, b in pairwise(beat))
@@ -299,8 +312,13 @@ def test_edges_of_an_encoders_decisions(drive):
         if block.coefficients[0].name in c
     ]
     assert len(zeros) >= 15 * 4
-    gaps = np.diff(np.unique(zeros))
-    assert np.sum(gaps < 1e-6) > 20
+    # Of each half turn thirteen single-precision numbers in a row, and two farther off.
+    zeros = np.float32(zeros).reshape(-1, 15)
+    assert len(zeros) == 4  # of each of four first frames one
+    for tie in zeros:
+        near, far = np.sort(tie[:13]), tie[13:]
+        assert np.array_equal(np.nextafter(near[:-1], np.float32(np.inf)), near[1:])
+        assert far[0] < near[0] < near[-1] < far[1] or far[1] < near[0] < near[-1] < far[0]
 
 
 def test_of_the_reference_modes_held(drive):
