@@ -12,7 +12,10 @@ from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.drafting import draft, fitted_device, sourced_device
 from esea_gen.identify.fit import Fit
 from esea_gen.identify.parameters import bounds_of, with_values
+from esea_gen.identify.plant import FittedPlant
 from esea_gen.identify.uncertainty import Uncertainty
+
+from .conftest import require_tool
 
 HZ, CYCLES = 2.5, 6
 TRAINED_DEG, SKIPPED_DEG, TORQUE_Nm = 5.0, 8.0, 0.7
@@ -154,3 +157,32 @@ def test_each_number_says_where_it_is_from_and_how_sure_it_is(tmp_path):
     assert found["elastomer.alpha_Nm_rad"] == found["elastomer.beta_1_rad"] == nothing
     status = {k: q.status for k, q in sourced.quantities()}
     assert {status[f"elastomer.{k}"] for k in values} == {"identified"}
+
+
+@pytest.mark.parametrize("rate", [False, True])
+def test_the_torque_is_the_sum_of_its_parts_times_their_stiffness(tmp_path, rate):
+    """Two ways through the C: all parameters at once, and each part alone with a stiffness of 1."""
+    require_tool("gcc")
+    _, recordings, template = drafted(tmp_path, 200.0, rate=rate)
+    plant = FittedPlant(template, recordings, 200.0 if rate else None)
+    stiff = {"k1_Nm_rad": 12.0, "k3_Nm_rad3": 90.0, "alpha_Nm_rad": 40.0}
+    shape = {"beta_1_rad": 7.0, "omega_rad": 0.03}
+    whole = shape | stiff
+    if rate:
+        # The viscosity of a unit stiffness; that of kv is so many times it.
+        viscous = {"A_Nms_rad": 0.8, "m": 0.7, "eps1_Nms_rad": 0.05, "B": 1.5, "n": 0.4}
+        shape |= viscous | {"eps2": 1.0}
+        stiff["kv_Nm_rad"] = kv = 5.0
+        scaled = {k: kv * viscous[k] for k in ("A_Nms_rad", "eps1_Nms_rad")}
+        whole |= shape | scaled | {"kv_Nm_rad": kv}
+    basis = plant.basis(shape)
+    torque = plant.torque(whole)
+    np.testing.assert_allclose(basis @ list(stiff.values()), torque, atol=1e-9)
+    assert np.all(np.abs(basis).max(axis=0) > 1e-4)
+    assert np.linalg.matrix_rank(basis) == len(stiff)
+    assert plant.evaluations == 2
+    # Only what trains: four whole cycles of 5 degrees, from peak to peak.
+    trained = np.concatenate([s.theta_rad[at] for s in plant.streams for at in s.training])
+    assert len(trained) == len(plant.measured) == len(torque)
+    assert np.abs(trained).max() == pytest.approx(math.radians(TRAINED_DEG), rel=2e-3)
+    np.testing.assert_allclose(basis[:, 0], trained)
