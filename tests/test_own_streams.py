@@ -19,6 +19,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.stream import Stream
 from esea_gen.model.encoder import encoder
 from esea_gen.model.encoder_streams import STREAMS as OF_ENCODER
+from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.plays import STREAMS as OF_PLAYS
 from esea_gen.observe.human import extended_state
@@ -319,6 +320,36 @@ def test_edges_of_an_encoders_decisions(drive):
         near, far = np.sort(tie[:13]), tie[13:]
         assert np.array_equal(np.nextafter(near[:-1], np.float32(np.inf)), near[1:])
         assert far[0] < near[0] < near[-1] < far[1] or far[1] < near[0] < near[-1] < far[0]
+
+
+def test_of_a_gears_encoder_turns_gaps_jumps_and_the_end_of_the_count(drive):
+    block = gear_encoder(drive)
+    first, second = block.streams.events(block, np.random.default_rng(1))
+    y = run(block, first)
+    flags = raised(block, y)
+    assert {k for k, v in flags.items() if not v} == {"INPUT_INVALID", "STATE_REPAIRED"}
+    assert raised(block, run(block, second))["INPUT_INVALID"] > 50
+    constant = {c.name: c.value for c in block.constants}
+    most, held = int(constant["step_max_counts"]), int(constant["held_max"])
+    full = round(block.inputs[0].high) + 1
+    count, bad = first.inputs["count"], first.inputs["frame_error"] != 0
+    step = (np.diff(count) + full / 2) % full - full / 2
+    # As fast as nine tenths of what is believed, both ways, and hardly moving, each with a frame
+    # missing, as many as may be bridged, and one more.
+    runs = [len(r) for r in "".join("x" if b else " " for b in bad).split()]
+    assert Counter(runs) == Counter(3 * [1, held, held + 1])
+    at = np.flatnonzero(np.diff(bad.astype(int)) == 1)
+    speeds = np.array([np.mean(step[k - 15 : k]) for k in at]) / most
+    assert speeds.tolist() == pytest.approx([*3 * [0.9], *3 * [-0.9], *3 * [0.01]], abs=0.02)
+    # One jump of nearly half a turn; then through all that is counted, and back through it twice.
+    assert np.sum(np.abs(step) > 1.5 * most) == 1
+    assert np.max(np.abs(step)) == pytest.approx(0.45 * full, abs=1)
+    fast = np.abs(step) > 0.94 * most
+    span = next(p.high for p in block.state if p.name == "moved")
+    assert np.sum(step[fast & (step > 0)]) / span == pytest.approx(1.1, abs=0.01)
+    assert -np.sum(step[fast & (step < 0)]) / span == pytest.approx(2.2, abs=0.01)
+    assert np.array_equal(count, np.floor(count))
+    assert (count.min() >= 0, count.max() < full) == (True, True)
 
 
 def test_of_the_reference_modes_held(drive):
