@@ -403,6 +403,14 @@ def test_of_the_sliding_mode_a_command_that_comes_late(drive):
             x = stream.inputs[p.name]
             assert np.all((x >= p.low) & (x <= p.high)), p.name
             assert np.ptp(x) > 0
+        # What moves beside the error is small with it and six times as large at last.
+        for name, share in (("tau_Nm", 0.1), ("tau_h_Nm", 0.1), ("u_a_Nm", 0.5)):
+            port = next(p for p in block.inputs if p.name == name)
+            size = np.abs(stream.inputs[name]) / (share * port.high)
+            for k in range(3):
+                first, last = size[900 * k : 900 * k + 150], size[900 * k + 750 : 900 * k + 900]
+                assert 0.15 < first.max() < 0.25, name
+                assert 0.7 < last.max() < 1.2, name
 
 
 def test_play_states_with_a_common_history_at_and_inside_their_thresholds(drive):

@@ -89,3 +89,13 @@ def test_the_load_is_kicked_by_half_before_and_after(drive):
     assert y["omega_l"] == pytest.approx(
         first + 0.5 * h * load_1_kgm2 * (y["tau_e"] + tau_h), rel=1e-9
     )
+
+
+def test_of_the_file_the_model_lists_what_it_uses(drive):
+    cable = {"cable_Nm_rad", "loss", "backlash_most_rad"}
+    for train, its in (("rigid", set()), ("cable", cable)):
+        model = drive_model(drive, Horizon(delay_s=0.002), train=train)
+        names = {c.name for c in model.constants}
+        assert {"J_kgm2", "k1_Nm_rad", "tau_c_s"} <= names
+        # The observer's own numbers are not among them.
+        assert names & (cable | {"rate_1_s", "contact_Nm", "backlash_rad"}) == its
