@@ -103,6 +103,44 @@ def test_a_torque_of_the_wrong_sign_is_no_cable(drive):
     assert rms((y["wound_rad"] - wound)[-1700:]) > 5e-3
 
 
+def test_an_end_is_learnt_at_its_rate_and_so_is_what_the_cable_gives(drive):
+    """In closed form: exponentials of the file's rate, 20 1/s, and of a quarter of it."""
+    taut, moved, rate_1_s = 1.7, 0.003, 20.0
+    block = cable_observer(drive)
+    simulator = block.simulator()
+    wide = 0.01
+
+    def step(lies: float, torque: float, seconds: float) -> list[dict[str, float]]:
+        out = []
+        for _ in range(round(seconds * 1000)):
+            give = float(np.ravel(simulator.state["give_rad_Nm"])[0])
+            gear = lies + give * torque
+            one = simulator.step(
+                theta_gear_rad=gear, gear_usable=1.0, theta_motor_rad=0.0, motor_usable=1.0,
+                tau_Nm=torque, mode=1.0,
+            )  # fmt: skip
+            assert float(one["status"]) == 0
+            out.append({k: float(np.ravel(v)[0]) for k, v in (one | simulator.state).items()})
+        return out
+
+    # Both ends are shown until they are known, then the upper one lies elsewhere.
+    for _ in range(2):
+        step(0.5 * wide, taut, 1.5)
+        known = step(-0.5 * wide, -taut, 1.5)[-1]
+    assert known["gap_rad"] == pytest.approx(wide, rel=1e-6)
+    step(0.0, 0.0, 0.01)  # inside, carrying nothing
+    after = step(0.5 * wide + moved, taut, 0.4)
+    for k in (0, 24, 49, 99, 399):
+        learnt = 1 - math.exp(-rate_1_s * (k + 1) * 1e-3)
+        assert after[k]["gap_rad"] - wide == pytest.approx(moved * learnt, rel=1e-4, abs=1e-8)
+    # Means since taut: the first sample, then a quarter as fast as the ends.
+    assert after[0]["mean_Nm"] == pytest.approx(taut)
+    more = step(0.5 * wide + moved, taut + 0.5, 0.2)
+    for k in (0, 49, 199):
+        share = 1 - math.exp(-0.25 * rate_1_s * (k + 1) * 1e-3)
+        assert more[k]["mean_Nm"] - taut == pytest.approx(0.5 * share, rel=1e-6)
+
+
 def test_without_torque_the_usual_gap_moves_with_what_is_seen(drive):
     # Wound by 8 mrad to one side from where it started: the gap of 6 mrad is pushed along.
     n = 3000

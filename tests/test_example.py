@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from itertools import pairwise
 
 import casadi as ca
 import pytest
@@ -11,7 +12,7 @@ import pytest
 import esea_gen
 from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
-from esea_gen.emit.example import example
+from esea_gen.emit.example import example, triangle
 from esea_gen.emit.example_encoders import encoder_of
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
@@ -296,6 +297,10 @@ def test_any_range_that_holds_more_than_a_value_gets_its_triangle(low, high):
     given = [(made.start + k) * made.lattice for k in (-made.peak, made.peak)]
     assert low <= given[0] < given[1] <= high
     assert math.frexp(made.lattice)[0] == 0.5  # a power of two
+    # Round zero where that is inside, else round a quarter; half way to the nearer end at most.
+    middle = 0.0 if low < 0 < high else low + (high - low) / 4
+    assert abs(made.start * made.lattice - middle) <= made.lattice / 2
+    assert made.peak * made.lattice <= 0.5 * min(high - middle, middle - low)
 
 
 @pytest.mark.parametrize("real", REALS)
@@ -325,3 +330,12 @@ def test_only_the_folder_has_the_example(drive):
     renderer = Renderer(drive.system, FORMATS["f32"], "-", "-", "-")
     assert renderer.folder().keys() - renderer.files().keys() == {"main.c"}
     assert compile_sources(renderer.files(), (), ()).exists()
+
+
+@pytest.mark.parametrize("peak", [1, 2, 7, 100])
+def test_the_triangle_goes_up_down_through_zero_and_back_in_steps_of_one(peak):
+    wave = [triangle(k, peak) for k in range(12 * peak)]
+    assert wave[: 4 * peak] * 3 == wave
+    assert {abs(b - a) for a, b in pairwise(wave)} == {1}
+    assert (wave[0], wave[peak], wave[2 * peak], wave[3 * peak]) == (0, peak, 0, -peak)
+    assert (max(wave), min(wave)) == (peak, -peak)

@@ -436,3 +436,28 @@ def test_the_inverse_in_single_precision(hdrb_device):
     library = compile_system(inverse_system(device, inverse), "f32")
     found, _ = library.block("inverse").run({"tau_Nm": wanted}, trace=False)
     assert np.abs(found["theta_rad"] - exact["theta_rad"]).max() < 1e-5
+
+
+def test_flags_of_the_domain_are_raised_beyond_it_and_not_at_it(elbow):
+    """A spring of 2 Nm/rad; the ends of its domain are numbers of every format."""
+    spring = FittedMember(Member("one", "one", (Term("spring", LINEAR),)), 1.0, (2.0,))
+    q = {"status": "assumed", "source": "drawn"}
+    domain = {"theta_max_rad": 0.25, "omega_max_rad_s": 1.5, "tau_full_scale_Nm": 0.375}
+    file = elbow.file
+    found = {k: type(file.domain.theta_max_rad)(value=v, **q) for k, v in domain.items()}
+    file = file.model_copy(update={"domain": file.domain.model_copy(update=found)})
+    block = family_sensor(device_of(Device(file, "drawn"), spring, "drawn"), spring)
+    names = [f.name for f in block.status_port.flags]
+
+    def raised(theta: float, omega: float = 0.0) -> set[str]:
+        y = block.simulator().step(theta_rad=theta, omega_rad_s=omega)
+        return {n for i, n in enumerate(names) if int(y["status"]) >> i & 1}
+
+    for side in (1, -1):
+        tick = 1 + 1e-12
+        assert raised(side * 0.1875) == set()  # where the torque is full scale
+        assert raised(side * 0.1875 * tick) == {"TORQUE_OUTSIDE"}
+        assert raised(side * 0.25) == {"TORQUE_OUTSIDE"}
+        assert raised(side * 0.25 * tick) == {"THETA_OUTSIDE", "TORQUE_OUTSIDE"}
+        assert raised(0.0, side * 1.5) == set()
+        assert raised(0.0, side * 1.5 * tick) == {"RATE_OUTSIDE"}

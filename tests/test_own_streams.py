@@ -19,6 +19,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.stream import Stream
 from esea_gen.model.encoder import encoder
 from esea_gen.model.encoder_streams import STREAMS as OF_ENCODER
+from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.plays import STREAMS as OF_PLAYS
 from esea_gen.observe.human import extended_state
@@ -70,8 +71,21 @@ def test_every_fault_of_the_limits_comes_and_is_released(drive):
     }
     assert fault[-1] == 0
     assert 0.5 * SHIPPED.u < np.max(np.abs(y["u_Nm"])) < SHIPPED.u
+    # What trips is tried with the valid values too, and hardly beyond each end of each limit.
+    n, x = SHIPPED, found["every fault, and its release"].inputs
+    assert {0.0, 0.5, 1.0} <= set(x["stop"]) & set(x["sensing_ok"]) & set(x["coeffs_ok"])
+    bent = x["theta_motor_rad"] - x["theta_load_rad"][0]
+    for tried, limit in (
+        (x["theta_rad"], n.theta),
+        (bent, n.theta),
+        (x["tau_Nm"], n.tau),
+        (x["omega_load_rad_s"], n.omega),
+        (x["omega_motor_rad_s"], n.omega),
+    ):
+        for side in (1, -1):
+            share = side * tried[np.isfinite(tried)] / limit
+            assert np.min(share[share > 1]) == pytest.approx(1.02, abs=1e-3)
     # Both modes are tried after a release, and the stamp of the control task wraps.
-    x = found["every fault, and its release"].inputs
     assert {1.0, 2.0} <= set(x["mode"][fault == 0])
     beat = x["control_beat"]
     assert any(a == 255 and b == 1 for a, b in pairwise(beat))
@@ -299,8 +313,43 @@ def test_edges_of_an_encoders_decisions(drive):
         if block.coefficients[0].name in c
     ]
     assert len(zeros) >= 15 * 4
-    gaps = np.diff(np.unique(zeros))
-    assert np.sum(gaps < 1e-6) > 20
+    # Of each half turn thirteen single-precision numbers in a row, and two farther off.
+    zeros = np.float32(zeros).reshape(-1, 15)
+    assert len(zeros) == 4  # of each of four first frames one
+    for tie in zeros:
+        near, far = np.sort(tie[:13]), tie[13:]
+        assert np.array_equal(np.nextafter(near[:-1], np.float32(np.inf)), near[1:])
+        assert far[0] < near[0] < near[-1] < far[1] or far[1] < near[0] < near[-1] < far[0]
+
+
+def test_of_a_gears_encoder_turns_gaps_jumps_and_the_end_of_the_count(drive):
+    block = gear_encoder(drive)
+    first, second = block.streams.events(block, np.random.default_rng(1))
+    y = run(block, first)
+    flags = raised(block, y)
+    assert {k for k, v in flags.items() if not v} == {"INPUT_INVALID", "STATE_REPAIRED"}
+    assert raised(block, run(block, second))["INPUT_INVALID"] > 50
+    constant = {c.name: c.value for c in block.constants}
+    most, held = int(constant["step_max_counts"]), int(constant["held_max"])
+    full = round(block.inputs[0].high) + 1
+    count, bad = first.inputs["count"], first.inputs["frame_error"] != 0
+    step = (np.diff(count) + full / 2) % full - full / 2
+    # As fast as nine tenths of what is believed, both ways, and hardly moving, each with a frame
+    # missing, as many as may be bridged, and one more.
+    runs = [len(r) for r in "".join("x" if b else " " for b in bad).split()]
+    assert Counter(runs) == Counter(3 * [1, held, held + 1])
+    at = np.flatnonzero(np.diff(bad.astype(int)) == 1)
+    speeds = np.array([np.mean(step[k - 15 : k]) for k in at]) / most
+    assert speeds.tolist() == pytest.approx([*3 * [0.9], *3 * [-0.9], *3 * [0.01]], abs=0.02)
+    # One jump of nearly half a turn; then through all that is counted, and back through it twice.
+    assert np.sum(np.abs(step) > 1.5 * most) == 1
+    assert np.max(np.abs(step)) == pytest.approx(0.45 * full, abs=1)
+    fast = np.abs(step) > 0.94 * most
+    span = next(p.high for p in block.state if p.name == "moved")
+    assert np.sum(step[fast & (step > 0)]) / span == pytest.approx(1.1, abs=0.01)
+    assert -np.sum(step[fast & (step < 0)]) / span == pytest.approx(2.2, abs=0.01)
+    assert np.array_equal(count, np.floor(count))
+    assert (count.min() >= 0, count.max() < full) == (True, True)
 
 
 def test_of_the_reference_modes_held(drive):
@@ -354,6 +403,14 @@ def test_of_the_sliding_mode_a_command_that_comes_late(drive):
             x = stream.inputs[p.name]
             assert np.all((x >= p.low) & (x <= p.high)), p.name
             assert np.ptp(x) > 0
+        # What moves beside the error is small with it and six times as large at last.
+        for name, share in (("tau_Nm", 0.1), ("tau_h_Nm", 0.1), ("u_a_Nm", 0.5)):
+            port = next(p for p in block.inputs if p.name == name)
+            size = np.abs(stream.inputs[name]) / (share * port.high)
+            for k in range(3):
+                first, last = size[900 * k : 900 * k + 150], size[900 * k + 750 : 900 * k + 900]
+                assert 0.15 < first.max() < 0.25, name
+                assert 0.7 < last.max() < 1.2, name
 
 
 def test_play_states_with_a_common_history_at_and_inside_their_thresholds(drive):

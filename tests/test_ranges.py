@@ -300,3 +300,113 @@ def test_what_each_operation_rounds_itself():
         expected = rounding + off * np.log(1e3)
         assert found.results[0][0].r == pytest.approx(expected, rel=1e-6)
         assert found.results[0][0].a < 1e-44
+
+
+# -- what is decided, and what stays whole ---------------------------------------------------------
+
+UNDECIDED = (0.0, 1.0)
+YES, NO = (1.0, 1.0), (0.0, 0.0)
+
+
+def truth(expression, x: RangeValue, y: RangeValue) -> tuple[tuple[float, float], bool]:
+    """Range of a truth value, and whether rounding could turn it."""
+    found = analyse(walk(ca.Function("f", [X, Y], [expression])), F32, [[x], [y]])
+    value = found.results[0][0]
+    assert value.exact
+    return (value.low, value.high), bool(found.assumptions)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "less", "at_most"),
+    [
+        ((0, 1), (2, 3), YES, YES),
+        ((0, 2), (2, 3), UNDECIDED, YES),
+        ((2, 3), (0, 1), NO, NO),
+        ((2, 3), (0, 2), NO, UNDECIDED),
+        ((0, 3), (2, 4), UNDECIDED, UNDECIDED),
+        ((2, 4), (0, 3), UNDECIDED, UNDECIDED),
+        ((-3, -2), (-2, 5), UNDECIDED, YES),
+    ],
+)
+def test_a_comparison_is_decided_where_all_of_both_intervals_agree(x, y, less, at_most):
+    exact = RangeValue(*x), RangeValue(*y)
+    for expression, expected in (
+        (X < Y, less),
+        (X <= Y, at_most),
+        (Y > X, less),
+        (Y >= X, at_most),
+        (ca.logic_not(X < Y), (1 - less[1], 1 - less[0])),
+        # What another operand alone decides, and what both must.
+        (ca.logic_and(X <= Y, X < 9), at_most),
+        (ca.logic_and(X <= Y, X > 9), NO),
+        (ca.logic_or(X < Y, X > 9), less),
+        (ca.logic_or(X < Y, X < 9), YES),
+    ):
+        assert truth(expression, *exact) == (expected, False), expression
+    # Each side off by what closes the gap between them, and by a little less.
+    gap = max(y[0] - x[1], x[0] - y[1])
+    for share, closed in ((0.49, gap <= 0), (0.51, True)):
+        rough = [RangeValue(v.low, v.high, share * max(gap, 0.01)) for v in exact]
+        found, turned = truth(X < Y, *rough)
+        assert (found == UNDECIDED, turned) == (closed, closed)
+        one = (rough[0], RangeValue(*y))
+        assert truth(X < Y, *one)[1] == (gap <= 0)
+
+
+def test_a_choice_whose_condition_is_decided_is_the_one_that_is_taken():
+    low, high = RangeValue(0.0, 1.0, 0.25), RangeValue(2.0, 3.0, 0.125)
+    for expression, taken in (
+        (ca.if_else(X < Y, X, Y), low),
+        (ca.if_else(X > Y, X, Y), high),
+        (ca.if_else(X < Y, X, 0), low),
+    ):
+        found = analyse(walk(ca.Function("f", [X, Y], [expression])), F32, [[low], [high]])
+        value = found.results[0][0]
+        assert (value.low, value.high, value.a) == (taken.low, taken.high, taken.a)
+    found = analyse(walk(ca.Function("f", [X, Y], [ca.if_else(X > Y, X, 0)])), F32, [[low], [high]])
+    assert (found.results[0][0].low, found.results[0][0].high) == (0, 0)
+
+
+def test_the_sign_of_a_sum_of_exact_numbers_is_sure():
+    exact, rough = RangeValue(-1.0, 1.0), RangeValue(-1.0, 1.0, 1e-9)
+    for expression in (X + Y > 0, X - Y <= 0, X - Y < 0):
+        assert truth(expression, exact, exact) == (UNDECIDED, False)
+        assert truth(expression, exact, rough) == (UNDECIDED, True)
+        assert truth(expression, rough, exact) == (UNDECIDED, True)
+    # Against another number than 0, or of a product, it is not.
+    assert truth(X + Y > 0.5, exact, exact) == (UNDECIDED, True)
+    assert truth(X * Y > 0, exact, exact) == (UNDECIDED, True)
+
+
+def test_whole_numbers_are_exact_as_far_as_the_format_holds_them():
+    top = 2.0**24
+    for expression, x, y, exact in (
+        (X + Y, (0, top - 1), (0, 1), True),
+        (X + Y, (0, top), (0, 1), False),
+        (X + Y, (-top, 0), (-1, 0), False),
+        (X - Y, (0, top - 1), (-1, 0), True),
+        (X - Y, (0, top), (-1, 0), False),
+        (X * Y, (0, 4096), (-4096, 4096), True),
+        (X * Y, (0, 4096), (-4097, 0), False),
+        (X * Y, (0, 4096), (0, 4097), False),
+        (X * X, (-4096, 4096), (0, 0), True),
+        (X * X, (-4097, 0), (0, 0), False),
+        (2 * X + Y, (0, top / 2 - 1), (0, 2), True),
+        (ca.fabs(-X) + Y, (1 - top, 0), (0, 1), True),
+        (ca.fmin(X, 7.0) + Y, (0, 9), (0, 1), True),
+        (ca.fmin(X, 7.5) + Y, (0, 9), (0, 1), False),
+        (ca.fmax(X, 7.0) + Y, (0, 9), (0, 1), True),
+        (ca.if_else(X > 3, X, Y) + Y, (0, 9), (0, 1), True),
+        (ca.if_else(X > 3, X, 0.5) + Y, (0, 9), (0, 1), False),
+        ((X > 3) + Y, (0, 9), (0, 1), True),
+    ):
+        given = [[RangeValue(*v, whole=True)] for v in (x, y)]
+        kernel = walk(ca.Function("f", [X, Y], [expression]))
+        assert analyse(kernel, F32, given).results[0][0].exact == exact, (expression, x, y)
+        # Of any numbers the same sum is rounded.
+        given = [[RangeValue(*v)] for v in (x, y)]
+        assert not analyse(kernel, F32, given).results[0][0].exact
+    # A number is off by what single precision leaves of it.
+    for c in (0.1, 1 / 3, 16777217.0):
+        stored = analyse(walk(ca.Function("f", [X, Y], [X * 0 + c])), F32, [[given[0][0]]] * 2)
+        assert stored.results[0][0].error >= abs(float(np.float32(c)) - c)

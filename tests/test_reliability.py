@@ -125,3 +125,13 @@ def test_a_table_that_says_nothing_is_refused(tmp_path, text, words):
     done = CliRunner().invoke(app, ["reliability", str(path)])
     assert isinstance(done.exception, UserError)
     assert words in str(done.exception)
+
+
+def test_limits_of_agreement_worked_out_by_hand():
+    """Differences -2 to 2: deviation sqrt(2.5), z 1.959964, t of four degrees 2.776445."""
+    first = np.array([10.0, 12.0, 14.0, 16.0, 18.0])
+    bias, low, high, half = agreement(first + [-2, -1, 0, 1, 2] + 0.5, first)
+    assert bias == pytest.approx(0.5)
+    assert (low, high) == pytest.approx((0.5 - 3.098975, 0.5 + 3.098975), abs=1e-6)
+    # Of a limit: sd sqrt(1/5 + z^2 / 8), as var(sd) is sd^2 / (2 (n - 1)) [Bland, Altman 1999].
+    assert half == pytest.approx(2.776445 * 1.581139 * np.sqrt(0.2 + 3.841459 / 8), rel=1e-6)

@@ -96,3 +96,13 @@ def test_what_is_no_number_counts_as_the_worst():
         "late_level": (0, 255, 255),
         "coeffs_ok": (0, 1, 0),
     }
+
+
+@pytest.mark.parametrize("start", [0, 7, 2**32 - 1])
+def test_only_the_next_tick_is_in_order_however_far_the_other_is(start):
+    """Lost, repeated, backward; by one more than any power of two as well."""
+    for jump in (1, 0, 2, -1, *(2**k + 1 for k in range(1, 32)), *(1 - 2**k for k in range(1, 32))):
+        watch = TaskWatch()
+        watch.see(start)
+        watch.see((start + jump) % 2**32)
+        assert seen(watch)["clock_ok"] == (jump == 1), jump
