@@ -188,7 +188,7 @@ def seen(lockstep, qtbot, tmp_path):
     from esea_host.windows.live import LiveWindow
 
     recording = lockstep.record(tmp_path / "a.mcap")
-    feed = LiveFeed(lockstep, recording, most_rows=5000, threaded=False)
+    feed = LiveFeed(lockstep, recording, kept_s=5.0, threaded=False)
     run_for(lockstep, feed, 2.2)
     window = LiveWindow(feed)
     window.window_s = 2.0
@@ -394,7 +394,7 @@ def test_a_view_that_fails_leaves_the_recording_running(lockstep, qtbot, tmp_pat
     from esea_host.windows.live import LiveWindow
 
     with lockstep.record(tmp_path / "a.mcap") as recording:
-        feed = LiveFeed(lockstep, recording, most_rows=100, threaded=False)
+        feed = LiveFeed(lockstep, recording, kept_s=0.1, threaded=False)
         window = LiveWindow(feed)
         window._timer.stop()
         qtbot.addWidget(window)
@@ -516,7 +516,7 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
 
     ours, theirs = os.pipe()
     hands = Hands(ours)
-    feed = LiveFeed(lockstep, None, most_rows=2000, threaded=False)
+    feed = LiveFeed(lockstep, None, kept_s=2.0, threaded=False)
     window = LiveWindow(feed)
     qtbot.addWidget(window)
     window.resize(1280, 760)

@@ -66,7 +66,6 @@ class LiveWindow(QMainWindow):
         super().__init__()
         self.feed, self.theme = feed, DARK if dark else LIGHT
         device = feed.device.identity.device
-        self._seconds = {t.name: t.every * device.system.base_period_s for t in device.system.tasks}
         self._columns = {(n, c.name): c for n, r in feed.rings.items() for c in r.layout.columns}
         self.window_s, self._frozen = 10.0, dict[str, Stretch]()
         self._stop_asked_s = 0.0
@@ -275,8 +274,7 @@ class LiveWindow(QMainWindow):
             first_s = self.trigger.shown_s(self.window_s)[0]
             back_s = np.fmax(2 * self.window_s, self.feed.now_s() - first_s)
         for name, ring in self.feed.rings.items():
-            period_s = self._seconds[name.rpartition("_")[0]]
-            found[name] = ring.last(int(back_s / period_s) + 1)
+            found[name] = ring.last(int(back_s / self.feed.period_s[name]) + 1)
         return found
 
     def _turn(self) -> None:
@@ -308,6 +306,10 @@ class LiveWindow(QMainWindow):
         if self.cursors.on:
             self.cursors.read(shown)
         self._tell(shown)
+        for area in (self._area, self._loop_area):
+            if area.isVisible():
+                # Ranges now: in the middle of a painting they ask for another one.
+                area.scene().prepareForPaint()
         self.drawn_frames += 1
 
     def _triggered(self, shown: dict[str, Stretch]) -> tuple[float, float]:
