@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from esea_host.connection import ConnectedDevice
+from esea_host.connection import Batch, ConnectedDevice
 from esea_host.connection.receiver import KEY
 from esea_host.connection.recording import LiveRecording
 from esea_host.windows.history import LAST_S, RowRing
@@ -88,8 +88,12 @@ class LiveFeed:
     def gather(self, timeout_s: float = 0.0) -> None:
         """Put what has come into the rings."""
         for batch in self._queue.take(timeout_s):
-            self.came_s = time.monotonic()
-            self.rings[batch.layout.name].extend(batch)
+            self.receive(batch)
+
+    def receive(self, batch: Batch) -> None:
+        """Put rows into their ring."""
+        self.came_s = time.monotonic()
+        self.rings[batch.layout.name].extend(batch)
 
     def ask(self) -> None:
         """Do what was asked for, then look at state, fault and health."""
