@@ -107,7 +107,7 @@ class PlayedBoard(ConnectedDevice):
         """What comes a moment later: seconds since the beginning, and the rows until then."""
         file, log = self.log.file, self.log
         layouts = {x.name: x for x in self._layouts if x.name in log.streams}
-        seen_ns = dict.fromkeys(layouts, -1)
+        seen_ns, at_s = dict.fromkeys(layouts, -1), 0.0
         for piece in file.pieces:
             found = {}
             for name, layout in layouts.items():
@@ -137,4 +137,6 @@ class PlayedBoard(ConnectedDevice):
                         seen_ns[name] = int(ns[-1])
                         part = batch.rows[a:b]
                         parts.append(Batch(batch.layout, part, ns, batch.arrived_ns, gaps))
-                yield (start_ns + step_ns - log.start_ns) * 1e-9, parts
+                # Pieces overlap by a moment: time stands meanwhile.
+                at_s = max(at_s, (start_ns + step_ns - log.start_ns) * 1e-9)
+                yield at_s, parts
