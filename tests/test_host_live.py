@@ -17,7 +17,9 @@ import pytest
 
 import esea_host
 from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
 from esea_host.cli import main
+from esea_host.connection import PlayedBoard
 from esea_host.connection.receiver import Batch
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import StreamColumn, StreamLayout
@@ -188,7 +190,7 @@ def seen(lockstep, qtbot, tmp_path):
     from esea_host.windows.live import LiveWindow
 
     recording = lockstep.record(tmp_path / "a.mcap")
-    feed = LiveFeed(lockstep, recording, most_rows=5000, threaded=False)
+    feed = LiveFeed(lockstep, recording, kept_s=5.0, threaded=False)
     run_for(lockstep, feed, 2.2)
     window = LiveWindow(feed)
     window.window_s = 2.0
@@ -322,6 +324,53 @@ def test_pictures_for_the_manual(seen, dark, tmp_path):
     assert len(colours) > 20
 
 
+def test_a_recording_is_played_in_the_window_at_any_speed(seen, qtbot, tmp_path):
+    """To the last row, holes as holes; there is nothing to stop or to command."""
+    from PySide6.QtCore import Qt
+
+    from esea_host.windows.live import LiveWindow
+
+    seen[1].recording.close()
+    whole = (tmp_path / "a.mcap").read_bytes()
+    with esea_host.open_log(tmp_path / "a.mcap") as log:
+        piece = log.file.pieces[len(log.file.pieces) // 2]
+        before = log["sense_out"]
+        with PlayedBoard(log, 3.0) as board:
+            steps = list(board.steps())
+    parts = [b for _, batches in steps for b in batches if b.layout.name == "sense_out"]
+    assert np.concatenate([b.rows for b in parts]).tobytes() == before.rows.tobytes()
+    assert np.all(np.diff([at_s for at_s, _ in steps]) >= 0)
+    assert len(steps) > 0.9 * (before.time_s[-1] - before.time_s[0]) / (3 * 0.03)
+    at = (piece.offset + piece.end) // 2  # a damaged piece is left out, and is a hole
+    (tmp_path / "b.mcap").write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+    with esea_host.open_log(tmp_path / "b.mcap") as log, PlayedBoard(log, 8.0) as board:
+        holes = [g for g in log.gaps if g.stream == "sense_out"]
+        assert [g.reason for g in holes] == ["recording"]
+        feed = LiveFeed(board)
+        window = LiveWindow(feed)
+        qtbot.addWidget(window)
+        window.show()
+        board.play()
+        qtbot.waitUntil(lambda: board.ended, timeout=20_000)
+        rows = len(log["sense_out"])
+        assert len(before) - 1000 < rows < len(before)
+        qtbot.waitUntil(lambda: feed.rings["sense_out"].total == rows, timeout=5000)
+        assert feed.rings["sense_out"].last().after_gap.sum() == 1
+        qtbot.waitUntil(lambda: "RECORDED: b.mcap, its end" in window.state.text(), timeout=5000)
+        assert not window.stop_button.isVisible()
+        qtbot.keyClick(window, Qt.Key.Key_Space)
+        assert window.paused
+        assert board.held
+        with pytest.raises(LinkError, match="no board to command"):
+            board.arm()
+        feed.close()
+    with (
+        esea_host.open_log(tmp_path / "a.mcap") as log,
+        pytest.raises(UserError, match="0 times its speed"),
+    ):
+        PlayedBoard(log, 0.0)
+
+
 @pytest.fixture
 def server(simulated_elbow):
     simulated_elbow.restart()
@@ -394,7 +443,7 @@ def test_a_view_that_fails_leaves_the_recording_running(lockstep, qtbot, tmp_pat
     from esea_host.windows.live import LiveWindow
 
     with lockstep.record(tmp_path / "a.mcap") as recording:
-        feed = LiveFeed(lockstep, recording, most_rows=100, threaded=False)
+        feed = LiveFeed(lockstep, recording, kept_s=0.1, threaded=False)
         window = LiveWindow(feed)
         window._timer.stop()
         qtbot.addWidget(window)
@@ -516,7 +565,7 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
 
     ours, theirs = os.pipe()
     hands = Hands(ours)
-    feed = LiveFeed(lockstep, None, most_rows=2000, threaded=False)
+    feed = LiveFeed(lockstep, None, kept_s=2.0, threaded=False)
     window = LiveWindow(feed)
     qtbot.addWidget(window)
     window.resize(1280, 760)

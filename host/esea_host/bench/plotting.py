@@ -13,7 +13,7 @@ from esea_host.connection import Batch, open_device
 from esea_host.simulated import LockstepDevice, SimulatedBoard
 
 PIECE_ROWS = 50  # of a stream that runs at every tick
-PICTURE_S, MINUTE_S, WARM_S = 0.5, 60.0, 600.0  # of the board's time
+PICTURE_S, MINUTE_S, WARM_S = 0.5, 60.0, 180.0  # of the board's time
 
 
 def memory_bytes() -> int:
@@ -97,25 +97,33 @@ def _pieces(drive: SimulatedBoard) -> tuple[LockstepDevice, dict[str, Batch]]:
     device.listen()
     device.advance(0.2)
     queue.take(0.0)
-    device.advance(PIECE_ROWS * 1e-3)
-    found: dict[str, Batch] = {}
-    for batch in queue.take(0.0):
-        found.setdefault(batch.layout.name, batch)
+    for _ in range(PIECE_ROWS):
+        drive.tick()
+    device.pump()  # once: one batch of each stream, with all of its rows
+    found = {batch.layout.name: batch for batch in queue.take(0.0)}
     device.receiver.unsubscribe(queue)
     return device, found
 
 
 def window_soak(
-    drive: SimulatedBoard, hours: float, warm_s: float = WARM_S, picture_s: float = PICTURE_S
-) -> dict[str, float]:
+    drive: SimulatedBoard,
+    hours: float,
+    warm_s: float = WARM_S,
+    picture_s: float = PICTURE_S,
+    channels: int = 0,
+    every_s: float = MINUTE_S,
+) -> dict[str, Any]:
     """The memory of the live view, every stream of the board in it, hours of its time in minutes.
 
     Rows come as the receiver hands them out, at the board's own rates.
 
-    warm_s: of the board's time, until the memory is looked at, once a minute from then on.
+    warm_s: of the board's time, until the memory is looked at, every ``every_s`` from then on.
     picture_s: of the board's time, from one picture to the next.
+    channels: drawn beside the panels' own signals, each with its spectrum.
     """
     qt = application()
+    from PySide6.QtCore import Qt
+
     from esea_host.windows.feed import LiveFeed
     from esea_host.windows.live import LiveWindow
 
@@ -124,43 +132,41 @@ def window_soak(
     window = LiveWindow(feed)
     window._timer.stop()
     window.toggle_spectrum()
+    for i in range(min(channels, window.channels.count())):
+        window.channels.item(i).setCheckState(Qt.CheckState.Checked)
     window.resize(1280, 860)
     window.show()
     counts = {n: len(b.rows) for n, b in pieces.items() if n in feed.rings}
     piece_s, rows, painted_s = PIECE_ROWS * 1e-3, 0, 0.0
-    told: list[tuple[float, int]] = []
+    told: list[tuple[float, int, int]] = []  # hour, pictures, memory
     for k in range(round(hours * 3600 / piece_s)):
         for name in counts:
             batch = pieces[name]
             moved = batch.rows.copy()
             moved["sequence"] += np.uint32(k * PIECE_ROWS)
             board_ns = batch.board_ns + k * PIECE_ROWS * device.identity.tick_us * 1000
-            for subscription in device.receiver._subscriptions:
-                subscription.put(Batch(batch.layout, moved, board_ns, time.time_ns()))
+            feed.receive(Batch(batch.layout, moved, board_ns, time.time_ns()))
             rows += len(moved)
-        feed.gather()
         at_s = (k + 1) * piece_s
         if at_s - painted_s >= picture_s:
             painted_s = at_s
             feed.ask()
             window.draw()
-            for area in (window._area, window._loop_area):
-                area.viewport().repaint()
-            qt.processEvents()
-        if at_s >= warm_s + MINUTE_S * len(told):
-            told.append((at_s / 3600, memory_bytes()))
+            qt.processEvents()  # paints
+        if at_s >= warm_s + every_s * len(told):
+            told.append((at_s / 3600, window.drawn_frames, memory_bytes()))
     pictures = window.drawn_frames
     window.close()
     feed.close()
-    at_h, held = np.array(told or [(0.0, memory_bytes())]).T
+    at_h, at_picture, held = np.array(told or [(0.0, 0, memory_bytes())]).T
     slope = float(np.polyfit(at_h, held, 1)[0]) if len(told) > 2 else float("nan")
     return {
         "hours": hours,
         "columns": sum(c.size for n in counts for c in pieces[n].layout.columns),
         "rows": rows,
         "pictures": pictures,
-        "dropped_rows": feed.dropped_rows,
         "memory_after_warm_up_bytes": float(held[0]),
         "memory_growth_bytes": float(held[-1] - held[0]),
         "memory_slope_bytes_per_hour": slope,
+        "memory_bytes_by_picture": np.column_stack([at_picture, held]).astype(int).tolist(),
     }

@@ -10,6 +10,7 @@ import typer
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
 from esea_host.cli.options import LogArgument
+from esea_host.cli.view import watch_recording
 from esea_host.recording import open_log
 from esea_host.recording.clock import clock_fit
 
@@ -49,8 +50,18 @@ def replay(
     ] = False,
     stream: Annotated[str, typer.Option("--stream", help="Which to print.")] = "sense_out",
     speed: SpeedOption = 1.0,
+    view: Annotated[bool, typer.Option("--view", help="Play it in the live view.")] = False,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", min=1.0, help="With --view: close after so long.")
+    ] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option("--screenshot", metavar="FILE", help="With --view: picture.")
+    ] = None,
 ) -> None:
-    """Play a recording line by line, or prove that the C gives every bit of it."""
+    """Play a recording, line by line or in the live view, or prove that every bit is the C's."""
+    if view:
+        watch_recording(path, speed, seconds, screenshot)
+        return
     with open_log(path) as log:
         if not verify:
             from esea_host.recording.playing import play

@@ -37,12 +37,33 @@ def view(
     ] = None,
 ) -> None:
     """See a board live: curves, limits, faults; Space or Escape stops the motor."""
+    if address.endswith(".mcap"):
+        raise UserError(
+            f"{address} is a recording, and no board.", f"esea-host replay {address} --view"
+        )
     _watch(address, device, record, dark, seconds, screenshot, operated=False)
 
 
 def watch_demo(address: str, record: Path | None, seconds: float | None) -> None:
     """See a simulated board that somebody operates."""
     _watch(address, None, record, None, seconds, None, operated=True)
+
+
+def watch_recording(
+    path: Path, speed: float, seconds: float | None, screenshot: Path | None
+) -> None:
+    """See a recording in the live view, at any speed."""
+    need_a_screen("esea-host replay without --view")
+    from esea_host.connection import PlayedBoard
+    from esea_host.recording import open_log
+    from esea_host.windows.feed import LiveFeed
+    from esea_host.windows.running import run_live
+
+    with open_log(path) as log, PlayedBoard(log, speed) as board:
+        feed = LiveFeed(board)
+        board.play()
+        run_live(feed, None, seconds, screenshot)
+        feed.close()
 
 
 def _watch(

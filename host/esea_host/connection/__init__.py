@@ -3,6 +3,7 @@
 from esea_host.connection.asynchronous import AsyncDevice, connect
 from esea_host.connection.device import ConnectedDevice, open_device
 from esea_host.connection.listening import listen_named
+from esea_host.connection.played import PlayedBoard
 from esea_host.connection.receiver import Batch, Receiver, Subscription
 from esea_host.connection.samples import RunSample
 
@@ -10,6 +11,7 @@ __all__ = [
     "AsyncDevice",
     "Batch",
     "ConnectedDevice",
+    "PlayedBoard",
     "Receiver",
     "RunSample",
     "Subscription",

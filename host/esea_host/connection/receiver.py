@@ -231,13 +231,17 @@ class Receiver:
         for found in decoded:
             batch = self._clock.batch(found, now, self.health)
             if batch is not None:
-                self.gap_count += len(batch.gaps)
-                for subscription in self._subscriptions:
-                    subscription.put(batch)
+                self.hand_out(batch)
         if others:
             with self._changed:
                 self._others += others
                 self._changed.notify_all()
+
+    def hand_out(self, batch: Batch) -> None:
+        """To everybody who has subscribed."""
+        self.gap_count += len(batch.gaps)
+        for subscription in self._subscriptions:
+            subscription.put(batch)
 
     def add_named(self, stream: NamedStream, number: int) -> None:
         """Make rows of a stream that the board was asked for by names.

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from esea_host.connection import ConnectedDevice
+from esea_host.connection import Batch, ConnectedDevice
 from esea_host.connection.receiver import KEY
 from esea_host.connection.recording import LiveRecording
-from esea_host.windows.history import LAST_ROWS, RowRing
+from esea_host.windows.history import LAST_S, RowRing
 from esea_host.windows.meanings import FaultText, fault_text
 from esea_host.windows.stopping import StopSender
 
@@ -43,8 +43,8 @@ class LiveFeed:
         Listened to.
     recording : LiveRecording, optional
         That runs; notes go into it.
-    most_rows : int
-        Kept of each stream.
+    kept_s : float
+        So much of each stream is kept.
     threaded : bool
         Gather by itself; otherwise by :meth:`gather` and :meth:`ask`.
     """
@@ -53,12 +53,15 @@ class LiveFeed:
         self,
         device: ConnectedDevice,
         recording: LiveRecording | None = None,
-        most_rows: int = LAST_ROWS,
+        kept_s: float = LAST_S,
         threaded: bool = True,
     ) -> None:
         self.device, self.recording = device, recording
         layouts = [x for x in device.receiver.decoder.layouts.values() if x.name != KEY]
-        self.rings = {x.name: RowRing(x, most_rows) for x in layouts}
+        system = device.identity.device.system
+        tasks_s = {t.name: t.every * system.base_period_s for t in system.tasks}
+        self.period_s = {x.name: tasks_s[x.name.rpartition("_")[0]] for x in layouts}
+        self.rings = {x.name: RowRing(x, round(kept_s / self.period_s[x.name])) for x in layouts}
         self._queue = device.subscribe(list(self.rings))
         device.listen(list(self.rings))
         self.news = BoardNews()
@@ -85,8 +88,12 @@ class LiveFeed:
     def gather(self, timeout_s: float = 0.0) -> None:
         """Put what has come into the rings."""
         for batch in self._queue.take(timeout_s):
-            self.came_s = time.monotonic()
-            self.rings[batch.layout.name].extend(batch)
+            self.receive(batch)
+
+    def receive(self, batch: Batch) -> None:
+        """Put rows into their ring."""
+        self.came_s = time.monotonic()
+        self.rings[batch.layout.name].extend(batch)
 
     def ask(self) -> None:
         """Do what was asked for, then look at state, fault and health."""

@@ -12,7 +12,7 @@ from esea_host.connection.receiver import Batch
 from esea_host.recording.layout import Array, StreamLayout
 
 Floats = npt.NDArray[np.float64]
-LAST_ROWS = 120_000  # two minutes at 1 kHz
+LAST_S = 120.0
 SAME_S = 1e-6
 
 
@@ -43,11 +43,14 @@ class RowRing:
     total: rows that have come, also those forgotten since.
     """
 
-    def __init__(self, layout: StreamLayout, most_rows: int = LAST_ROWS) -> None:
+    def __init__(self, layout: StreamLayout, most_rows: int) -> None:
         self.layout, self.most_rows = layout, most_rows
-        self._rows = np.zeros(most_rows, layout.dtype)
-        self._time_s = np.zeros(most_rows)
-        self._after_gap = np.zeros(most_rows, bool)
+        # Ones are written; zeros are only promised, and taken page by page until the ring is full.
+        self._rows = np.ones(most_rows * layout.dtype.itemsize, np.uint8).view(layout.dtype)
+        # Rows whole, not column by column: thirty times as fast.
+        self._whole = self._rows.view(f"V{layout.dtype.itemsize}")
+        self._time_s = np.ones(most_rows)
+        self._after_gap = np.ones(most_rows, bool)
         self._lock = threading.Lock()
         self.total = 0
 
@@ -66,7 +69,7 @@ class RowRing:
             self.total += len(batch.rows)
             count = len(batch.rows[kept])
             places = np.arange(self.total - count, self.total) % self.most_rows
-            self._rows[places] = batch.rows[kept]
+            self._whole[places] = batch.rows[kept].view(self._whole.dtype)
             self._time_s[places] = batch.board_ns[kept] * 1e-9
             self._after_gap[places] = after_gap[kept]
 
@@ -78,8 +81,9 @@ class RowRing:
             first = self.total - count
             start = first % self.most_rows
             parts = slice(start, start + count), slice(0, max(0, start + count - self.most_rows))
-            held_in = self._time_s, self._rows, self._after_gap
-            return Stretch(first, *(np.concatenate([a[p] for p in parts]) for a in held_in))
+            held_in = self._time_s, self._whole, self._after_gap
+            time_s, whole, gaps = (np.concatenate([a[p] for p in parts]) for a in held_in)
+            return Stretch(first, time_s, whole.view(self.layout.dtype), gaps)
 
     def newest(self) -> Array | None:
         """The newest row; None before the first."""

@@ -27,6 +27,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from esea_host.connection import PlayedBoard
 from esea_host.windows.counting import take_many
 from esea_host.windows.cursors import Cursors
 from esea_host.windows.feed import LiveFeed
@@ -66,10 +67,10 @@ class LiveWindow(QMainWindow):
         super().__init__()
         self.feed, self.theme = feed, DARK if dark else LIGHT
         device = feed.device.identity.device
-        self._seconds = {t.name: t.every * device.system.base_period_s for t in device.system.tasks}
         self._columns = {(n, c.name): c for n, r in feed.rings.items() for c in r.layout.columns}
         self.window_s, self._frozen = 10.0, dict[str, Stretch]()
         self._stop_asked_s = 0.0
+        self.played = feed.device if isinstance(feed.device, PlayedBoard) else None
         self.trigger = Trigger()
         self.drawn_frames = 0
         kind = "SIMULATED " if feed.device.simulated else ""
@@ -99,6 +100,7 @@ class LiveWindow(QMainWindow):
         self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         # When it goes down, not when it comes up again.
         self.stop_button.pressed.connect(self.stop)
+        self.stop_button.setVisible(self.played is None)
         words = QVBoxLayout()
         for label in (self.state, self.fault, self.link):
             words.addWidget(label)
@@ -113,6 +115,7 @@ class LiveWindow(QMainWindow):
             else "not recorded: start with --record FILE to keep notes"
         )
         self.note.setEnabled(recorded)
+        self.note.setVisible(self.played is None)
         self.note.returnPressed.connect(self._noted)
         self._build_plots()
         column = QVBoxLayout()
@@ -209,6 +212,8 @@ class LiveWindow(QMainWindow):
             ("Dark, light", "T", self.toggle_theme),
         ):
             self._action(look, name, keys, job)
+        if self.played is not None:
+            return
         board = self.menuBar().addMenu("&Board")
         self._action(board, "STOP: Space or Escape", "F12", self.stop)
         for name, keys, job in (
@@ -229,7 +234,10 @@ class LiveWindow(QMainWindow):
     # -- stop ------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """Stop the motor."""
+        """Stop the motor; of a recording, the picture."""
+        if self.played is not None:
+            self.pause()
+            return
         self.feed.stop()
         self._stop_asked_s = time.monotonic()
 
@@ -255,6 +263,8 @@ class LiveWindow(QMainWindow):
         hold = not self.paused if on is None else on
         if hold != self.paused:
             self._frozen = {n: r.last() for n, r in self.feed.rings.items()} if hold else {}
+            if self.played is not None:
+                self.played.held = hold
 
     def zoom(self, step: int) -> None:
         """To the next shorter or longer time."""
@@ -275,8 +285,7 @@ class LiveWindow(QMainWindow):
             first_s = self.trigger.shown_s(self.window_s)[0]
             back_s = np.fmax(2 * self.window_s, self.feed.now_s() - first_s)
         for name, ring in self.feed.rings.items():
-            period_s = self._seconds[name.rpartition("_")[0]]
-            found[name] = ring.last(int(back_s / period_s) + 1)
+            found[name] = ring.last(int(back_s / self.feed.period_s[name]) + 1)
         return found
 
     def _turn(self) -> None:
@@ -308,6 +317,10 @@ class LiveWindow(QMainWindow):
         if self.cursors.on:
             self.cursors.read(shown)
         self._tell(shown)
+        for area in (self._area, self._loop_area):
+            if area.isVisible():
+                # Ranges now: in the middle of a painting they ask for another one.
+                area.scene().prepareForPaint()
         self.drawn_frames += 1
 
     def _triggered(self, shown: dict[str, Stretch]) -> tuple[float, float]:
@@ -352,7 +365,7 @@ class LiveWindow(QMainWindow):
             lines.append("STOP was sent, and the board has not confirmed it: switch its power off.")
         if news.error:
             lines.append(news.error)
-        if self.feed.silent:
+        if self.feed.silent and self.played is None:
             lines.append("Nothing comes from the board: what is shown is old.")
         if news.fault is not None:
             f = news.fault
@@ -363,7 +376,9 @@ class LiveWindow(QMainWindow):
     def _health(self) -> str:
         news, recording = self.feed.news, self.feed.recording
         parts = [link_text(news.health)]
-        if recording is None:
+        if self.played is not None:
+            parts.append(f"played at {self.played.speed:g} times its speed")
+        elif recording is None:
             parts.append("not recorded")
         elif recording.error is not None:
             said = f"RECORDING ENDED: {recording.error}"

@@ -194,6 +194,9 @@ class LoopPlot:
 
 def dress(item: Any, theme: Theme) -> None:
     """Axes and grid of a plot."""
+    for side in ("top", "right"):
+        # Not seen, but they would write their label anew whenever the range moves.
+        item.getAxis(side).enableAutoSIPrefix(False)
     for side in ("left", "bottom"):
         axis = item.getAxis(side)
         axis.setPen(theme.soft)
