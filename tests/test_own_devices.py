@@ -9,6 +9,7 @@ with a traceback.
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -78,6 +79,18 @@ def said(*words: str) -> str:
     return done.output
 
 
+def board_for(device) -> tuple[str, ...]:
+    """The default board, or the one that its refusal names: one without encoders of its own."""
+    assert device.file.encoder is not None
+    if not device.laws or device.file.encoder.resolution_bits.value <= 14:
+        return ()
+    with pytest.raises(UserError, match="send 14 bits at most") as refused:
+        said("firmware", device.origin, "--out", str(Path(device.origin).parent))
+    named = re.search(r"--board (\S+)", refused.value.fix)
+    assert named
+    return "--board", named[1]
+
+
 def taken_through(number: int, folder, whole: bool) -> str:
     """Every command on one device; returns how far it came.
 
@@ -87,7 +100,7 @@ def taken_through(number: int, folder, whole: bool) -> str:
     file = folder / f"own{number}.toml"
     file.write_text(text)
     try:
-        device = parse_device(text, file.name)
+        device = parse_device(text, str(file))
         names = [b.name for b in device.system.kinds]
         said("build", str(file), "--real", "f32", "--out", str(folder / "c"))
     except UserError as refused:
@@ -101,16 +114,8 @@ def taken_through(number: int, folder, whole: bool) -> str:
         assert np.isfinite(run["tau_e_Nm"]).all()
     if whole:
         more = ("--seconds", "0.3") if drive else ()
-        board: tuple[str, ...] = ()
-        try:
-            said("emulate", str(file), *more)
-        except UserError as refused:
-            # More bits than this board's encoders send: it is told which one has no encoders.
-            assert "bits at most" in refused.what
-            named = re.search(r"--board (\S+)", refused.fix)
-            assert named, refused
-            board = "--board", named[1]
-            said("emulate", str(file), *more, *board)
+        board = board_for(device)
+        said("emulate", str(file), *more, *board)
         said("report", str(file), "--out", str(folder / "page.html"), *board)
     return f"done: {len(names)} Blocks"
 
