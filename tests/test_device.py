@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from esea_gen.device import load_device, parse_device
+from esea_gen.device import copy_device, load_device, parse_device
 from esea_gen.devices.file import shipped_controllers, shipped_devices
 from esea_gen.devices.schema import json_schema
 from esea_gen.errors import UserError, paragraphs
@@ -167,9 +167,9 @@ def test_gains_of_another_rate_or_stiffness_are_told_of():
     fast = {"control_rate_Hz": 500.0}
     assert set(told(own(timing=fast, sliding_mode=given))) == {"passivity"}
     # A copy that was edited has the elbow's gains as well, and predictive control its weights.
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        copied = load_device("elbow_mpc").toml().replace("value = 200.0", "value = 100.0", 1)
+    copied = copy_device(load_device("elbow_mpc"), "mine").toml()
+    assert told(copied) == {}
+    copied = copied.replace("value = 200.0", "value = 100.0", 1)
     assert set(told(copied)) == {"predictive", "sliding_mode", "passivity"}
     assert "elbow_mpc's" in told(copied)["predictive"]
 

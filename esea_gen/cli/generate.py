@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,13 +22,13 @@ if TYPE_CHECKING:
 GENERATED = Path("generated")
 
 
-def _bundles(device: Device, real: list[str] | None) -> list[Any]:
+def _bundles(device: Device, real: list[str] | None, linked: bool) -> list[Any]:
     from esea_gen.emit.build import device_formats, render_device
     from esea_gen.emit.dialect import render_dialect
     from esea_gen.emit.formats import FORMATS
 
     bundles = render_device(device, chosen_formats(real or device_formats(device), FORMATS))
-    if real is None:
+    if linked:
         bundles.append(render_dialect(device))
     return bundles
 
@@ -58,20 +59,24 @@ def build(
     from esea_gen.emit.dialect import core_bundle, without_core
     from esea_gen.emit.telemetry import cost_table
 
+    linked = real is None and find_spec("pymavlink") is not None
     loaded = esea_gen.load_device(device, controller)
     target = folder or GENERATED / loaded.name
     with progress_line() as say:
         say(f"{loaded.name}: rendering; ranges of a new q31 device take some twenty seconds")
-        bundles = _bundles(loaded, real)
-    if folder is None and real is None:
+        bundles = _bundles(loaded, real, linked)
+    if folder is None and linked:
         bundles = [without_core(b) for b in bundles]
         write_bundles([core_bundle()], GENERATED)
     for path, bundle in zip(write_bundles(bundles, target), bundles, strict=True):
         size = sum(len(t) for t in bundle.files.values())
         out.print(f"{path}: {len(bundle.files)} files, {size / 1000:.0f} kB")
     out.print(f"content {device_hash(loaded)}")
-    if real is None:
+    if linked:
         out.print(cost_table(loaded.system))
+    elif real is None:
+        out.print("no MAVLink dialect: it needs pymavlink; pip install 'esea-gen[link]'")
+    out.next("verify", device, *(("--controller", controller) if controller else ()))
 
 
 @app.command()
@@ -102,7 +107,7 @@ def check(
             out.print(f"{loaded.name}: nothing generated in {folder}")
             stale += 1
             continue
-        bundles = _bundles(loaded, None)
+        bundles = _bundles(loaded, None, True)
         if shared:
             bundles = [without_core(b) for b in bundles]
         stale += _tell(loaded.name, differences(bundles, folder / loaded.name))

@@ -106,7 +106,8 @@ def _identify_model(
         out.print(line)
     out.print(f"device file: {path}")
     out.print(f"report: {page}")
-    write_json(json_file, content)
+    write_json(json_file, "identify", content)
+    out.next("build", str(path))
 
 
 def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) -> str:
@@ -123,7 +124,7 @@ def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) ->
             None if missing else sensor_instructions,
             lambda share, what: say(f"{100 * share:.0f} % {what}"),
         )
-    show(result, json_file)
+    show(result, json_file, "identify-compare")
     return result.chosen
 
 
@@ -138,7 +139,7 @@ def reliability(
     from esea_gen.identify.reliability import read_specimens
     from esea_gen.identify.reliability import reliability as judged
 
-    show(judged(read_specimens(table)), json_file)
+    show(judged(read_specimens(table)), json_file, "reliability")
 
 
 @app.command(cls=StudyCommand)
@@ -172,7 +173,7 @@ def uncertainty(
         result = torque_uncertainty(
             loaded, runs, seed, spread=spread, residual_deg=residual_deg, progress=say
         )
-    show(result, json_file)
+    show(result, json_file, "uncertainty")
     picture(figure, result.figure)
 
 
@@ -243,10 +244,10 @@ def torque_check(
         for line in instructions(loaded, check):
             out.print(line)
         if check is not None:
-            write_json(json_file, check.to_dict())
+            write_json(json_file, "torque-check", check.to_dict())
         return
     for line in check.report():
         out.print(line)
-    write_json(json_file, check.to_dict())
+    write_json(json_file, "torque-check", check.to_dict())
     if check.verdict != "pass":
         raise typer.Exit(1)

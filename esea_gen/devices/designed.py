@@ -62,8 +62,8 @@ def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document]
         # By what was found elsewhere: name of the device, and its numbers that are others.
         told: dict[tuple[str, tuple[str, ...]], list[str]] = {}
         for gain in group.gains:
-            own = device.get(group.section, {}).get(gain)
-            bases = [k for k, d in shipped.items() if own and own == _entry(d, group.section, gain)]
+            own = _entry(device, group.section, gain)
+            bases = [k for k, d in shipped.items() if _from(own, _entry(d, group.section, gain))]
             others = {
                 k: tuple(n for n in group.for_numbers if _differs(device, shipped[k], n))
                 for k in bases
@@ -78,6 +78,13 @@ def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document]
 
 def _entry(document: Document, section: str, key: str) -> Any:
     return document.get(section, {}).get(key)
+
+
+def _from(own: Any, other: Any) -> bool:
+    # What `esea-gen new` copies has a source that ends in the other's.
+    if not own or not other:
+        return False
+    return bool(own["value"] == other["value"]) and own["source"].endswith(other["source"])
 
 
 def _number(document: Document, dotted: str) -> float:
