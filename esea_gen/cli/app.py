@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import shlex
 import sys
 import traceback
@@ -10,6 +11,7 @@ import warnings
 from collections.abc import Iterator, MutableMapping, Sequence
 from functools import cache
 from importlib import import_module
+from types import SimpleNamespace
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -196,9 +198,24 @@ def _main(
 REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM)
 
 
+COMPLETING = "_ESEA_GEN_COMPLETE"  # the shell's, while a word is completed
+
+
+def _take_values_as_typed() -> None:
+    # typer checks values by pydantic, whose import takes half the time of a press of the tab key.
+    # A typer that does without it has no such name: then nothing is changed.
+    from typer import core
+
+    if hasattr(core, "build_runtime_param"):
+        unchecked = SimpleNamespace(coerce=lambda value, **_: value)
+        vars(core)["build_runtime_param"] = lambda _: unchecked
+
+
 def main() -> None:
     """Entry point: bad input becomes one paragraph and exit code 2."""
     warnings.showwarning = _note
+    if COMPLETING in os.environ:
+        _take_values_as_typed()
     try:
         app()
     except UserError as error:
