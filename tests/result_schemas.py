@@ -52,12 +52,13 @@ def kind_of(value: Any) -> str:
 
 def drawn_up(values: Sequence[Any], depth: int = DEPTH) -> dict[str, Any]:
     """The schema of values that were seen in one place."""
-    kinds = {kind_of(v) for v in values}
+    kinds = {kind_of(v) for v in values} - {"null"}
     if "number" in kinds:
         kinds.discard("integer")
-    schema: dict[str, Any] = {"type": sorted(kinds) if len(kinds) > 1 else next(iter(kinds), None)}
-    if schema["type"] is None:
+    if not kinds:
         return {}
+    # What a run did not give is null.
+    schema: dict[str, Any] = {"type": [*sorted(kinds), "null"]}
     lists = [v for v in values if isinstance(v, list)]
     dicts = [v for v in values if isinstance(v, dict)]
     if depth and any(lists):
@@ -77,13 +78,15 @@ def _object(dicts: Sequence[dict[str, Any]], depth: int) -> dict[str, Any]:
     if alike and depth < DEPTH and not same:
         return {"additionalProperties": drawn_up(inside, depth - 1)}
     properties = {k: drawn_up([d[k] for d in dicts if k in d], depth - 1) for k in keys}
-    return {"properties": properties, "required": always}
+    # What was seen seldom need not be there.
+    return {"properties": properties, "required": always if len(dicts) >= SURE else []}
 
 
 def result(name: str, samples: Sequence[dict[str, Any]]) -> str:
     """The schema of a result, from samples of it."""
     program, words = ("esea-host", name[5:]) if name.startswith("host-") else ("esea-gen", name)
-    schema = drawn_up(samples)
+    schema = drawn_up(samples) | {"type": "object"}
+    schema["required"] = list(dict.fromkeys([*HEAD, *schema["required"]]))
     for key, value in zip(HEAD, ({"const": name}, {"const": SCHEMA_VERSION}), strict=False):
         schema["properties"][key] = value
     head = {

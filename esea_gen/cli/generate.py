@@ -11,10 +11,11 @@ import typer
 
 import esea_gen
 from esea_gen.cli.app import app, out
+from esea_gen.cli.names import completing
 from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats
 from esea_gen.cli.output import progress_line
 from esea_gen.errors import UserError
-from esea_gen.files import write_whole
+from esea_gen.files import result_schema, result_schemas, write_whole
 
 if TYPE_CHECKING:
     from esea_gen.device import Device
@@ -165,12 +166,22 @@ def _schema_text() -> str:
 
 @app.command()
 def schema(
+    result: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="RESULT",
+            help="What a command writes as JSON, such as simulate; default: device files.",
+            autocompletion=completing(result_schemas),
+        ),
+    ] = None,
+    listed: Annotated[bool, typer.Option("--list", help="Names of the results.")] = False,
     target: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Output file; default: print.")
     ] = None,
 ) -> None:
-    """Print the JSON schema of device files, for completion in editors."""
-    text = _schema_text()
+    """Print a JSON schema: of device files, for completion in editors, or of a result."""
+    text = _schema_text() if result is None else result_schema(result)
+    text = "\n".join([*result_schemas(), ""]) if listed else text
     if target is None:
         print(text, end="")
     else:
