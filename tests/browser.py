@@ -6,6 +6,7 @@ import base64
 import json
 import os
 import re
+import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +15,7 @@ from typing import Any
 
 from tests.conftest import require_tool
 
-ERRORS = ("Runtime.exceptionThrown", "Log.entryAdded", "Runtime.consoleAPICalled")
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 
 
 class Browser:
@@ -89,7 +90,7 @@ def _complaint(message: dict[str, Any]) -> bool:
 @contextmanager
 def browser(folder: Path) -> Iterator[Browser]:
     """Headless Chromium with a profile of its own."""
-    program = require_tool("chromium")
+    program = next(filter(None, map(shutil.which, PROGRAMS)), None) or require_tool("chromium")
     (theirs, ours), (back, theirs_back) = os.pipe(), os.pipe()
     # It reads at 3 and writes at 4.
     line = f'exec "$0" "$@" 3<&{theirs} 4>&{theirs_back}'
