@@ -7,6 +7,7 @@ one as a picture with that look.
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -79,13 +80,13 @@ def crossed(figure: Figure, ended: Mapping[str, str]) -> Figure:
         return figure
 
     def marked(text: str) -> str:
-        return f"{CROSS} {text}" if ended.keys() & set(text.split(": ")) else text
+        return f"{CROSS} {text}" if ended.keys() & set(re.split(": |\n", text)) else text
 
     with mpl.rc_context(STYLE):
         for axes in figure.axes:
             for axis in (axes.xaxis, axes.yaxis):
                 names = [t.get_text() for t in axis.get_ticklabels()]
-                if ended.keys() & set(names):
+                if any(marked(n) != n for n in names):
                     axis.set_ticks(axis.get_ticklocs(), [marked(n) for n in names])
             for where in ("left", "center"):
                 title = axes.get_title(where)
