@@ -94,7 +94,18 @@ def result(name: str, samples: Sequence[dict[str, Any]]) -> str:
         "$id": f"{name}-{SCHEMA_VERSION}",
         "title": f"{program}: {words.replace('-', ' ')}",
     }
-    return json.dumps(head | schema, indent=1) + "\n"
+    return written(head | schema)
+
+
+def written(schema: dict[str, Any]) -> str:
+    """A key a line, and below `properties` a property a line."""
+    properties = [f"  {json.dumps(k)}: {json.dumps(v)}" for k, v in schema["properties"].items()]
+    inner = ",\n".join(properties)
+    lines = [
+        f" {json.dumps(k)}: " + (f"{{\n{inner}\n }}" if k == "properties" else json.dumps(v))
+        for k, v in schema.items()
+    ]
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 if __name__ == "__main__":
