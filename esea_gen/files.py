@@ -21,6 +21,12 @@ def template_folder() -> Path:
     return packaged if packaged.is_dir() else Path(__file__).parents[1] / "templates"
 
 
+def sample_folder() -> Path:
+    """Folder of the recordings that come along: inside the wheel, or in the tests of a checkout."""
+    packaged = Path(__file__).parent / "_samples"
+    return packaged if packaged.is_dir() else Path(__file__).parents[1] / "tests" / "data"
+
+
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file, and the folders that it stands in."""
     data = content.encode() if isinstance(content, str) else content

@@ -87,8 +87,8 @@ def result(name: str, samples: Sequence[dict[str, Any]]) -> str:
     program, words = ("esea-host", name[5:]) if name.startswith("host-") else ("esea-gen", name)
     schema = drawn_up(samples) | {"type": "object"}
     schema["required"] = list(dict.fromkeys([*HEAD, *schema["required"]]))
-    for key, value in zip(HEAD, ({"const": name}, {"const": SCHEMA_VERSION}), strict=False):
-        schema["properties"][key] = value
+    given = {"const": name}, {"const": SCHEMA_VERSION}, {"type": "string"}
+    schema["properties"] |= dict(zip(HEAD, given, strict=True))
     head = {
         "$schema": Draft202012Validator.META_SCHEMA["$id"],
         "$id": f"{name}-{SCHEMA_VERSION}",

@@ -14,14 +14,30 @@ from esea_gen.cli.options import DeviceArgument, FigureOption, JsonOption
 from esea_gen.cli.output import picture, progress_line, show
 from esea_gen.cli.studies import StudyCommand
 from esea_gen.errors import UserError
-from esea_gen.files import write_json, write_whole
+from esea_gen.files import sample_folder, write_json, write_whole
 
 PUBLISHED = "published"
+SAMPLE = "hdrb"  # a recording of a high-damping rubber that comes along
+
+
+def _mapping(path: Path) -> Path:
+    # The sample by its name, where there is no such file.
+    return (
+        sample_folder() / SAMPLE / f"{SAMPLE}.toml"
+        if str(path) == SAMPLE and not path.exists()
+        else path
+    )
 
 
 @app.command()
 def identify(
-    mapping: Annotated[Path, typer.Argument(help="Mapping file of the recording.")],
+    mapping: Annotated[
+        Path,
+        typer.Argument(
+            callback=_mapping,
+            help=f"Mapping file of the recording; {SAMPLE}: a rubber's, which comes along.",
+        ),
+    ],
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
     ] = None,
