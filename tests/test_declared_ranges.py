@@ -84,7 +84,7 @@ def test_the_virtual_exoskeletons_are_those_of_the_page():
 
 # Names of ports that are 1 or 0, or a share of 1.
 UNIT_PORTS = """
-    active agree clock_ok coeffs_ok gear_usable governed high_shown keep load_usable lost low_shown
+    active agree soft clock_ok coeffs_ok gear_usable governed high_shown keep load_usable lost low_shown
     motor_usable primed request_ok seen sensing_ok settled share slow started stepped stop taut
     trust usable zeroed
 """

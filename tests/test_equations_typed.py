@@ -156,6 +156,10 @@ TYPED = {
     " + f_c_unc * abs(tanh(omega_m / w_c)) + J_max * eta) / n",
     "(5.22)": "u_eq + k_smc * clip(s / phi, -1, 1)",
     "[lead]": "u_a + kappa * (u - u_a)",
+    "[soft 1]": "max(sigma_1 * clip((q_2 - q_seen**2) / (q_full**2 - q_seen**2), 0, 1),"
+    " sigma_k_1 / exp(h / T_s))",
+    "[soft 2]": "0.6 * lambda_0 + 0.4 * lambda_0 * (1 - sigma)",
+    "[soft 3]": "kappa_0 + 0.6 * sigma * kappa_0",
     "[law]": "v_k + o_k",
     "[law 1]": "u_k_1 - v_k",
     "[law 2]": "o_k_1 / exp(T / tau)",

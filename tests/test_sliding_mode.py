@@ -108,20 +108,25 @@ def random_inputs(rng, block) -> dict[str, float]:
     return u | {"mode": 1.0}
 
 
-@pytest.mark.parametrize("which", ["printed", "ours"])
+# Slope and lead: as published, ours, and ours while the error swings: 0.6 and 1.6 times as much.
+GAINS = {"printed": (9.0, 1.0), "ours": (15.0, 2.5), "softened": (9.0, 4.0)}
+
+
+@pytest.mark.parametrize("which", GAINS)
 def test_equivalent_control_and_gain_as_typed(drive, printed, which):
     rng = np.random.default_rng(1)
     block = sliding_mode(printed if which == "printed" else drive)
-    lam = 9.0 if which == "printed" else 15.0
-    lead = 1.0 if which == "printed" else 2.5
-    simulator = block.simulator()
+    lam, lead = GAINS[which]
+    simulator = block.simulator({} if which == "printed" else {"softening": which == "softened"})
     left = clipped = 0
     for _ in range(400):
         u = random_inputs(rng, block)
         integral = rng.uniform(-4, 4)
         simulator.state = {"active": 1.0, "integral_rad_s": integral, "offset_Nm": 0.0}
+        if which == "softened":
+            simulator.state |= {"square_rad2": 6e-5}
         acc, omega = 0.0, u["omega_motor_rad_s"]
-        if which == "ours":
+        if which != "printed":
             acc = u["delta_acc_rad_s2"] + (u["tau_Nm"] + u["tau_h_Nm"]) / JH
             # The rate that the motor should have when the torque acts, 35 ms on.
             omega = u["omega_load_rad_s"] + u["delta_rate_rad_s"] + 0.035 * u["delta_acc_rad_s2"]
@@ -227,7 +232,7 @@ def test_sliding_condition_holds_for_every_plant_inside_the_bounds(drive):
     rng = np.random.default_rng(2)
     block = sliding_mode(drive)
     # The condition is of the measured rate's friction.
-    simulator = block.simulator({"friction_ahead": 0.0})
+    simulator = block.simulator({"friction_ahead": 0.0, "softening": 0.0})
     worst, broken = -np.inf, 0
     for _ in range(3000):
         s, slope = slope_of_surface(rng, block, simulator, 1.0)
@@ -248,7 +253,7 @@ def test_surface_is_reached_along_trajectories(drive, seed):
     sign = rng.choice([-1, 1], 3)
     inertia, fv, fc = J + 0.05 * sign[0], FV * (1 + 0.25 * sign[1]), FC * (1 + 0.25 * sign[2])
     block = sliding_mode(drive, lead=1.0)
-    simulator = block.simulator({"load_share": 0.0, "friction_ahead": 0.0})
+    simulator = block.simulator({"load_share": 0.0, "friction_ahead": 0.0, "softening": 0.0})
     start = float(rng.choice([-1, 1]) * 4.0)
     theta, omega, s, slope, w = 0.0, 0.12 * np.pi, [], [], 1.2 * np.pi
     for k in range(1600):

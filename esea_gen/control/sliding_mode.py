@@ -15,6 +15,7 @@ import sympy as sp
 from esea_gen.control.linear_loop import check_loop, sliding_mode_numbers, slope_range
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.sliding_mode_streams import STREAMS
+from esea_gen.control.softening import Softening
 from esea_gen.control.surface import (
     DELTA,
     ERROR,
@@ -108,7 +109,7 @@ def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
         state=law.state(),
         inputs=law.inputs(),
         outputs=law.outputs(),
-        equations=surface_equations(),
+        equations=surface_equations() + (law.softening.equations() if law.softening else ()),
         step=law.step,
         streams=STREAMS,
     )
@@ -132,6 +133,10 @@ class _SlidingMode:
         self.acc_lim = threshold(ACCELERATION_ROOM * self.d_lim)
         self.fade = math.exp(-h / drive.actuator.tau_c_s.value)
         self.limited = threshold(LIMITED_SHARE * self.u_lim)
+        # A law as published knows no such thing.
+        self.softening = (
+            Softening(h, 2 * self.delta_lim, LEAD_HIGH) if self.model_acceleration else None
+        )
         self.numbers = self._numbers()
         self._ranges()
 
@@ -196,7 +201,7 @@ class _SlidingMode:
             "lead": t.lead - 1,
             "load_share": t.load_share,
             "friction_ahead": t.friction_ahead,
-        }
+        } | ({"softening": t.softening} if self.softening else {})
 
     def step(
         self,
@@ -213,6 +218,9 @@ class _SlidingMode:
         e = label("e_rad", u.delta_set_rad - u.theta_rad, "theta_d - theta_m")
         moving = u.omega_motor_rad_s - u.omega_load_rad_s
         e_rate = label("e_rate_rad_s", u.delta_rate_rad_s - moving, "its rate")
+        softened: dict[str, Any] = {}
+        if self.softening:
+            c, softened = self.softening.step(c, s, e, on, entering, label)
         surface, integral = self.surface(c, s, e, e_rate, entering, label)
         u_eq, k_smc = self.torques(c, u, e, e_rate, label)
         reach = label("reach", surface * c.layer_s_rad, "s/phi")
@@ -228,6 +236,7 @@ class _SlidingMode:
         grown = clip(grown, -self.integral_lim, self.integral_lim)
         beyond = ca.logic_or(ca.fabs(driven) > self.u_lim, ca.fabs(raw) > self.u_lim)
         next_state = {
+            **softened,
             "active": on,
             "integral_rad_s": ca.if_else(on, grown, 0),
             "offset_Nm": ca.if_else(on, missing * self.fade, 0),
@@ -249,6 +258,7 @@ class _SlidingMode:
                     ca.logic_and(on, ca.logic_or(rests, full)),
                     on,
                     entering,
+                    *([ca.logic_and(on, c.soft > 0.01)] if self.softening else ()),
                 ]
             ),
         }
@@ -365,24 +375,15 @@ class _SlidingMode:
         return label("rests", held_back * e > 0, "the error would wind the integral up")
 
     def tunables(self) -> tuple[Tunable, ...]:
+        slope, phi = self.sm.lambda_1_s, self.sm.phi_rad_s
+        width = field_facts("sliding_mode.phi_rad_s")
+        stiffer = "slope of the surface: higher is stiffer and nearer to the drive's own modes"
+        ends = (self.lambda_low, self.lambda_high)
+        narrow = "width of the boundary layer: narrower is stiffer and chatters sooner"
         return (
+            Tunable("lambda_1_s", slope.value, *ends, stiffer, slope.source, slope.status),
             Tunable(
-                "lambda_1_s",
-                self.sm.lambda_1_s.value,
-                self.lambda_low,
-                self.lambda_high,
-                "slope of the surface: higher is stiffer and nearer to the drive's own modes",
-                self.sm.lambda_1_s.source,
-                self.sm.lambda_1_s.status,
-            ),
-            Tunable(
-                "phi_rad_s",
-                self.sm.phi_rad_s.value,
-                field_facts("sliding_mode.phi_rad_s")["low"],
-                field_facts("sliding_mode.phi_rad_s")["high"],
-                "width of the boundary layer: narrower is stiffer and chatters sooner",
-                self.sm.phi_rad_s.source,
-                self.sm.phi_rad_s.status,
+                "phi_rad_s", phi.value, width["low"], width["high"], narrow, phi.source, phi.status
             ),
             Tunable(
                 "margin",
@@ -417,6 +418,7 @@ class _SlidingMode:
                 "share of the rate wanted in the rate whose friction is compensated; 0: measured",
                 "docs/control.md",
             ),
+            *((self.softening.tunable(),) if self.softening else ()),
         )
 
     def coefficients(self) -> tuple[Port, ...]:
@@ -431,6 +433,7 @@ class _SlidingMode:
             Port("lead", 0.0, LEAD_HIGH - 1, "gain against the motor's lag"),
             Port("load_share", 0.0, 1.0, "share of the load's acceleration"),
             Port("friction_ahead", 0.0, 1.0, "share of the rate wanted in friction's rate"),
+            *((self.softening.coefficient(),) if self.softening else ()),
         )
 
     def state(self) -> tuple[Port, ...]:
@@ -440,6 +443,7 @@ class _SlidingMode:
             around("offset_Nm", 2.01 * self.u_lim, "fading offset of the entry"),
             around("u_last_Nm", self.u_lim, "command of the last step"),
             around("u_before_Nm", self.u_lim, "command of the step before"),
+            *(self.softening.state() if self.softening else ()),
         )
 
     def inputs(self) -> tuple[Port, ...]:
@@ -459,13 +463,14 @@ class _SlidingMode:
         )
 
     def outputs(self) -> tuple[Port, ...]:
+        flags = self.flags()
         return (
             around("u_command_Nm", self.u_lim, "command at the motor shaft", equation="(5.22)"),
             around("u_wanted_Nm", self.wanted_u, "what the law wants before any limit"),
             around("s_rad_s", self.s_lim, "surface", equation="(5.12)"),
             around("u_eq_Nm", self.eq_lim, "equivalent control", equation="(5.16)"),
             Port("k_smc_Nm", 0.0, self.k_lim, "switching gain", equation="(5.20)"),
-            Port("status", 0, 127, "what is known of this command", flags=self.flags()),
+            Port("status", 0, 2 ** len(flags) - 1, "what is known of this command", flags=flags),
         )
 
     def flags(self) -> tuple[Flag, ...]:
@@ -490,4 +495,5 @@ class _SlidingMode:
             ),
             Flag("ACTIVE", "the controller acts"),
             Flag("ENTERED", "the controller took over in this step, from the applied command"),
+            *((self.softening.flag(),) if self.softening else ()),
         )
