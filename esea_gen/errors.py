@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 import textwrap
 from collections.abc import Collection, Iterable
+from importlib import import_module
+from types import ModuleType
 
 
 class UserError(Exception):
@@ -22,6 +24,40 @@ class UserError(Exception):
         super().__init__(f"{what} {fix}".strip())
         self.what = what
         self.fix = fix
+
+
+def from_extra(module: str, extra: str, what: str) -> ModuleType:
+    """A module that an extra of the package brings.
+
+    Parameters
+    ----------
+    module : str
+        Its name.
+    extra : str
+        The extra, as pip takes it.
+    what : str
+        What it is needed for, as the start of a sentence.
+
+    Returns
+    -------
+    module
+        As imported.
+
+    Raises
+    ------
+    UserError
+        When it is not installed; the message names the extra.
+    """
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        name = module.partition(".")[0]
+        if error.name not in (module, name):
+            raise
+        raise UserError(
+            f"{what} needs {name}, which is not installed.",
+            f"Install it with: pip install 'esea-gen[{extra}]'",
+        ) from None
 
 
 def paragraphs(text: str) -> str:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from esea_gen.errors import UserError
+from esea_gen import __version__
+from esea_gen.errors import UserError, choose
 
 
 @cache
@@ -17,6 +19,12 @@ def template_folder() -> Path:
     """Folder of the Jinja templates: inside the wheel, or at the top of a checkout."""
     packaged = Path(__file__).parent / "_templates"
     return packaged if packaged.is_dir() else Path(__file__).parents[1] / "templates"
+
+
+def sample_folder() -> Path:
+    """Folder of the recordings that come along: inside the wheel, or in the tests of a checkout."""
+    packaged = Path(__file__).parent / "_samples"
+    return packaged if packaged.is_dir() else Path(__file__).parents[1] / "tests" / "data"
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -40,7 +48,37 @@ def write_whole(path: Path, content: str | bytes) -> None:
         ) from error
 
 
-def write_json(path: Path | None, content: Any) -> None:
-    """Write a result as JSON, if a file was named."""
+# Of every result's JSON; it grows when a key goes or means something else, not when one comes.
+SCHEMA_VERSION = 1
+
+
+def stamped(what: str, content: Mapping[str, Any]) -> dict[str, Any]:
+    """A result with its head: the schema that it follows, that one's version, and the tool's.
+
+    what: name of the schema, a file in ``esea_gen/schemas``.
+    """
+    head = {"schema": what, "schema_version": SCHEMA_VERSION, "tool_version": __version__}
+    taken = head.keys() & content.keys()
+    if taken:
+        raise ValueError(f"{what}: the content has {', '.join(sorted(taken))} itself")
+    return head | dict(content)
+
+
+def result_schemas() -> dict[str, Path]:
+    """JSON schemas of results, by name."""
+    folder = Path(__file__).parent / "schemas"
+    return {p.stem: p for p in sorted(folder.glob("*.json"))}
+
+
+def result_schema(name: str) -> str:
+    """The JSON schema of a result."""
+    known = result_schemas()
+    choose("result", name, known)
+    return known[name].read_text(encoding="utf-8")
+
+
+def write_json(path: Path | None, what: str, content: Mapping[str, Any]) -> None:
+    """Write a result as JSON, if a file was named; what: as :func:`stamped`."""
     if path is not None:
-        write_whole(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+        text = json.dumps(stamped(what, content), indent=2, allow_nan=False)
+        write_whole(path, text + "\n")

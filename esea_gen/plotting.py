@@ -20,6 +20,19 @@ Array = npt.NDArray[np.float64]
 MEASURED, MODEL, ROUNDING, BOUND = "#d98b3a", "#00558c", "#00775a", "#9a3f78"
 HELD_OUT, INK, RULE = "#e9eef2", "#26303a", "#c9d1d8"
 # Matplotlib types its keys one by one.
+GRID = "#edf0f2"
+# On a dark page the same hues, lighter; the figure's ground is the page's.
+DARK = {
+    "figure-back": ("#ffffff", "#14191d"),
+    "figure-grid": (GRID, "#232b31"),
+    "figure-rule": (RULE, "#4a555e"),
+    "figure-ink": (INK, "#d7dee4"),
+    "figure-held-out": (HELD_OUT, "#2a333a"),
+    "figure-measured": (MEASURED, "#e5a35c"),
+    "figure-model": (MODEL, "#6db3e3"),
+    "figure-rounding": (ROUNDING, "#5fc3a1"),
+    "figure-bound": (BOUND, "#d98bbb"),
+}
 STYLE: Any = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -32,7 +45,7 @@ STYLE: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
-    "grid.color": "#edf0f2",
+    "grid.color": GRID,
     "grid.linewidth": 0.8,
     "axes.axisbelow": True,
     "xtick.color": RULE,
@@ -81,6 +94,8 @@ def svg(figure: Figure, name: str, alternative: str) -> Markup:
         ' xmlns:xlink="http://www.w3.org/1999/xlink"', ""
     )
     body = body.replace("xlink:href", "href")
+    for role, (light, _) in DARK.items():
+        body = re.sub(rf"(fill|stroke): {light}", rf"\1: var(--{role}, {light})", body)
     # A narrow figure keeps the scale of the wide ones.
     width = round(figure.get_figwidth() * 105)
     head += f' style="max-width:{width}px"' if width < 960 else ""

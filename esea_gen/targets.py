@@ -150,6 +150,8 @@ class Board:
     runner: what runs a program of another processor here.
     package: what opkg calls the processor, where it takes packages.
     code, code_bytes, ram, ram_bytes: where programs without the firmware and their data lie.
+    most_bits: of a drive's count that the encoders which its drivers read can send, by the key of
+        the device file; none where it has no drivers.
     real: number format of the firmware's control code.
     tick_instructions: instructions that a tick of its timer stands for in QEMU.
     uses: what it serves beside the firmware: ``instructions`` of a step counted in the benchmarks,
@@ -169,6 +171,7 @@ class Board:
     code_bytes: int = 0
     ram: int = 0x20000000
     ram_bytes: int = 0
+    most_bits: tuple[tuple[str, int], ...] = ()
     real: str = "f32"
     tick_instructions: int = 1
     uses: tuple[Use, ...] = ()
@@ -203,6 +206,8 @@ BOARDS = {
             code=0x08000000,
             code_bytes=_MB,
             ram_bytes=128 << 10,
+            # AS5048A on both sides of the coupling, BiSS-C at the motor.
+            most_bits=(("encoder.resolution_bits", 14), ("actuator.encoder_bits", 24)),
             uses=("instructions",),
             # Of its memory the black box takes what the application and the stack leave.
             app_flags=("-DESEA_BLACKBOX_BYTES=96000u",),

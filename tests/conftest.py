@@ -7,15 +7,18 @@ import os
 import re
 import shutil
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 import esea_gen
+from esea_gen import files
 from esea_gen.device import Device
 from esea_gen.hostlib import HostLibrary, compile_device
+from tests import result_schemas
 
 ROOT = Path(__file__).parents[1]
 
@@ -74,6 +77,21 @@ def require_module(name: str) -> None:
     """Skip without a Python module, or fail where everything is required."""
     if importlib.util.find_spec(name) is None:
         missing(name)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def results_follow_their_schemas():
+    """Whatever a test lets a command write as JSON is held against the published schema."""
+    stamped = files.stamped
+
+    def held(what: str, content: Mapping[str, Any]) -> dict[str, Any]:
+        made = stamped(what, content)
+        result_schemas.held(what, made)
+        return made
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(files, "stamped", held)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -210,7 +210,7 @@ def test_main_writes_the_list(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(bench, "run_benchmarks", lambda *_: rows)
     path = tmp_path / "bench.json"
     assert main(["--json", str(path)]) == 0
-    content = json.loads(path.read_text())
+    content = json.loads(path.read_text())["rows"]
     assert content[1] == {
         "name": "counted",
         "ours": 5.0,

@@ -160,3 +160,23 @@ def completed(line: str) -> list[str]:
 )
 def test_a_press_completes(line, found):
     assert completed(line) == found
+
+
+def test_a_press_loads_no_engine_and_no_checker_of_values():
+    """What typer checks values with takes as long to load as all the rest."""
+    press = """
+import os, sys
+os.environ |= {"_ESEA_GEN_COMPLETE": "complete_bash", "COMP_CWORD": "4"}
+os.environ["COMP_WORDS"] = "esea-gen simulate tuning --plant r"
+sys.argv = ["esea-gen"]
+from esea_gen.cli import main
+try:
+    main()
+except SystemExit:
+    print([m for m in ("pydantic", "casadi", "numpy") if m in sys.modules], file=sys.stderr)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", press], capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == ["real", "random"]
+    assert done.stderr.splitlines()[-1] == "[]"

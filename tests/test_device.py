@@ -12,11 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from esea_gen.device import load_device, parse_device
-from esea_gen.devices.file import shipped_devices
+from esea_gen.device import copy_device, load_device, parse_device
+from esea_gen.devices.file import shipped_controllers, shipped_devices
 from esea_gen.devices.schema import json_schema
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.language.ports import Tunable, unit_of
+from esea_gen.observe.human import error_matrix
 
 ELBOW = shipped_devices()["elbow"].read_text()
 
@@ -126,17 +127,79 @@ def test_all_problems_at_once_each_with_its_line():
         parse_device("schema = 1\n\ntitle title\n", "mine.toml")
 
 
-def test_gains_of_another_rate_are_told_of():
-    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "Mine"\n'
-    rate = '[timing]\nsense_rate_Hz = { value = 2000, status = "assumed", source = "a test" }\n'
-    with pytest.warns(UserWarning, match=r"gain_theta, .* designed for 1000 Hz; .* at 2000 Hz"):
-        parse_device(head + rate, "mine.toml")
-    gains = [f"gain_{k}" for k in ("theta", "omega_1_s", "tau_Nm_rad", "rate_Nm_s_rad")]
-    given = [f'{k} = {{ value = 0.2, status = "assumed", source = "x" }}' for k in gains]
+MINE = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "Mine"\n'
+
+
+def own(**sections: dict[str, float]) -> str:
+    """A device of one's own with numbers in place of the elbow's drive's."""
+    lines = [MINE]
+    for name, numbers in sections.items():
+        lines.append(f"[{name}]")
+        lines += [
+            f'{k} = {{ value = {v}, status = "assumed", source = "mine" }}'
+            for k, v in numbers.items()
+        ]
+    return "\n".join(lines)
+
+
+def told(text: str, name: str = "mine.toml") -> dict[str, str]:
+    """What is said of a device's gains, by section."""
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        parse_device(text, name)
+    return {str(n.message).split(": ")[1]: str(n.message) for n in notes}
+
+
+def test_gains_of_another_rate_or_stiffness_are_told_of():
+    """Which, designed for what, what it is here, and the command that helps; own ones are not."""
+    assert told(own(elastomer={"k1_Nm_rad": 10.0}, joint={"Jh_kgm2": 0.21})) == {}  # near enough
+    stiff = {"k1_Nm_rad": 20.0, "k3_Nm_rad3": 250.0}
+    said = told(own(timing={"control_rate_Hz": 500.0}, elastomer=stiff))
+    assert set(said) == {"sliding_mode", "passivity"}
+    for words in (
+        "lambda_1_s = 15, phi_rad_s = 1.5 are elbow_drive's",
+        "timing.control_rate_Hz = 200 (here 500), elastomer.k1_Nm_rad = 9.39 (here 20)",
+        "esea-gen tune --controller mine.toml",
+    ):
+        assert words in said["sliding_mode"]
+    assert "esea-gen passivity --controller mine.toml" in said["passivity"]
+    given = {"lambda_1_s": 15.0, "phi_rad_s": 1.5}
+    fast = {"control_rate_Hz": 500.0}
+    assert set(told(own(timing=fast, sliding_mode=given))) == {"passivity"}
+    # A copy that was edited has the elbow's gains as well, and predictive control its weights.
+    copied = copy_device(load_device("elbow_mpc"), "mine").toml()
+    assert told(copied) == {}
+    copied = copied.replace("value = 200.0", "value = 100.0", 1)
+    assert set(told(copied)) == {"predictive", "sliding_mode", "passivity"}
+    assert "elbow_mpc's" in told(copied)["predictive"]
+
+
+def test_the_shipped_devices_and_controllers_have_their_own_gains():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        parse_device("\n".join([head + rate + "[disturbance]", *given]), "mine.toml")
-        parse_device(head + rate.replace("2000", "1000"), "mine.toml")
+        for name in shipped_devices():
+            load_device(name)
+        for name in shipped_controllers():
+            load_device("elbow_drive", name)
+
+
+@pytest.mark.filterwarnings("ignore:.*designed for")
+@pytest.mark.parametrize(("rate_Hz", "inertia_kgm2"), [(2000.0, 0.22), (500.0, 0.5)])
+def test_gains_for_another_rate_have_the_same_poles_in_time(rate_Hz, inertia_kgm2):
+    """Of the observer's own error matrix; and a heavier limb wants more torque, nothing else."""
+    numbers = {"timing": {"sense_rate_Hz": rate_Hz}, "joint": {"Jh_kgm2": inertia_kgm2}}
+    if rate_Hz < 1000:
+        numbers["timing"] |= {"control_rate_Hz": 250.0, "control_release_s": 1 / rate_Hz}
+    said = told(own(**numbers))["disturbance"]
+    found = re.findall(r"(gain_\w+) = ([\d.e+]+)[,.] ", said.split("poles")[1])
+    gains = {k: float(v) for k, v in found}
+    assert len(gains) == 4
+    again = parse_device(own(**numbers, disturbance=gains), "mine.toml")
+    poles_1_s, wanted_1_s = (
+        np.sort_complex(np.log(np.linalg.eigvals(error_matrix(d)).astype(complex)) / d.period_s)
+        for d in (again, load_device("elbow_drive"))
+    )
+    assert poles_1_s == pytest.approx(wanted_1_s, rel=0.01)  # gains are printed with four digits
 
 
 def test_a_line_is_folded_at_blanks_only():

@@ -20,6 +20,7 @@ from esea_gen.studies.simulation import simulate
 from esea_gen.twin.case import Setting
 from esea_gen.verify.emulator import Difference
 
+from .browser import browser, readable
 from .conftest import ROOT, require_tool
 from .html_tables import figure, table_of
 from .test_report import Page, _shorten
@@ -53,6 +54,11 @@ def test_the_page_is_self_contained_and_well_formed(html):
     for target in re.findall(r'(?:href="#|url\(#)([^")]+)', html):
         assert target in page.ids
     assert page.tags.count("svg") == 4
+
+
+def test_it_is_read_on_a_telephone_by_day_and_by_night(html, tmp_path):
+    with browser(tmp_path / "profile") as b:
+        readable(b, html, tmp_path)
 
 
 def test_its_numbers_are_those_of_the_commands(findings, html):

@@ -12,6 +12,7 @@ import sys
 import numpy as np
 import pytest
 
+from esea_gen.analysis.plots import CROSS
 from esea_gen.errors import UserError
 from esea_gen.studies import simulation as room
 from esea_gen.studies.impedance import ImpedanceStudy
@@ -158,6 +159,11 @@ def test_runs_that_ended_are_counted_and_explained(monkeypatch):
     text = "\n".join(some.table())
     assert "2 of 3 runs were unstable, tripped, latched or failed" in text
     assert "the plant left the page" in text
+    picture = some.figure()
+    assert "seed 5 drive tripped" in picture.get_supxlabel()
+    (axes, *_) = picture.axes
+    assert [t.get_text()[0] for t in axes.get_yticklabels()] == [CROSS]
+    assert good.figure().get_supxlabel() == ""
     none = simulate("tuning", Setting(), seed=6, runs=1)
     assert "the plant left the page" in "\n".join(none.table())
     monkeypatch.setattr(room, "simulate_case", failing)

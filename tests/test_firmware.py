@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from esea_gen.device import load_device
+from esea_gen.device import load_device, parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
 from esea_gen.link.transport import LinkError
-from esea_gen.targets import BOARDS, firmware_folder
+from esea_gen.targets import BOARDS, find_board, firmware_folder
 from esea_gen.verify.emulator import (
     RunningBoard,
     find_qemu,
@@ -310,6 +310,21 @@ def test_inputs_that_are_not_the_tasks_are_refused(elbow, native):
 def test_unknown_board_is_refused_with_the_list(elbow, tmp_path):
     with pytest.raises(UserError, match="netduinoplus2"):
         build_firmware(elbow, "arduino", tmp_path)
+
+
+def test_more_bits_than_the_boards_encoders_send_are_refused(drive, tmp_path):
+    """Before the compiler; of a drive only, and the C has the same limits."""
+    text = drive.toml()
+    for key, now, most in (("resolution_bits", 12, 14), ("encoder_bits", 17, 24)):
+        wide = text.replace(f"\n{key} = {{ value = {now}", f"\n{key} = {{ value = {most + 1}", 1)
+        assert wide != text
+        said = rf"\.{key} = {most + 1}, .* send {most} bits at most. Give {most} .*mps2-an500"
+        with pytest.raises(UserError, match=said):
+            build_firmware(parse_device(wide, "mine.toml"), "netduinoplus2", tmp_path)
+    drivers = (firmware_folder() / "boards/netduinoplus2/drivers.c").read_text()
+    in_c = re.search(r"#if ESEA_ENCODER_BITS > (\d+) \|\| ESEA_GEAR_BITS > (\d+)\n#error", drivers)
+    assert in_c
+    assert [int(x) for x in in_c.groups()] == [n for _, n in find_board("netduinoplus2").most_bits]
 
 
 def test_missing_tools_are_named_with_their_package(elbow, tmp_path, monkeypatch):

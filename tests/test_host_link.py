@@ -389,10 +389,10 @@ def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypat
     assert "smc.lambda_1_s: " in said("parameters", address, "--set", "lambda_1_s=12")
     kept = str(tmp_path / "p.json")
     said("parameters", address, "--save", kept)
-    values = json.loads((tmp_path / "p.json").read_text())
+    values = json.loads((tmp_path / "p.json").read_text())["parameters"]
     assert values["smc.lambda_1_s"] == 12
     values["smc.lambda_1_s"] = 13
-    (tmp_path / "p.json").write_text(json.dumps(values))
+    (tmp_path / "p.json").write_text(json.dumps(values))  # as earlier versions wrote it
     assert said("parameters", address, "--compare", kept).strip() == (
         f"smc.lambda_1_s: 12.0 here, 13.0 in {kept}"
     )

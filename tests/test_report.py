@@ -27,6 +27,7 @@ from esea_gen.verify import equivalence
 from esea_gen.verify.emulator import Difference
 from esea_gen.verify.streams import streams
 
+from .browser import browser, readable
 from .conftest import ROOT, require_tool
 
 HDRB = ROOT / "tests" / "data" / "hdrb"
@@ -421,6 +422,21 @@ def test_json_content_is_finite() -> None:
 def test_the_device_of_an_identification_can_be_reported(identification: Identification) -> None:
     again = parse_device(identification.device.toml(), "hdrb.toml")
     assert again.canonical() == identification.device.canonical()
+
+
+def test_pages_are_read_on_a_telephone_by_day_and_by_night(
+    chirped_page: str, recorded_page: str, identification: Identification, tmp_path: Path
+) -> None:
+    with browser(tmp_path / "profile") as b:
+        for text in (chirped_page, recorded_page, identification_page(identification)):
+            readable(b, text, tmp_path)
+        # Armed: too wide, a console that complains, no night.
+        wide = chirped_page.replace("</main>", '<div style="width: 500px">x</div></main>', 1)
+        loud = chirped_page.replace("</main>", "<script>console.error(1)</script></main>", 1)
+        for broken in (wide, loud, chirped_page.replace("prefers-color-scheme: dark", "print", 1)):
+            assert broken != chirped_page
+            with pytest.raises(AssertionError):
+                readable(b, broken, tmp_path)
 
 
 def test_pages_need_no_files_beside_them(chirped: Report, tmp_path: Path) -> None:

@@ -58,7 +58,11 @@ def installed(wheel, tmp_path_factory) -> Path:
 
 def test_wheel_holds_what_is_needed_and_no_more(wheel):
     names = zipfile.ZipFile(wheel).namelist()
-    for source, target in (("templates", "_templates"), ("firmware", "_firmware")):
+    for source, target in (
+        ("templates", "_templates"),
+        ("firmware", "_firmware"),
+        ("tests/data/hdrb", "_samples/hdrb"),
+    ):
         wanted = {
             f"esea_gen/{target}/{p.relative_to(ROOT / source).as_posix()}"
             for p in (ROOT / source).rglob("*")
@@ -100,6 +104,17 @@ def test_build_gives_the_committed_bytes(installed, tmp_path):
     assert set(built) == set(committed)
     assert [n for n in built if built[n] != committed[n]] == []
     assert "current" in call(installed / "esea-gen", "check", "elbow", cwd=tmp_path)
+
+
+def test_the_first_minute_needs_no_file_of_ones_own(installed, tmp_path):
+    """The recording that comes along is found from any folder."""
+    program = (
+        "from pathlib import Path; from esea_gen.cli.identification import _mapping; "
+        "found = _mapping(Path('hdrb')); print(found.is_file(), found)"
+    )
+    there, path = call(installed / "python", "-c", program, cwd=tmp_path).split()
+    assert there == "True"
+    assert Path(path).is_relative_to(installed.parent)
 
 
 def test_firmware_builds(installed, tmp_path):

@@ -13,6 +13,7 @@ import json
 import math
 import os
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -265,4 +266,6 @@ def _in_process(work: Work, case: dict[str, Any], parent: int) -> Result:
     # Workers outlive a parent that was killed: no further case then, its result would be lost.
     if os.getppid() != parent:
         os._exit(1)
-    return work(case)
+    with warnings.catch_warnings():  # what there is to say of a device, the parent has said
+        warnings.simplefilter("ignore", UserWarning)
+        return work(case)

@@ -7,6 +7,7 @@ one as a picture with that look.
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,8 @@ COLOURS = (MODEL, MEASURED, ROUNDING, BOUND, INK)
 MARKERS = ("o", "s", "D", "^", "v")
 POINTS = 4000
 DPI = 130
+MOST_SAID = 6
+CROSS = "\N{BALLOT X}"
 
 
 def new_figure(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
@@ -66,6 +69,34 @@ def save(figure: Figure, path: Path) -> None:
     except ValueError as error:
         raise UserError(f"{path}: cannot be drawn ({error}).", "End it in .png or .svg.") from None
     write_whole(path, picture.getvalue())
+
+
+def crossed(figure: Figure, ended: Mapping[str, str]) -> Figure:
+    """Cases that a run of did not end well: crossed where the figure names them, and said below.
+
+    ended: what came of it, by case.
+    """
+    if not ended:
+        return figure
+
+    def marked(text: str) -> str:
+        return f"{CROSS} {text}" if ended.keys() & set(re.split(": |\n", text)) else text
+
+    with mpl.rc_context(STYLE):
+        for axes in figure.axes:
+            for axis in (axes.xaxis, axes.yaxis):
+                names = [t.get_text() for t in axis.get_ticklabels()]
+                if any(marked(n) != n for n in names):
+                    axis.set_ticks(axis.get_ticklocs(), [marked(n) for n in names])
+            for where in ("left", "center"):
+                title = axes.get_title(where)
+                if marked(title) != title:
+                    axes.set_title(marked(title), loc=where)
+        said = [f"{CROSS} {name}: {what}" for name, what in ended.items()]
+        if len(said) > MOST_SAID:
+            said[MOST_SAID:] = [f"and {len(said) - MOST_SAID} more cases"]
+        figure.supxlabel("\n".join(said), color=BOUND, fontsize=STYLE["font.size"])
+    return figure
 
 
 def _drawn(axes: Axes, time: Array, y: Array, **kwargs: Any) -> None:

@@ -8,7 +8,6 @@ machine does beside falls on both alike; time is the thread's own.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -16,7 +15,6 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -39,6 +37,7 @@ from esea_gen.device import Device, load_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
+from esea_gen.files import write_json
 from esea_gen.language.block import Block
 from esea_gen.language.stream import Stream
 from esea_gen.verify.streams import domain_chirp, recorded_stream
@@ -222,13 +221,9 @@ def main(arguments: list[str] | None = None) -> int:
         driven = load_device(chosen.drive) if chosen.drive else None
         pairs, builds = max(1, chosen.pairs), max(0, chosen.builds)
         rows = run_benchmarks(chosen.device, pairs, builds, say, chosen.drive)
-        content: list[dict[str, Any]] = [r.to_dict() for r in rows]
-        chosen.json.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n")
+        write_json(chosen.json, "bench", {"rows": [r.to_dict() for r in rows]})
     except UserError as error:
         print(f"esea-gen: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"esea-gen: {chosen.json}: {error.strerror or error}", file=sys.stderr)
         return 2
     print(table(rows))
     for line in [*step_table(rows), *(drive_load(driven, rows) if driven else [])]:

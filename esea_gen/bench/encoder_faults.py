@@ -11,7 +11,6 @@ worst over controllers and cases on the standard plant.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +23,7 @@ from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, rooms_digest
 from esea_gen.control.redundancy import shares_of_room
 from esea_gen.errors import UserError
+from esea_gen.files import write_json
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate_case
 from esea_gen.twin.case import Setting
@@ -237,8 +237,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"esea-gen: {error}")
         return 2
     print("\n".join(table(content["faults"])))
-    if chosen.json:
-        chosen.json.write_text(json.dumps(content, indent=2) + "\n")
+    write_json(chosen.json, "bench-encoder-faults", content)
     return 0
 
 

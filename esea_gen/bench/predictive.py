@@ -1,6 +1,6 @@
 """What predictive control costs: bound, worst seen and typical instructions; peers beside it.
 
-    python -m esea_gen.bench.predictive
+    python -m esea_gen.bench.predictive --json predictive.json
 
 Instructions are counted on the object code (the bound) and in an emulator (what was seen); they are
 not cycles.  Times are of this machine, the thread's own, in turns with each peer.
@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ from esea_gen.control.predictive_drive import predictive_controller
 from esea_gen.emit.program_c import loop_lines
 from esea_gen.emit.program_render import ProgramRenderer, render_program
 from esea_gen.errors import UserError
+from esea_gen.files import write_json
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
@@ -201,10 +202,13 @@ def _turns(candidates: dict[str, Callable[[], Any]], rounds: int) -> dict[str, f
     return {k: float(np.median(v)) for k, v in best.items()}
 
 
-def qp_rows(n: int = 10, count: int = 200, rounds: int = 15) -> list[str]:
+def qp_rows(
+    n: int = 10, count: int = 200, rounds: int = 15, into: dict[str, Any] | None = None
+) -> list[str]:
     """The box QP against other solvers on the same problems, with the accuracy each reached.
 
     count: problems, as predictive control gives them, a third with active bounds.
+    into: takes the same numbers.
     return: lines: microseconds a problem, largest error against a dense solution, ratio to ours.
 
     Peers are called through CasADi's generated-code-free interface, one call a problem, in a map
@@ -264,6 +268,8 @@ def qp_rows(n: int = 10, count: int = 200, rounds: int = 15) -> list[str]:
         error = float(np.max(np.abs(found[name] - best)))
         ratio = seconds / times["ours f32"]
         lines.append(f"{name:24} {1e6 * seconds / count:8.2f} {error:10.1e} {ratio:11.2f}")
+        if into is not None:
+            into[name] = {"problem_us": 1e6 * seconds / count, "error": error, "ratio": ratio}
     return lines
 
 
@@ -279,9 +285,14 @@ def _dense_minimum(h: Array, f: Array) -> Array:
     return x
 
 
-def step_rows() -> list[str]:
-    """The whole step against CasADi's C of the same rollout and Jacobian."""
+def step_rows(into: dict[str, Any] | None = None) -> list[str]:
+    """The whole step against CasADi's C of the same rollout and Jacobian.
+
+    into: takes the same numbers.
+    """
     seen = step_times("mpc")
+    if into is not None:
+        into |= asdict(seen)
     lines = [
         f"{'whole step (ours) / CasADi C, no QP':36} {'ours us':>8} {'peer us':>8} {'ratio':>6}"
     ]
@@ -296,9 +307,12 @@ def step_rows() -> list[str]:
 
 
 def horizon_rows(
-    core: str, lengths: Sequence[int] = (5, 10, 20, 40), figure: Path | None = None
+    core: str,
+    lengths: Sequence[int] = (5, 10, 20, 40),
+    figure: Path | None = None,
+    into: list[dict[str, Any]] | None = None,
 ) -> list[str]:
-    """Bound against the horizon's length."""
+    """Bound against the horizon's length; into: takes the same numbers."""
     device = controller_device("mpc")
     delay_s = device_horizon(device).delay_s
     parts: list[tuple[int, int]] = []
@@ -312,6 +326,9 @@ def horizon_rows(
         qp = sum(i for f, (i, _) in c.bound.by_function.items() if "_qp_" in f)
         lines.append(f"{n:9d}  {c.bound.instructions:9d}  {qp:9d}  {c.state_bytes}")
         parts.append((c.bound.instructions, qp))
+        if into is not None:
+            row = {"intervals": n, "bound": c.bound.instructions, "qp": qp}
+            into.append(row | {"state_bytes": c.state_bytes})
     if figure is not None:
         _plot_horizons(np.array(lengths), np.array(parts, float), core, figure)
     return lines
@@ -338,17 +355,25 @@ def _plot_horizons(lengths: Array, parts: Array, core: str, path: Path) -> None:
 
 def run_benchmarks(
     say: Callable[[str], None], horizons: bool, figure: Path | None = None
-) -> list[str]:
-    """Everything that is printed.
+) -> tuple[list[str], dict[str, Any]]:
+    """Everything that is printed, and the same numbers for a file.
 
     horizons: whether the bound is tabulated over the horizon's length.
     """
+    found: dict[str, Any] = {"cores": {}, "box_qp": {}, "whole_step": {}, "horizons": []}
     program: Any = controller_device("mpc").system.blocks["predictive"]
     lines = []
     for core, processor in CORES.items():
         clock = processor.clock_Hz
         say(f"bound on {core}")
         c = cost_on(program, core)
+        at = found["cores"][core] = {
+            "bound_instructions": c.bound.instructions,
+            "stack_bytes": c.bound.stack_bytes,
+            "code_bytes": c.code_bytes,
+            "state_bytes": c.state_bytes,
+            "clock_Hz": clock,
+        }
         rates = ", ".join(
             f"{clock / (x * c.bound.instructions):.0f} Hz at {x:g}" for x in CYCLES_PER_INSTRUCTION
         )
@@ -367,19 +392,21 @@ def run_benchmarks(
                 free = {"load_free": 0.0 if case.trajectory.clamped else 1.0}
                 usual.append(seen_on_m4f(program, rows, free)[0])
             seen = np.concatenate(usual)
+            at["worst_seen"], at["largest_seen"] = float(worst.max()), float(seen.max())
+            at["median_seen"] = float(np.median(seen))
             lines.append(
                 f"{core}: worst of 400 stress inputs {worst.max():.0f}; in closed loop (tuning, "
                 f"backdriven, bread; 250 steps each) median {np.median(seen):.0f}, largest "
                 f"{seen.max():.0f}; aims {AIM_BOUND} (bound), {AIM_TYPICAL} (typical)"
             )
     say("box QP and its peers")
-    lines += ["", *qp_rows()]
+    lines += ["", *qp_rows(into=found["box_qp"])]
     say("the whole step and CasADi's C")
-    lines += ["", *step_rows()]
+    lines += ["", *step_rows(found["whole_step"])]
     if horizons:
         say("horizons")
-        lines += ["", *horizon_rows("Cortex-M4F", figure=figure)]
-    return lines
+        lines += ["", *horizon_rows("Cortex-M4F", figure=figure, into=found["horizons"])]
+    return lines, found
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -387,6 +414,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--horizons", action="store_true", help="also the bound over the horizon")
     parser.add_argument("--figure", type=Path, help="plot that too: .png, .svg or .pdf")
+    parser.add_argument("--json", type=Path, help="also write the numbers")
     chosen = parser.parse_args(arguments)
     horizons = chosen.horizons or chosen.figure is not None
 
@@ -394,7 +422,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(text, file=sys.stderr, flush=True)
 
     try:
-        lines = run_benchmarks(say, horizons, chosen.figure)
+        lines, found = run_benchmarks(say, horizons, chosen.figure)
+        write_json(chosen.json, "bench-predictive", found)
     except UserError as error:
         print(f"esea-gen: {error}", file=sys.stderr)
         return 2

@@ -7,7 +7,6 @@ instructions.  Waiting for a bus is time, not instructions: it is left out, and 
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -17,6 +16,7 @@ import numpy as np
 
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
+from esea_gen.files import write_json
 from esea_gen.targets import find_board, firmware_folder
 from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.gdb import HeldProcessor
@@ -248,8 +248,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"esea-gen: {error}")
         return 2
     print("\n".join(found.table()))
-    if chosen.json:
-        chosen.json.write_text(json.dumps(asdict(found), indent=2) + "\n")
+    write_json(chosen.json, "bench-whole-tick", asdict(found))
     return 0
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import errno
+import os
+import shlex
 import sys
 import traceback
 import warnings
-from collections.abc import Iterator, MutableMapping
+from collections.abc import Iterator, MutableMapping, Sequence
 from functools import cache
 from importlib import import_module
+from types import SimpleNamespace
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -99,6 +102,16 @@ class Commands(TyperGroup):
     def commands(self, _: Any) -> None:
         return
 
+    def invoke(self, ctx: Any) -> Any:
+        """Whoever ends it by Ctrl-C is told how to go on."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            chosen = self.commands.get(ctx.invoked_subcommand)
+            resumable = any(p.name == "resume" for p in chosen.params) if chosen else False
+            print(f"\nesea-gen: {stopped(sys.argv[1:], resumable)}", file=sys.stderr)
+            raise SystemExit(130) from None
+
     def list_commands(self, ctx: Any) -> list[str]:
         """In the order of the groups."""
         return list(HOMES)
@@ -110,6 +123,20 @@ class Commands(TyperGroup):
                 formatter.write_dl(
                     [(n, self.commands[n].get_short_help_str(limit=200)) for n in group]
                 )
+
+
+def stopped(words: Sequence[str], resumable: bool) -> str:
+    """What is said of a command that was ended by Ctrl-C.
+
+    words: the command line, less the program.
+    resumable: whether the command can keep a journal.
+    """
+    again = shlex.join(["esea-gen", *words])
+    if not resumable:
+        return f"stopped; no file is left half written. From the start again:\n  {again}"
+    if any(w.partition("=")[0] == "--resume" for w in words):
+        return f"stopped; the runs that had ended are kept. Go on with the same command:\n  {again}"
+    return f"stopped; no run was kept. To be able to go on another time:\n  {again} --resume DIR"
 
 
 app = typer.Typer(
@@ -143,6 +170,10 @@ class Out:
 
             Console(highlight=False, markup=False).print(what)
 
+    def next(self, *words: str) -> None:
+        """Say which command comes next."""
+        self.print(f"next: {shlex.join(['esea-gen', *words])}")
+
 
 out = Out()
 
@@ -167,9 +198,24 @@ def _main(
 REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM)
 
 
+COMPLETING = "_ESEA_GEN_COMPLETE"  # the shell's, while a word is completed
+
+
+def _take_values_as_typed() -> None:
+    # typer checks values by pydantic, whose import takes half the time of a press of the tab key.
+    # A typer that does without it has no such name: then nothing is changed.
+    from typer import core
+
+    if hasattr(core, "build_runtime_param"):
+        unchecked = SimpleNamespace(coerce=lambda value, **_: value)
+        vars(core)["build_runtime_param"] = lambda _: unchecked
+
+
 def main() -> None:
     """Entry point: bad input becomes one paragraph and exit code 2."""
     warnings.showwarning = _note
+    if COMPLETING in os.environ:
+        _take_values_as_typed()
     try:
         app()
     except UserError as error:

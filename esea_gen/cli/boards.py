@@ -60,7 +60,7 @@ def firmware(
 
         for path in build_package(loaded, image, image.elf.parent):
             out.print(f"{path}: {path.stat().st_size} B")
-    write_json(json_file, image.to_dict())
+    write_json(json_file, "firmware", image.to_dict())
 
 
 def _fits(loaded: Device, board: str, cycles: float | None) -> list[str]:
@@ -105,6 +105,7 @@ def emulate(
     given in the tuning case in closed loop with the virtual exoskeleton.
     """
     loaded = esea_gen.load_device(device, controller)
+    following = "report", device, *(("--controller", controller) if controller else ())
     if loaded.laws:
         if recording is not None or data is not None:
             raise UserError(
@@ -112,6 +113,7 @@ def emulate(
                 "Leave --recording and --data out: its inputs are recorded from the simulation.",
             )
         _emulate_drive(loaded, board, 3.0 if seconds is None else seconds, json_file)
+        out.next(*following)
         return
     if seconds is not None:
         raise UserError(f"{loaded.origin}: --seconds is for a drive.", "Leave it out.")
@@ -128,9 +130,10 @@ def emulate(
             f"{name}: {r['steps']} steps, {same}; instructions per step "
             f"{n['min']}/{n['median']}/{n['max']} (min/median/max, emulated)"
         )
-    write_json(json_file, {"device": loaded.name, "streams": results})
+    write_json(json_file, "emulate", {"device": loaded.name, "streams": results})
     if not all(r["identical"] for r in results.values()):
         raise typer.Exit(1)
+    out.next(*following)
 
 
 def emulate_deflections(
@@ -183,7 +186,8 @@ def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path |
     for r in results.values():
         if r.first_difference is not None:
             out.print(f"{r.task}: {r.first_difference}")
-    write_json(json_file, {"device": loaded.name, "case": "tuning", "tasks": content})
+    found = {"device": loaded.name, "case": "tuning", "tasks": content}
+    write_json(json_file, "emulate-drive", found)
     if not all(r.identical for r in results.values()):
         raise typer.Exit(1)
 

@@ -52,9 +52,10 @@ def verify(
     with progress_line() as say:
         result = compare_c(loaded, chosen_formats(real), recorded, progress=say, blocks=block)
     _print_verification(loaded, result)
-    write_json(json_file, result.to_dict())
+    write_json(json_file, "verify", result.to_dict())
     if not result.passed:
         raise typer.Exit(1)
+    out.next("emulate", device, *(("--controller", controller) if controller else ()))
 
 
 def _bound_note(result: Any, block: str) -> str:
@@ -157,7 +158,8 @@ def coverage(
             out.print(f"  only by a fault of the arithmetic, not proven: {side}")
     for name in programs:
         out.print(f"{name}: not measured: a program of loops; see docs/verification.md")
-    write_json(json_file, {name: c.to_dict() for name, c in found.items()})
+    blocks = {name: c.to_dict() for name, c in found.items()}
+    write_json(json_file, "coverage", {"blocks": blocks})
     if any(c.uncovered for c in found.values()):
         raise typer.Exit(1)
 
@@ -183,7 +185,8 @@ def gates(
         out.print(f"{name}: {'passed' if r.passed else 'FAILED'}; stack {stacks}")
         for problem in r.problems:
             out.print(f"  {problem}")
-    write_json(json_file, {name: r.to_dict() for name, r in found.items()})
+    targets = {name: r.to_dict() for name, r in found.items()}
+    write_json(json_file, "gates", {"targets": targets})
     if not all(r.passed for r in found.values()):
         raise typer.Exit(1)
 
@@ -211,7 +214,8 @@ def mutate(
             reports[name] = run_mutation(loaded, name, sample, seed, say, block)
     for name, r in reports.items():
         out.print(f"{name}: {100 * r.score:.1f} % of the mutants caught")
-    write_json(json_file, {name: r.to_dict() for name, r in reports.items()})
+    formats = {name: r.to_dict() for name, r in reports.items()}
+    write_json(json_file, "mutate", {"formats": formats})
     if any(r.score < REQUIRED_SCORE for r in reports.values()):
         raise typer.Exit(1)
 
@@ -270,7 +274,7 @@ def mutate_python_command(
             entered=entered,
             progress=say,
         )
-    show(result, json_file)
+    show(result, json_file, "mutate-python")
 
 
 traces = typer.Typer(help="Committed traces: how every shipped System behaves.")
@@ -318,7 +322,7 @@ def ranges(
     loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         result = range_report(loaded.name, loaded.system, say)
-    show(result, json_file)
+    show(result, json_file, "ranges")
     picture(figure, result.figure)
 
 
@@ -351,6 +355,6 @@ def fixed(
     with progress_line() as say:
         deflections = read_recorded(loaded, recording, data)
         result = check_fixed(loaded, minutes, deflections, cores, prove, say)
-    show(result, json_file)
+    show(result, json_file, "fixed")
     if not result.passed:
         raise typer.Exit(1)

@@ -149,7 +149,7 @@ def simulate(
             folder=resume,
             progress=tell,
         )
-    show(result, json_file)
+    show(result, json_file, "simulate")
     if csv_file is not None:
         write_whole(csv_file, result.csv())
     picture(figure, result.figure)
@@ -198,7 +198,7 @@ def passivity(
             workers=Workers(jobs, cluster),
             progress=tell,
         )
-    show(result, json_file)
+    show(result, json_file, "passivity")
     picture(figure, result.figure)
 
 
@@ -240,7 +240,7 @@ def tune(
             workers=Workers(jobs, cluster),
             progress=tell,
         )
-    show(result, json_file)
+    show(result, json_file, "tune")
     picture(figure, result.figure)
     if not all(sweep.ran for sweep in result.sweeps):
         raise typer.Exit(1)

@@ -46,7 +46,7 @@ def faults(
     if emulator:
         with counted(f"{device}, in the emulator") as tell:
             result = with_emulated(result, device, runs, seed, emulator, tell)
-    show(result, json_file)
+    show(result, json_file, "faults")
     picture(figure, result.figure)
     if result.outside or not all(f.same for f in result.emulated):
         raise typer.Exit(1)

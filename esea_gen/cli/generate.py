@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,10 +11,11 @@ import typer
 
 import esea_gen
 from esea_gen.cli.app import app, out
+from esea_gen.cli.names import completing
 from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats
 from esea_gen.cli.output import progress_line
 from esea_gen.errors import UserError
-from esea_gen.files import write_whole
+from esea_gen.files import result_schema, result_schemas, write_whole
 
 if TYPE_CHECKING:
     from esea_gen.device import Device
@@ -21,13 +23,13 @@ if TYPE_CHECKING:
 GENERATED = Path("generated")
 
 
-def _bundles(device: Device, real: list[str] | None) -> list[Any]:
+def _bundles(device: Device, real: list[str] | None, linked: bool) -> list[Any]:
     from esea_gen.emit.build import device_formats, render_device
     from esea_gen.emit.dialect import render_dialect
     from esea_gen.emit.formats import FORMATS
 
     bundles = render_device(device, chosen_formats(real or device_formats(device), FORMATS))
-    if real is None:
+    if linked:
         bundles.append(render_dialect(device))
     return bundles
 
@@ -58,20 +60,24 @@ def build(
     from esea_gen.emit.dialect import core_bundle, without_core
     from esea_gen.emit.telemetry import cost_table
 
+    linked = real is None and find_spec("pymavlink") is not None
     loaded = esea_gen.load_device(device, controller)
     target = folder or GENERATED / loaded.name
     with progress_line() as say:
         say(f"{loaded.name}: rendering; ranges of a new q31 device take some twenty seconds")
-        bundles = _bundles(loaded, real)
-    if folder is None and real is None:
+        bundles = _bundles(loaded, real, linked)
+    if folder is None and linked:
         bundles = [without_core(b) for b in bundles]
         write_bundles([core_bundle()], GENERATED)
     for path, bundle in zip(write_bundles(bundles, target), bundles, strict=True):
         size = sum(len(t) for t in bundle.files.values())
         out.print(f"{path}: {len(bundle.files)} files, {size / 1000:.0f} kB")
     out.print(f"content {device_hash(loaded)}")
-    if real is None:
+    if linked:
         out.print(cost_table(loaded.system))
+    elif real is None:
+        out.print("no MAVLink dialect: it needs pymavlink; pip install 'esea-gen[link]'")
+    out.next("verify", device, *(("--controller", controller) if controller else ()))
 
 
 @app.command()
@@ -102,7 +108,7 @@ def check(
             out.print(f"{loaded.name}: nothing generated in {folder}")
             stale += 1
             continue
-        bundles = _bundles(loaded, None)
+        bundles = _bundles(loaded, None, True)
         if shared:
             bundles = [without_core(b) for b in bundles]
         stale += _tell(loaded.name, differences(bundles, folder / loaded.name))
@@ -160,12 +166,22 @@ def _schema_text() -> str:
 
 @app.command()
 def schema(
+    result: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="RESULT",
+            help="What a command writes as JSON, such as simulate; default: device files.",
+            autocompletion=completing(result_schemas),
+        ),
+    ] = None,
+    listed: Annotated[bool, typer.Option("--list", help="Names of the results.")] = False,
     target: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Output file; default: print.")
     ] = None,
 ) -> None:
-    """Print the JSON schema of device files, for completion in editors."""
-    text = _schema_text()
+    """Print a JSON schema: of device files, for completion in editors, or of a result."""
+    text = _schema_text() if result is None else result_schema(result)
+    text = "\n".join([*result_schemas(), ""]) if listed else text
     if target is None:
         print(text, end="")
     else:

@@ -14,14 +14,30 @@ from esea_gen.cli.options import DeviceArgument, FigureOption, JsonOption
 from esea_gen.cli.output import picture, progress_line, show
 from esea_gen.cli.studies import StudyCommand
 from esea_gen.errors import UserError
-from esea_gen.files import write_json, write_whole
+from esea_gen.files import sample_folder, write_json, write_whole
 
 PUBLISHED = "published"
+SAMPLE = "hdrb"  # a recording of a high-damping rubber that comes along
+
+
+def _mapping(path: Path) -> Path:
+    # The sample by its name, where there is no such file.
+    return (
+        sample_folder() / SAMPLE / f"{SAMPLE}.toml"
+        if str(path) == SAMPLE and not path.exists()
+        else path
+    )
 
 
 @app.command()
 def identify(
-    mapping: Annotated[Path, typer.Argument(help="Mapping file of the recording.")],
+    mapping: Annotated[
+        Path,
+        typer.Argument(
+            callback=_mapping,
+            help=f"Mapping file of the recording; {SAMPLE}: a rubber's, which comes along.",
+        ),
+    ],
     data: Annotated[
         Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
     ] = None,
@@ -106,7 +122,8 @@ def _identify_model(
         out.print(line)
     out.print(f"device file: {path}")
     out.print(f"report: {page}")
-    write_json(json_file, content)
+    write_json(json_file, "identify", content)
+    out.next("build", str(path))
 
 
 def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) -> str:
@@ -123,7 +140,7 @@ def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) ->
             None if missing else sensor_instructions,
             lambda share, what: say(f"{100 * share:.0f} % {what}"),
         )
-    show(result, json_file)
+    show(result, json_file, "identify-compare")
     return result.chosen
 
 
@@ -138,7 +155,7 @@ def reliability(
     from esea_gen.identify.reliability import read_specimens
     from esea_gen.identify.reliability import reliability as judged
 
-    show(judged(read_specimens(table)), json_file)
+    show(judged(read_specimens(table)), json_file, "reliability")
 
 
 @app.command(cls=StudyCommand)
@@ -172,7 +189,7 @@ def uncertainty(
         result = torque_uncertainty(
             loaded, runs, seed, spread=spread, residual_deg=residual_deg, progress=say
         )
-    show(result, json_file)
+    show(result, json_file, "uncertainty")
     picture(figure, result.figure)
 
 
@@ -243,10 +260,10 @@ def torque_check(
         for line in instructions(loaded, check):
             out.print(line)
         if check is not None:
-            write_json(json_file, check.to_dict())
+            write_json(json_file, "torque-check", check.to_dict())
         return
     for line in check.report():
         out.print(line)
-    write_json(json_file, check.to_dict())
+    write_json(json_file, "torque-check", check.to_dict())
     if check.verdict != "pass":
         raise typer.Exit(1)

@@ -73,12 +73,12 @@ def counted(text: str) -> Iterator[Callable[[int, int, int], None]]:
         yield tell
 
 
-def show(result: Any, json_file: Path | None) -> None:
-    """Print a result as a table, then write it as JSON."""
+def show(result: Any, json_file: Path | None, what: str) -> None:
+    """Print a result as a table, then write it as JSON of the schema `what`."""
     # The table first: it is there whatever becomes of the file.
     for line in result.table():
         out.print(line)
-    write_json(json_file, result.to_dict())
+    write_json(json_file, what, result.to_dict())
 
 
 def picture(figure: Path | None, draw: Callable[[], Any]) -> None:

@@ -46,6 +46,6 @@ def report(
         out.print(line)
     write_whole(target, found.html())
     out.print(f"report: {target}")
-    write_json(json_file, found.to_dict())
+    write_json(json_file, "report", found.to_dict())
     if not found.passed:
         raise typer.Exit(1)

@@ -76,7 +76,7 @@ def startup(
     drive = SimulatedDrive(plant, seed, off, motor_gain, delay / 1e3)
     with progress_line() as say:
         result = start_up_simulated(loaded, drive, say)
-    show(result, json_file)
+    show(result, json_file, "startup")
     if result.model is not None and result.updated is not None:
         if folder is not None:
             path = folder / result.updated.origin

@@ -80,7 +80,7 @@ def _reproduce(written: Written) -> Callable[..., None]:
         study: Reproduction[Any] = load_study(written.name, Reproduction)
         with progress_line() as say:
             outcome = study.run(say, data)
-        show(outcome, json_file)
+        show(outcome, json_file, f"reproduce-{written.name}")
         picture(figure, outcome.figure)
         if not study.reproduced(outcome):
             raise typer.Exit(1)
@@ -136,7 +136,7 @@ def _whole_thesis(
 
     with progress_line() as say:
         result = recompute(say, chapters=chapters or CHAPTERS, given=given or ())
-    show(result, json_file)
+    show(result, json_file, "reproduce-all")
     if page is not None:
         command = " ".join(
             ["esea-gen reproduce all", *(f"--chapter {c}" for c in chapters or ())]

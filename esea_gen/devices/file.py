@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import re
-import warnings
 from collections.abc import Iterable, Iterator
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from esea_gen.devices.checks import check_content
+from esea_gen.devices.designed import tell_of_gains
 from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, DeviceFile, quantities_of
 from esea_gen.devices.numbers import Quantity, Section, Series
 from esea_gen.devices.rubber import Elastomer
@@ -153,6 +152,8 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
     document = _with_controllers(_resolved(text, origin), controllers)
     file = checked(DeviceFile, document, origin, _fix, text)
     check_content(origin, text, file)
+    if file.disturbance is not None:
+        tell_of_gains(origin, document, _shipped_drives())
     return file
 
 
@@ -170,26 +171,18 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
             f"Shipped: {', '.join(sorted(shipped))}.",
         )
     below = _with_controllers(_resolved(*read_file(base)), controllers)
-    merged = _merged(below, document)
-    rates_Hz = [_number(d, "timing", "sense_rate_Hz") for d in (below, merged)]
-    own = document.get("disturbance", {})
-    left = [k for k in merged.get("disturbance", {}) if k.startswith("gain_") and k not in own]
-    if left and rates_Hz[0] != rates_Hz[1]:
-        warnings.warn(
-            f"{origin}: disturbance.{', '.join(left)} are those of {base}, designed for "
-            f"{rates_Hz[0]:g} Hz; this device senses at {rates_Hz[1]:g} Hz. Design them again for "
-            "that rate, and give them with their source.",
-            stacklevel=2,
-        )
-    return merged
+    return _merged(below, document)
 
 
-def _number(document: dict[str, Any], section: str, key: str) -> float:
-    # NaN for what the checks will refuse.
-    try:
-        return float(document[section][key]["value"])
-    except (KeyError, TypeError, ValueError):
-        return math.nan
+@cache
+def _shipped_drives() -> dict[str, dict[str, Any]]:
+    # Complete documents whose gains others may have taken over.
+    found = {}
+    for name, path in sorted((shipped_devices() | shipped_controllers()).items()):
+        document = _resolved(read_text(path, "Check the file."), path.name)
+        if "disturbance" in document:
+            found[name] = document
+    return found
 
 
 def _with_controllers(document: dict[str, Any], controllers: Iterable[str]) -> dict[str, Any]:

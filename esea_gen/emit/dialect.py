@@ -14,11 +14,11 @@ import os
 import subprocess
 import sys
 import tempfile
-import types
 from collections.abc import Mapping
 from functools import cache
 from importlib import metadata, resources
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from esea_gen.device import Device
@@ -40,9 +40,15 @@ from esea_gen.emit.messages import (
 from esea_gen.emit.parameters import link_parameters, parameter_metadata
 from esea_gen.emit.render import Renderer
 from esea_gen.emit.states import STATES
+from esea_gen.errors import from_extra
 
 FOLDER = "dialect"
 CORE_FOLDER = "mavlink"
+
+
+def mavlink() -> ModuleType:
+    """MAVLink's generator and core headers."""
+    return from_extra("pymavlink", "link", "A MAVLink dialect")
 
 
 @cache
@@ -52,6 +58,7 @@ def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
     return: relative path to text: ``mavlink/...`` (C headers without ``version.h`` and test suite)
         and ``python/<name>.py``.
     """
+    mavlink()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         (folder / f"{name}.xml").write_text(xml, encoding="utf-8")
@@ -128,7 +135,7 @@ def core_bundle() -> Bundle:
 
     return: folder ``mavlink``, to stand once beside the folders of several devices.
     """
-    source = resources.files("pymavlink") / "generator" / "C" / "include_v2.0"
+    source = resources.files(mavlink()) / "generator" / "C" / "include_v2.0"
     files = {
         path.name: path.read_text(encoding="utf-8")
         for path in sorted(source.iterdir(), key=lambda p: p.name)
@@ -154,7 +161,7 @@ def without_core(bundle: Bundle) -> Bundle:
 
 def load_module(name: str, text: str) -> Any:
     """Load a dialect's Python module from its text."""
-    module = types.ModuleType(name)
+    module = ModuleType(name)
     exec(compile(text, f"{name}.py", "exec"), module.__dict__)
     return module
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from esea_gen.emit.render import port_text
 from esea_gen.emit.states import BOARD_FAULTS, TIMES_MS
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, from_extra
 from esea_gen.language.ports import Code, Flag, Port
 from esea_gen.language.system import External, System
 
@@ -163,7 +163,8 @@ class MessageStatus:
 @cache
 def mavlink_units() -> frozenset[str]:
     """Units that MAVLink's own schema knows."""
-    schema = resources.files("pymavlink") / "generator" / "mavschema.xsd"
+    package = from_extra("pymavlink", "link", "What a MAVLink message holds")
+    schema = resources.files(package) / "generator" / "mavschema.xsd"
     root = ElementTree.fromstring(schema.read_bytes())
     ns = "{http://www.w3.org/2001/XMLSchema}"
     for simple in root.iter(f"{ns}simpleType"):

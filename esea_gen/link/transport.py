@@ -14,8 +14,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any, Protocol, Self
 
-import serial
-
 RECEIVE_CHUNK_BYTES = 1 << 16
 STOP_S = 3.0
 
@@ -109,8 +107,13 @@ class SerialTransport:
 
     def __init__(self, port: str, baud: int = 115200) -> None:
         try:
+            import serial
+        except ModuleNotFoundError:
+            fix = "Install it with: pip install 'esea-gen[link]'"
+            raise LinkError(f"{port}: pyserial is not installed", fix) from None
+        try:
             self._port: Any = serial.Serial(port, baud, exclusive=True)
-        except (serial.SerialException, OSError, ValueError) as error:
+        except (OSError, ValueError) as error:  # pyserial's own is an OSError
             what = f"{port} cannot be opened ({error})"
             raise LinkError(
                 what, "Check the name, your rights to it, and who else has it."
@@ -122,7 +125,7 @@ class SerialTransport:
             self._port.timeout = timeout_s
             first = self._port.read(1)
             return bytes(first + self._port.read(self._port.in_waiting)) if first else b""
-        except (serial.SerialException, OSError, TypeError) as error:
+        except (OSError, TypeError) as error:
             raise LinkError(f"the serial link broke ({error})") from None
 
     def write(self, data: bytes, timeout_s: float) -> None:
@@ -130,7 +133,7 @@ class SerialTransport:
         try:
             self._port.write_timeout = timeout_s
             self._port.write(data)
-        except (serial.SerialException, OSError) as error:
+        except OSError as error:
             raise LinkError(f"the board does not take data ({error})") from None
 
     def close(self) -> None:

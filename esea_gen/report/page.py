@@ -11,6 +11,7 @@ import jinja2
 from markupsafe import Markup
 
 from esea_gen.files import template_folder
+from esea_gen.plotting import DARK
 
 STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "derived": "○"}
 
@@ -61,7 +62,8 @@ def render(head: PageSection, sections: Sequence[PageSection], found: Any, **con
     for section in (head, *sections):
         context |= section.shown(found)
     template = environment().get_template("report/page.html.j2")
-    return template.render(head=head, sections=sections, found=found, **context)
+    dark = {name: colour for name, (_, colour) in DARK.items()}
+    return template.render(head=head, sections=sections, found=found, dark_figures=dark, **context)
 
 
 def number(value: float | None, digits: int = 2) -> str | Markup:

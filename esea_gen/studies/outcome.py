@@ -134,7 +134,13 @@ class Simulation:
 
     def figure(self) -> Figure:
         """What the study is for: Bode, impedance, torque in time, or RMS by case."""
-        return self.study.figure(self)
+        from esea_gen.analysis.plots import crossed
+
+        ended: dict[str, str] = {}
+        for entry in self.ended():
+            words = [ENDED.get(k, "failed") for k in (*ENDED, "failure") if entry.get(k)]
+            ended.setdefault(entry["name"], f"seed {entry['seed']} {', '.join(words)}")
+        return crossed(self.study.figure(self), ended)
 
     def csv(self) -> str:
         """Every case and seed, one line each."""

@@ -31,6 +31,7 @@ from esea_gen.targets import (
     Board,
     Toolchain,
     find_board,
+    firmware_boards,
     firmware_folder,
 )
 from esea_gen.verify.stack import CallGraph, deepest_stack, stack_by_priority
@@ -136,6 +137,8 @@ def build_firmware(
     drivers: text of a ``drivers.c`` in place of the board's.
     """
     chosen = find_board(board)
+    if drivers is None and device.laws:
+        _can_be_read(device, chosen)
     toolchain = chosen.processor.toolchain
     gcc = find_compiler(*toolchain.gcc)
     prefix = f"esea_{device.name}"
@@ -197,6 +200,21 @@ def build_firmware(
         stack_bounds_bytes=bounds,
         compiler=_version(gcc),
     )
+
+
+def _can_be_read(device: Device, board: Board) -> None:
+    # The board's encoders send at least the bits that the device counts with.
+    numbers = dict(device.quantities())
+    for key, most in board.most_bits:
+        if key in numbers and numbers[key].value > most:
+            others = (b for b in firmware_boards().values() if b.machine and not b.most_bits)
+            bare = next(b for b in others if b.real == board.real)
+            raise UserError(
+                f"{device.origin}: {key} = {numbers[key].value:g}, and the encoders that the "
+                f"drivers of {board.name} read send {most} bits at most.",
+                f"Give {most} or fewer, or a board without drivers: --board {bare.name} emulates "
+                "one, whose counts come over the link.",
+            )
 
 
 def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list[Path]:

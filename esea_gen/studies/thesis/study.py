@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CHAPTERS = (3, 4, 5, 6, 7, 8)
-SCHEMA_VERSION = 1
 NOTE = (
     "No machine and no person took part in what is computed here. Chapter 5 is simulated: the "
     "controllers' generated C against a virtual exoskeleton; chapters 6 to 8: virtual people. What "
@@ -60,7 +59,6 @@ class Recomputed:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready."""
         return {
-            "schema_version": SCHEMA_VERSION,
             "tool": f"esea-gen {__version__}",
             "note": NOTE,
             "counts": dict(self.counts()),

@@ -143,7 +143,6 @@ class FaultCampaign:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content."""
         return {
-            "schema_version": 1,
             "simulated": True,
             "device": self.device,
             "content": self.content,

@@ -155,7 +155,7 @@ class ClinicDesk:
         self._value = self._proposed = None
         about = {"simulated": self.patient is not None, "measure": self.measure}
         about |= {"height_m": self.height_m, "mass_kg": self.mass_kg}
-        write_json(self.file, about | self.session.to_dict())
+        write_json(self.file, "host-assess-run", about | self.session.to_dict())
 
     @property
     def comfort(self) -> Comfort:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.files import write_json
 from esea_gen.link.transport import RECEIVE_CHUNK_BYTES
 from esea_host.bench.plotting import memory_bytes, plot_latency, window_soak
 from esea_host.connection.decoder import TelemetryDecoder
@@ -319,7 +320,5 @@ def main() -> None:
         plotted_s=given.plotted,
         soaked_hours=given.soaked,
     )
-    text = json.dumps(found, indent=1)
-    print(text)
-    if given.json is not None:
-        given.json.write_text(text + "\n", encoding="utf-8")
+    print(json.dumps(found, indent=1))
+    write_json(given.json, "host-bench", found)

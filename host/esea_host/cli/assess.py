@@ -101,7 +101,7 @@ def evaluate(
     out.print(data.notice)
     for line in table(result):
         out.print(line)
-    write_json(json_file, result)
+    write_json(json_file, "host-assess-virtual", result)
     if page is not None:
         write_whole(page, evaluation_page(result))
 
@@ -206,7 +206,7 @@ def pendulum(
     out.print(MEASURED_NOTICE)
     for line in found.sentences():
         out.print(line)
-    write_json(json_file, {"notice": MEASURED_NOTICE} | vars(found))
+    write_json(json_file, "host-assess-pendulum", {"notice": MEASURED_NOTICE} | vars(found))
 
 
 @assess.command("range", epilog=MEASURED_NOTICE)
@@ -231,7 +231,7 @@ def range_(
     for line in found.sentences():
         out.print(line)
     numbers = {k: v for k, v in vars(found).items() if v is None or isinstance(v, int | float)}
-    write_json(json_file, {"notice": MEASURED_NOTICE} | numbers)
+    write_json(json_file, "host-assess-motion", {"notice": MEASURED_NOTICE} | numbers)
     if figure is not None:
         buffer = io.BytesIO()
         loop_picture(found).savefig(buffer, format=figure.suffix[1:], dpi=150)
@@ -254,4 +254,4 @@ def validate(
     out.print(NOTICE)
     for line in table(found):
         out.print(line)
-    write_json(json_file, found)
+    write_json(json_file, "host-assess-known", found)

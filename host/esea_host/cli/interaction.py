@@ -69,7 +69,7 @@ def shown_interaction(folder: Path, json_file: Path | None, report: Path | None)
 
     found = analyse_interaction(folder)
     _say(lines(found))
-    write_json(json_file, found.to_dict())
+    write_json(json_file, "host-interaction", found.to_dict())
     if report is not None:
         from esea_host.interaction.page import render_report
 
@@ -95,7 +95,7 @@ def loading(
     theta, tau = read_numbers(file, ("theta_rad", "tau_Nm"))
     found = analyse_loading(theta, tau, rest_rad=rest, skip_first=skip_first)
     _say(found.lines())
-    write_json(json_file, found.to_dict())
+    write_json(json_file, "host-loading", found.to_dict())
     _draw(figure, loading_figure(theta - rest, tau, found))
 
 
@@ -107,7 +107,7 @@ def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOptio
     _checked_figure(figure)
     found = read_survey(file)
     _say(found.lines())
-    write_json(json_file, found.to_dict())
+    write_json(json_file, "host-survey", found.to_dict())
     _draw(figure, diverging_bars(found))
 
 
@@ -118,7 +118,7 @@ def comments(file: FileArgument, json_file: JsonOption = None) -> None:
 
     found = read_comments(file)
     _say(found.lines())
-    write_json(json_file, found.to_dict())
+    write_json(json_file, "host-comments", found.to_dict())
 
 
 @analyse.command()
@@ -141,7 +141,7 @@ def power(
     for dz, p in found.powers.items():
         needed = found.needed.get(dz)
         out.print(f"  {dz} sd: power {p:.0%}; {needed or 'more than 2000'} people for 80 %")
-    write_json(json_file, found.to_dict())
+    write_json(json_file, "host-power", found.to_dict())
 
 
 @app.command()
@@ -162,4 +162,4 @@ def smoothness(
 
     found = measure_file(file, column, time, stop_Hz, last_s)
     _say(found.lines())
-    write_json(json_file, found.to_dict())
+    write_json(json_file, "host-smoothness", found.to_dict())

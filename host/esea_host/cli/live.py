@@ -179,7 +179,7 @@ def parameters(
             out.print(f"{full}: {values[full]:g} -> {value:g} {known[full].unit}")
             values[full] = board.set(full, value)
         if save is not None:
-            write_json(save, values)
+            write_json(save, "host-parameters", {"parameters": values})
             out.print(f"{save}: {len(values)} parameters")
         if not wanted and save is None:
             for name, p in known.items():
@@ -201,7 +201,7 @@ def _assigned(texts: list[str]) -> dict[str, float]:
 def _read(path: Path) -> dict[str, float]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        return {str(k): float(v) for k, v in content.items()}
+        return {str(k): float(v) for k, v in content.get("parameters", content).items()}
     except (OSError, ValueError, AttributeError, TypeError) as error:
         what = f"{path} is no file of parameters ({error})."
         raise UserError(what, "Write one with --save.") from None

@@ -67,7 +67,9 @@ def compare_wrist(
     for x in found:
         for reason in x.refused:
             out.print(f"{x.method}: ended early: {reason}")
-    write_json(to_json, {"simulated": True, "methods": [x.to_dict() for x in found]})
+    write_json(
+        to_json, "host-wrist-methods", {"simulated": True, "methods": [x.to_dict() for x in found]}
+    )
 
 
 def shift_wrist(
@@ -136,7 +138,7 @@ def shown_wrist(
         "Medians; two-sided Wilcoxon signed-rank test, exact, zero differences dropped; Holm over "
         "each table; effect: rank-biserial correlation."
     )
-    write_json(to_json, result.to_dict())
+    write_json(to_json, "host-wrist", result.to_dict())
     if report:
         write_whole(report, page(result))
     if csv:

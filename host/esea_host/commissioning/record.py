@@ -62,7 +62,7 @@ class CommissioningRecord:
         }
         self.entries.append(entry)
         content = {"kind": KIND, "version": VERSION, "device": self.device}
-        write_json(self.folder / NAME, content | {"entries": self.entries})
+        write_json(self.folder / NAME, "host-commissioning", content | {"entries": self.entries})
         return entry
 
     def last(self, step: str, digest: str) -> dict[str, Any] | None:

@@ -1,0 +1,168 @@
+"""Gains that a device took over from a shipped one, and what those were designed for.
+
+A gain that stands in a device file as it does in a shipped one, source and all, is that one's:
+extended, copied, or of a controller.  Where rate, stiffness or inertia are others, it is told.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Document = Mapping[str, Any]
+NEAR = 0.1  # share by which what a gain was designed for may differ and nothing is said
+LOOP = (
+    "timing.control_rate_Hz",
+    "elastomer.k1_Nm_rad",
+    "elastomer.k3_Nm_rad3",
+    "actuator.J_kgm2",
+    "actuator.tau_c_s",
+)
+OBSERVER_GAINS = ("gain_theta", "gain_omega_1_s", "gain_tau_Nm_rad", "gain_rate_Nm_s_rad")
+
+
+@dataclass(frozen=True)
+class Designed:
+    """Gains of a section, what they are designed for, and what tells whether they will do here."""
+
+    section: str
+    gains: tuple[str, ...]
+    for_numbers: tuple[str, ...]
+    command: str = ""
+
+
+DESIGNED = (
+    Designed("disturbance", OBSERVER_GAINS, ("timing.sense_rate_Hz", "joint.Jh_kgm2")),
+    Designed("sliding_mode", ("lambda_1_s", "phi_rad_s"), LOOP, "tune"),
+    Designed("predictive", ("interval_s", "Q", "R"), LOOP, "simulate tuning"),
+    Designed(
+        "passivity", ("damping_Nms_rad", "Kp_max_Nm_rad", "Kd_max_Nms_rad"), LOOP, "passivity"
+    ),
+)
+
+
+def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document]) -> None:
+    """Warn of gains that were designed for other numbers than the device's.
+
+    Parameters
+    ----------
+    origin : str
+        The device file, for the message.
+    device : Mapping
+        Its document, complete and valid.
+    shipped : Mapping
+        Documents of the shipped devices, by name.
+    """
+    for group in DESIGNED:
+        # By what was found elsewhere: name of the device, and its numbers that are others.
+        told: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        for gain in group.gains:
+            own = _entry(device, group.section, gain)
+            bases = [k for k, d in shipped.items() if _from(own, _entry(d, group.section, gain))]
+            others = {
+                k: tuple(n for n in group.for_numbers if _differs(device, shipped[k], n))
+                for k in bases
+            }
+            if others and all(others.values()):
+                nearest = min(others, key=lambda k: len(others[k]))
+                told.setdefault((nearest, others[nearest]), []).append(gain)
+        for (base, numbers), gains in told.items():
+            said = _said(origin, device, (base, shipped[base]), group, gains, numbers)
+            warnings.warn(said, stacklevel=2)
+
+
+def _entry(document: Document, section: str, key: str) -> Any:
+    return document.get(section, {}).get(key)
+
+
+def _from(own: Any, other: Any) -> bool:
+    # What `esea-gen new` copies has a source that ends in the other's.
+    if not own or not other:
+        return False
+    return bool(own["value"] == other["value"]) and own["source"].endswith(other["source"])
+
+
+def _number(document: Document, dotted: str) -> float:
+    entry = _entry(document, *dotted.split("."))
+    return float(entry["value"]) if entry else math.nan
+
+
+def _differs(device: Document, base: Document, dotted: str) -> bool:
+    there = _number(base, dotted)
+    # What either has not is another number.
+    return not abs(_number(device, dotted) - there) <= NEAR * abs(there)
+
+
+def _said(
+    origin: str,
+    device: Document,
+    base: tuple[str, Document],
+    group: Designed,
+    gains: Sequence[str],
+    numbers: Sequence[str],
+) -> str:
+    name, document = base
+    stated = ", ".join(f"{g} = {_number(device, f'{group.section}.{g}'):g}" for g in gains)
+    others = ", ".join(
+        f"{n} = {_number(document, n):g} (here {_number(device, n):g})" for n in numbers
+    ).replace("nan", "none")
+    if group.command:
+        fix = f"See what they give here: esea-gen {group.command} --controller {origin}"
+    else:
+        same = observer_gains(document, device)
+        fix = "The same poles in time: " + ", ".join(
+            f"{g} = {v:.4g}" for g, v in zip(OBSERVER_GAINS, same, strict=True)
+        )
+    return (
+        f"{origin}: {group.section}: {stated} are {name}'s, designed for {others}. {fix}. "
+        "Give what you choose in your file, with its source, and this is not said again."
+    )
+
+
+def observer_gains(base: Document, device: Document) -> tuple[float, ...]:
+    """Gains that give the extended-state observer of a device the poles in time of another one's.
+
+    Parameters
+    ----------
+    base, device : Mapping
+        Documents: with the gains, and with the rate and inertia to have them for.
+
+    Returns
+    -------
+    tuple of float
+        Gains on angle, rate, torque, and rate of the torque.
+
+    Notes
+    -----
+    An error goes on as (I − K c) A from step to step, c = (1, 0, 0, 0).  Its poles z at a period h
+    are z^(h′/h) at h′; Ackermann's formula has the one K that places them.
+    """
+    gains = np.array([_number(base, f"disturbance.{g}") for g in OBSERVER_GAINS])
+    model, h = _observer_model(base)
+    poles = np.linalg.eigvals(model - np.outer(gains, model[0])).astype(complex)
+    model, step = _observer_model(device)
+    wanted = np.real(np.poly(poles ** (step / h)))
+    seen = np.array([np.linalg.matrix_power(model, n)[0] for n in range(4)])
+    placed: Any = np.zeros((4, 4))
+    for c in wanted:
+        placed = placed @ model + c * np.eye(4)
+    # Of the predictor's gain, A K, to the corrector's.
+    last = np.linalg.solve(seen, [0.0, 0.0, 0.0, 1.0])
+    return tuple(float(x) for x in np.linalg.solve(model, placed @ last))
+
+
+def _observer_model(document: Document) -> tuple[Any, float]:
+    # Angle, rate, torque, rate of the torque, one period on; and the period.
+    h = 1.0 / _number(document, "timing.sense_rate_Hz")
+    inertia, decay = _number(document, "joint.Jh_kgm2"), _number(document, "disturbance.decay_s")
+    keep = math.exp(-h / decay)
+    model = np.eye(4)
+    model[0, 1:3] = h, h * h / (2 * inertia)
+    model[1, 2] = h / inertia
+    model[2, 3], model[3, 3] = decay * (1 - keep), keep
+    return model, h

@@ -1,0 +1,81 @@
+"""What the package does without its extras, and what it says where one is missing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from esea_gen.link.transport import LinkError, open_transport
+from tests.conftest import ROOT, require_tool
+
+# Every module of these packages is as good as not installed.
+WITHOUT = """
+import sys
+for name in {names!r}:
+    sys.modules[name] = None
+sys.argv = {argv!r}
+from {program}.cli import main
+main()
+"""
+LINK = ("pymavlink", "serial")
+HOST = ("mcap", "pyarrow", "pandas", "statsmodels", "PySide6", "pyqtgraph")
+INSTALL = "Install it with: pip install 'esea-gen"
+CLUSTER = ("dask", "distributed")
+
+
+def without(names, *words, cwd: Path, program: str = "esea_gen") -> tuple[int, str]:
+    """Exit code and all that a command says in a process of its own."""
+    text = WITHOUT.format(names=names, argv=[program.replace("_", "-"), *words], program=program)
+    done = subprocess.run(
+        [sys.executable, "-c", text], cwd=cwd, capture_output=True, text=True, check=False
+    )
+    said = " ".join((done.stdout + done.stderr).split())
+    assert "Traceback" not in said, said
+    return done.returncode, said
+
+
+def test_the_core_builds_c_and_says_that_a_dialect_needs_the_link(tmp_path):
+    everything = (*LINK, *HOST, *CLUSTER)
+    code, said = without(everything, "build", "elbow", "--out", "c", cwd=tmp_path)
+    assert code == 0
+    assert "no MAVLink dialect: it needs pymavlink; pip install 'esea-gen[link]'" in said
+    for real in ("f64", "f32"):
+        built, committed = (
+            {p.name: p.read_bytes() for p in (folder / real).glob("*.[ch]")}
+            for folder in (tmp_path / "c", ROOT / "generated" / "elbow")
+        )
+        assert built == committed != {}
+    assert not (tmp_path / "c" / "dialect").exists()
+
+
+def test_what_needs_the_link_names_the_extra(tmp_path):
+    require_tool("gcc")
+    code, said = without(LINK, "firmware", "elbow", "--board", "host", cwd=tmp_path)
+    assert code == 2
+    assert f"needs pymavlink, which is not installed. {INSTALL}[link]'" in said
+
+
+def test_a_serial_port_without_pyserial_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(LinkError, match=r"pyserial is not installed.*esea-gen\[link\]"):
+        open_transport("serial:/dev/null")
+
+
+def test_the_host_tool_names_its_extra(tmp_path):
+    code, said = without(("mcap",), "--help", cwd=tmp_path, program="esea_host")
+    assert code == 1
+    assert f"needs mcap, which is not installed. {INSTALL}[host]'" in said
+
+
+def test_every_package_of_an_extra_is_out_of_the_core():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    core = " ".join(project["dependencies"])
+    extras = project["optional-dependencies"]
+    assert {"link", "host", "cluster", "dev"} <= set(extras)
+    for name in ("pymavlink", "pyserial", "mcap", "pandas", "dask", "h5py", "pytest"):
+        assert name not in core
+    assert "esea-gen[link]" in extras["host"]
