@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +146,29 @@ def link_fuzzer(tmp_path_factory):
         if source.name != "main.c":  # generated: held by tests of its own
             made.objects[source.name] = made.compiled(source, "-O0")
     return made
+
+
+def calls(objects: dict[str, Path]) -> dict[str, set[str]]:
+    """By file, the other files whose functions or data it uses."""
+    names: dict[str, dict[str, set[str]]] = {"T": {}, "U": {}}
+    for file, compiled in objects.items():
+        found = re.findall(r" ([TU]) (esea_\w+)", said("nm", compiled))
+        for kind, name in found:
+            names[kind].setdefault(name, set()).add(file)
+    uses: dict[str, set[str]] = {file: set() for file in objects}
+    for name, users in names["U"].items():
+        for user in users:
+            uses[user] |= names["T"].get(name, set()) - {user}
+    return uses
+
+
+def test_files_of_the_application_call_each_other_one_way(link_fuzzer):
+    app = {n: o for n, o in link_fuzzer.objects.items() if (FIRMWARE / "app" / n).exists()}
+    uses = calls(app)
+    assert uses["link.c"] >= {"app.c", "keep.c", "send.c"}
+    TopologicalSorter(uses).prepare()
+    with pytest.raises(CycleError):
+        TopologicalSorter(uses | {"keep.c": {"app.c"}}).prepare()
 
 
 def test_nothing_over_the_link_moves_the_motor_past_its_limits(link_fuzzer):

@@ -139,6 +139,24 @@ static void run_command(esea_app_t *app, const mavlink_message_t *received)
                 esea_link_state_name((uint32_t)app->state));
 }
 
+/* The encoders that are fitted, by their serial numbers: with others the zeros are others, so it starts afresh. */
+static uint8_t name_encoders(esea_app_t *app, const mavlink_message_t *message)
+{
+    mavlink_esea_kept_t asked;
+    uint32_t serials[ESEA_STORE_ENCODERS];
+    uint8_t result;
+
+    mavlink_msg_esea_kept_decode(message, &asked);
+    memcpy(serials, asked.serial, sizeof serials);
+    result = esea_keep_may_fit(app, serials);
+    if (result != MAV_RESULT_ACCEPTED)
+        return result;
+    if (!esea_app_ask(app, ESEA_EVENT_RESET))
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    esea_keep_fitted(app, serials);
+    return (uint8_t)(esea_app_reset(app) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED);
+}
+
 /* What the host wants, for as long as it says and no longer than we let it. */
 static void run_wanted(esea_app_t *app, const esea_link_wanted_t *wanted, uint32_t deadline_ms)
 {
@@ -233,7 +251,7 @@ static void run_message(esea_app_t *app)
     else if (message->msgid == MAVLINK_MSG_ID_SETUP_SIGNING)
         esea_signing_setup(app, message);
     else if (message->msgid == MAVLINK_MSG_ID_ESEA_KEPT)
-        esea_send_kept(app, esea_keep_fitted(app, message));
+        esea_send_kept(app, name_encoders(app, message));
     else if (releases_blackbox(app, message))
         release_blackbox(app);
     else if (!run_question(app, message))
