@@ -322,18 +322,23 @@ static void receive_all(esea_app_t *app)
             receive(app, bytes[i]);
 }
 
+static bool room(const esea_app_t *app)
+{
+    return app->port->room == NULL || app->port->room();
+}
+
 /* What has been received is looked at after each message: a line that is full makes nobody wait whose
  * command has come. */
 static void send_all(esea_app_t *app)
 {
     uint32_t i;
 
-    for (i = 0u; i < ESEA_RUNS_KEPT && esea_send_runs(app); ++i)
+    for (i = 0u; i < ESEA_RUNS_KEPT && room(app) && esea_send_runs(app); ++i)
         receive_all(app);
     for (i = 0u; i < ESEA_LINK_STREAMS; ++i)
-        if (esea_streams_send(app, i))
+        if (room(app) && esea_streams_send(app, i))
             receive_all(app);
-    if (esea_key_send(app))
+    if (room(app) && esea_key_send(app))
         receive_all(app);
 }
 
@@ -345,6 +350,6 @@ void esea_app_poll(esea_app_t *app)
     esea_keep_up(app);
     send_all(app);
     send_state(app);
-    if (!esea_parameters_send(app) && !esea_streams_wait(app) && !app->key.waits)
+    if (!room(app) || (!esea_parameters_send(app) && !esea_streams_wait(app) && !app->key.waits))
         app->port->wait();
 }
