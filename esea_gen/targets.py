@@ -204,8 +204,9 @@ BOARDS = {
             code_bytes=_MB,
             ram_bytes=128 << 10,
             uses=("instructions",),
-            # Of its memory the black box takes what the application and the stack leave.
-            app_flags=("-DESEA_BLACKBOX_BYTES=96000u",),
+            # Of its memory the black box takes what the application and the stack leave: less
+            # where a record is long, for the application then has more to hold, too.
+            app_flags=("-DESEA_BLACKBOX_BYTES=(107120u-60u*sizeof(esea_blackbox_record_t))",),
         ),
         Board(
             "host",

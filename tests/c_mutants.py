@@ -1,6 +1,6 @@
 """Hand-written C with one fault each, and whether its tests notice.
 
-python -m tests.c_mutants [drivers/escon.c ...] [--sample N] [--seed N]; without a file, all of TESTS.
+python -m tests.c_mutants [drivers/escon.c ...] [--sample N] [--seed N]; without a file, all.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -110,8 +109,12 @@ def mutants(text: str) -> Iterator[tuple[str, str]]:
 
 
 def compiles(file: Path, folder: Path) -> bool:
-    """Whether a file of the firmware is C still; in ``folder`` stands what it knows of the drive."""
-    places = [*(ROOT / "firmware" / d for d in ("app", "port", "drivers")), folder, folder / "mavlink"]
+    """Whether a file of the firmware is C still; ``folder`` has what it knows of the drive."""
+    places = [
+        *(ROOT / "firmware" / d for d in ("app", "port", "drivers")),
+        folder,
+        folder / "mavlink",
+    ]
     known = ('-DESEA_LINK_HEADER="esea_elbow_drive_link.h"', '-DESEA_BOARD_NAME="sim"')
     command = ["gcc", "-std=c99", "-w", "-fsyntax-only", *known, *(f"-I{p}" for p in places), file]
     return subprocess.run(command, capture_output=True, check=False).returncode == 0

@@ -175,6 +175,15 @@ def test_nothing_over_the_link_moves_the_motor_past_its_limits(link_fuzzer):
     assert "it failed" not in fuzz(link_fuzzer.program(), 4000, 600)
 
 
+def test_no_bytes_are_taken_for_a_frame_that_is_none(link_fuzzer):
+    parser = ROOT / "tests" / "fuzz" / "parser.c"
+    target = link_fuzzer.folder / "fuzz_parser"
+    assert "it failed" not in fuzz(fuzzer(target, *link_fuzzer.flags, parser), 20000, 64)
+    # Armed: signatures are not looked at.
+    blind = fuzzer(target, *link_fuzzer.flags, "-DMAVLINK_NO_SIGNATURE_CHECK", parser)
+    assert "it failed" in fuzz(blind, 20000, 64)
+
+
 @pytest.mark.parametrize(
     ("file", "find", "put"),
     [

@@ -174,7 +174,7 @@ def queues(run, session):
 
 
 def fill(run, session):
-    """A host that has everything streamed to it, three times, and reads none of it: the line is full."""
+    """A host that has everything streamed to it and reads none of it: the line is full."""
     deaf = session()
     for _ in range(3):
         deaf.stream(["sense.*"])
