@@ -209,8 +209,9 @@ BOARDS = {
             # AS5048A on both sides of the coupling, BiSS-C at the motor.
             most_bits=(("encoder.resolution_bits", 14), ("actuator.encoder_bits", 24)),
             uses=("instructions",),
-            # Of its memory the black box takes what the application and the stack leave.
-            app_flags=("-DESEA_BLACKBOX_BYTES=96000u",),
+            # Of its memory the black box takes what the application and the stack leave: less
+            # where a record is long, for the application then has more to hold, too.
+            app_flags=("-DESEA_BLACKBOX_BYTES=(107120u-60u*sizeof(esea_blackbox_record_t))",),
         ),
         Board(
             "host",

@@ -267,8 +267,9 @@ def taped(drive, fault):
     rig.board.close()
     rig.board = TapedBoard(drive)
     rig.run(SCENES[1], fault, 900, 3)
+    tape = rig.board.taken()
     rig.close()
-    return rig.board.taken()
+    return tape
 
 
 @pytest.mark.slow

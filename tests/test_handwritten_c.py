@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import struct
 import subprocess
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +88,19 @@ def test_no_content_of_the_flash_harms_the_store(tmp_path):
     assert "it failed" not in fuzz(program, 2000, 6100)
 
 
+def test_an_encoder_that_stands_twice_in_a_set_is_one(tmp_path):
+    """The fuzzer's finding: one was replaced, the other found, and only one forgotten."""
+    program = store_fuzzer(tmp_path, FIRMWARE / "app" / "store.c")
+    area = bytearray(1428)
+    at = 24 + 4 + 160 * 8
+    area[at : at + 16] = struct.pack("<IfIf", 2, 0.5, 2, 0.25)
+    found = tmp_path / "found"
+    found.write_bytes(
+        bytes([15, 10, 8, 0]) + bytes(area) * 2
+    )  # sealed; encoder 2 is put, forgotten
+    assert "it failed" not in said(program, found)
+
+
 def test_the_stores_fuzzer_is_armed(tmp_path):
     """It finds a store that believes how many parameters there are."""
     text = (FIRMWARE / "app" / "store.c").read_text()
@@ -146,8 +162,40 @@ def link_fuzzer(tmp_path_factory):
     return made
 
 
+def calls(objects: dict[str, Path]) -> dict[str, set[str]]:
+    """By file, the other files whose functions or data it uses."""
+    names: dict[str, dict[str, set[str]]] = {"T": {}, "U": {}}
+    for file, compiled in objects.items():
+        found = re.findall(r" ([TU]) (esea_\w+)", said("nm", compiled))
+        for kind, name in found:
+            names[kind].setdefault(name, set()).add(file)
+    uses: dict[str, set[str]] = {file: set() for file in objects}
+    for name, users in names["U"].items():
+        for user in users:
+            uses[user] |= names["T"].get(name, set()) - {user}
+    return uses
+
+
+def test_files_of_the_application_call_each_other_one_way(link_fuzzer):
+    app = {n: o for n, o in link_fuzzer.objects.items() if (FIRMWARE / "app" / n).exists()}
+    uses = calls(app)
+    assert uses["link.c"] >= {"app.c", "keep.c", "send.c"}
+    TopologicalSorter(uses).prepare()
+    with pytest.raises(CycleError):
+        TopologicalSorter(uses | {"keep.c": {"app.c"}}).prepare()
+
+
 def test_nothing_over_the_link_moves_the_motor_past_its_limits(link_fuzzer):
     assert "it failed" not in fuzz(link_fuzzer.program(), 4000, 600)
+
+
+def test_no_bytes_are_taken_for_a_frame_that_is_none(link_fuzzer):
+    parser = ROOT / "tests" / "fuzz" / "parser.c"
+    target = link_fuzzer.folder / "fuzz_parser"
+    assert "it failed" not in fuzz(fuzzer(target, *link_fuzzer.flags, parser), 20000, 64)
+    # Armed: signatures are not looked at.
+    blind = fuzzer(target, *link_fuzzer.flags, "-DMAVLINK_NO_SIGNATURE_CHECK", parser)
+    assert "it failed" in fuzz(blind, 20000, 64)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from contextlib import nullcontext
 from types import SimpleNamespace
 
@@ -219,6 +221,42 @@ def test_another_firmwares_set_is_not_replaced_by_counters(board):
 
 
 # -- black box -------------------------------------------------------------------------------------
+
+
+def sets(board):
+    """Every set in the flash: its area and where in it."""
+    for area in board.flash:
+        size = 28 + int.from_bytes(area[8:12], "little")
+        for at in range(0, len(area) - size + 1, size):
+            if area[at : at + 4] == b"1ASE":
+                yield area, at, size
+
+
+def test_a_save_keeps_each_parameter_that_can_be_set_once(board):
+    def key(name: str) -> int:
+        found = 0x811C9DC5
+        for byte in name.encode():
+            found = (found ^ byte) * 0x01000193 % 2**32
+        return found
+
+    board.save_parameters()
+    wanted = {key(n): v for n, v in board.parameters().items() if ".zero" not in n}
+    area, at, _ = max(sets(board), key=lambda s: struct.unpack_from("<I", s[0], s[1] + 16))
+    (count,) = struct.unpack_from("<I", area, at + 24)
+    kept = struct.iter_unpack("<If", bytes(area[at + 28 : at + 28 + 8 * count]))
+    assert dict(kept) == wanted
+    assert count == len(wanted)
+
+
+def test_counters_do_not_replace_the_set_of_another_device(board):
+    zeroed(board)
+    for area, at, size in sets(board):
+        area[at + 12] = bytes([area[at + 12][0] ^ 1])  # the device
+        whole = bytes(area[at : at + 20]) + bytes(area[at + 24 : at + size - 4])
+        area[at + 20 : at + 24] = zlib.crc32(whole).to_bytes(4, "little")
+    before = [bytes(area) for area in board.flash]
+    assert again(board) == "UNREFERENCED"
+    assert [bytes(area) for area in board.flash] == before
 
 
 @pytest.fixture

@@ -111,6 +111,7 @@ def daemon(device, command, *options):
                 line = TcpTransport(int(port), host) if kind == "tcp" else PtyTransport(where)
                 return Session(line, load_dialect(device), 10.0)
 
+            session.where = where
             yield run, session
         finally:
             run.kill()
@@ -163,6 +164,47 @@ def test_a_host_that_does_not_read_makes_room_for_one_that_does(device, native):
         heard.close()
         ticks, lost, _, _ = told(run)
     assert ticks > 5 * lost  # the clock went on meanwhile
+
+
+def queues(run, session):
+    """Bytes that wait in the daemon's connection: to the host, from it."""
+    port = f"0100007F:{int(session.where.rpartition(':')[2]):04X}"
+    found = re.findall(rf"{port} \S+ 01 (\w+):(\w+)", listening(run))
+    return tuple(int(n, 16) for n in found[0])
+
+
+def fill(run, session):
+    """A host that has everything streamed to it and reads none of it: the line is full."""
+    deaf = session()
+    for _ in range(3):
+        deaf.stream(["sense.*"])
+    before, now = -1, 0
+    while now != before or now == 0:
+        before = now
+        time.sleep(0.05)
+        now, _ = queues(run, session)
+    return deaf
+
+
+def test_a_stop_of_a_host_that_does_not_read_is_taken_at_once(device, native):
+    with daemon(device, [native.elf], "tcp:0") as (run, session):
+        deaf = fill(run, session)
+        stop = deaf.dialect.MAV_CMD_USER_4
+        deaf.send(deaf.message("COMMAND_LONG", 1, 1, stop, 0, *[0.0] * 7))
+        time.sleep(0.3)  # far less than the second for which such a host is borne with
+        assert queues(run, session)[1] == 0  # what it said has been read
+        deaf.close()
+        assert session().clock().state == 10  # STOPPED
+        told(run)
+
+
+def test_what_a_host_is_too_slow_for_is_left_out_whole_and_counted(device, native):
+    with daemon(device, [native.elf], "tcp:0") as (run, session):
+        slow = fill(run, session)
+        assert slow.traffic().stream_dropped > 0
+        assert slow.counters.bad_frames == 0
+        assert slow.counters.lost_frames == 0
+        told(run)
 
 
 def test_only_this_computer_is_listened_to_unless_told(device, native):

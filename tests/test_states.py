@@ -133,6 +133,15 @@ def every_guard():
         yield {n for n, k in zip(names, kept, strict=True) if k}
 
 
+def test_an_event_of_no_number_is_refused_in_every_state(powered):
+    held, guards = powered._ffi.new("uint32_t *"), powered._ffi.new("bool[]", [True] * len(GUARDS))
+    for state in STATES:
+        for event in (0, 11, 31, 41, 0xFFFFFFFF):
+            held[0] = state.value
+            assert not powered.lib.sim_take_event(held, event, guards), (state.name, event)
+            assert held[0] == state.value
+
+
 def test_every_state_and_event_leads_where_the_table_and_the_rules_say(board):
     wrong = []
     for state, event, guards in itertools.product(STATES, EVENTS, every_guard()):

@@ -149,24 +149,26 @@ void esea_keep_up(esea_app_t *app)
         (void)esea_store_commit(store);
 }
 
-uint8_t esea_keep_fitted(esea_app_t *app, const mavlink_message_t *message)
+uint8_t esea_keep_may_fit(const esea_app_t *app, const uint32_t *serials)
 {
-    esea_store_t *const store = app->port->store;
-    mavlink_esea_kept_t asked;
     uint32_t i, k;
 
-    mavlink_msg_esea_kept_decode(message, &asked);
-    if (store == NULL || encoders == 0u)
+    if (app->port->store == NULL || encoders == 0u)
         return MAV_RESULT_UNSUPPORTED;
     for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
         for (k = 0u; k < i; ++k)
-            if (asked.serial[i] != 0u && asked.serial[i] == asked.serial[k])
+            if (serials[i] != 0u && serials[i] == serials[k])
                 return MAV_RESULT_DENIED;
-    if (!esea_app_ask(app, ESEA_EVENT_RESET))
-        return MAV_RESULT_TEMPORARILY_REJECTED;
+    return MAV_RESULT_ACCEPTED;
+}
+
+void esea_keep_fitted(esea_app_t *app, const uint32_t *serials)
+{
+    esea_store_t *const store = app->port->store;
+    uint32_t i;
+
     for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
-        store->set.fitted[i] = i < encoders ? asked.serial[i] : 0u;
+        store->set.fitted[i] = i < encoders ? serials[i] : 0u;
     if (!esea_store_commit(store))
         esea_send_text(app, MAV_SEVERITY_WARNING, "not saved: ", "the memory failed");
-    return (uint8_t)(esea_app_reset(app) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED);
 }

@@ -139,6 +139,24 @@ static void run_command(esea_app_t *app, const mavlink_message_t *received)
                 esea_link_state_name((uint32_t)app->state));
 }
 
+/* The encoders that are fitted, by their serial numbers: with others the zeros are others, so it starts afresh. */
+static uint8_t name_encoders(esea_app_t *app, const mavlink_message_t *message)
+{
+    mavlink_esea_kept_t asked;
+    uint32_t serials[ESEA_STORE_ENCODERS];
+    uint8_t result;
+
+    mavlink_msg_esea_kept_decode(message, &asked);
+    memcpy(serials, asked.serial, sizeof serials);
+    result = esea_keep_may_fit(app, serials);
+    if (result != MAV_RESULT_ACCEPTED)
+        return result;
+    if (!esea_app_ask(app, ESEA_EVENT_RESET))
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    esea_keep_fitted(app, serials);
+    return (uint8_t)(esea_app_reset(app) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED);
+}
+
 /* What the host wants, for as long as it says and no longer than we let it. */
 static void run_wanted(esea_app_t *app, const esea_link_wanted_t *wanted, uint32_t deadline_ms)
 {
@@ -233,7 +251,7 @@ static void run_message(esea_app_t *app)
     else if (message->msgid == MAVLINK_MSG_ID_SETUP_SIGNING)
         esea_signing_setup(app, message);
     else if (message->msgid == MAVLINK_MSG_ID_ESEA_KEPT)
-        esea_send_kept(app, esea_keep_fitted(app, message));
+        esea_send_kept(app, name_encoders(app, message));
     else if (releases_blackbox(app, message))
         release_blackbox(app);
     else if (!run_question(app, message))
@@ -304,18 +322,23 @@ static void receive_all(esea_app_t *app)
             receive(app, bytes[i]);
 }
 
+static bool room(const esea_app_t *app)
+{
+    return app->port->room == NULL || app->port->room();
+}
+
 /* What has been received is looked at after each message: a line that is full makes nobody wait whose
  * command has come. */
 static void send_all(esea_app_t *app)
 {
     uint32_t i;
 
-    for (i = 0u; i < ESEA_RUNS_KEPT && esea_send_runs(app); ++i)
+    for (i = 0u; i < ESEA_RUNS_KEPT && room(app) && esea_send_runs(app); ++i)
         receive_all(app);
     for (i = 0u; i < ESEA_LINK_STREAMS; ++i)
-        if (esea_streams_send(app, i))
+        if (room(app) && esea_streams_send(app, i))
             receive_all(app);
-    if (esea_key_send(app))
+    if (room(app) && esea_key_send(app))
         receive_all(app);
 }
 
@@ -327,6 +350,6 @@ void esea_app_poll(esea_app_t *app)
     esea_keep_up(app);
     send_all(app);
     send_state(app);
-    if (!esea_parameters_send(app) && !esea_streams_wait(app) && !app->key.waits)
+    if (!room(app) || (!esea_parameters_send(app) && !esea_streams_wait(app) && !app->key.waits))
         app->port->wait();
 }

@@ -224,9 +224,9 @@ bool esea_store_put_encoder(esea_store_t *store, const esea_store_encoder_t *enc
     for (i = 0u; i < ESEA_STORE_ENCODERS && place == ESEA_STORE_ENCODERS; ++i)
         if (!is_fitted(store, store->set.encoder[i].serial))
             place = i;
-    for (i = 0u; i < ESEA_STORE_ENCODERS; ++i)
-        if (store->set.encoder[i].serial == encoder->serial)
-            place = i;
+    for (i = ESEA_STORE_ENCODERS; i > 0u; --i) /* the first, which is what is found */
+        if (store->set.encoder[i - 1u].serial == encoder->serial)
+            place = i - 1u;
     if (place == ESEA_STORE_ENCODERS)
         return false;
     store->set.encoder[place] = *encoder;
@@ -235,12 +235,13 @@ bool esea_store_put_encoder(esea_store_t *store, const esea_store_encoder_t *enc
 
 bool esea_store_forget_encoder(esea_store_t *store, uint32_t serial)
 {
+    bool any = false;
     uint32_t i;
 
     for (i = 0u; i < ESEA_STORE_ENCODERS && serial != 0u; ++i)
         if (store->set.encoder[i].serial == serial) {
             memset(&store->set.encoder[i], 0, sizeof store->set.encoder[i]);
-            return true;
+            any = true;
         }
-    return false;
+    return any;
 }

@@ -99,7 +99,7 @@ void esea_signing_setup(struct esea_app *app, const mavlink_message_t *message);
 /* A frame whose signature is missing or not good has been refused: counts it, and says so. */
 void esea_signing_refuse(struct esea_app *app, const mavlink_message_t *message);
 
-/* -- keep.c: what a board keeps without power ---------------------------------------------------- */
+/* -- keep.c: what a board keeps without power; it changes no state of the application -------------- */
 
 /* False where nothing can be kept.  Those that a calibration sets are left out. */
 bool esea_keep_parameters(struct esea_app *app);
@@ -119,8 +119,10 @@ void esea_forget_zeros(struct esea_app *app);
  * off. */
 void esea_keep_up(struct esea_app *app);
 
-/* The encoders that are fitted, by their serial numbers; the answer's result. */
-uint8_t esea_keep_fitted(struct esea_app *app, const mavlink_message_t *message);
+/* Whether these may be the encoders that are fitted, by ESEA_STORE_ENCODERS serial numbers, as a MAV_RESULT; and
+ * keeps them, before a reset. */
+uint8_t esea_keep_may_fit(const struct esea_app *app, const uint32_t *serials);
+void esea_keep_fitted(struct esea_app *app, const uint32_t *serials);
 
 /* A key of zeros: nobody's. */
 bool esea_keep_key(struct esea_app *app, const uint8_t *key, uint64_t timestamp);

@@ -30,8 +30,11 @@ typedef struct {
     uint32_t stack_bytes;
     /* Takes up to `capacity` received bytes; returns how many there were.  Never waits. */
     size_t (*read)(uint8_t *bytes, size_t capacity);
-    /* Sends all bytes; returns when the last one has been handed to the hardware. */
+    /* Sends all bytes of a message; returns when the last one has been handed to the hardware, or to a queue, or
+     * when it found no room there and none of it goes. */
     void (*write)(const uint8_t *bytes, size_t count);
+    /* Whether the line takes what may wait, which is telemetry; NULL: always, for writing waits. */
+    bool (*room)(void);
     /* Sleeps until something may have been received; may return early, or at once. */
     void (*wait)(void);
     /* A free-running counter of 32 bits, for measuring; 0 on a board without one. */

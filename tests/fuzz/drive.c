@@ -16,16 +16,16 @@ static const uint8_t *bytes;
 static size_t left;
 static mavlink_status_t writing;
 
-static struct {
+/* All that a run begins from, but the line, which is empty. */
+typedef struct {
+    bool there, motor_on;
     esea_app_t app;
-    line_t received, sent;
     esea_store_t store;
     esea_blackbox_t blackbox;
     uint32_t now;
     float measured[ESEA_LINK_MEASURED + 1u], motor_Nm;
-    bool motor_on;
     uint8_t cells[ESEA_STORE_AREAS][sizeof cells[0]];
-} driven;
+} beginning_t;
 
 static void hold(bool holds, const char *what)
 {
@@ -214,7 +214,7 @@ static void pass(uint32_t ticks)
     }
 }
 
-/* The motor on and making torque, once for all. */
+/* The motor on and making torque. */
 static void start_driven(void)
 {
     start();
@@ -229,34 +229,46 @@ static void start_driven(void)
     want(1.0f, 0.5f);
     pass(20u);
     must(app.state == ESEA_STATE_ACTIVE && motor_on && motor_Nm != 0.0f);
-    driven.app = app;
-    driven.received = received;
-    driven.sent = sent;
-    driven.store = store;
-    driven.blackbox = blackbox;
-    driven.now = now;
-    memcpy(driven.measured, measured, sizeof measured);
-    driven.motor_Nm = motor_Nm;
-    driven.motor_on = motor_on;
-    memcpy(driven.cells, cells, sizeof cells);
 }
 
-static void resume_driven(void)
+static void keep(beginning_t *beginning)
 {
-    if (!driven.motor_on)
-        start_driven();
-    app = driven.app;
-    received = driven.received;
-    sent = driven.sent;
-    store = driven.store;
-    blackbox = driven.blackbox;
-    now = driven.now;
-    memcpy(measured, driven.measured, sizeof measured);
-    motor_Nm = driven.motor_Nm;
-    motor_on = driven.motor_on;
-    memcpy(cells, driven.cells, sizeof cells);
+    beginning->there = true;
+    beginning->app = app;
+    beginning->store = store;
+    beginning->blackbox = blackbox;
+    beginning->now = now;
+    memcpy(beginning->measured, measured, sizeof measured);
+    beginning->motor_Nm = motor_Nm;
+    beginning->motor_on = motor_on;
+    memcpy(beginning->cells, cells, sizeof cells);
+}
+
+/* As it was kept, which is done once for all. */
+static void begin(bool driven)
+{
+    static beginning_t beginnings[2];
+    beginning_t *const beginning = &beginnings[driven ? 1 : 0];
+
+    if (!beginning->there) {
+        if (driven)
+            start_driven();
+        else
+            start();
+        keep(beginning);
+    }
+    app = beginning->app;
+    store = beginning->store;
+    blackbox = beginning->blackbox;
+    now = beginning->now;
+    memcpy(measured, beginning->measured, sizeof measured);
+    motor_Nm = beginning->motor_Nm;
+    motor_on = beginning->motor_on;
+    memcpy(cells, beginning->cells, sizeof cells);
+    received.taken = received.count = sent.taken = sent.count = 0u;
     lost = trouble_found = 0u;
     stop_line_open = slower_asked = stack_used_up = false;
+    memset(&writing, 0, sizeof writing);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
@@ -266,10 +278,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
     bytes = data;
     left = size;
-    if ((next() & 1u) != 0u)
-        resume_driven();
-    else
-        start();
+    begin((next() & 1u) != 0u);
     while (left > 0u)
         switch (next() % 12u) {
         case 0:

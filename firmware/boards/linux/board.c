@@ -31,6 +31,7 @@
 #define AREA_BYTES 8192u
 #define BINS 22u /* the last one: 1 s and more */
 #define STACK_TOUCHED 65536u
+#define QUEUE_BYTES 4096u /* answers and states; telemetry waits in the application */
 #define PATIENCE_US (ESEA_LINK_LOST_MS * 1000u)
 
 typedef struct {
@@ -47,6 +48,9 @@ static bool in_tick, held_off, background_asked;
 static volatile sig_atomic_t ends, asked;
 static uint64_t due_us, woke_us; /* when the present tick was to come, and when it did */
 static uint32_t lateness[BINS], latest_us, ticks_lost, bytes_lost;
+static uint8_t queue[QUEUE_BYTES]; /* what the line has not taken; whole messages but for the first */
+static size_t queued;
+static uint64_t taken_us; /* when it took something last */
 static const char *scheduling = "any other program's", *locked = "not locked";
 
 static uint64_t now_us(void)
@@ -105,10 +109,10 @@ static void take_tick(void)
 }
 
 /* Until a tick is due, or the line has something to take or to give; no longer than `most_ms`. */
-static void attend(bool to_write, int most_ms)
+static void attend(bool to_read, bool to_write, int most_ms)
 {
     struct pollfd files[3];
-    const nfds_t count = line_files(&line, to_write, files);
+    const nfds_t count = line_files(&line, to_read, to_write, files);
 
     files[count].fd = held_off || in_tick ? -1 : timer; /* below 0: left out */
     files[count].events = POLLIN;
@@ -126,32 +130,66 @@ static size_t port_read(uint8_t *bytes, size_t capacity)
     return line_read(&line, bytes, capacity);
 }
 
-/* Waits for a host that is slow, the ticks going on; one that takes nothing for a second is gone. */
+/* Gives the line what it takes of what waits; a host that takes nothing for a second is gone. */
+static void give(void)
+{
+    size_t n;
+
+    if (line_gone(&line))
+        queued = 0u;
+    if (queued == 0u)
+        return;
+    n = line_write(&line, queue, queued);
+    queued -= n;
+    if (n > 0u) {
+        memmove(queue, queue + n, queued);
+        taken_us = now_us();
+    } else if (now_us() - taken_us > PATIENCE_US) {
+        line_deaf(&line);
+        bytes_lost += (uint32_t)queued;
+        queued = 0u;
+    }
+}
+
+static bool port_room(void)
+{
+    give();
+    return queued == 0u;
+}
+
+/* On standard output waits for whoever takes it; a line with a clock on it makes nobody wait: what it does not take
+ * at once is queued, and a message that finds no room there is left out, whole. */
 static void port_write(const uint8_t *bytes, size_t count)
 {
-    uint64_t since_us = now_us();
+    size_t n;
 
-    while (count > 0u && !ends) {
-        const size_t n = line_write(&line, bytes, count);
-
-        if (n > 0u)
-            since_us = now_us();
-        bytes += n;
-        count -= n;
-        if (count == 0u)
-            break;
-        if (line_gone(&line) || (line_live(&line) && (in_tick || held_off || now_us() - since_us > PATIENCE_US))) {
-            line_deaf(&line);
-            bytes_lost += (uint32_t)count;
-            break;
+    if (line_live(&line)) {
+        if (port_room())
+            taken_us = now_us();
+        n = queued == 0u ? line_write(&line, bytes, count) : 0u;
+        if (count - n > sizeof queue - queued || line_gone(&line)) {
+            bytes_lost += (uint32_t)(count - n);
+            return;
         }
-        attend(true, 10);
+        memcpy(queue + queued, bytes + n, count - n);
+        queued += count - n;
+        return;
+    }
+    for (; count > 0u; bytes += n, count -= n) {
+        n = line_write(&line, bytes, count);
+        if (line_gone(&line)) {
+            bytes_lost += (uint32_t)count;
+            return;
+        }
+        if (n < count)
+            attend(false, true, 10);
     }
 }
 
 static void port_wait(void)
 {
-    attend(false, -1);
+    attend(true, queued > 0u, -1);
+    give(); /* first: what waited for one host is not for the next */
     line_accept(&line);
 }
 
@@ -294,6 +332,7 @@ int main(int argc, char **argv)
         .stack_bytes = 1u,              /* the system's; not measured */
         .read = port_read,
         .write = port_write,
+        .room = port_room,
         .wait = port_wait,
         .ticks = port_ticks,
         .base_ticks = ESEA_LINK_TICK_US,

@@ -126,12 +126,12 @@ bool line_open(line_t *line, const char *address)
     return strcmp(address, "pty") == 0 && open_pty(line);
 }
 
-nfds_t line_files(const line_t *line, bool to_write, struct pollfd *files)
+nfds_t line_files(const line_t *line, bool to_read, bool to_write, struct pollfd *files)
 {
     const bool nobody = line->in < 0;
 
     files[0].fd = nobody ? line->listener : line->in;
-    files[0].events = to_write ? 0 : POLLIN;
+    files[0].events = to_read ? POLLIN : 0;
     files[1].fd = to_write ? line->out : -1;
     files[1].events = POLLOUT;
     return 2u;

@@ -22,7 +22,7 @@ typedef struct {
 bool line_open(line_t *line, const char *address);
 
 /* What to wait for, at most two. */
-nfds_t line_files(const line_t *line, bool to_write, struct pollfd *files);
+nfds_t line_files(const line_t *line, bool to_read, bool to_write, struct pollfd *files);
 
 /* Takes a host that wants in, where there is none. */
 void line_accept(line_t *line);

@@ -1,0 +1,215 @@
+/* libFuzzer on what stands between the line and the application: MAVLink's parser as the firmware uses it, and the
+ * decoders of the device's binding.  Bytes, whole frames of every message, frames with bits turned, cut off or
+ * with something before them, to a board that is paired and one that is not.  Whatever is taken is a frame that
+ * stood in the bytes with the checksum that X.25 says, computed here bit by bit; when paired, the one that was
+ * signed last, not before and with a later time.
+ *
+ * License: MIT. */
+#include ESEA_LINK_HEADER
+
+#include <stdlib.h>
+
+#define LONGEST 4096u
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static const mavlink_msg_entry_t entries[] = MAVLINK_MESSAGE_CRCS;
+static const uint8_t *bytes;
+static size_t left;
+static uint8_t line[LONGEST];
+static size_t count; /* of all that was on the line */
+static mavlink_message_t received;
+static mavlink_status_t receiving;
+static mavlink_signing_t key;
+static mavlink_signing_streams_t streams;
+
+static struct {
+    uint8_t bytes[MAVLINK_MAX_PACKET_LEN];
+    uint16_t length;
+    uint64_t time, taken; /* its own, and that of the last one that was taken */
+} last_signed;
+
+static void must(bool holds)
+{
+    if (!holds)
+        abort();
+}
+
+static uint8_t next(void)
+{
+    return left > 0u ? (--left, *bytes++) : 0u;
+}
+
+/* Its branches tell the fuzzer nothing. */
+__attribute__((no_sanitize("coverage"))) static uint32_t crc_of(const uint8_t *from, size_t n, uint8_t extra)
+{
+    uint32_t crc = 0xFFFFu;
+    size_t i;
+    int bit;
+
+    for (i = 0u; i <= n; ++i)
+        for (crc ^= i < n ? from[i] : extra, bit = 0; bit < 8; ++bit)
+            crc = crc >> 1 ^ ((crc & 1u) != 0u ? 0x8408u : 0u);
+    return crc;
+}
+
+/* The frame that has just ended stands on the line, whole. */
+static void check_frame(void)
+{
+    const bool old = received.magic == MAVLINK_STX_MAVLINK1;
+    const bool is_signed = (received.incompat_flags & MAVLINK_IFLAG_SIGNED) != 0u;
+    const size_t head = old ? 6u : 10u, tail = is_signed ? 13u : 0u;
+    const size_t length = head + received.len + 2u + tail;
+    const uint8_t *const frame = line + count - length;
+    const mavlink_msg_entry_t *entry = NULL;
+    uint32_t i, id, crc;
+
+    must(length <= count && frame[0] == (old ? 0xFEu : 0xFDu) && frame[1] == received.len);
+    id = old ? frame[5] : frame[7] | (uint32_t)frame[8] << 8 | (uint32_t)frame[9] << 16;
+    for (i = 0u; i < sizeof entries / sizeof entries[0]; ++i)
+        if (entries[i].msgid == id)
+            entry = &entries[i];
+    must(entry != NULL && id == received.msgid);
+    must(memcmp(_MAV_PAYLOAD(&received), frame + head, received.len) == 0);
+    for (i = received.len; i < entry->max_msg_len; ++i) /* nothing is left of the frame before */
+        must(_MAV_PAYLOAD(&received)[i] == 0);
+    crc = crc_of(frame + 1, head - 1u + received.len, entry->crc_extra);
+    must(frame[length - tail - 2u] == (crc & 0xFFu) && frame[length - tail - 1u] == crc >> 8);
+}
+
+static void check_signed(void)
+{
+    const size_t length = last_signed.length;
+
+    must(length > 0u && length <= count && memcmp(line + count - length, last_signed.bytes, length) == 0);
+    must(last_signed.time > last_signed.taken);
+    last_signed.taken = last_signed.time;
+    last_signed.length = 0u;
+}
+
+/* What the application's decoders make of it; addresses and lengths are the sanitizers' to look at. */
+static void decode(void)
+{
+    esea_link_in_t in;
+    esea_link_wanted_t wanted;
+    uint32_t task, sequence, deadline_ms;
+    const bool is_input = esea_link_decode(&received, &task, &sequence, &in);
+    const bool is_wanted = esea_link_decode_wanted(&received, &wanted, &deadline_ms);
+
+    must(!(is_input && is_wanted));
+    must(!is_input || (task < ESEA_LINK_TASKS && received.msgid == esea_link_message(task, 0u)));
+    must(!is_wanted || (received.msgid == MAVLINK_MSG_ID_ESEA_WANTED && deadline_ms <= UINT16_MAX));
+}
+
+static void receive(uint8_t byte)
+{
+    if (count == LONGEST)
+        return;
+    line[count++] = byte;
+    switch (mavlink_frame_char_buffer(&received, &receiving, byte, NULL, NULL)) {
+    case MAVLINK_FRAMING_OK:
+        check_frame();
+        if (receiving.signing != NULL)
+            check_signed();
+        decode();
+        break;
+    case MAVLINK_FRAMING_BAD_SIGNATURE: /* a stop in it is taken all the same */
+        must(receiving.signing != NULL);
+        check_frame();
+        break;
+    default:
+        break;
+    }
+}
+
+/* MAVLink's signature: of the key, the frame, the link's number and a time, six bytes of SHA-256. */
+static void sign(uint8_t *frame, uint16_t length)
+{
+    uint8_t *const block = frame + length - MAVLINK_SIGNATURE_BLOCK_LEN;
+    mavlink_sha256_ctx hash;
+    uint8_t i;
+
+    memset(block, 0, MAVLINK_SIGNATURE_BLOCK_LEN);
+    if (receiving.signing == NULL)
+        return;
+    last_signed.time = 1u + next() / 2u;
+    block[1] = (uint8_t)last_signed.time;
+    mavlink_sha256_init(&hash);
+    mavlink_sha256_update(&hash, key.secret_key, sizeof key.secret_key);
+    mavlink_sha256_update(&hash, frame, (uint32_t)length - 6u);
+    mavlink_sha256_final_48(&hash, block + 7);
+    memcpy(last_signed.bytes, frame, length);
+    last_signed.length = length;
+    for (i = 0u; i < 4u && next() > 250u; ++i)
+        block[next() % MAVLINK_SIGNATURE_BLOCK_LEN] ^= next();
+}
+
+/* A frame of any message and length: signed, or MAVLink 1, or neither. */
+static uint16_t write_frame(uint8_t *frame, bool is_signed, bool old)
+{
+    const mavlink_msg_entry_t *const entry = &entries[next() % (sizeof entries / sizeof entries[0])];
+    const uint16_t head = old && entry->msgid < 256u ? 6u : 10u;
+    const uint8_t payload = next() % (entry->max_msg_len + 2u);
+    const bool ends_signed = is_signed && head == 10u;
+    uint32_t crc;
+    uint16_t i;
+
+    memset(frame, 0, 10u);
+    frame[0] = head == 6u ? MAVLINK_STX_MAVLINK1 : MAVLINK_STX;
+    frame[1] = payload;
+    frame[2] = ends_signed ? MAVLINK_IFLAG_SIGNED : 0u;
+    frame[head == 6u ? 3 : 5] = 255u; /* the sender */
+    frame[head == 6u ? 5 : 7] = (uint8_t)entry->msgid;
+    if (head == 10u) {
+        frame[8] = (uint8_t)(entry->msgid >> 8);
+        frame[9] = (uint8_t)(entry->msgid >> 16);
+    }
+    for (i = 0u; i < payload; ++i)
+        frame[head + i] = next();
+    crc = crc_of(frame + 1, head - 1u + payload, entry->crc_extra);
+    frame[head + payload] = (uint8_t)crc;
+    frame[head + payload + 1] = (uint8_t)(crc >> 8);
+    if (!ends_signed)
+        return head + payload + 2u;
+    sign(frame, head + payload + 2u + MAVLINK_SIGNATURE_BLOCK_LEN);
+    return head + payload + 2u + MAVLINK_SIGNATURE_BLOCK_LEN;
+}
+
+static void send_frame(uint8_t kind)
+{
+    uint8_t frame[MAVLINK_MAX_PACKET_LEN];
+    uint16_t length = write_frame(frame, (kind & 1u) != 0u, (kind & 2u) != 0u), i;
+
+    for (i = 0u; i < (kind >> 2) % 4u; ++i)
+        frame[next() % length] ^= (uint8_t)(1u << next() % 8u);
+    if ((kind >> 4) == 0u)
+        length = (uint16_t)(length - next() % length);
+    for (i = 0u; i < length; ++i)
+        receive(frame[i]);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    uint8_t paired, op, i;
+
+    bytes = data;
+    left = size;
+    count = 0u;
+    memset(&receiving, 0, sizeof receiving);
+    memset(&key, 0, sizeof key);
+    memset(&last_signed, 0, sizeof last_signed);
+    streams.num_signing_streams = 0u;
+    memset(&received, 0x5A, sizeof received); /* of an earlier frame */
+    paired = next() % 4u == 0u;
+    receiving.signing = paired ? &key : NULL;
+    receiving.signing_streams = paired ? &streams : NULL;
+    while (left > 0u) {
+        op = next();
+        if (op < 64u)
+            for (i = 0u; i <= op % 16u; ++i)
+                receive(next());
+        else
+            send_frame((uint8_t)(op - 64u));
+    }
+    return 0;
+}
