@@ -980,8 +980,17 @@ enums["ESEA_PARAM"][34].param[4] = """0"""
 enums["ESEA_PARAM"][34].param[5] = """1"""
 enums["ESEA_PARAM"][34].param[6] = """1"""
 enums["ESEA_PARAM"][34].param[7] = """free"""
-ESEA_PARAM_ENUM_END = 35
-enums["ESEA_PARAM"][35] = EnumEntry("ESEA_PARAM_ENUM_END", """""")
+ESEA_PARAM_SMC_SOFTENING = 35
+enums["ESEA_PARAM"][35] = EnumEntry("ESEA_PARAM_SMC_SOFTENING", """how soft a swing of the error makes the gains; 0: they stay as they are""")
+enums["ESEA_PARAM"][35].param[1] = """smc.softening"""
+enums["ESEA_PARAM"][35].param[2] = """smc.softening"""
+enums["ESEA_PARAM"][35].param[3] = """1"""
+enums["ESEA_PARAM"][35].param[4] = """0"""
+enums["ESEA_PARAM"][35].param[5] = """1"""
+enums["ESEA_PARAM"][35].param[6] = """1"""
+enums["ESEA_PARAM"][35].param[7] = """free"""
+ESEA_PARAM_ENUM_END = 36
+enums["ESEA_PARAM"][36] = EnumEntry("ESEA_PARAM_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS
 enums["ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS"] = Enum()
@@ -1338,8 +1347,10 @@ ESEA_ELBOW_DRIVE_SMC_STATUS_ACTIVE = 32
 enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][32] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_ACTIVE", """the controller acts""")
 ESEA_ELBOW_DRIVE_SMC_STATUS_ENTERED = 64
 enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][64] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_ENTERED", """the controller took over in this step, from the applied command""")
-ESEA_ELBOW_DRIVE_SMC_STATUS_ENUM_END = 65
-enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][65] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_ENUM_END", """""")
+ESEA_ELBOW_DRIVE_SMC_STATUS_SOFTENED = 128
+enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][128] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_SOFTENED", """the error swings, or did so lately: the gains are softer""")
+ESEA_ELBOW_DRIVE_SMC_STATUS_ENUM_END = 129
+enums["ESEA_ELBOW_DRIVE_SMC_STATUS"][129] = EnumEntry("ESEA_ELBOW_DRIVE_SMC_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS
 enums["ESEA_ELBOW_DRIVE_REDUNDANCY_STATUS"] = Enum()

@@ -9215,7 +9215,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step_work_bytes(casad
   return 0;
 }
 
-/* esea_elbow_drive_casadi_sliding_mode_prepare:(lambda_1_s,phi_rad_s,margin,lead,load_share,friction_ahead)->(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,c_friction_ahead) */
+/* esea_elbow_drive_casadi_sliding_mode_prepare:(lambda_1_s,phi_rad_s,margin,lead,load_share,friction_ahead,softening)->(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,c_friction_ahead,c_softening) */
 static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
@@ -9239,6 +9239,8 @@ static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[6]!=0) res[6][0]=a1;
   a1=arg[5]? arg[5][0] : 0;
   if (res[7]!=0) res[7][0]=a1;
+  a1=arg[6]? arg[6][0] : 0;
+  if (res[8]!=0) res[8][0]=a1;
   return 0;
 }
 
@@ -9259,9 +9261,9 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_prepare_incref(vo
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_prepare_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_prepare_n_in(void) { return 6;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_prepare_n_in(void) { return 7;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_prepare_n_out(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_prepare_n_out(void) { return 9;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_sliding_mode_prepare_default_in(casadi_int i) {
   switch (i) {
@@ -9277,6 +9279,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_sliding_mode_prepare_na
     case 3: return "lead";
     case 4: return "load_share";
     case 5: return "friction_ahead";
+    case 6: return "softening";
     default: return 0;
   }
 }
@@ -9291,6 +9294,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_sliding_mode_prepare_na
     case 5: return "c_lead";
     case 6: return "c_load_share";
     case 7: return "c_friction_ahead";
+    case 8: return "c_softening";
     default: return 0;
   }
 }
@@ -9303,6 +9307,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_prep
     case 3: return casadi_s0;
     case 4: return casadi_s0;
     case 5: return casadi_s0;
+    case 6: return casadi_s0;
     default: return 0;
   }
 }
@@ -9317,27 +9322,28 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_prep
     case 5: return casadi_s0;
     case 6: return casadi_s0;
     case 7: return casadi_s0;
+    case 8: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 6;
-  if (sz_res) *sz_res = 8;
+  if (sz_arg) *sz_arg = 7;
+  if (sz_res) *sz_res = 9;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 6*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
+  if (sz_arg) *sz_arg = 7*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 9*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
-/* esea_elbow_drive_casadi_sliding_mode_init:(lambda_1_s,lambda2_1_s2,integral_gain_1_s,layer_s_rad,margin,lead,load_share,friction_ahead)->(active_0,integral_rad_s_0,offset_Nm_0,u_last_Nm_0,u_before_Nm_0) */
+/* esea_elbow_drive_casadi_sliding_mode_init:(lambda_1_s,lambda2_1_s2,integral_gain_1_s,layer_s_rad,margin,lead,load_share,friction_ahead,softening)->(active_0,integral_rad_s_0,offset_Nm_0,u_last_Nm_0,u_before_Nm_0,slow_rad_0,middle_rad_0,square_0,soft_0) */
 static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
@@ -9346,6 +9352,10 @@ static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw
   if (res[2]!=0) res[2][0]=a0;
   if (res[3]!=0) res[3][0]=a0;
   if (res[4]!=0) res[4][0]=a0;
+  if (res[5]!=0) res[5][0]=a0;
+  if (res[6]!=0) res[6][0]=a0;
+  if (res[7]!=0) res[7][0]=a0;
+  if (res[8]!=0) res[8][0]=a0;
   return 0;
 }
 
@@ -9366,9 +9376,9 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_init_incref(void)
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_init_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_init_n_in(void) { return 8;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_init_n_in(void) { return 9;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_init_n_out(void) { return 5;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_init_n_out(void) { return 9;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_sliding_mode_init_default_in(casadi_int i) {
   switch (i) {
@@ -9386,6 +9396,7 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_sliding_mode_init_name_
     case 5: return "lead";
     case 6: return "load_share";
     case 7: return "friction_ahead";
+    case 8: return "softening";
     default: return 0;
   }
 }
@@ -9397,6 +9408,10 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_sliding_mode_init_name_
     case 2: return "offset_Nm_0";
     case 3: return "u_last_Nm_0";
     case 4: return "u_before_Nm_0";
+    case 5: return "slow_rad_0";
+    case 6: return "middle_rad_0";
+    case 7: return "square_0";
+    case 8: return "soft_0";
     default: return 0;
   }
 }
@@ -9411,6 +9426,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_init
     case 5: return casadi_s0;
     case 6: return casadi_s0;
     case 7: return casadi_s0;
+    case 8: return casadi_s0;
     default: return 0;
   }
 }
@@ -9422,234 +9438,304 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_init
     case 2: return casadi_s0;
     case 3: return casadi_s0;
     case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8;
-  if (sz_res) *sz_res = 5;
+  if (sz_arg) *sz_arg = 9;
+  if (sz_res) *sz_res = 9;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 5*sizeof(casadi_real*);
+  if (sz_arg) *sz_arg = 9*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 9*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;
 }
 
-/* esea_elbow_drive_casadi_sliding_mode_step:(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,c_friction_ahead,s_active,s_integral_rad_s,s_offset_Nm,s_u_last_Nm,s_u_before_Nm,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_theta_rad,u_omega_motor_rad_s,u_omega_load_rad_s,u_tau_Nm,u_tau_h_Nm,u_d4_rad_s2,u_u_a_Nm,u_mode,u_u_applied_Nm)->(next_active,next_integral_rad_s,next_offset_Nm,next_u_last_Nm,next_u_before_Nm,y_u_command_Nm,y_u_wanted_Nm,y_s_rad_s,y_u_eq_Nm,y_k_smc_Nm,y_status) */
+/* esea_elbow_drive_casadi_sliding_mode_step:(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,c_friction_ahead,c_softening,s_active,s_integral_rad_s,s_offset_Nm,s_u_last_Nm,s_u_before_Nm,s_slow_rad,s_middle_rad,s_square,s_soft,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_theta_rad,u_omega_motor_rad_s,u_omega_load_rad_s,u_tau_Nm,u_tau_h_Nm,u_d4_rad_s2,u_u_a_Nm,u_mode,u_u_applied_Nm)->(next_active,next_integral_rad_s,next_offset_Nm,next_u_last_Nm,next_u_before_Nm,next_slow_rad,next_middle_rad,next_square,next_soft,y_u_command_Nm,y_u_wanted_Nm,y_s_rad_s,y_u_eq_Nm,y_k_smc_Nm,y_status) */
 static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
-  casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44;
-  a00=arg[13]? arg[13][0] : 0;
+  casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44, a45, a46, a47;
+  casadi_real a48, a49, a50;
+  a00=arg[18]? arg[18][0] : 0;
   a01=3.4999999403953552e-01;
   a02=(a00<=a01);
   a03=-3.4999999403953552e-01;
   a04=(a03<=a00);
   a02=(a02&&a04);
-  a04=arg[14]? arg[14][0] : 0;
+  a04=arg[19]? arg[19][0] : 0;
   a05=25.;
   a05=(a04<=a05);
   a06=-25.;
   a06=(a06<=a04);
   a05=(a05&&a06);
   a06=(a02&&a05);
-  a07=arg[15]? arg[15][0] : 0;
+  a07=arg[20]? arg[20][0] : 0;
   a08=7.3999992370605469e+01;
   a08=(a07<=a08);
   a09=-7.3999992370605469e+01;
   a09=(a09<=a07);
   a08=(a08&&a09);
   a06=(a06&&a08);
-  a09=arg[16]? arg[16][0] : 0;
+  a09=arg[21]? arg[21][0] : 0;
   a01=(a09<=a01);
   a03=(a03<=a09);
   a01=(a01&&a03);
   a06=(a06&&a01);
-  a03=arg[17]? arg[17][0] : 0;
+  a03=arg[22]? arg[22][0] : 0;
   a10=12.;
   a11=(a03<=a10);
   a12=-12.;
   a13=(a12<=a03);
   a11=(a11&&a13);
   a06=(a06&&a11);
-  a13=arg[18]? arg[18][0] : 0;
+  a13=arg[23]? arg[23][0] : 0;
   a14=(a13<=a10);
   a15=(a12<=a13);
   a14=(a14&&a15);
   a06=(a06&&a14);
-  a15=arg[19]? arg[19][0] : 0;
+  a15=arg[24]? arg[24][0] : 0;
   a16=20.;
   a17=(a15<=a16);
   a18=-20.;
   a19=(a18<=a15);
   a17=(a17&&a19);
   a06=(a06&&a17);
-  a19=arg[20]? arg[20][0] : 0;
+  a19=arg[25]? arg[25][0] : 0;
   a16=(a19<=a16);
   a18=(a18<=a19);
   a16=(a16&&a18);
   a06=(a06&&a16);
-  a18=arg[21]? arg[21][0] : 0;
+  a18=arg[26]? arg[26][0] : 0;
   a20=2.4666666030883789e+01;
   a20=(a18<=a20);
   a21=-2.4666666030883789e+01;
   a21=(a21<=a18);
   a20=(a20&&a21);
   a06=(a06&&a20);
-  a21=arg[22]? arg[22][0] : 0;
+  a21=arg[27]? arg[27][0] : 0;
   a22=2.2099998593330383e-01;
   a23=(a21<=a22);
   a24=-2.2099998593330383e-01;
   a25=(a24<=a21);
   a23=(a23&&a25);
   a06=(a06&&a23);
-  a25=arg[23]? arg[23][0] : 0;
+  a25=arg[28]? arg[28][0] : 0;
   a26=2.;
   a27=(a25<=a26);
   a28=0.;
   a29=(a28<=a25);
   a27=(a27&&a29);
   a06=(a06&&a27);
-  a29=arg[24]? arg[24][0] : 0;
+  a29=arg[29]? arg[29][0] : 0;
   a30=(a29<=a22);
   a31=(a24<=a29);
   a30=(a30&&a31);
   a06=(a06&&a30);
-  a31=arg[8]? arg[8][0] : 0;
+  a31=arg[9]? arg[9][0] : 0;
   a32=1.;
   a33=(a31<=a32);
   a34=(a28<=a31);
   a33=(a33&&a34);
-  a34=arg[9]? arg[9][0] : 0;
+  a34=arg[10]? arg[10][0] : 0;
   a35=8.3999992370605469e+01;
   a36=(a34<=a35);
   a37=-8.3999992370605469e+01;
   a38=(a37<=a34);
   a36=(a36&&a38);
   a33=(a33&&a36);
-  a36=arg[10]? arg[10][0] : 0;
+  a36=arg[11]? arg[11][0] : 0;
   a38=4.4420996308326721e-01;
   a38=(a36<=a38);
   a39=-4.4420996308326721e-01;
   a39=(a39<=a36);
   a38=(a38&&a39);
   a33=(a33&&a38);
-  a38=arg[11]? arg[11][0] : 0;
+  a38=arg[12]? arg[12][0] : 0;
   a39=(a38<=a22);
   a40=(a24<=a38);
   a39=(a39&&a40);
   a33=(a33&&a39);
-  a39=arg[12]? arg[12][0] : 0;
+  a39=arg[13]? arg[13][0] : 0;
   a40=(a39<=a22);
   a41=(a24<=a39);
   a40=(a40&&a41);
   a33=(a33&&a40);
-  a40=(a06&&a33);
-  a41=5.0000000000000000e-01;
+  a40=arg[14]? arg[14][0] : 0;
+  a41=7.0699995756149292e-01;
+  a41=(a40<=a41);
+  a42=-7.0699995756149292e-01;
+  a42=(a42<=a40);
+  a41=(a41&&a42);
+  a33=(a33&&a41);
+  a41=arg[15]? arg[15][0] : 0;
+  a42=1.4139999151229858e+00;
+  a42=(a41<=a42);
+  a43=-1.4139999151229858e+00;
+  a43=(a43<=a41);
+  a42=(a42&&a43);
+  a33=(a33&&a42);
+  a42=arg[16]? arg[16][0] : 0;
+  a43=1.0009999275207520e+00;
+  a43=(a42<=a43);
+  a44=(a28<=a42);
+  a43=(a43&&a44);
+  a33=(a33&&a43);
+  a43=arg[17]? arg[17][0] : 0;
+  a44=(a43<=a32);
+  a45=(a28<=a43);
+  a44=(a44&&a45);
+  a33=(a33&&a44);
+  a44=(a06&&a33);
+  a45=5.0000000000000000e-01;
   a27=(a27?a25:0);
-  a41=(a41<a27);
-  a40=(a40&&a41);
-  if (res[0]!=0) res[0][0]=a40;
+  a45=(a45<a27);
+  a44=(a44&&a45);
+  if (res[0]!=0) res[0][0]=a44;
   a31=(a33?a31:0);
   a31=(!a31);
-  a31=(a40&&a31);
+  a31=(a44&&a31);
   a05=(a05?a04:0);
   a11=(a11?a03:0);
   a14=(a14?a13:0);
   a13=(a11-a14);
   a13=(a05-a13);
   a03=arg[0]? arg[0][0] : 0;
-  a04=(2.*a03);
+  a04=4.0000000000000002e-01;
+  a45=arg[8]? arg[8][0] : 0;
+  a27=1.8181818181818166e+01;
+  a42=(a33?a42:0);
+  a25=9.9501662508318933e-03;
+  a46=125.;
   a02=(a02?a00:0);
   a00=(a01?a09:0);
   a02=(a02-a00);
-  a41=(a04*a02);
-  a41=(a13+a41);
-  a27=(-a41);
-  a27=(a31?a27:0);
-  a25=(!a31);
+  a47=(a31?a02:0);
+  a48=(!a31);
+  a40=(a33?a40:0);
+  a40=(a48?a40:0);
+  a47=(a47+a40);
+  a40=1.1808862170182366e-01;
+  a49=(a02-a47);
+  a49=(a40*a49);
+  a47=(a47+a49);
+  a49=(a02-a47);
+  a41=(a33?a41:0);
+  a50=(a49-a41);
+  a40=(a40*a50);
+  a41=(a41+a40);
+  a49=(a49-a41);
+  a46=(a46*a49);
+  a46=casadi_fmin(a46,a32);
+  a49=-1.;
+  a46=casadi_fmax(a46,a49);
+  a46=casadi_sq(a46);
+  a46=(a46-a42);
+  a25=(a25*a46);
+  a42=(a42+a25);
+  a42=casadi_fmax(a42,a28);
+  a25=2.7562499999999990e-01;
+  a25=(a42-a25);
+  a27=(a27*a25);
+  a27=casadi_fmin(a27,a32);
+  a27=casadi_fmax(a27,a28);
+  a45=(a45*a27);
+  a27=9.9975003124739603e-01;
+  a27=(a27*a43);
+  a27=(a33?a27:0);
+  a45=casadi_fmax(a45,a27);
+  a04=(a04*a45);
+  a04=(a32-a04);
+  a03=(a03*a04);
+  a04=(2.*a03);
+  a27=(a04*a02);
+  a27=(a13+a27);
+  a43=(-a27);
+  a43=(a31?a43:0);
   a34=(a33?a34:0);
-  a34=(a25?a34:0);
-  a27=(a27+a34);
+  a34=(a48?a34:0);
+  a43=(a43+a34);
   a34=6.6300000000000003e-01;
   a03=casadi_sq(a03);
-  a42=(a34*a03);
-  a42=(a42*a02);
+  a25=(a34*a03);
+  a25=(a25*a02);
   a04=(a04*a13);
   a13=(a34*a04);
-  a42=(a42+a13);
+  a25=(a25+a13);
   a13=(a34*a18);
   a13=(a20?a13:0);
-  a42=(a42-a13);
+  a25=(a25-a13);
   a13=(a08?a07:0);
-  a43=arg[6]? arg[6][0] : 0;
-  a44=4.5454545454545459e+00;
+  a46=arg[6]? arg[6][0] : 0;
+  a40=4.5454545454545459e+00;
   a17=(a17?a15:0);
   a16=(a16?a19:0);
   a16=(a17+a16);
-  a44=(a44*a16);
-  a43=(a43*a44);
-  a13=(a13+a43);
+  a40=(a40*a16);
+  a46=(a46*a40);
+  a13=(a13+a46);
   a13=(a13+a04);
-  a43=arg[1]? arg[1][0] : 0;
-  a43=(a43*a02);
-  a13=(a13+a43);
-  a03=(a03*a02);
-  a03=(a03+a04);
-  a03=(a13-a03);
-  a34=(a34*a03);
-  a42=(a42+a34);
+  a46=(a03*a02);
+  a13=(a13+a46);
+  a46=(a46+a04);
+  a46=(a13-a46);
+  a34=(a34*a46);
+  a25=(a25+a34);
   a34=4.6879999999999999e-01;
-  a03=arg[7]? arg[7][0] : 0;
+  a46=arg[7]? arg[7][0] : 0;
   a14=(a14+a05);
   a05=3.5000000000000003e-02;
   a05=(a05*a07);
   a08=(a08?a05:0);
   a14=(a14+a08);
   a14=(a14-a11);
-  a03=(a03*a14);
-  a11=(a11+a03);
+  a46=(a46*a14);
+  a11=(a11+a46);
   a11=casadi_fmin(a11,a10);
   a11=casadi_fmax(a11,a12);
   a12=5.0000000000000003e-02;
   a10=(a11/a12);
   a10=tanh(a10);
   a34=(a34*a10);
-  a42=(a42+a34);
+  a25=(a25+a34);
   a34=5.5510000000000004e-01;
   a34=(a34*a11);
-  a42=(a42+a34);
-  a42=(a42+a17);
+  a25=(a25+a34);
+  a25=(a25+a17);
   a17=74.;
-  a42=(a42/a17);
+  a25=(a25/a17);
   a34=arg[4]? arg[4][0] : 0;
-  a03=1.5000000000000000e+00;
+  a46=1.5000000000000000e+00;
   a09=casadi_sq(a09);
-  a09=(a03*a09);
+  a09=(a46*a09);
   a00=casadi_fabs(a00);
   a09=(a09*a00);
   a09=(a01?a09:0);
   a01=(a01?a09:0);
-  a03=(a03*a00);
-  a01=(a01+a03);
-  a03=1.3877500000000001e-01;
+  a46=(a46*a00);
+  a01=(a01+a46);
+  a46=1.3877500000000001e-01;
   a11=casadi_fabs(a11);
-  a03=(a03*a11);
-  a01=(a01+a03);
-  a03=1.1720000000000000e-01;
+  a46=(a46*a11);
+  a01=(a01+a46);
+  a46=1.1720000000000000e-01;
   a10=casadi_fabs(a10);
-  a03=(a03*a10);
-  a01=(a01+a03);
-  a03=7.1300000000000009e-04;
-  a01=(a01+a03);
+  a46=(a46*a10);
+  a01=(a01+a46);
+  a46=7.1300000000000009e-04;
+  a01=(a01+a46);
   a13=casadi_fabs(a13);
   a13=(a12*a13);
   a01=(a01+a13);
@@ -9659,100 +9745,115 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a01=(a01+a12);
   a01=(a01/a17);
   a34=(a34*a01);
-  a41=(a41+a27);
+  a27=(a27+a43);
   a01=arg[3]? arg[3][0] : 0;
-  a01=(a41*a01);
-  a01=(a25?a01:0);
+  a01=(a27*a01);
+  a01=(a48?a01:0);
   a17=casadi_fmin(a01,a32);
-  a12=-1.;
-  a17=casadi_fmax(a17,a12);
+  a17=casadi_fmax(a17,a49);
   a17=(a34*a17);
-  a17=(a42+a17);
-  a20=arg[5]? arg[5][0] : 0;
+  a17=(a25+a17);
+  a12=arg[5]? arg[5][0] : 0;
+  a20=5.9999999999999998e-01;
+  a20=(a20*a45);
+  a18=(a12+a32);
+  a20=(a20*a18);
+  a12=(a12+a20);
+  a20=3.;
+  a12=casadi_fmin(a12,a20);
   a23=(a23?a21:0);
   a23=(a17-a23);
-  a20=(a20*a23);
-  a17=(a17+a20);
-  a20=(a22<a17);
+  a12=(a12*a23);
+  a17=(a17+a12);
+  a12=(a22<a17);
   a23=casadi_fmin(a17,a22);
   a23=casadi_fmax(a23,a24);
   a30=(a30?a29:0);
   a29=(a30-a23);
   a29=(a31?a29:0);
   a36=(a33?a36:0);
-  a36=(a25?a36:0);
+  a36=(a48?a36:0);
   a29=(a29+a36);
   a23=(a23+a29);
   a36=(a22<a23);
-  a20=(a20||a36);
-  a36=(a20?a32:0);
-  a20=(!a20);
+  a12=(a12||a36);
+  a36=(a12?a32:0);
+  a12=(!a12);
   a21=(a17<a24);
-  a18=(a23<a24);
-  a21=(a21||a18);
-  a21=(a21?a12:0);
-  a20=(a20?a21:0);
-  a36=(a36+a20);
-  a20=(a36==a28);
+  a20=(a23<a24);
+  a21=(a21||a20);
+  a21=(a21?a49:0);
+  a12=(a12?a21:0);
+  a36=(a36+a12);
+  a12=(a36==a28);
   a21=2.2099998022895306e-04;
   a38=(a33?a38:0);
-  a18=(a38-a30);
-  a13=casadi_fabs(a18);
+  a20=(a38-a30);
+  a18=casadi_fabs(a20);
   a39=(a33?a39:0);
   a39=(a39-a30);
-  a03=casadi_fabs(a39);
-  a13=(a13<a03);
-  a18=(a13?a18:0);
-  a13=(!a13);
-  a13=(a13?a39:0);
-  a18=(a18+a13);
-  a18=(a25?a18:0);
-  a21=(a21<a18);
-  a13=(a21?a32:0);
+  a13=casadi_fabs(a39);
+  a18=(a18<a13);
+  a20=(a18?a20:0);
+  a18=(!a18);
+  a18=(a18?a39:0);
+  a20=(a20+a18);
+  a20=(a48?a20:0);
+  a21=(a21<a20);
+  a18=(a21?a32:0);
   a21=(!a21);
   a39=-2.2099998022895306e-04;
-  a18=(a18<a39);
+  a20=(a20<a39);
+  a20=(a20?a49:0);
+  a21=(a21?a20:0);
+  a18=(a18+a21);
+  a18=(a12?a18:0);
+  a12=(!a12);
+  a12=(a12?a36:0);
+  a18=(a18+a12);
+  a18=(a18*a02);
+  a28=(a28<a18);
+  a18=(!a28);
+  a12=5.0000000000000001e-03;
+  a12=(a12*a03);
+  a12=(a12*a02);
   a18=(a18?a12:0);
-  a21=(a21?a18:0);
-  a13=(a13+a21);
-  a13=(a20?a13:0);
-  a20=(!a20);
-  a20=(a20?a36:0);
-  a13=(a13+a20);
-  a13=(a13*a02);
-  a28=(a28<a13);
-  a13=(!a28);
-  a20=arg[2]? arg[2][0] : 0;
-  a20=(a20*a02);
-  a13=(a13?a20:0);
-  a27=(a27+a13);
-  a13=casadi_fmin(a27,a35);
-  a13=casadi_fmax(a13,a37);
-  a13=(a40?a13:0);
-  if (res[1]!=0) res[1][0]=a13;
-  a13=8.6645195041811807e-01;
-  a13=(a13*a29);
-  a13=(a40?a13:0);
-  if (res[2]!=0) res[2][0]=a13;
-  a13=casadi_fmin(a23,a22);
-  a13=casadi_fmax(a13,a24);
-  a13=(a40?a13:0);
-  if (res[3]!=0) res[3][0]=a13;
+  a43=(a43+a18);
+  a18=casadi_fmin(a43,a35);
+  a18=casadi_fmax(a18,a37);
+  a18=(a44?a18:0);
+  if (res[1]!=0) res[1][0]=a18;
+  a18=8.6645195041811807e-01;
+  a18=(a18*a29);
+  a18=(a44?a18:0);
+  if (res[2]!=0) res[2][0]=a18;
+  a18=casadi_fmin(a23,a22);
+  a18=casadi_fmax(a18,a24);
+  a18=(a44?a18:0);
+  if (res[3]!=0) res[3][0]=a18;
   a30=(a31?a30:0);
-  a38=(a25?a38:0);
+  a38=(a48?a38:0);
   a30=(a30+a38);
-  a30=(a40?a30:0);
+  a30=(a44?a30:0);
   if (res[4]!=0) res[4][0]=a30;
-  if (res[5]!=0) res[5][0]=a13;
-  a13=(a40?a17:0);
-  if (res[6]!=0) res[6][0]=a13;
-  a25=(a25?a41:0);
-  a25=(a40?a25:0);
-  if (res[7]!=0) res[7][0]=a25;
-  a42=(a40?a42:0);
+  a47=(a44?a47:0);
+  if (res[5]!=0) res[5][0]=a47;
+  a41=(a44?a41:0);
+  if (res[6]!=0) res[6][0]=a41;
+  a42=(a44?a42:0);
+  if (res[7]!=0) res[7][0]=a42;
+  a42=(a44?a45:0);
   if (res[8]!=0) res[8][0]=a42;
-  a34=(a40?a34:0);
-  if (res[9]!=0) res[9][0]=a34;
+  if (res[9]!=0) res[9][0]=a18;
+  a18=(a44?a17:0);
+  if (res[10]!=0) res[10][0]=a18;
+  a48=(a48?a27:0);
+  a48=(a44?a48:0);
+  if (res[11]!=0) res[11][0]=a48;
+  a25=(a44?a25:0);
+  if (res[12]!=0) res[12][0]=a25;
+  a34=(a44?a34:0);
+  if (res[13]!=0) res[13][0]=a34;
   a06=(!a06);
   a06=(a06?a32:0);
   a33=(!a33);
@@ -9763,30 +9864,36 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a23=casadi_fabs(a23);
   a22=(a22<a23);
   a17=(a17||a22);
-  a17=(a40&&a17);
+  a17=(a44&&a17);
   a22=4.;
   a17=(a17?a22:0);
   a06=(a06+a17);
   a01=casadi_fabs(a01);
   a32=(a32<a01);
-  a32=(a40&&a32);
+  a32=(a44&&a32);
   a01=8.;
   a32=(a32?a01:0);
   a06=(a06+a32);
-  a27=casadi_fabs(a27);
-  a35=(a35<a27);
+  a43=casadi_fabs(a43);
+  a35=(a35<a43);
   a28=(a28||a35);
-  a28=(a40&&a28);
+  a28=(a44&&a28);
   a35=16.;
   a28=(a28?a35:0);
   a06=(a06+a28);
   a28=32.;
-  a40=(a40?a28:0);
-  a06=(a06+a40);
-  a40=64.;
-  a31=(a31?a40:0);
+  a28=(a44?a28:0);
+  a06=(a06+a28);
+  a28=64.;
+  a31=(a31?a28:0);
   a06=(a06+a31);
-  if (res[10]!=0) res[10][0]=a06;
+  a31=1.0000000000000000e-02;
+  a31=(a31<a45);
+  a44=(a44&&a31);
+  a31=128.;
+  a44=(a44?a31:0);
+  a06=(a06+a44);
+  if (res[14]!=0) res[14][0]=a06;
   return 0;
 }
 
@@ -9807,9 +9914,9 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_step_incref(void)
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_sliding_mode_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_step_n_in(void) { return 25;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_step_n_in(void) { return 30;}
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_step_n_out(void) { return 11;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_sliding_mode_step_n_out(void) { return 15;}
 
 CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_sliding_mode_step_default_in(casadi_int i) {
   switch (i) {
@@ -9827,23 +9934,28 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_sliding_mode_step_name_
     case 5: return "c_lead";
     case 6: return "c_load_share";
     case 7: return "c_friction_ahead";
-    case 8: return "s_active";
-    case 9: return "s_integral_rad_s";
-    case 10: return "s_offset_Nm";
-    case 11: return "s_u_last_Nm";
-    case 12: return "s_u_before_Nm";
-    case 13: return "u_delta_set_rad";
-    case 14: return "u_delta_rate_rad_s";
-    case 15: return "u_delta_acc_rad_s2";
-    case 16: return "u_theta_rad";
-    case 17: return "u_omega_motor_rad_s";
-    case 18: return "u_omega_load_rad_s";
-    case 19: return "u_tau_Nm";
-    case 20: return "u_tau_h_Nm";
-    case 21: return "u_d4_rad_s2";
-    case 22: return "u_u_a_Nm";
-    case 23: return "u_mode";
-    case 24: return "u_u_applied_Nm";
+    case 8: return "c_softening";
+    case 9: return "s_active";
+    case 10: return "s_integral_rad_s";
+    case 11: return "s_offset_Nm";
+    case 12: return "s_u_last_Nm";
+    case 13: return "s_u_before_Nm";
+    case 14: return "s_slow_rad";
+    case 15: return "s_middle_rad";
+    case 16: return "s_square";
+    case 17: return "s_soft";
+    case 18: return "u_delta_set_rad";
+    case 19: return "u_delta_rate_rad_s";
+    case 20: return "u_delta_acc_rad_s2";
+    case 21: return "u_theta_rad";
+    case 22: return "u_omega_motor_rad_s";
+    case 23: return "u_omega_load_rad_s";
+    case 24: return "u_tau_Nm";
+    case 25: return "u_tau_h_Nm";
+    case 26: return "u_d4_rad_s2";
+    case 27: return "u_u_a_Nm";
+    case 28: return "u_mode";
+    case 29: return "u_u_applied_Nm";
     default: return 0;
   }
 }
@@ -9855,12 +9967,16 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_sliding_mode_step_name_
     case 2: return "next_offset_Nm";
     case 3: return "next_u_last_Nm";
     case 4: return "next_u_before_Nm";
-    case 5: return "y_u_command_Nm";
-    case 6: return "y_u_wanted_Nm";
-    case 7: return "y_s_rad_s";
-    case 8: return "y_u_eq_Nm";
-    case 9: return "y_k_smc_Nm";
-    case 10: return "y_status";
+    case 5: return "next_slow_rad";
+    case 6: return "next_middle_rad";
+    case 7: return "next_square";
+    case 8: return "next_soft";
+    case 9: return "y_u_command_Nm";
+    case 10: return "y_u_wanted_Nm";
+    case 11: return "y_s_rad_s";
+    case 12: return "y_u_eq_Nm";
+    case 13: return "y_k_smc_Nm";
+    case 14: return "y_status";
     default: return 0;
   }
 }
@@ -9892,6 +10008,11 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_step
     case 22: return casadi_s0;
     case 23: return casadi_s0;
     case 24: return casadi_s0;
+    case 25: return casadi_s0;
+    case 26: return casadi_s0;
+    case 27: return casadi_s0;
+    case 28: return casadi_s0;
+    case 29: return casadi_s0;
     default: return 0;
   }
 }
@@ -9909,21 +10030,25 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_sliding_mode_step
     case 8: return casadi_s0;
     case 9: return casadi_s0;
     case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
     default: return 0;
   }
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 25;
-  if (sz_res) *sz_res = 11;
+  if (sz_arg) *sz_arg = 30;
+  if (sz_res) *sz_res = 15;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 25*sizeof(const casadi_real*);
-  if (sz_res) *sz_res = 11*sizeof(casadi_real*);
+  if (sz_arg) *sz_arg = 30*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 15*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
   return 0;

@@ -859,8 +859,8 @@ const casadi_int* esea_elbow_drive_casadi_sliding_mode_prepare_sparsity_in(casad
 const casadi_int* esea_elbow_drive_casadi_sliding_mode_prepare_sparsity_out(casadi_int i);
 int esea_elbow_drive_casadi_sliding_mode_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_sliding_mode_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_ARG 6
-#define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_RES 8
+#define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_ARG 7
+#define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_RES 9
 #define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_IW 0
 #define esea_elbow_drive_casadi_sliding_mode_prepare_SZ_W 0
 int esea_elbow_drive_casadi_sliding_mode_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
@@ -877,8 +877,8 @@ const casadi_int* esea_elbow_drive_casadi_sliding_mode_init_sparsity_in(casadi_i
 const casadi_int* esea_elbow_drive_casadi_sliding_mode_init_sparsity_out(casadi_int i);
 int esea_elbow_drive_casadi_sliding_mode_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_sliding_mode_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_drive_casadi_sliding_mode_init_SZ_ARG 8
-#define esea_elbow_drive_casadi_sliding_mode_init_SZ_RES 5
+#define esea_elbow_drive_casadi_sliding_mode_init_SZ_ARG 9
+#define esea_elbow_drive_casadi_sliding_mode_init_SZ_RES 9
 #define esea_elbow_drive_casadi_sliding_mode_init_SZ_IW 0
 #define esea_elbow_drive_casadi_sliding_mode_init_SZ_W 0
 int esea_elbow_drive_casadi_sliding_mode_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
@@ -895,8 +895,8 @@ const casadi_int* esea_elbow_drive_casadi_sliding_mode_step_sparsity_in(casadi_i
 const casadi_int* esea_elbow_drive_casadi_sliding_mode_step_sparsity_out(casadi_int i);
 int esea_elbow_drive_casadi_sliding_mode_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_drive_casadi_sliding_mode_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_drive_casadi_sliding_mode_step_SZ_ARG 25
-#define esea_elbow_drive_casadi_sliding_mode_step_SZ_RES 11
+#define esea_elbow_drive_casadi_sliding_mode_step_SZ_ARG 30
+#define esea_elbow_drive_casadi_sliding_mode_step_SZ_RES 15
 #define esea_elbow_drive_casadi_sliding_mode_step_SZ_IW 0
 #define esea_elbow_drive_casadi_sliding_mode_step_SZ_W 0
 int esea_elbow_drive_casadi_redundancy_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);

@@ -269,7 +269,8 @@ typedef enum ESEA_PARAM
    ESEA_PARAM_SMC_LEAD=32, /* how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c |smc.lead| smc.lead| 1| 1| 4| 2.5| free|  */
    ESEA_PARAM_SMC_LOAD_SHARE=33, /* share of the load's estimated acceleration in the set-point's acceleration |smc.load_share| smc.load_share| 1| 0| 1| 1| free|  */
    ESEA_PARAM_SMC_FRICTION_AHEAD=34, /* share of the rate wanted in the rate whose friction is compensated; 0: measured |smc.friction_ahead| smc.frctn_ahd| 1| 0| 1| 1| free|  */
-   ESEA_PARAM_ENUM_END=35, /*  | */
+   ESEA_PARAM_SMC_SOFTENING=35, /* how soft a swing of the error makes the gains; 0: they stay as they are |smc.softening| smc.softening| 1| 0| 1| 1| free|  */
+   ESEA_PARAM_ENUM_END=36, /*  | */
 } ESEA_PARAM;
 #endif
 
@@ -574,7 +575,8 @@ typedef enum ESEA_ELBOW_DRIVE_SMC_STATUS
    ESEA_ELBOW_DRIVE_SMC_STATUS_INTEGRAL_RESTS=16, /* the command is held back, or the integral is at its range: it does not grow | */
    ESEA_ELBOW_DRIVE_SMC_STATUS_ACTIVE=32, /* the controller acts | */
    ESEA_ELBOW_DRIVE_SMC_STATUS_ENTERED=64, /* the controller took over in this step, from the applied command | */
-   ESEA_ELBOW_DRIVE_SMC_STATUS_ENUM_END=65, /*  | */
+   ESEA_ELBOW_DRIVE_SMC_STATUS_SOFTENED=128, /* the error swings, or did so lately: the gains are softer | */
+   ESEA_ELBOW_DRIVE_SMC_STATUS_ENUM_END=129, /*  | */
 } ESEA_ELBOW_DRIVE_SMC_STATUS;
 #endif
 
