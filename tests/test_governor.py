@@ -16,7 +16,7 @@ from .conftest import require_tool
 
 H = 1e-3
 # As it was: nothing ahead, friction of the measured rate, a lead of 2.
-BEFORE = {"lead": {"share": 0.0}, "smc": {"lead": 2.0, "friction_ahead": 0.0}}
+BEFORE = {"lead": {"share": 0.0}, "smc": {"lead": 2.0, "friction_ahead": 0.0, "softening": 0.0}}
 
 
 def smoothed(drive, theta, governed):

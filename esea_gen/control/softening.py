@@ -61,8 +61,8 @@ class SwingSoftening:
         # In shares of the most that counts: its square in rad^2 has few digits in fixed point.
         swing = clip((e - slow - middle) * (1 / MOST_RAD), -1, 1)
         swing = label("swing", swing, "fast part of e, 1 is the most that counts")
-        square = s.square + self.gain * (swing * swing - s.square)
-        square = label("square", ca.fmax(square, 0), "its mean square")
+        square = (1 - self.gain) * s.square + self.gain * (swing * swing)
+        square = label("square", square, "its mean square")
         seen, full = (SEEN_RAD / MOST_RAD) ** 2, (FULL_RAD / MOST_RAD) ** 2
         asked = (square - seen) * (1 / (full - seen))
         soft = label(

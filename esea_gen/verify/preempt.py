@@ -30,7 +30,7 @@ Array = npt.NDArray[Any]
 # Of the Cortex-M: interrupt control, and which handlers are active.
 _ICSR, _PENDSTSET = 0xE000ED04, 1 << 26
 _SYST_CSR = 0xE000E010
-_BASE_TICKS = 28  # place of base_ticks in the port's struct
+_BASE_TICKS = 32  # place of base_ticks in the port's struct
 _SHCSR, _PENDSV_ACTIVE, _SYSTICK_ACTIVE = 0xE000ED24, 1 << 10, 1 << 11
 
 

@@ -98,7 +98,11 @@ def shift_wrist(
     for x in runs:
         for reason in x.early:
             out.print(f"{x.name} {x.end}: ended early: {reason}")
-    write_json(to_json, {"simulated": True, "runs": [x.to_dict() for x in runs]})
+    write_json(
+        to_json,
+        "host-wrist-sensitivity",
+        {"simulated": True, "runs": [x.to_dict() for x in runs]},
+    )
     if report:
         write_whole(report, sensitivity_page(runs, participants))
 
@@ -185,7 +189,5 @@ def analyse_reaches(
         "squared error over the squared distance, 100 a second; beyond: past the target, of the "
         "distance."
     )
-    write_json(
-        to_json,
-        {k: {"summary": summary(v), "reaches": to_rows(v)} for k, v in found.items()},
-    )
+    files = {k: {"summary": summary(v), "reaches": to_rows(v)} for k, v in found.items()}
+    write_json(to_json, "host-reaches", {"files": files})

@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib import style
 from matplotlib.figure import Figure
 
-from esea_gen.files import write_json
+from esea_gen.files import write_whole
 from esea_gen.plotting import INK, STYLE, svg
 from esea_host.people.person import PersonModel
 from esea_host.study.protocol import parse_protocol
@@ -157,7 +157,7 @@ def sensitivity(
             early = run_study(
                 begun, participants, seed, jobs, model=model, protocol=protocol, cluster=cluster
             )
-            write_json(begun / EARLY, early)
+            write_whole(begun / EARLY, json.dumps(early))
             begun.rename(place)
         early = json.loads((place / EARLY).read_text(encoding="utf-8"))
         effects = effects_of(analyse(place))
