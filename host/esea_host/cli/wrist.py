@@ -189,5 +189,5 @@ def analyse_reaches(
         "squared error over the squared distance, 100 a second; beyond: past the target, of the "
         "distance."
     )
-    files = {k: {"summary": summary(v), "reaches": to_rows(v)} for k, v in found.items()}
-    write_json(to_json, "host-reaches", {"files": files})
+    told = {k: {"summary": summary(v), "reaches": to_rows(v)} for k, v in found.items()}
+    write_json(to_json, "host-reaches", {"files": told})
