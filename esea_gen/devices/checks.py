@@ -139,6 +139,8 @@ def _check_control(file: DeviceFile) -> Iterator[UserError]:
         )
     if file.passivity is not None:
         yield from _check_passivity(file)
+    if file.adaptation is not None:
+        yield from _check_adaptation(file, drive)
     if file.cable is not None and file.redundancy is None:
         yield UserError(
             "[cable] goes with the motor's own encoder, but section [redundancy], which "
@@ -198,6 +200,15 @@ def _check_control(file: DeviceFile) -> Iterator[UserError]:
             f"timing.control_release_s = {release:g} s is not a whole number of sensing "
             f"periods ({1 / sense:g} s) up to the control period ({1 / rate:g} s).",
             "Give such a number, or leave it out.",
+        )
+
+
+def _check_adaptation(file: DeviceFile, drive: tuple[str, ...]) -> Iterator[UserError]:
+    missing = [name for name in drive if getattr(file, name) is None]
+    if missing:
+        yield UserError(
+            f"[adaptation] turns what a drive is asked for, but section [{missing[0]}] is missing.",
+            'Add it, or write extends = "elbow_drive" and give what differs.',
         )
 
 

@@ -164,6 +164,19 @@ class Actuator(Section):
     encoder_bits: Quantity = number(
         8, 32, "Counts per turn of the motor shaft, as a power of two.", whole=True
     )
+    # What a recording of the drive tells beside these; no controller computes with it.
+    stribeck_Nm: Quantity | None = number(
+        0, 100, "Rise of the Coulomb friction towards rest, at the joint.", default=None
+    )
+    stribeck_rad_s: Quantity | None = number(
+        1e-6, 100, "Speed of the joint over which that rise fades.", default=None
+    )
+    backlash_rad: Quantity | None = number(
+        0, 0.5, "Whole backlash between motor and motor side, at the joint.", default=None
+    )
+    cogging_Nm: Quantity | None = number(
+        0, 100, "Effective torque of gear and cogging over the angle, at the joint.", default=None
+    )
 
 
 class Joint(Section):
@@ -332,6 +345,25 @@ class Cable(Section):
     )
 
 
+class Fatigue(Section):
+    """Fatigue curve of the coupling: N = cycles (range_rad / range)^exponent cycles to its end."""
+
+    range_rad: Quantity = number(1e-3, 6.4, "Range of the deflection, peak to peak, of the test.")
+    cycles: Quantity = number(1, 1e12, "Cycles of that range that end its life.")
+    exponent: Quantity = number(1, 20, "Slope: so many powers fewer cycles for a larger range.")
+    warn_share: Quantity = number(0.01, 1, "Share of the life, by Miner's sum, that warns.")
+
+
+class Adaptation(Section):
+    """How far the wish may be adapted to a rubber that is not its model, and how fast."""
+
+    scale_least: Quantity = number(0.5, 0.99, "Softest rubber: true torque over the model's.")
+    scale_most: Quantity = number(1.01, 2, "Stiffest rubber: true torque over the model's.")
+    loss_most: Quantity = number(0.01, 1, "Largest share of the stop operator of the loss.")
+    offset_Nm: Quantity = number(0.01, 10, "Largest offset.")
+    rate_1_s: Quantity = number(0, 5, "How fast is learnt from a known torque of 1 Nm.")
+
+
 class DeviceFile(Section):
     """A device file, as written."""
 
@@ -391,6 +423,16 @@ class DeviceFile(Section):
     cable: Cable | None = Field(
         default=None,
         description="The cable, for predictive control that knows it by the motor's own encoder.",
+    )
+    fatigue: Fatigue | None = Field(
+        default=None,
+        description="What ends the coupling's life, from a test of such couplings; left out, the "
+        "share of its life that is used is not known.",
+    )
+    adaptation: Adaptation | None = Field(
+        default=None,
+        description="Adaptation of the wish to the rubber at hand, learnt with a known mass; left "
+        "out, a rubber that is off is not noticed.",
     )
 
 

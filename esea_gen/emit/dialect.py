@@ -32,13 +32,13 @@ from esea_gen.emit.messages import (
     STREAM_WORDS,
     STREAMS,
     ZERO_ROOM_RAD,
-    board_roles,
     fault_codes,
     messages,
     status_words,
 )
 from esea_gen.emit.parameters import link_parameters, parameter_metadata
 from esea_gen.emit.render import Renderer
+from esea_gen.emit.roles import board_roles
 from esea_gen.emit.states import STATES
 from esea_gen.errors import from_extra
 

@@ -8,6 +8,7 @@ from importlib import resources
 from xml.etree import ElementTree
 
 from esea_gen.emit.render import port_text
+from esea_gen.emit.roles import board_roles
 from esea_gen.emit.states import BOARD_FAULTS, TIMES_MS
 from esea_gen.errors import UserError, from_extra
 from esea_gen.language.ports import Code, Flag, Port
@@ -23,73 +24,11 @@ STREAM_ID, DATA_ID, TRAFFIC_ID = FIRST_ID + 62, FIRST_ID + 63, FIRST_ID + 64
 KEY_ID, KEY_PART = FIRST_ID + 65, 58  # words of a key frame that a message holds
 KEPT_ID, KEPT_ENCODERS = FIRST_ID + 66, 4
 BLACKBOX_ID, BLACKBOX_BYTES = FIRST_ID + 67, 224
+LIFE_ID, LIFE_CLASSES = FIRST_ID + 68, 48
 STREAM_WORDS = 59  # values that a message of a stream holds
 STREAMS = 6  # that a board sends side by side
 STREAM_SPAN_MS = 20  # longest that a sample waits for others to be packed with
 ZERO_ROOM_RAD = 0.00873  # how far a joint that is zeroed may move: half a degree
-
-
-@dataclass(frozen=True)
-class ZeroedEncoder:
-    """An encoder whose zero a calibration sets.
-
-    theta, status: the outputs that tell of it.
-    """
-
-    instance: str
-    block: str
-    theta: str
-    status: str
-
-
-@dataclass(frozen=True)
-class BoardRoles:
-    """Who gives a System's inputs on the board's own clock, and what the board itself looks at.
-
-    drive: whether there is a motor, with limits before it.
-    measured: inputs that its drivers give; the others are wanted by the host.
-    first: the task whose outputs the board looks at.
-    """
-
-    drive: bool
-    measured: tuple[External, ...]
-    wanted: tuple[External, ...]
-    encoders: tuple[ZeroedEncoder, ...]
-    first: str
-
-    @property
-    def wanted_names(self) -> tuple[str, ...]:
-        """Names of what the host gives."""
-        return tuple(x.name for x in self.wanted)
-
-
-def board_roles(system: System) -> BoardRoles:
-    """Roles of a System's inputs; with a motor all but counts and frame words are wanted.
-
-    Without one only ``stop`` is, which the board itself gives to whatever limits there are.
-    """
-    inputs = {x.name: x for t in system.tasks for x in system.task_inputs(t)}
-    drive = "rearm" in inputs
-    measured = [
-        x
-        for x in inputs.values()
-        if (x.name.startswith(("count_", "frame_error_")) if drive else x.name != "stop")
-    ]
-    outputs = {
-        (x.signals[0].instance, x.signals[0].port): x.name
-        for x in (system.outputs if drive else ())
-    }
-    return BoardRoles(
-        drive,
-        tuple(measured),
-        tuple(x for x in inputs.values() if x not in measured),
-        tuple(
-            ZeroedEncoder(name, block.name, outputs[name, "theta_rad"], outputs[name, "status"])
-            for name, block in (system.blocks.items() if drive else ())
-            if {"zero_rad", "zeroed"} <= {t.name for t in block.tunables}
-        ),
-        system.tasks[0].name,
-    )
 
 
 def fault_codes(system: System) -> tuple[Code, ...]:
@@ -360,6 +299,31 @@ _BLACKBOX = (
 )
 
 
+_LIFE = (
+    MessageField("uint32_t", "serial", "Serial number on the coupling; 0: nobody said."),
+    MessageField("uint32_t", "seconds", "Time counted.", units="s"),
+    MessageField("uint32_t", "full", "Times that there was no room for a turning point."),
+    MessageField("float", "energy_J", "Energy that it has taken."),
+    MessageField("float", "width_rad", "Width of a class of ranges.", units="rad"),
+    MessageField(
+        "uint32_t",
+        "halves",
+        "Half cycles by class of the deflection's range, as if its history ended now; ranges below "
+        "one class are not counted.",
+        LIFE_CLASSES,
+    ),
+    MessageField(
+        "uint8_t",
+        "number",
+        "Of the record: the couplings that are fitted, then those that lie aside. To the board: "
+        "the coupling whose serial number this is; 255: forgets one that lies aside.",
+    ),
+    MessageField("uint8_t", "couplings", "How many the device has."),
+    MessageField("uint8_t", "records", "How many records there are."),
+    MessageField("uint8_t", "result", "Of naming the coupling.", enum="MAV_RESULT"),
+)
+
+
 def messages(system: System) -> tuple[Message, ...]:
     """The messages of a System beside the standard ones."""
     found = [
@@ -389,6 +353,13 @@ def messages(system: System) -> tuple[Message, ...]:
             "ESEA_BLACKBOX",
             "Records of the black box; to the board: asks for those from the first on.",
             _BLACKBOX,
+        ),
+        Message(
+            LIFE_ID,
+            "ESEA_LIFE",
+            "What a coupling has borne; on request, by the number of the record. To the board: the "
+            "serial number of a coupling.",
+            _LIFE,
         ),
     ]
     roles = board_roles(system)

@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
-from esea_gen.emit.messages import board_roles
+from esea_gen.emit.roles import board_roles
 from esea_gen.language.ports import UNIT_SUFFIXES, Tunable, unit_of
 from esea_gen.language.system import System
 

@@ -1,4 +1,4 @@
-"""What a board keeps without power: its encoders' zeros, use counters, the black box."""
+"""What a board keeps without power: zeros, use counters, couplings' lives, the black box."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from esea_gen.link.transport import LinkError
 COUNTERS = ("starts", "armings", "faults", "watchdog_resets", "saves", "active_s")
 _ZEROS = ("none", "taken", "put back")
 _ROOM = 4  # encoders in a message
-_RELEASE = 255
+_RELEASE = _FORGET = 255
 _TRIES = 3
 
 
@@ -29,6 +29,27 @@ class KeptUse:
     encoders: tuple[tuple[int, float | None], ...]
     zero: str
     counters: dict[str, int]
+
+
+@dataclass(frozen=True)
+class CouplingLife:
+    """What a coupling has borne.
+
+    serial: number on it; 0: nobody said.
+    axis: of the device, from 0 on, that it is fitted to; None: it lies aside.
+    seconds: time counted.
+    energy_J: that it has taken.
+    full: times that the board had no room for a turning point and took half a cycle for it.
+    halves: half cycles by range, in classes of ``width_rad``; smaller ranges are not counted.
+    """
+
+    serial: int
+    axis: int | None
+    seconds: int
+    energy_J: float
+    full: int
+    halves: tuple[int, ...]
+    width_rad: float
 
 
 @dataclass(frozen=True)
@@ -77,6 +98,52 @@ def _use(m: Any) -> KeptUse:
     return KeptUse(
         tuple(encoders[: m.encoders]), _ZEROS[m.zero], {n: int(getattr(m, n)) for n in COUNTERS}
     )
+
+
+def coupling_lives(session: Session) -> tuple[CouplingLife, ...]:
+    """What every coupling has borne: those that are fitted, then those that lie aside."""
+    first = session.ask_for("ESEA_LIFE")
+    if first.couplings == 0:
+        return ()
+    told = [first, *(session.ask_for("ESEA_LIFE", k) for k in range(1, first.records))]
+    found = [_life(m, k if k < first.couplings else None) for k, m in enumerate(told)]
+    return tuple(x for x in found if x.axis is not None or x.serial)
+
+
+def _life(m: Any, axis: int | None) -> CouplingLife:
+    halves = tuple(int(h) for h in m.halves)
+    return CouplingLife(
+        m.serial, axis, m.seconds, float(m.energy_J), m.full, halves, float(m.width_rad)
+    )
+
+
+def name_coupling(session: Session, axis: int, serial: int) -> None:
+    """Say which coupling is fitted; what it has borne before goes on.
+
+    What was counted before anybody named the axis's first one is its own.
+    """
+    _name(session, axis, serial, f"{serial}: another axis has it, or there is no room for one more")
+
+
+def forget_coupling(session: Session, serial: int) -> None:
+    """Forget a coupling that lies aside."""
+    _name(session, _FORGET, serial, f"{serial}: no coupling of this number lies aside")
+
+
+def _name(session: Session, axis: int, serial: int, denied: str) -> None:
+    if not 0 < serial < 1 << 32:
+        raise LinkError(f"{serial} is no serial number", "Give one from 1 on, below 2^32.")
+    dialect = session.dialect
+    life = dialect.mavlink_map[dialect.MAVLINK_MSG_ID_ESEA_LIFE]
+    none = [0] * max(life.array_lengths)
+    session.send(session.message("ESEA_LIFE", serial, 0, 0, 0.0, 0.0, none, axis, 0, 0, 0))
+    result = session.wait_for("ESEA_LIFE").result
+    if result == dialect.MAV_RESULT_DENIED:
+        raise LinkError(denied, "Forget one that is no longer used.")
+    if result == dialect.MAV_RESULT_TEMPORARILY_REJECTED:
+        raise LinkError("the board names no coupling in this state", "Switch the motor off.")
+    if result != dialect.MAV_RESULT_ACCEPTED:
+        raise LinkError("this board keeps no couplings", "It has no memory, or not so many.")
 
 
 def read_blackbox(

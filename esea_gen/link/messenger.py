@@ -221,10 +221,11 @@ class Messenger:
         state, meaning = self._entry("ESEA_STATE", self.ask_for("ESEA_CLOCK").state)
         return LinkError(f"the board does not {what} now: it is {state}. {meaning}")
 
-    def ask_for(self, name: str) -> Any:
-        """One message that the board sends on request."""
+    def ask_for(self, name: str, number: int = 0) -> Any:
+        """One message that the board sends on request; number: which, where there are several."""
         wanted = float(self._classes[name].id)
-        if self.command(self.dialect.MAV_CMD_REQUEST_MESSAGE, wanted) == self._denied:
+        command = self.dialect.MAV_CMD_REQUEST_MESSAGE
+        if self.command(command, wanted, float(number)) == self._denied:
             raise LinkError(f"the board does not send {name}", UNSIGNED)
         return self.wait_for(name)
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from esea_gen.device import Device
-from esea_gen.emit.messages import board_roles
+from esea_gen.emit.roles import board_roles
 from esea_gen.emit.states import STATES
 
 SECONDS = 2.0

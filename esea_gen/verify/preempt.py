@@ -21,7 +21,7 @@ from esea_gen.device import Device
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.language.system import Task
-from esea_gen.targets import ARM_GCC, find_board
+from esea_gen.targets import ARM_GCC, find_board, firmware_folder
 from esea_gen.verify.firmware import FirmwareImage
 from esea_gen.verify.gdb import HeldProcessor
 
@@ -30,8 +30,16 @@ Array = npt.NDArray[Any]
 # Of the Cortex-M: interrupt control, and which handlers are active.
 _ICSR, _PENDSTSET = 0xE000ED04, 1 << 26
 _SYST_CSR = 0xE000E010
-_BASE_TICKS = 32  # place of base_ticks in the port's struct
 _SHCSR, _PENDSV_ACTIVE, _SYSTICK_ACTIVE = 0xE000ED24, 1 << 10, 1 << 11
+
+
+def _port_place(member: str) -> int:
+    """Byte at which a member of the port's struct begins: each is one word of the Cortex-M."""
+    header = (firmware_folder() / "port" / "port.h").read_text(encoding="utf-8")
+    declared = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL).split("} esea_port_t;")[0]
+    members = declared.rsplit("typedef struct {", 1)[1].split(";")[:-1]
+    names = [re.findall(r"\(\*(\w+)\)\(|(\w+)$", text.strip())[0] for text in members]
+    return 4 * ["".join(name) for name in names].index(member)
 
 
 @dataclass(frozen=True)
@@ -138,7 +146,7 @@ class _Rig:
         self.held.run()
         # From here on the clock does not count: no tick comes by itself, and none seems lost.
         self.held.store(_SYST_CSR, 0, self.scratch)
-        self.held.write(self.port + _BASE_TICKS, bytes(4))
+        self.held.write(self.port + _port_place("base_ticks"), bytes(4))
         for entry in self.entry.values():
             self.held.hold_at(entry)
         self.tick()

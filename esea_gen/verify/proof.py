@@ -89,17 +89,18 @@ def prove_block(
     files = renderer.files() | {"eva.c": driver}
     sources = ("eva.c", f"{renderer.prefix}_{block.name}.c", "esea_q31.c")
     defines = ("-DESEA_Q31_PORTABLE_CLZ", *(("-DESEA_Q31_NARROW",) if narrow else ()))
-    alarms, unproven, reached = _analysed(files, sources, defines, (), change)
+    alarms, unproven, reached = analysed(files, sources, defines, (), change)
     assumed = re.findall(r"^    (\S+ = Frama_C_interval\(.*\)); /\* assumed \*/$", driver, re.M)
     return EvaResult(device.name, block.name, alarms, unproven, tuple(assumed), *reached)
 
 
-def _analysed(
+def analysed(
     files: Mapping[str, str],
     sources: Sequence[str],
     defines: Sequence[str],
     options: Sequence[str],
     change: Callable[[str, str], str] | None,
+    folders: Sequence[str] = (),
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[int, int]]:
     """Alarms, what is unproven, and how many statements and functions were reached."""
     frama = tool("frama-c", "frama-c-base")
@@ -107,15 +108,17 @@ def _analysed(
         folder = Path(scratch)
         for name, text in files.items():
             content = change(name, text) if change else text
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_text(content, encoding="utf-8")
         # Whole paths: Frama-C goes by $PWD and not by where it was started.
-        include = f"-cpp-extra-args={' '.join((f'-I{scratch}', *SSE, *defines))}"
+        found = (f"-I{folder / name}" for name in ("", *folders))
+        include = f"-cpp-extra-args={' '.join((*found, *SSE, *defines))}"
         paths = [str(folder / n) for n in sources]
         said = _said([frama, *EVA, *options, include, *paths], folder)
     counted = re.search(r"(\d+) functions? analyzed.*?(\d+) statements? reached", said, re.DOTALL)
     alarms: list[str] = []
     unproven: list[str] = []
-    for place, text in re.findall(r"\[eva:alarm\] (\S+): Warning: \n  (.*(?:\n  .*)*)", said):
+    for place, text in re.findall(r"\[eva:alarm\] (\S+): Warning:\s+(\S.*(?:\n  .*)*)", said):
         words = " ".join(text.split())
         named = re.search(r"assertion '(\w+)' got status", words)
         where = place.rsplit("/", 1)[-1]
@@ -153,7 +156,7 @@ def prove_drive(
     )
     # Floats may be NaN and infinite: that is no undefined behaviour.
     options = ("-warn-special-float", "none")
-    alarms, unproven, reached = _analysed(
+    alarms, unproven, reached = analysed(
         files | {"eva.c": driver},
         ["eva.c", *sources],
         ("-DESEA_Q31_PORTABLE_CLZ",),
@@ -176,6 +179,7 @@ def prove_device(device: Device) -> list[EvaResult]:
 
 __all__ = [
     "EvaResult",
+    "analysed",
     "prove_block",
     "prove_device",
     "prove_drive",

@@ -17,7 +17,7 @@ import cffi
 
 from esea_gen.device import Device
 from esea_gen.emit.dialect import load_dialect
-from esea_gen.emit.messages import board_roles
+from esea_gen.emit.roles import board_roles
 from esea_gen.emit.states import EVENTS, GUARDS, STATES
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError

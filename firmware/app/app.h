@@ -7,6 +7,7 @@
  *   app.c       self-test, events, faults
  *   send.c      frames out
  *   key.c       all that the next ticks come from, for a log
+ *   life.c      what the couplings have borne
  *   streams.c, parameters.c, signing.c   what goes over the link beside commands, and who may command
  *
  * There is no control mathematics here; that is in the generated files.  The caller owns all memory,
@@ -89,6 +90,16 @@ typedef struct {
     uint32_t refused; /* events from the link that were refused; stays at its maximum */
 } esea_motion_t;
 
+/* What a coupling bears, as it is counted; `kept` goes into the store whole, between two ticks. */
+typedef struct {
+    esea_store_life_t kept;
+    bool known; /* the deflection and torque of the tick before */
+    float theta_rad, tau_Nm;
+    uint32_t ticks; /* less whole seconds */
+    uint32_t still; /* ticks since it moved, up to those of a rest */
+    uint32_t unsaved_s; /* counted since the last save */
+} esea_life_t;
+
 typedef struct esea_app {
     const esea_port_t *port;
     esea_link_control_t control;
@@ -103,6 +114,7 @@ typedef struct esea_app {
     esea_clock_t clock;
     esea_task_t tasks[ESEA_LINK_TASKS];
     esea_motion_t motion;
+    esea_life_t life[ESEA_LINK_COUPLINGS > 0u ? ESEA_LINK_COUPLINGS : 1u];
     float measured[ESEA_LINK_MEASURED + 1u]; /* one more, for an array of none is no array */
 
     esea_stream_t streams[ESEA_LINK_STREAMS];
@@ -162,6 +174,9 @@ void esea_app_end_zeroing(esea_app_t *app);
 /* Freezes the black box where the board is in FAULT; `tick`: of what was found. */
 void esea_app_freeze(esea_app_t *app, uint32_t tick);
 
+/* Counts what a tick did to the couplings. */
+void esea_life_tick(esea_app_t *app);
+
 /* Timer ticks of a step, those of measuring it included. */
 uint32_t esea_app_measure(esea_app_t *app, uint32_t task, const esea_link_in_t *in, esea_link_out_t *out);
 
@@ -174,6 +189,8 @@ void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t comman
 /* A text of two parts; what is longer than 50 characters is cut. */
 void esea_send_text(esea_app_t *app, uint8_t severity, const char *first, const char *second);
 void esea_send_kept(esea_app_t *app, uint8_t result);
+/* A coupling that is fitted, by its axis; behind those what the store has aside. */
+void esea_send_life(esea_app_t *app, uint32_t number, uint8_t result);
 /* Records of the black box from the first on that is asked for. */
 void esea_send_blackbox(esea_app_t *app, uint32_t first);
 /* The answer to TIMESYNC. */

@@ -101,10 +101,11 @@ static bool can_be_asked(float id)
 {
     return id == (float)MAVLINK_MSG_ID_HEARTBEAT || id == (float)MAVLINK_MSG_ID_ESEA_INFO ||
            id == (float)MAVLINK_MSG_ID_ESEA_CLOCK || id == (float)MAVLINK_MSG_ID_ESEA_TRAFFIC ||
-           id == (float)MAVLINK_MSG_ID_ESEA_KEPT;
+           id == (float)MAVLINK_MSG_ID_ESEA_KEPT || id == (float)MAVLINK_MSG_ID_ESEA_LIFE;
 }
 
-static void send_asked(esea_app_t *app, uint32_t id)
+/* `number`: which of several there are. */
+static void send_asked(esea_app_t *app, uint32_t id, float number)
 {
     if (id == MAVLINK_MSG_ID_HEARTBEAT)
         esea_send_heartbeat(app);
@@ -114,6 +115,8 @@ static void send_asked(esea_app_t *app, uint32_t id)
         esea_send_clock(app);
     else if (id == MAVLINK_MSG_ID_ESEA_KEPT)
         esea_send_kept(app, MAV_RESULT_ACCEPTED);
+    else if (id == MAVLINK_MSG_ID_ESEA_LIFE)
+        esea_send_life(app, number >= 0.0f && number < 255.0f ? (uint32_t)number : 0u, MAV_RESULT_ACCEPTED);
     else
         esea_send_traffic(app);
 }
@@ -133,7 +136,7 @@ static void run_command(esea_app_t *app, const mavlink_message_t *received)
         result = do_command(app, &command);
     esea_send_ack(app, received, command.command, result);
     if (command.command == MAV_CMD_REQUEST_MESSAGE && result == MAV_RESULT_ACCEPTED)
-        send_asked(app, (uint32_t)command.param1);
+        send_asked(app, (uint32_t)command.param1, command.param2);
     if (result == MAV_RESULT_TEMPORARILY_REJECTED)
         esea_send_text(app, MAV_SEVERITY_WARNING, "command refused in state ",
                 esea_link_state_name((uint32_t)app->state));
@@ -155,6 +158,13 @@ static uint8_t name_encoders(esea_app_t *app, const mavlink_message_t *message)
         return MAV_RESULT_TEMPORARILY_REJECTED;
     esea_keep_fitted(app, serials);
     return (uint8_t)(esea_app_reset(app) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED);
+}
+
+static void name_coupling(esea_app_t *app, const mavlink_message_t *message)
+{
+    const uint32_t coupling = mavlink_msg_esea_life_get_number(message);
+
+    esea_send_life(app, coupling, esea_keep_coupling(app, coupling, mavlink_msg_esea_life_get_serial(message)));
 }
 
 /* What the host wants, for as long as it says and no longer than we let it. */
@@ -252,6 +262,8 @@ static void run_message(esea_app_t *app)
         esea_signing_setup(app, message);
     else if (message->msgid == MAVLINK_MSG_ID_ESEA_KEPT)
         esea_send_kept(app, name_encoders(app, message));
+    else if (message->msgid == MAVLINK_MSG_ID_ESEA_LIFE)
+        name_coupling(app, message);
     else if (releases_blackbox(app, message))
         release_blackbox(app);
     else if (!run_question(app, message))

@@ -287,6 +287,7 @@ void esea_app_tick(esea_app_t *app)
     if (app->referenced && app->state != ESEA_STATE_ZEROING && esea_link_slipped(&app->tasks[0].out))
         app->zero_doubted = true;
     drive(app, &outcome);
+    esea_life_tick(app);
     start_slower(app, tick);
     feed(app, tick);
     remember(app, &outcome, tick);

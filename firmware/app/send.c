@@ -2,6 +2,7 @@
  *
  * License: MIT. */
 #include "app.h"
+#include "rainflow.h"
 
 #include <math.h>
 #include <string.h>
@@ -125,6 +126,41 @@ void esea_send_kept(esea_app_t *app, uint8_t result)
     fields.zero = app->zero;
     fields.result = result;
     (void)mavlink_msg_esea_kept_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
+}
+
+/* What is kept is sent whole. */
+typedef char esea_life_classes[MAVLINK_MSG_ESEA_LIFE_FIELD_HALVES_LEN == ESEA_LIFE_CLASSES ? 1 : -1];
+
+void esea_send_life(esea_app_t *app, uint32_t number, uint8_t result)
+{
+    const uint32_t couplings = ESEA_LINK_COUPLINGS;
+    const esea_store_t *const store = app->port->store;
+    esea_store_life_t life;
+    mavlink_esea_life_t fields;
+    mavlink_message_t message;
+
+    memset(&fields, 0, sizeof fields);
+    memset(&life, 0, sizeof life);
+    if (number < couplings) {
+        app->port->quiet(true);
+        life = app->life[number].kept;
+        app->port->quiet(false);
+    } else if (store != NULL && number - couplings < ESEA_STORE_LIVES &&
+               store->set.life[number - couplings].place == 0u) {
+        life = store->set.life[number - couplings];
+    }
+    fields.serial = life.serial;
+    fields.seconds = life.seconds;
+    fields.full = life.full;
+    fields.energy_J = (float)life.joules + life.part_J;
+    fields.width_rad = 2.0f * esea_link_coupling_rad(number < couplings ? number : 0u) / (float)ESEA_LIFE_CLASSES;
+    esea_rainflow_halves(&life, fields.halves);
+    fields.number = (uint8_t)number;
+    fields.couplings = (uint8_t)couplings;
+    fields.records = (uint8_t)(couplings + (store != NULL ? ESEA_STORE_LIVES : 0u));
+    fields.result = result;
+    (void)mavlink_msg_esea_life_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
     esea_send(app, &message);
 }
 

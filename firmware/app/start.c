@@ -14,6 +14,7 @@ void esea_app_init(esea_app_t *app, const esea_port_t *port)
         esea_count(&port->store->set.use.starts);
         app->use_changed = true;
     }
+    esea_kept_lives(app);
     esea_signing_start(app);
     esea_parameters_start(app);
     if (esea_app_reset(app))

@@ -1,4 +1,4 @@
-/* What must outlast the power: parameters, each encoder's zero, use counters.  One set, in
+/* What must outlast the power: parameters, each encoder's zero, use counters, each coupling's life.  One set, in
  * two areas of flash, one of which always holds the newest whole set: sets are added to an area until it is
  * full, then the other is erased and taken.  A set carries a number and a checksum, and its last word is
  * written last, so that a power cut at any byte of a write or an erasure leaves the old set or the new one.
@@ -19,10 +19,15 @@
 
 #include "port.h"
 
-#define ESEA_STORE_LAYOUT 2u /* 1 had a table of corrections, which nobody used */
+#define ESEA_STORE_LAYOUT 3u /* 1 had a table of corrections, which nobody used; 2 no lives */
 #ifndef ESEA_STORE_PARAMETERS /* tests have smaller sets */
 #define ESEA_STORE_PARAMETERS 160u
 #define ESEA_STORE_ENCODERS 4u
+#endif
+#ifndef ESEA_STORE_LIVES
+#define ESEA_STORE_LIVES 4u
+#define ESEA_LIFE_CLASSES 48u
+#define ESEA_LIFE_POINTS 64u
 #endif
 #define ESEA_STORE_AREAS 2u
 
@@ -44,6 +49,19 @@ typedef struct {
     uint32_t active_s; /* with the motor on */
 } esea_store_use_t;
 
+/* What a coupling has borne (life.c, rainflow.c). */
+typedef struct {
+    uint32_t serial;  /* that is on it; 0: nobody said */
+    uint32_t place;   /* 1 + the number of its axis; 0: it lies aside */
+    uint32_t seconds; /* counted; these, joules and counts stay at their maximum */
+    uint32_t joules;
+    float part_J;
+    uint32_t full; /* times that there was no room for a point */
+    uint32_t points;
+    int16_t point[ESEA_LIFE_POINTS]; /* what has not closed yet, in steps of the deflection */
+    uint32_t halves[ESEA_LIFE_CLASSES]; /* half cycles that have closed, by class of range */
+} esea_store_life_t;
+
 /* Who may command. */
 typedef struct {
     uint32_t paired; /* 0: anybody */
@@ -58,6 +76,7 @@ typedef struct {
     uint32_t fitted[ESEA_STORE_ENCODERS]; /* serial numbers, in the device's order; 0: nobody said */
     esea_store_use_t use;
     esea_store_key_t key;
+    esea_store_life_t life[ESEA_STORE_LIVES];
 } esea_store_set_t;
 
 typedef enum {

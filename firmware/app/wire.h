@@ -124,6 +124,13 @@ void esea_keep_up(struct esea_app *app);
 uint8_t esea_keep_may_fit(const struct esea_app *app, const uint32_t *serials);
 void esea_keep_fitted(struct esea_app *app, const uint32_t *serials);
 
+/* At power-on: what the couplings have borne, from the store. */
+void esea_kept_lives(struct esea_app *app);
+
+/* The coupling that is fitted, by its serial number; 255 for the coupling forgets one that lies aside.  A
+ * MAV_RESULT. */
+uint8_t esea_keep_coupling(struct esea_app *app, uint32_t coupling, uint32_t serial);
+
 /* A key of zeros: nobody's. */
 bool esea_keep_key(struct esea_app *app, const uint8_t *key, uint64_t timestamp);
 bool esea_kept_key(struct esea_app *app, uint8_t *key, uint64_t *timestamp);

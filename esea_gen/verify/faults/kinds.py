@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from esea_gen.device import Device
-from esea_gen.emit.messages import board_roles
+from esea_gen.emit.roles import board_roles
 
 # Ways in which a reading or a wanted value may be wrong, from a moment on.
 INPUT_KINDS = (

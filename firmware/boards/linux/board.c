@@ -28,7 +28,7 @@
 #include "line.h"
 #include "port.h"
 
-#define AREA_BYTES 8192u
+#define AREA_BYTES 16384u
 #define BINS 22u /* the last one: 1 s and more */
 #define STACK_TOUCHED 65536u
 #define QUEUE_BYTES 4096u /* answers and states; telemetry waits in the application */

@@ -22,7 +22,7 @@ static float measured[ESEA_LINK_MEASURED + 1u];
 static float motor_Nm;
 static uint32_t trouble_found, times_fed;
 static esea_blackbox_t blackbox; /* its memory outlasts the power */
-static uint8_t cells[ESEA_STORE_AREAS][8192];
+static uint8_t cells[ESEA_STORE_AREAS][16384];
 static esea_store_t store;
 static bool motor_on, stop_line_open, slower_asked, stack_used_up;
 
@@ -328,7 +328,7 @@ uint32_t sim_times_fed(void)
     return times_fed;
 }
 
-/* The flash's cells, an area of 8192 bytes. */
+/* The flash's cells, an area of 16384 bytes. */
 uint8_t *sim_flash(uint32_t area)
 {
     return cells[area];

@@ -1,0 +1,172 @@
+"""Value analysis by Frama-C of the hand-written C: state machine, store, and the link's parser.
+
+Each part is a driver in ``templates/proof``. Where a call needs a relation between values that the
+analysis does not keep, a function is taken by a contract, which the next part proves of it for
+each value of what it depends on. The contracts are put into copies; no source has any.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from esea_gen.device import Device
+from esea_gen.emit.build import format_hash
+from esea_gen.emit.dialect import render_dialect
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.render import Renderer
+from esea_gen.files import template_folder
+from esea_gen.targets import firmware_folder
+from esea_gen.verify.proof import EvaResult, analysed
+
+CONTRACTS = {
+    "static uint32_t crc_over(": """
+    assigns \\result \\from crc, ((char const *)from)[0 .. count - 1];""",
+    "static uint32_t crc_in_flash(": """
+    requires inside: at + SET_AT + head->bytes + 4 <= flash->area_bytes;
+    assigns \\result \\from *head;""",
+    "static bool look(": """
+    requires there: area < 2 && slot < flash->area_bytes / SLOT_BYTES;
+    assigns \\result, *head \\from area, slot;
+    ensures read: \\initialized(head);
+    ensures truth: \\result == 0 || \\result == 1;""",
+    "static bool blank(": """
+    requires there: area < 2 && slot < flash->area_bytes / SLOT_BYTES;
+    assigns \\result \\from area, slot;
+    ensures truth: \\result == 0 || \\result == 1;""",
+    "MAVLINK_HELPER bool mavlink_signature_check(": """
+    assigns \\result, key.last_status, key.timestamp, streams
+            \\from *signing, *signing_streams, *msg;
+    ensures none: signing == \\null ==> \\result == 1;
+    ensures few: streams.num_signing_streams <= MAVLINK_MAX_SIGNING_STREAMS;
+    ensures truth: \\result == 0 || \\result == 1;""",
+    "MAVLINK_HELPER uint8_t mavlink_frame_char_buffer(": """
+    assigns \\result \\from *rxmsg, *status, c;""",
+    "MAVLINK_HELPER uint16_t mavlink_finalize_message_buffer(": """
+    assigns \\result, *msg, *status \\from *msg, *status, length;""",
+    "static void mavlink_sha256_calc(": """
+    assigns m->u, m->counter[0 .. 7] \\from *m;""",
+}
+# What the contract of the signature's check names: the driver's memory, declared before it.
+DECLARED = "static mavlink_signing_t key;\nstatic mavlink_signing_streams_t streams;\n"
+
+
+@dataclass(frozen=True)
+class AnalysedPart:
+    """One analysis: its driver and sources, what it takes by contract, how finely it looks."""
+
+    driver: str
+    sources: tuple[str, ...] = ()
+    defines: tuple[str, ...] = ()
+    taken: tuple[str, ...] = ()
+    options: Mapping[str, str] = field(default_factory=dict)
+
+
+PARTS = {
+    "machine": AnalysedPart("eva_machine.c", ("machine.c",)),
+    "store": AnalysedPart(
+        "eva_store.c", taken=("crc_over", "look", "blank"), options={"-eva-precision": "1"}
+    ),
+    "store, a slot": AnalysedPart(
+        "eva_store.c",
+        defines=("-DESEA_EVA_SLOT",),
+        taken=("crc_in_flash",),
+        options={
+            "-eva-precision": "2",
+            "-eva-domains": "gauges",
+            "-eva-min-loop-unroll": "80",
+        },
+    ),
+    "store, a sum": AnalysedPart(
+        "eva_store.c",
+        # Small sets: every length that fits two slots.
+        defines=(
+            *("-DESEA_EVA_SUM", "-DESEA_STORE_PARAMETERS=4u", "-DESEA_STORE_ENCODERS=2u"),
+            *("-DESEA_STORE_LIVES=1u", "-DESEA_LIFE_CLASSES=2u", "-DESEA_LIFE_POINTS=2u"),
+        ),
+        taken=("crc_over",),
+        options={
+            "-eva-precision": "1",
+            "-eva-slevel": "30",
+            "-eva-min-loop-unroll": "10",
+        },
+    ),
+    "parser": AnalysedPart(
+        "eva_parser.c",
+        defines=("-DESEA_EVA_FRAME",),
+        taken=("mavlink_signature_check",),
+        options={"-eva-precision": "2", "-eva-slevel": "100"},
+    ),
+    "parser, a signature": AnalysedPart(
+        "eva_parser.c",
+        defines=("-DESEA_EVA_SIGNATURE",),
+        taken=("mavlink_sha256_calc",),
+        options={
+            "-eva-precision": "1",
+            "-eva-slevel": "60",
+            "-eva-min-loop-unroll": "20",
+        },
+    ),
+    "link": AnalysedPart(
+        "eva_link.c",
+        taken=("mavlink_frame_char_buffer", "mavlink_finalize_message_buffer"),
+        options={"-eva-precision": "2", "-eva-slevel": "30", "-eva-split-return": "full"},
+    ),
+    "parser, a sum": AnalysedPart("eva_parser.c", defines=("-DESEA_EVA_SUM",)),
+}
+
+
+def _with_contracts(text: str) -> str:
+    for before, contract in CONTRACTS.items():
+        declared = DECLARED if "signature_check" in before else ""
+        whole = before if before.startswith("MAVLINK_HELPER") else f"\n{before}"
+        # The definition, which opens a body; a prototype is left alone.
+        found = re.search(re.escape(whole) + r"[^;{]*\{", text)
+        if found:
+            at = found.start() + len(whole) - len(before)
+            text = f"{text[:at]}{declared}/*@{contract} */\n{text[at:]}"
+    return text
+
+
+def _sources(device: Device) -> dict[str, str]:
+    """Firmware, dialect and the device's own headers, as they lie beside each other."""
+    renderer = Renderer(
+        device.system, FORMATS["f32"], format_hash(device, "f32"), "-", device.title
+    )
+    files = renderer.files() | dict(render_dialect(device).files)
+    for folder in ("app", "port"):
+        for path in (firmware_folder() / folder).glob("*.[ch]"):
+            files[path.name] = path.read_text(encoding="utf-8")
+    for path in (template_folder() / "proof").glob("*.c"):
+        files[path.name] = path.read_text(encoding="utf-8")
+    return {n: _with_contracts(t) for n, t in files.items()}
+
+
+def prove_firmware(
+    device: Device, part: str, change: Callable[[str, str], str] | None = None
+) -> EvaResult:
+    """Analyse a part of the hand-written C, one of ``PARTS``.
+
+    change: a deliberate fault in a file, to see that the analysis finds it.
+    """
+    of = PARTS[part]
+    files = _sources(device)
+    link = f"'-DESEA_LINK_HEADER=\"esea_{device.name}_link.h\"'"
+    options = [("-warn-special-float", "none"), *of.options.items()]
+    if of.taken:
+        options.append(("-eva-use-spec", ",".join(of.taken)))
+    alarms, unproven, reached = analysed(
+        files,
+        (of.driver, *of.sources),
+        (*of.defines, link),
+        [word for option in options for word in option],
+        change,
+        folders=("mavlink",),
+    )
+    lines = files[of.driver].splitlines()
+    assumed = tuple(s.strip() for s in lines if "/* assumed" in s)
+    return EvaResult(device.name, part, alarms, unproven, assumed, *reached)
+
+
+__all__ = ["PARTS", "prove_firmware"]
