@@ -8,6 +8,7 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.control.horizon import Horizon
+from esea_gen.control.reference import adapted_inputs
 from esea_gen.devices.fields import field_facts
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
@@ -92,6 +93,8 @@ class _Ahead:
             1.01 * (2 * self.tau_lim + self.kp_high * angle + 2 * self.kd_high * self.omega_lim)
         )
         self.passive = device.file.passivity is not None
+        # A future that is extrapolated is that of an adapted wish already.
+        self.adapted = adapted_inputs(device) if given else ()
         self.ticks = [round(t / device.period_s) for t in horizon.ends_s]
 
     def fades(self, keep: Any) -> list[Any]:
@@ -134,6 +137,7 @@ class _Ahead:
                 on_invalid=self.full_scale,
             ),
         ]
+        inputs += self.adapted
         gains = (
             Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness", equation="(5.24)"),
             Port("Kd_Nms_rad", 0.0, self.kd_high, "damping", equation="(5.24)"),
@@ -179,9 +183,12 @@ class _Ahead:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         wanted = u.tau_preview_Nm if self.torque_given else u.tau_wanted_Nm
         law = label("impedance", u.mode > 1.5, "the impedance law holds")
+        ahead = self.along(wanted, self.torque_given)
+        if self.adapted:
+            ahead = [w * u.wish_gain + u.wish_shift_Nm for w in ahead]
         tau = [
             clip(w + u.offset_Nm * f, -u.tau_range_Nm, u.tau_range_Nm)
-            for w, f in zip(self.along(wanted, self.torque_given), self.fades(u.keep), strict=True)
+            for w, f in zip(ahead, self.fades(u.keep), strict=True)
         ]
         if not self.one_layer:
             if self.passive:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
+from esea_gen.control.adaptation import gain_port, shift_limit_Nm
 from esea_gen.control.reference_streams import STREAMS
 from esea_gen.devices.fields import field_facts
 from esea_gen.language.block import Block, Guard, Labels
@@ -111,12 +112,34 @@ def reference(device: DeviceData) -> Block:
     )
 
 
+def adapted_inputs(device: DeviceData) -> tuple[Port, ...]:
+    """What an adaptation makes of a wish, as inputs.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive.
+
+    Returns
+    -------
+    tuple of Port
+        ``wish_gain`` and ``wish_shift_Nm``; none for a device without ``[adaptation]``.
+    """
+    if device.file.adaptation is None:
+        return ()
+    return (
+        gain_port(device),
+        around("wish_shift_Nm", shift_limit_Nm(device), "what is added to it"),
+    )
+
+
 class _Reference:
     """Numbers, step and ports of the set torque."""
 
     def __init__(self, device: DeviceData) -> None:
         self.drive = drive_of(device)
-        self.h = device.period_s
+        self.device, self.h = device, device.period_s
+        self.adapted = device.file.adaptation is not None
         self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
         self.full_scale = threshold(device.tau_full_scale_Nm)
         self.kp, self.kd = self.drive.impedance.Kp_Nm_rad, self.drive.impedance.Kd_Nms_rad
@@ -141,12 +164,16 @@ class _Reference:
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
         asked = ca.if_else(u.mode > 1.5, IMPEDANCE, ca.if_else(u.mode > 0.5, TORQUE, OFF))
         mode = label("mode_taken", ca.if_else(sound, asked, OFF), "0 off, 1 torque, 2 impedance")
+        tau_d = u.tau_desired_Nm
+        if self.adapted:
+            tau_d = clip(tau_d * u.wish_gain + u.wish_shift_Nm, -self.tau_lim, self.tau_lim)
+            tau_d = label("tau_adapted_Nm", tau_d, "[adapt 7] wish for the rubber at hand")
         law = label(
             "law_Nm",
             to_casadi(
                 IMPEDANCE_LAW,
                 {
-                    TAU_D: u.tau_desired_Nm,
+                    TAU_D: tau_d,
                     KP: ca.if_else(mode > 1.5, c.Kp_Nm_rad, 0),
                     KD: ca.if_else(mode > 1.5, c.Kd_Nms_rad, 0),
                     THETA_D: u.theta_desired_rad,
@@ -250,6 +277,7 @@ class _Reference:
             Port("theta_load_rad", low, high, "load side's angle"),
             around("omega_load_rad_s", self.omega_lim, "load side's rate"),
             around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
+            *adapted_inputs(self.device),
         )
 
     def outputs(self) -> tuple[Port, ...]:

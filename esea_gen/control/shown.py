@@ -81,8 +81,12 @@ def shown_reference(block: Block) -> Block:
         (port(block.coefficients, n), f"c_{n}")
         for n in ("keep", "tau_range_Nm", "Kp_Nm_rad", "Kd_Nms_rad")
     ]
+    adapted = "label_tau_adapted_Nm" in block.labelled_step.name_out()
     more += [
-        (port(block.inputs, n, n.replace("desired", "wanted")), f"label_{n}_used")
+        (
+            port(block.inputs, n, n.replace("desired", "wanted")),
+            "label_tau_adapted_Nm" if adapted and n.startswith("tau") else f"label_{n}_used",
+        )
         for n in ("tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s")
     ]
     return with_outputs(block, more)

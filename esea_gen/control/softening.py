@@ -65,9 +65,10 @@ class SwingSoftening:
         square = label("square", square, "its mean square")
         seen, full = (SEEN_RAD / MOST_RAD) ** 2, (FULL_RAD / MOST_RAD) ** 2
         asked = (square - seen) * (1 / (full - seen))
-        soft = label(
-            "soft", ca.fmax(c.softening * clip(asked, 0, 1), s.soft * self.keep), "1: all soft"
-        )
+        now = ca.fmax(c.softening * clip(asked, 0, 1), s.soft * self.keep)
+        # The gains take what the run before found: in fixed point the fast part of the error, a
+        # difference times 125, must not reach the command in the same step.
+        soft = label("soft", s.soft, "1: all soft")
         slope = label("slope_1_s", c.lambda_1_s * (1 - SLOPE_FALLS * soft), "lambda now")
         slope2 = label("slope2_1_s2", slope * slope)
         lead = c.lead + LEAD_RISES * soft * (c.lead + 1)
@@ -78,7 +79,7 @@ class SwingSoftening:
             "lead": label("lead_now", ca.fmin(lead, self.lead_high - 1), "less 1"),
             "soft": soft,
         }
-        kept = {"slow_rad": slow, "middle_rad": middle, "square": square, "soft": soft}
+        kept = {"slow_rad": slow, "middle_rad": middle, "square": square, "soft": now}
         return SimpleNamespace(**gains), {n: ca.if_else(on, x, 0) for n, x in kept.items()}
 
     def state(self) -> tuple[Port, ...]:
@@ -106,14 +107,14 @@ class SwingSoftening:
         return Flag("SOFTENED", "the error swings, or did so lately: the gains are softer")
 
     def equations(self) -> tuple[Equation, ...]:
-        slope, kappa, soft = sp.symbols("lambda_0 kappa_0 sigma")
+        slope, kappa = sp.symbols("lambda_0 kappa_0")
         square, seen, full, share = sp.symbols("q_2 q_seen q_full sigma_1")
         wanted = share * sp.Max(0, sp.Min(1, (square - seen**2) / (full**2 - seen**2)))
         last, back, h = sp.symbols("sigma_k-1 T_s h")
         return (
             equation("[soft 1]", "sigma", sp.Max(wanted, last * sp.exp(-h / back)), "softness"),
-            equation("[soft 2]", "lambda", slope * (1 - SLOPE_FALLS * soft), "slope, softened"),
-            equation("[soft 3]", "kappa", kappa * (1 + LEAD_RISES * soft), "lead, at most 4"),
+            equation("[soft 2]", "lambda", slope * (1 - SLOPE_FALLS * last), "slope, softened"),
+            equation("[soft 3]", "kappa", kappa * (1 + LEAD_RISES * last), "lead, at most 4"),
         )
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from esea_gen.control.adaptation import adaptation
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits import command_stamp, limits
@@ -102,6 +103,14 @@ WIRES_PASSIVE = {
     "passivity.Kd_Nms_rad": "reference.damping_Nms_rad",
     "passivity.u_command_Nm": "stamp.u_command_Nm",
     "limits.u_command_Nm": "passivity.u_command_Nm",
+}
+# What a device with [adaptation] has besides: what is wanted, turned for the rubber at hand.
+ADAPTED = {n: f"adaptation.{n}" for n in ("wish_gain", "wish_shift_Nm")}
+INPUTS_ADAPTED = {"tau_desired_Nm": ("reference.tau_desired_Nm", "adaptation.tau_desired_Nm")}
+LEARNT = {
+    "adapted_gain": "adaptation.gain",
+    "adapted_loss": "adaptation.loss",
+    "adapted_offset_Nm": "adaptation.offset_Nm",
 }
 GIVEN = {
     "damping_Nms_rad": "passivity.damping_Nms_rad",
@@ -200,6 +209,7 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         "motor_rate": motor_rate(device),
         "load_rate": load_rate(device),
         **({"encoder_gear": gear_encoder(device)} if redundant else {}),
+        **({"adaptation": adaptation(device)} if device.file.adaptation else {}),
         "reference": gains_reference(reference(device)) if passive else reference(device),
         **({"passivity": passivity(device)} if passive else {}),
         "limits": limits(device),
@@ -254,8 +264,11 @@ def _wired(
     inputs = INPUTS | (INPUTS_REDUNDANT if redundant else {})
     passive = "passivity" in sense
     wires = WIRES | (WIRES_PASSIVE if passive else {})
+    adapted = "adaptation" in sense
+    inputs |= INPUTS_ADAPTED if adapted else {}
     known = SIGNALS | (SIGNALS_REDUNDANT if redundant else {})
     known |= SIGNALS_PASSIVE if passive else {}
+    known |= ADAPTED if adapted else {}
     signals = dict.fromkeys(every, known)
     for part in parts:
         wires |= part.wires
@@ -282,6 +295,7 @@ def _wired(
         outputs |= part.setpoints
     outputs |= ESTIMATED | told | (COMPARED if redundant else {})
     outputs |= GIVEN if passive else {}
+    outputs |= LEARNT if adapted else {}
     for part in parts:
         outputs |= part.outputs
     outputs |= {f"{n}_status": f"{n}.status" for n, b in every.items() if b.status_port}

@@ -83,6 +83,7 @@ class OffTable:
             "plant": first.setting.plant,
             "person": first.person,
             "format": first.setting.real,
+            **({"adapted": True} if first.setting.adapted else {}),
             "simulated": True,
             "seeds": list(first.seeds),
             "off": self.rows(),
@@ -97,8 +98,10 @@ class OffTable:
         """A line a family and controller."""
         first = self.done[0]
         seeds = len(first.seeds)
+        adapted = ", adapted" if first.setting.adapted else ""
         lines = [
-            f"{first.study.title}: plant {first.setting.plant}, person {first.person}, simulated; "
+            f"{first.study.title}: plant {first.setting.plant}, person {first.person}{adapted}, "
+            f"simulated; "
             f"medians over {seeds} plant{'s' if seeds > 1 else ''}, Nm",
             f"{'off':18}{'controller':14}{'RMS true':>10}{'worst':>9}{'above 4 Hz':>12}"
             "  of the runs",

@@ -26,7 +26,7 @@ from esea_gen.twin.controllers import controller_device, largest_torque_Nm
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.judge import fault_figures, judge
 from esea_gen.twin.off import NOTHING, deviation, refuse_unknown
-from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, compiled_loop, run_case
+from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, compiled_loop, refuse_unadapted, run_case
 from esea_gen.twin.trajectories import RATE_HZ
 
 if TYPE_CHECKING:
@@ -100,6 +100,7 @@ def simulate_case(
     tunables: Mapping[str, Mapping[str, float]] | None = None,
     fault: str = "",
     off: str = NOTHING,
+    adapted: bool = False,
     kept: dict[str, Any] | None = None,
 ) -> dict[str, float]:
     """Run and measure one case by name: what a worker does.
@@ -110,7 +111,7 @@ def simulate_case(
     chosen = load_study(study, ClosedLoopStudy)
     found = chosen.case(case)
     try:
-        setting = Setting(controller, plant, person, real, tunables or {}, fault, off)
+        setting = Setting(controller, plant, person, real, tunables or {}, fault, off, adapted)
         run = run_case(found, setting, seed)
     except RanAwayError:
         return {"unstable": 1.0, "tripped": 0.0, "fault": 0.0, "ran_away": 1.0}
@@ -151,6 +152,7 @@ def simulate(
     if s.fault:
         _check_time(chosen, s.fault)
     device = controller_device(s.controller)
+    refuse_unadapted(device, s)
     # Compile once, before the workers would each do it.
     loop = compiled_loop(device, s.plant != "ideal", s.real)
     refuse_unknown(s.off, deviation(s.off, device, seed), {t.name for _, t in loop.plant.tunables})
@@ -173,6 +175,8 @@ def simulate(
         "tunables": {k: dict(v) for k, v in s.tunables.items()},
         "off": s.off,
     }
+    if s.adapted:
+        fixed["adapted"] = True
     if s.fault:
         fixed["fault"] = str(parse_fault(s.fault))
     names = [c.name for c in chosen.cases()]

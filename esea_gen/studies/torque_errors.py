@@ -27,7 +27,11 @@ Panel = tuple[str, Array, Array, Array, Array]
 def label(done: Simulation) -> str:
     """Controller and plant, for a legend."""
     off = f", {done.setting.off}" if done.setting.off != NOTHING else ""
-    return f"{done.setting.controller}, {done.setting.plant}{off}"
+    return f"{done.setting.controller}, {done.setting.plant}{off}{_adapted(done)}"
+
+
+def _adapted(done: Simulation) -> str:
+    return ", adapted" if done.setting.adapted else ""
 
 
 def _names(done: Simulation) -> list[str]:
@@ -42,6 +46,7 @@ def to_dict(done: Simulation) -> dict[str, Any]:
         "controller": done.setting.controller,
         "plant": done.setting.plant,
         "off": done.setting.off,
+        **({"adapted": True} if done.setting.adapted else {}),
         "person": done.person,
         "format": done.setting.real,
         "content_hash": done.monte_carlo.configuration.parts["controller_hash"],
@@ -66,7 +71,8 @@ def table(done: Simulation, *, normalised: bool = False) -> list[str]:
     off = f", off: {off_families()[s.off].meaning}" if s.off != NOTHING else ""
     heads = ["RMS true", "RMS model", "max true", "thesis", "limited"]
     lines = [
-        f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}, "
+        f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}"
+        f"{_adapted(done)}, "
         f"{runs} run{'s' if runs > 1 else ''} a case",
         f"{'case':32}" + "".join(f"{h:>11}" for h in heads + ["of largest"] * normalised),
     ]

@@ -35,6 +35,7 @@ class Setting:
     tunables: ``{instance: {tunable: value}}`` beside each case's own.
     fault: of an encoder, as :func:`esea_gen.twin.faults.parse_fault` reads it; empty for none.
     off: in what the plant differs from the model, as :mod:`esea_gen.twin.off` names it.
+    adapted: whether the rubber was adapted to before, with a known mass.
     """
 
     controller: str = "smc"
@@ -44,3 +45,4 @@ class Setting:
     tunables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     fault: str = ""
     off: str = "none"
+    adapted: bool = False

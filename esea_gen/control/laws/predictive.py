@@ -156,6 +156,8 @@ def _sources(published: bool, along: bool, train: DriveTrain) -> dict[str, dict[
             "theta_load_rad": "encoder_load.theta_rad",
             "omega_load_rad_s": omega_load,
             "damping_Nms_rad": "passivity.damping_Nms_rad",
+            "wish_gain": "adaptation.wish_gain",
+            "wish_shift_Nm": "adaptation.wish_shift_Nm",
         },
         "predictive": {
             "delta_rad": "joint.theta_rad",
