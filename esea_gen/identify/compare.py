@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +34,12 @@ from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.peers import PEERS, fit_peer
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import load_recordings
+from esea_gen.identify.search_problem import Searching
 from esea_gen.language.ports import Array
 from esea_gen.model.family import Member
 from esea_gen.model.rubber import fitted_of
 
 THESIS = "published"
-THESIS_POPULATION = 256
 Cost = Callable[[Device], float]
 
 
@@ -171,6 +171,7 @@ def compare(
     progress: Progress | None = None,
     *,
     peers: bool = True,
+    how: Searching | None = None,
 ) -> ModelComparison:
     """Compare the thesis' model, the members of the family and the peers on recordings.
 
@@ -187,6 +188,8 @@ def compare(
         ``progress(share, text)``.
     peers : bool
         Whether to fit the models from the literature too.
+    how : Searching, optional
+        How the published model's numbers are searched.
 
     Returns
     -------
@@ -206,7 +209,7 @@ def compare(
     others = list(PEERS) if peers else []
     run = _Run(source, recordings, splits, cost, progress or (lambda share, text: None))
     run.total = len(splits) * (1 + len(able) + len(others))
-    run.thesis()
+    run.thesis(how)
     for member in able:
         run.member(member)
     for name in others:
@@ -260,9 +263,9 @@ class _Run:
         self.rows.append(CompareRow(name, split.condition, trained, held_out, counted))
         self.tell(len(self.rows) / self.total, f"{name}, {split.condition}")
 
-    def thesis(self) -> None:
+    def thesis(self, how: Searching | None) -> None:
         for split in self.splits:
-            device, errors = _thesis(self.source, split)
+            device, errors = _thesis(self.source, split, how)
             if split.declared:
                 self.price(THESIS, device)
             self.add(THESIS, split, errors)
@@ -281,13 +284,10 @@ class _Run:
             self.add(name, split, _errors(split.recordings, torque))
 
 
-def _thesis(source: MappingFile, split: Split) -> tuple[Device, Misfits]:
+def _thesis(source: MappingFile, split: Split, how: Searching | None) -> tuple[Device, Misfits]:
     recordings = list(split.recordings)
-    if source.mapping.search.population is None:  # as many searches as there are splits
-        search = source.mapping.search.model_copy(update={"population": THESIS_POPULATION})
-        source = replace(source, mapping=source.mapping.model_copy(update={"search": search}))
     template = draft(source, recordings, source.mapping.device.rate_terms)
-    _, _, device, verdict = fit_split(source, recordings, template, lambda share, text: None)
+    _, _, device, verdict = fit_split(source, recordings, template, lambda share, text: None, how)
     return device, verdict.misfits
 
 

@@ -146,7 +146,7 @@ def _stiffness_asymmetry(theta: Array, tau: Array) -> float | None:
     return float(2 * (positive - negative) / (positive + negative))
 
 
-def _work(theta: Array, tau: Array, cycle: Cycle) -> float:
+def loop_work_J(theta: Array, tau: Array, cycle: Cycle) -> float:
     x, y = theta[cycle.start : cycle.stop + 1], tau[cycle.start : cycle.stop + 1]
     return float(np.trapezoid(y, x))
 
@@ -184,7 +184,7 @@ def _one_set(
         counts[c.role] = counts.get(c.role, 0) + 1
     # In a whole file (a sweep, say) cycles differ by more than their age.
     several = len(cycles) > 1 and not whole
-    work = [_work(theta, tau, c) for c in cycles]
+    work = [loop_work_J(theta, tau, c) for c in cycles]
     # Of a loss that is rounding, no share can be told.
     several = several and work[0] > 1e-3 * float(np.ptp(theta)) * float(np.ptp(tau))
     return DataSet(

@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from esea_gen.hostlib.library import compile_system
-from esea_gen.identify.fit import solve_linear
 from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.plant import equal_weights
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import resample
 from esea_gen.identify.resampling import LeftOut, resampled, rows_of, whole_conditions
+from esea_gen.identify.search_problem import solve_linear
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member

@@ -20,6 +20,7 @@ from esea_gen.identify.plant import FittedPlant
 from esea_gen.identify.quality_gate import gate_notes, gated
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import load_recordings
+from esea_gen.identify.search_problem import Searching
 from esea_gen.identify.space import Space
 from esea_gen.identify.uncertainty import Uncertainty, uncertainty
 from esea_gen.identify.verdict import Verdict, judge
@@ -81,6 +82,7 @@ class Identification(Identified):
             },
             "search": {
                 "fitness": "mean over data sets of the mean square error",
+                "method": self.fit.method,
                 "seed": self.source.mapping.search.seed,
                 "population": self.fit.population,
                 "evaluations": self.fit.evaluations,
@@ -95,6 +97,7 @@ def identify(
     mapping_path: str | Path,
     data_folder: str | Path | None = None,
     progress: Progress | None = None,
+    how: Searching | None = None,
 ) -> Identification:
     """Identify a device from recordings.
 
@@ -106,6 +109,9 @@ def identify(
         Folder of the recordings; the mapping file's own when not given.
     progress : callable, optional
         ``progress(share, text)``: share done, from 0 to 1, and what goes on.
+    how : Searching, optional
+        Which search, on how many cores, kept where, watched by whom; the answer depends on the
+        first only.
 
     Returns
     -------
@@ -128,11 +134,11 @@ def identify(
     bare = draft(source, recordings, False)
     without = with_rate = None
     if not rate_terms:
-        fit, plant, device, verdict = fit_split(source, recordings, bare, tell)
+        fit, plant, device, verdict = fit_split(source, recordings, bare, tell, how)
     else:
         # The model without rate terms on the same data: does the Maxwell element earn its place?
-        plain = fit_split(source, recordings, bare, _part(tell, 0.0, 0.1))
-        full = fit_split(source, recordings, template, _part(tell, 0.1, 0.95))
+        plain = fit_split(source, recordings, bare, _part(tell, 0.0, 0.1), how)
+        full = fit_split(source, recordings, template, _part(tell, 0.1, 0.95), how)
         helps = full[3].misfits.mean_rms(True) < plain[3].misfits.mean_rms(True)
         fit, plant, device, verdict = full if helps or full[0].rate_dropped else plain
         if helps or full[0].rate_dropped:
@@ -173,7 +179,11 @@ def _part(tell: Progress, low: float, high: float) -> Progress:
 
 
 def fit_split(
-    source: MappingFile, recordings: list[Recording], template: Device, tell: Progress
+    source: MappingFile,
+    recordings: list[Recording],
+    template: Device,
+    tell: Progress,
+    how: Searching | None = None,
 ) -> tuple[Fit, FittedPlant, Device, Verdict]:
     """Search the thesis' parameters on the training samples, and judge the device's C.
 
@@ -187,6 +197,8 @@ def fit_split(
         Ranges, and whether there are rate terms.
     tell : callable
         As ``progress`` of :func:`identify`.
+    how : Searching, optional
+        As in :func:`identify`.
 
     Returns
     -------
@@ -206,7 +218,7 @@ def fit_split(
         max(float(r.time_s[-1]) for r in recordings),
     )
     asked = source.mapping.search
-    fit = search(template, recordings, space, rate, tell, asked.seed, asked.population)
+    fit = search(template, recordings, space, rate, tell, asked.seed, asked.population, how)
     if fit.rate_dropped:
         template = draft(source, recordings, False)
     device = fitted_device(source, recordings, template, fit, 0.0)

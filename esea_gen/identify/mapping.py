@@ -88,7 +88,13 @@ class Torque(_Table):
 
     column: str = Field(min_length=1, description="Column or variable name.")
     unit: str = Field(description="Unit of the recorded number.")
-    sign: Literal[-1, 1] = Field(default=1, description="-1 turns the recording's direction round.")
+    sign: Literal[-1, 1, "fit"] = Field(
+        default=1,
+        description="-1 turns the recording's direction round; fit: where the stiffness wants it.",
+    )
+    lag_s: Quantity | None = _limits(
+        -1.0, 1.0, "By how much the torque was recorded later than the deflection.", default=None
+    )
     scale_Nm_per_N: Quantity | None = _limits(
         1e-9, 1e6, "Newton-metres of coupling per newton on the specimen (forces only).",
         default=None,
@@ -245,7 +251,8 @@ class MappingFile:
         """Newton-metres per recorded number, sign included."""
         t = self.mapping.torque
         si = {**FORCE, **TORQUE}[t.unit]
-        return t.sign * si * (t.scale_Nm_per_N.value if t.scale_Nm_per_N else 1.0)
+        sign = 1 if t.sign == "fit" else t.sign
+        return sign * si * (t.scale_Nm_per_N.value if t.scale_Nm_per_N else 1.0)
 
     def paths(self) -> Iterator[tuple[Path, str, RecordingTable]]:
         """Every file as (path, name as given, its table), patterns expanded and sorted.

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
-from esea_gen.hostlib.library import compile_system
+from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.parameters import with_values
 from esea_gen.identify.recorded import Recording
@@ -19,9 +22,13 @@ from esea_gen.identify.resampling import FitRows, rows_of, whole_conditions
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import torque_sensor
+from esea_gen.model.slopes import sloped
 
 # Neighbouring samples say the same: the search compares at most so many a data set, evenly spread.
 ROWS_SEARCH, ROWS_REFINE = 4000, 20000
+# What shapes the basis; the torque's derivatives by these are exact.
+STOP_SHAPE = ("omega_rad", "beta_1_rad")
+RATE_SHAPE = ("A_Nms_rad", "m", "eps1_Nms_rad", "B", "n")
 
 
 def tunable_system(device: Device) -> System:
@@ -96,8 +103,9 @@ class FittedPlant:
         }
         wide = {"tau_Nm": 2000.0}
         built = with_values(device, {}, timing=timing, velocity=velocity, limits=wide)
+        self.built = built
         self.library = compile_system(tunable_system(built), "f64")
-        self.sensor: CRunner = self.library.block("sensor")
+        self._of_thread = threading.local()
         self.streams: list[FitStream] = []
         self.evaluations = 0
         estimate: CRunner | None = None
@@ -141,15 +149,48 @@ class FittedPlant:
         ]
         return np.concatenate(parts)
 
-    def run(self, values: Mapping[str, float]) -> list[dict[str, Array]]:
-        """Run the C over every stream."""
+    @property
+    def shape_keys(self) -> tuple[str, ...]:
+        """Parameters that shape the basis, in the order of :meth:`tangent`."""
+        return STOP_SHAPE + (RATE_SHAPE if self.rate_terms else ())
+
+    @cached_property
+    def digest(self) -> str:
+        """Of the C and of all that it is run on and compared with."""
+        of = hashlib.sha256(self.library.path.stem.encode())
+        arrays = [a for s in self.streams for a in (s.theta_rad, s.omega_rad_s, *s.training)]
+        for a in (*arrays, self.measured, self.weight):
+            of.update(np.ascontiguousarray(a).tobytes())
+        return of.hexdigest()
+
+    @cached_property
+    def _sloped(self) -> HostLibrary:
+        sensor = torque_sensor(self.built, tunable=True)
+        outputs = ("tau_hysteresis_Nm", "tau_rate_Nm")[: 2 if self.rate_terms else 1]
+        block = sloped(sensor, outputs, self.shape_keys)
+        inputs = {p.name: (f"slopes.{p.name}",) for p in block.inputs}
+        results = {p.name: f"slopes.{p.name}" for p in block.outputs}
+        task = Task("run", ("slopes",))
+        name = f"{self.built.name}_slopes"
+        return compile_system(
+            System(name, block.period_s, {"slopes": block}, (task,), {}, inputs, results), "f64"
+        )
+
+    def _runner(self, name: str) -> CRunner:
+        # A runner has a state: each thread has its own.
+        runners = vars(self._of_thread)
+        if name not in runners:
+            runners[name] = (self._sloped if name == "slopes" else self.library).block(name)
+        found: CRunner = runners[name]
+        return found
+
+    def run(self, values: Mapping[str, float], name: str = "sensor") -> list[dict[str, Array]]:
+        """Run the C over every stream; several threads may do so at once."""
         self.evaluations += 1
-        out = []
+        runner, out = self._runner(name), []
         for s in self.streams:
-            self.sensor.prepare(values)
-            y, _ = self.sensor.run(
-                {"theta_rad": s.theta_rad, "omega_rad_s": s.omega_rad_s}, trace=False
-            )
+            runner.prepare(values)
+            y, _ = runner.run({"theta_rad": s.theta_rad, "omega_rad_s": s.omega_rad_s}, trace=False)
             out.append(y)
         return out
 
@@ -163,13 +204,30 @@ class FittedPlant:
 
         shape: ``beta_1_rad``, ``omega_rad`` and, with rate terms, the viscosity over kv.
         """
-        unit = {"k1_Nm_rad": 0.0, "k3_Nm_rad3": 0.0, "alpha_Nm_rad": 1.0}
-        if self.rate_terms:
-            unit["kv_Nm_rad"] = 1.0
-        outputs = self.run({**shape, **unit})
+        outputs = self.run({**shape, **self._unit})
         names = ["tau_hysteresis_Nm"] + (["tau_rate_Nm"] if self.rate_terms else [])
         rest = self._collect([tuple(y[n] for n in names) for y in outputs])
         return np.concatenate([self._spring, rest], axis=1)
+
+    @property
+    def _unit(self) -> dict[str, float]:
+        rate = {"kv_Nm_rad": 1.0} if self.rate_terms else {}
+        return {"k1_Nm_rad": 0.0, "k3_Nm_rad3": 0.0, "alpha_Nm_rad": 1.0} | rate
+
+    def tangent(self, shape: Mapping[str, float], linear: Array) -> Array:
+        """Derivative of the torque by the shape's parameters, at the training rows.
+
+        shape: as for :meth:`basis`.
+        linear: k1, k3, alpha (and kv).
+        return: shape (rows, parameters), in the order of :attr:`shape_keys`.
+        """
+        outputs = self.run({**shape, **self._unit}, "slopes")
+        stiffness, keys = linear[2:], len(self.shape_keys)
+        parts = []
+        for y, stream in zip(outputs, self.streams, strict=True):
+            slopes = y["slopes"].reshape(len(y["slopes"]), len(stiffness), keys)
+            parts += [stiffness @ slopes[rows] for rows in stream.training]
+        return np.concatenate(parts)
 
 
 def _on_grid(r: Recording, estimate: CRunner, fine_Hz: float, rate_Hz: float) -> FitStream:

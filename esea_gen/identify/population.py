@@ -14,6 +14,11 @@ from esea_gen.language.ports import Array
 Residual = Callable[[Array], Array]
 
 
+def sobol_points(low: Array, high: Array, count: int, seed: int) -> Array:
+    """Points of a Sobol sequence over a box, shape (count, numbers)."""
+    return np.asarray(qmc.scale(qmc.Sobol(len(low), seed=seed).random(count), low, high))
+
+
 def sobol_population(
     residual: Residual,
     low: Array,
@@ -26,7 +31,7 @@ def sobol_population(
 
     tell: called with each point's number and the least cost so far.
     """
-    points = qmc.scale(qmc.Sobol(len(low), seed=seed).random(count), low, high)
+    points = sobol_points(low, high, count, seed)
     costs = np.empty(count)
     for i, x in enumerate(points):
         e = residual(x)

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.ndimage
 
-from esea_gen.identify.cycles import Cycle
+from esea_gen.identify.cycles import Cycle, loop_work_J
 from esea_gen.language.ports import Array
 
 Mask = npt.NDArray[np.bool_]
@@ -32,6 +32,7 @@ AT_ITS_END = 0.01  # of its range: there it is saturated, else frozen
 OFFSET_SHARE = 0.02  # of full scale
 # Backlash: a stretch of next to no torque, this many times wider than the stiffness beside it asks.
 LOOSE_TORQUE, LOOSE_FACTOR, LOOSE_SHARE = 0.015, 3.0, 0.03
+NO_LOSS, MOST_LAG = 1e-3, 51  # of the loop's box; steps between samples
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,33 @@ def examined(
             "its largest); zero it on the rig, set torque.zero, or take a member with an offset"
         )
         findings.append(Finding("offset", text, True))
+    findings += _backward(time_s, theta, tau, cycles, timed)
     return mask, _shortened(findings)
+
+
+def _backward(
+    time_s: Array, theta: Array, tau: Array, cycles: Sequence[Cycle], timed: bool
+) -> list[Finding]:
+    # Loops that give energy: no rubber does, a torque that was recorded later seems to.
+    least = NO_LOSS * float(np.ptp(theta)) * float(np.ptp(tau))
+
+    def work(later_s: float) -> float:
+        moved = np.interp(time_s + later_s, time_s, tau)
+        return float(np.median([loop_work_J(theta, moved, c) for c in cycles]))
+
+    if not cycles or work(0.0) > -least:
+        return []
+    text = f"the loops run backward: {-work(0.0):.3g} J come out of a cycle"
+    if timed:
+        usual = float(np.median(np.diff(time_s)))
+        lags = usual * np.arange(1, MOST_LAG)
+        enough = [float(lag) for lag in lags if work(float(lag)) >= 0]
+        if enough:
+            text += (
+                f"; the torque lags the deflection by {1e3 * enough[0]:.3g} ms at least: align the "
+                "channels, or set torque.lag_s"
+            )
+    return [Finding("lag", text, True)]
 
 
 def _shortened(findings: Sequence[Finding]) -> tuple[Finding, ...]:

@@ -26,6 +26,7 @@ MOST_STEPS = 2e7  # of the sensing task over a recording: 5.5 h at 1 kHz
 LEAST_STEP = 0.02  # a recording's usual step, over the sensing period
 HELD_BAND = 0.02  # of its range: a deflection that stays within it is held
 MAX_STIFFNESS_NM_RAD = 1000.0  # bound of k1
+TURNED = Finding("sign", "the torque fell with the deflection and was turned round", False)
 MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
 
 
@@ -38,6 +39,7 @@ def load_recordings(source: MappingFile) -> list[Recording]:
         for (path, name, table), label in zip(files, labels, strict=True)
     ]
     _check_conditions(source, loaded)
+    _check_turned(source, loaded)
     loaded = divided(loaded, source.mapping.cycles)
     for what, role in (("train on", "training"), ("hold out", "held_out")):
         if not any(len(getattr(s, role)) for r in loaded for s in r.sets):
@@ -51,6 +53,16 @@ def load_recordings(source: MappingFile) -> list[Recording]:
                 "Lower these, or give whole files use = 'train' and use = 'held_out'.",
             )
     return loaded
+
+
+def _check_turned(source: MappingFile, loaded: list[Recording]) -> None:
+    turned = [r.file for r in loaded if TURNED in r.findings]
+    if turned and len(turned) < len(loaded):
+        straight = next(r.file for r in loaded if r.file not in turned)
+        raise UserError(
+            f"{source.origin}: torque.sign = 'fit' turns {turned[0]} round and {straight} not.",
+            "On one rig the sign is one: leave the file out that is wrong.",
+        )
 
 
 def _conditions(mapping: Mapping, name: str) -> tuple[str, ...]:
@@ -128,9 +140,22 @@ def _load(
         time = np.arange(len(theta), dtype=np.float64) * m.sampling.period_s.value
     theta, tau = _zeroed(theta, m.deflection.zero), _zeroed(tau, m.torque.zero)
     _check_length(source, name, time)
+    if m.torque.lag_s is not None:
+        later = time + m.torque.lag_s.value
+        known = (later >= time[0]) & (later <= time[-1])
+        if np.count_nonzero(known) < MIN_SAMPLES:
+            raise UserError(
+                f"{name}: torque.lag_s = {m.torque.lag_s.value:g} s leaves "
+                f"{np.count_nonzero(known)} samples, below the limit of {MIN_SAMPLES}.",
+                "Correct it; it is in seconds.",
+            )
+        tau = resample(time, tau, later)[known]
+        time, theta = time[known] - time[known][0], theta[known]
     spiky = spikes(theta, tau) if np.ptp(theta) > 0 else np.zeros(len(tau), dtype=bool)
     found = _spiked(spiky, tau)
     tau = bridged(tau, spiky)
+    if m.torque.sign == "fit" and np.ptp(theta) > 0 and _stiffness(theta, tau) < 0:
+        tau, found = -tau, (*found, TURNED)
     _check_physics(source, name, theta, tau)
     cycles = divide(theta, m.cycles, table.use)
     timed = m.sampling.period_s is None or m.sampling.period_s.status != "assumed"
@@ -243,9 +268,7 @@ def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> 
                 f"limit of {limit:.4g} {unit}.",
                 f"Check {what}.unit and {what}.scale in {source.origin}.",
             )
-    # Where the deflection is held the torque relaxes; what counts is how it rose before.
-    end = int(np.flatnonzero(_at_end(theta))[0]) + 1 if _held(theta) else len(theta)
-    slope = _slope(theta[:end], tau[:end])
+    slope = _stiffness(theta, tau)
     if slope <= 0:
         raise UserError(
             f"{name}: {'negative' if slope < 0 else 'no'} stiffness: torque against deflection has "
@@ -261,7 +284,10 @@ def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> 
         )
 
 
-def _slope(theta: Array, tau: Array) -> float:
+def _stiffness(theta: Array, tau: Array) -> float:
+    # Where the deflection is held the torque relaxes; what counts is how it rose before.
+    end = int(np.flatnonzero(_at_end(theta))[0]) + 1 if _held(theta) else len(theta)
+    theta, tau = theta[:end], tau[:end]
     x, y = theta - theta.mean(), tau - tau.mean()
     return float(x @ y / (x @ x)) if np.any(x) else 0.0
 

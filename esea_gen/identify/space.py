@@ -67,6 +67,24 @@ class Space:
             }
         return out
 
+    def shape_slopes(self, x: Array) -> dict[str, dict[int, float]]:
+        """Derivative of each of :meth:`shape` by the searched numbers that it depends on."""
+        s = self.shape(x)
+        out = {
+            "omega_rad": {0: s["omega_rad"]},
+            "beta_1_rad": {1: s["beta_1_rad"] + 1 / self.theta_rad},
+        }
+        if self.rate_terms:
+            gain, drag = s["A_Nms_rad"], s["B"]
+            out |= {
+                "eps1_Nms_rad": {2: s["eps1_Nms_rad"]},
+                "A_Nms_rad": {2: gain, 3: gain, 4: -gain * math.log(self.theta_rad)},
+                "m": {4: 1.0},
+                "B": {5: drag, 6: -drag * math.log(self.omega_rad_s)},
+                "n": {6: 1.0},
+            }
+        return out
+
 
 def linear_bounds(rate_terms: bool) -> tuple[Array, Array]:
     """Bounds of k1, k3, alpha (and kv)."""

@@ -65,6 +65,12 @@ class Fitted(Protocol):
         """Torque with these parameters, at the measured rows."""
 
 
+def free_keys(values: Mapping[str, float]) -> list[str]:
+    """Parameters that a fit can move: neither fixed nor at a bound."""
+    keys = (k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2")
+    return [k for k in keys if at_bound(k, values[k]) is None and values[k] > 0]
+
+
 def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
     """Standard deviations from blocks left out (:mod:`esea_gen.identify.resampling`).
 
@@ -72,7 +78,7 @@ def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
     is weakest.
     """
     keys = [k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2"]
-    free = [k for k in keys if at_bound(k, values[k]) is None and values[k] > 0]
+    free = free_keys(values)
     rows = len(plant.measured)
     scale = plant.weight * math.sqrt(rows)  # unit weight on average
     residual = (plant.torque(values) - plant.measured) * scale

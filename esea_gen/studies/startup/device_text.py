@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.fields import field_facts
 from esea_gen.devices.file import shipped_devices
 from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
+from esea_gen.identify.regression import CONFIDENCE, Estimate
 from esea_gen.studies.startup.drive_model import DriveModel
-from esea_gen.studies.startup.regression import CONFIDENCE, Estimate
 
-WRITTEN = ("J_kgm2", "fv_Nms_rad", "fc_Nm", "tau_c_s")
-"""Keys of ``[actuator]`` that a start-up finds."""
+WRITTEN = ("J_kgm2", "fv_Nms_rad", "fc_Nm", "tau_c_s", "backlash_rad")
+"""Keys of ``[actuator]`` that a start-up finds, beside the effective disturbance."""
 LONGEST_NAME = 15
 
 
@@ -25,9 +26,11 @@ def updated_name(device: Device) -> str:
 def _quantity(e: Estimate, source: str, key: str) -> Quantity:
     facts = field_facts(f"actuator.{key}")
     value = float(f"{e.value:.6g}")
+    # A gap or a ripple that is none is found a little to either side of 0.
+    value = 0.0 if e.low <= 0 <= e.high and facts["low"] == 0 else value
     if not facts["low"] <= value <= facts["high"]:
         raise UserError(
-            f"The start-up found actuator.{key} = {value:g}, outside {facts['low']:g} to "
+            f"The recording gives actuator.{key} = {value:g}, outside {facts['low']:g} to "
             f"{facts['high']:g}.",
             "Look at the machine: a drive cannot be like that.",
         )
@@ -35,28 +38,44 @@ def _quantity(e: Estimate, source: str, key: str) -> Quantity:
     return Quantity(value=value, status="identified", source=text)
 
 
-def updated_device(device: Device, model: DriveModel, source: str) -> Device:
-    """The device with what was found in it."""
-    found = {k: _quantity(getattr(model, k), source, k) for k in WRITTEN}
+def with_actuator(device: Device, found: Mapping[str, Estimate], source: str, title: str) -> Device:
+    """The device with these numbers in ``[actuator]``.
+
+    title: what was done, for the device's.
+    """
     a = device.file.actuator
     assert a is not None
+    numbers = {k: _quantity(e, source, k) for k, e in found.items()}
     file = device.file.model_copy(
         update={
             "name": updated_name(device),
-            "title": f"{device.title}, as started up"[:200],
-            "actuator": a.model_copy(update=found),
+            "title": f"{device.title}, {title}"[:200],
+            "actuator": a.model_copy(update=numbers),
         }
     )
     return Device(file, f"{file.name}.toml")
 
 
-def device_text(base: Device, updated: Device, model: DriveModel, said: list[str]) -> str:
-    """The device file: as ``extends`` where the base is a shipped one, else whole.
+def updated_device(device: Device, model: DriveModel, source: str) -> Device:
+    """The device with what a start-up found in it."""
+    d = model.disturbance
+    half = float(sum(d.half_Nm) / len(d.half_Nm))
+    found = {k: getattr(model, k) for k in WRITTEN}
+    found["cogging_Nm"] = Estimate(d.rms_Nm, d.rms_Nm - half, d.rms_Nm + half)
+    return with_actuator(device, found, source, "as started up")
 
-    said: the verdict and its reasons, for the head.
+
+def device_text(base: Device, updated: Device, model: DriveModel, said: Sequence[str]) -> str:
+    """The device file that a start-up writes; said: the verdict and its reasons, for the head."""
+    return actuator_text(base, updated, [f"# {line}" for line in said] + _beside(model))
+
+
+def actuator_text(base: Device, updated: Device, head: Sequence[str]) -> str:
+    """A device file: as ``extends`` where the base is a shipped one, else whole.
+
+    head: comment lines above it.
     """
-    head = [f"# {line}" for line in said] + _beside(model)
-    file = updated.file
+    file, before = updated.file, base.file.actuator
     if base.given[0] in shipped_devices():
         assert file.actuator is not None
         lines = [
@@ -67,8 +86,10 @@ def device_text(base: Device, updated: Device, model: DriveModel, said: list[str
             "",
             "[actuator]",
         ]
-        for key in WRITTEN:
+        for key in type(file.actuator).model_fields:
             q = getattr(file.actuator, key)
+            if q == getattr(before, key):
+                continue
             lines.append(
                 f'{key} = {{ value = {q.value!r}, status = "{q.status}", '
                 f"source = {json.dumps(q.source, ensure_ascii=False)} }}"
@@ -88,16 +109,19 @@ def _beside(m: DriveModel) -> list[str]:
         ("delay from command to encoder", m.delay_s, " s"),
         ("share of the cable's torque that is lost", m.cable_loss, ""),
         ("give of the cable", m.cable_give_rad_Nm, " rad/Nm"),
-        ("whole backlash of the cable", m.backlash_rad, " rad"),
     ]
     lines = ["# Found as well, without a key of its own:"]
     lines += [f"#   {text}: {e.value:.4g}{u} ({e.low:.4g} to {e.high:.4g})" for text, e, u in rows]
     d = m.disturbance
-    lines.append(
-        f"#   gear's disturbance: {d.rms_Nm:.3g} Nm effective, {d.peak_Nm:.3g} Nm at most; its map "
-        "is in the JSON"
-    )
+    lines.append(f"#   gear's disturbance: {d.peak_Nm:.3g} Nm at most; its map is in the JSON")
     return lines
 
 
-__all__ = ["WRITTEN", "device_text", "updated_device", "updated_name"]
+__all__ = [
+    "WRITTEN",
+    "actuator_text",
+    "device_text",
+    "updated_device",
+    "updated_name",
+    "with_actuator",
+]

@@ -18,14 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.language.ports import Array
-from esea_gen.studies.startup.reaction import JumpResponse, jump_response
-from esea_gen.studies.startup.regression import (
+from esea_gen.identify.regression import (
     Estimate,
     LeastSquares,
     fit_linear,
     fit_separable,
 )
+from esea_gen.language.ports import Array
+from esea_gen.studies.startup.reaction import JumpResponse, jump_response
 from esea_gen.studies.startup.signals import Signals
 from esea_gen.studies.startup.watch import DriveRecording
 

@@ -28,10 +28,10 @@ from esea_gen.control.linear_loop import (
 )
 from esea_gen.control.sliding_mode import LEAD
 from esea_gen.device import Device
+from esea_gen.identify.regression import Estimate
 from esea_gen.language.ports import Array
 from esea_gen.model.rubber import stiffness_range_Nm_rad
 from esea_gen.studies.startup.drive_model import DriveModel
-from esea_gen.studies.startup.regression import Estimate
 
 LOW_HZ, LINES = 0.1, 500
 STABLE = 1.0

@@ -9,13 +9,14 @@ from itertools import pairwise
 from typing import Any
 
 from esea_gen.device import Device
+from esea_gen.identify.regression import CONFIDENCE, Estimate
 from esea_gen.language.ports import Array
 from esea_gen.studies.startup.checks import StartupCheck
 from esea_gen.studies.startup.drive_model import UNITS, DriveModel
 from esea_gen.studies.startup.margins import LIMITS, MarginCheck
 from esea_gen.studies.startup.procedures import PROCEDURES
-from esea_gen.studies.startup.regression import CONFIDENCE, Estimate
 from esea_gen.studies.startup.sign import SignCheck
+from esea_gen.studies.startup.watch import DriveRecording
 from esea_gen.studies.startup.waves import Wave
 
 KIND, VERSION = "esea-gen startup", 1
@@ -72,6 +73,7 @@ class Startup:
         there is no such reason.
     truth: of a simulated plant, by estimate; empty on a board.
     true_map_Nm: of a simulated plant, at the map's angles.
+    recordings: by procedure, as far as they went.
     """
 
     device: Device
@@ -88,6 +90,7 @@ class Startup:
     law_problem: tuple[str, str] | None = None
     truth: Mapping[str, float] = field(default_factory=dict)
     true_map_Nm: Array | None = None
+    recordings: Mapping[str, DriveRecording] = field(default_factory=dict, repr=False)
 
     # -- verdict ---------------------------------------------------------------------------------
 

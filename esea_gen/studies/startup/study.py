@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from esea_gen.studies.startup.machine import Machine, SimulatedMachine
 from esea_gen.studies.startup.margins import MarginCheck, check_margins
 from esea_gen.studies.startup.outcome import Refusal, Startup
 from esea_gen.studies.startup.procedures import PROCEDURES, require_drive, run_procedure, travel
+from esea_gen.studies.startup.recordings import read_recordings
 from esea_gen.studies.startup.sign import SignCheck
 from esea_gen.studies.startup.watch import DriveRecording, StoppedError, WatchedMachine
 from esea_gen.studies.startup.waves import strongest_waves
@@ -174,8 +176,30 @@ def start_up(
                 refusal = Refusal(p.name, *problem)
                 break
     base = Startup(device, source, watched.total_s, sign, refusal, truth=dict(truth or {}))
-    if refusal is not None:
-        return base
+    base = replace(base, recordings=recordings)
+    return base if refusal is not None else _found(base, say, true_map)
+
+
+def start_up_recorded(
+    device: Device, folder: Path, say: Callable[[str], None] = lambda _: None
+) -> Startup:
+    """The numbers from recordings of all procedures, as :func:`write_recordings` wrote them."""
+    require_drive(device)
+    recordings = read_recordings(folder, [p.name for p in PROCEDURES], device.period_s)
+    sign = SignCheck.of(recordings["sign"])
+    problem = sign.problem()
+    refusal = None if problem is None else Refusal("sign", *problem)
+    total_s = sum(len(r) * r.tick_s for r in recordings.values())
+    base = Startup(device, f"recordings in {folder.name}", total_s, sign, refusal)
+    return base if refusal is not None else _found(replace(base, recordings=recordings), say)
+
+
+def _found(
+    base: Startup,
+    say: Callable[[str], None],
+    true_map: Callable[[Array], Array] | None = None,
+) -> Startup:
+    device, source, recordings = base.device, base.source, base.recordings
     say("least squares")
     model = identify_drive(device, recordings)
     d = model.disturbance
@@ -240,5 +264,6 @@ __all__ = [
     "judged_gains",
     "simulated_truth",
     "start_up",
+    "start_up_recorded",
     "start_up_simulated",
 ]

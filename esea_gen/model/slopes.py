@@ -1,0 +1,171 @@
+"""A Block with the exact derivatives of its outputs by tunables: forward mode, step by step.
+
+With c the coefficients and s the state, the step is ``s+ = f(c, s, u)``, ``y = g(c, s, u)``.  Along
+it runs ``ds+/dp = df/ds ds/dp + df/dc dc/dp``, kept as further states, of which only those are made
+that a tunable reaches.  All derivatives are CasADi's, of the step as it is emitted [1]_.
+
+References
+----------
+.. [1] A. Griewank, A. Walther, "Evaluating Derivatives", SIAM, 2008, chapter 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Port, around
+
+FAR = 1e30  # range of a derivative: it has none of its own
+
+
+def sloped(block: Block, outputs: Sequence[str], by: Sequence[str]) -> Block:
+    """A Block that gives outputs of another and their derivatives by its tunables.
+
+    Parameters
+    ----------
+    block : Block
+        Straight-line, with tunables.
+    outputs : sequence of str
+        Of its outputs, those wanted; scalars.
+    by : sequence of str
+        Of its tunables.
+
+    Returns
+    -------
+    Block
+        Tunables and inputs of ``block``; outputs those wanted and ``slopes``, output by output one
+        element a tunable.
+    """
+    tunables = {t.name: ca.SX.sym(t.name) for t in block.tunables}
+    prepared = block.prepare(*tunables.values())
+    prepared = ca.vertcat(*(prepared if isinstance(prepared, tuple) else (prepared,)))
+    by_tunable = ca.jacobian(prepared, ca.vertcat(*(tunables[n] for n in by)))
+    form = _Form(block, outputs, by_tunable)
+    kept = Port("c_slopes", -FAR, FAR, "derivatives of the coefficients", by_tunable.nnz())
+    state = (*block.state, *form.state())
+    slopes = around("slopes", FAR, "derivatives of the outputs", len(outputs) * len(by))
+    count = len(block.coefficients)
+
+    def prepare(t: SimpleNamespace) -> dict[str, Any]:
+        given = [getattr(t, x.name) for x in block.tunables]
+        values = block.prepare(*given)
+        values = values if isinstance(values, tuple) else (values,)
+        held: list[Any] = by_tunable.nonzeros()
+        found = ca.Function("d", list(tunables.values()), [ca.vertcat(*held)])
+        out = {p.name: v for p, v in zip(block.coefficients, values[:count], strict=True)}
+        return out | {kept.name: found(*given)}
+
+    return Block.define(
+        "slopes",
+        f"{block.title}, and its derivatives",
+        period_s=block.period_s,
+        tunables=block.tunables,
+        coefficients=(*block.coefficients, kept),
+        prepare=prepare,
+        state=state,
+        inputs=block.inputs,
+        outputs=(*(p for p in block.outputs if p.name in outputs), slopes),
+        step=form.step,
+    )
+
+
+class _Form:
+    """Which states move with which tunables, and the step that carries it along."""
+
+    def __init__(self, block: Block, outputs: Sequence[str], by_tunable: ca.SX) -> None:
+        self.block, self.outputs = block, outputs
+        self.tunables = by_tunable.shape[1]
+        self.seeds = by_tunable.sparsity()
+        groups = (block.coefficients, block.state, block.inputs)
+        self.symbols = [[ca.SX.sym(p.name, p.size) for p in group] for group in groups]
+        self.c: ca.SX = ca.vertcat(*self.symbols[0])
+        self.s: ca.SX = ca.vertcat(*self.symbols[1])
+        results: Any = block.step(*[x for group in self.symbols for x in group])
+        results = results if isinstance(results, tuple) else (results,)
+        self.next: ca.SX = ca.vertcat(*results[: len(block.state)])
+        every = dict(zip((p.name for p in block.outputs), results[len(block.state) :], strict=True))
+        self.wanted: ca.SX = ca.vertcat(*(every[n] for n in outputs))
+        self.moved = self._reached()
+
+    def _reached(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        # By tunable and state, whether it moves: what depends on what moves moves too.
+        direct = _pattern(self.next, self.c) @ np.array(ca.DM(self.seeds, 1), bool)
+        within = _pattern(self.next, self.s)
+        moved = direct > 0
+        while True:
+            more = moved | (within.astype(int) @ moved.astype(int) > 0)
+            if np.array_equal(more, moved):
+                return np.asarray(moved.T)
+            moved = more
+
+    def state(self) -> tuple[Port, ...]:
+        count = int(self.moved.sum())
+        return (Port("s_slopes", -FAR, FAR, "derivatives of the state", count),) if count else ()
+
+    def step(
+        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
+    ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        known = self._known(c, s)
+        moved, slopes = [], []
+        for k, reached in enumerate(self.moved):
+            states, outputs = self._along(k, known)
+            moved += [states[int(i)] for i in np.flatnonzero(reached)]
+            slopes.append(outputs)
+        block = self.block
+        given = [getattr(c, p.name) for p in block.coefficients]
+        given += [getattr(s, p.name) for p in block.state]
+        given += [getattr(u, p.name) for p in block.inputs]
+        found = ca.substitute(
+            [self.next, self.wanted, ca.vertcat(*moved), ca.vertcat(*_by_output(slopes))],
+            [x for group in self.symbols for x in group],
+            given,
+        )
+        nexts = ca.vertsplit(found[0], np.cumsum([0, *(p.size for p in block.state)]).tolist())
+        out = {p.name: v for p, v in zip(block.state, nexts, strict=True)}
+        if moved:
+            out["s_slopes"] = found[2]
+        values = dict(zip(self.outputs, ca.vertsplit(found[1]), strict=True))
+        return out, values | {"slopes": found[3]}
+
+    def _known(self, c: Any, s: Any) -> tuple[ca.SX, ca.SX]:
+        by_tunable = ca.SX(self.seeds, c.c_slopes)
+        by_state = ca.SX(*self.moved.T.shape)
+        place = 0
+        for k, reached in enumerate(self.moved):
+            for i in np.flatnonzero(reached):
+                by_state[int(i), k] = s.s_slopes[place]
+                place += 1
+        return by_tunable, by_state
+
+    def _along(self, k: int, known: tuple[ca.SX, ca.SX]) -> tuple[ca.SX, ca.SX]:
+        # What tunable k does to next state and outputs: through the coefficients, and through the
+        # state.  The first has no number where a power's base is 0: its share is 0 there.
+        every = ca.vertcat(self.next, self.wanted)
+        direct = ca.jtimes(every, self.c, known[0][:, k])
+        direct = ca.if_else(ca.fabs(direct) <= FAR, direct, 0)
+        total = direct + ca.jtimes(every, self.s, known[1][:, k])
+        return total[: self.next.shape[0]], total[self.next.shape[0] :]
+
+
+def _by_output(slopes: Sequence[ca.SX]) -> list[ca.SX]:
+    # Given by tunable; wanted output by output.
+    table = ca.horzcat(*slopes)
+    return [table[i, :].T for i in range(table.shape[0])]
+
+
+def _pattern(values: ca.SX, symbols: ca.SX) -> np.ndarray[Any, np.dtype[np.intp]]:
+    # Of the derivative, not of the value: what a comparison looks at moves nothing.
+    columns = []
+    for unit in np.eye(symbols.shape[0]):
+        moved = ca.densify(ca.jtimes(values, symbols, ca.DM(unit)))
+        columns.append([not moved[i].is_zero() for i in range(moved.shape[0])])
+    return np.array(columns).T.astype(np.intp)
+
+
+__all__ = ["sloped"]

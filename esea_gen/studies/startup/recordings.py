@@ -1,0 +1,56 @@
+"""Recordings of the procedures in files: the numbers again, without the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_gen.files import write_whole
+from esea_gen.studies.startup.watch import DriveRecording
+from esea_gen.toml_file import read_text
+
+COLUMNS = ("time_s", "u_Nm", "gear_rad", "motor_rad", "load_rad")
+
+
+def write_recordings(folder: Path, recordings: Mapping[str, DriveRecording]) -> None:
+    """A CSV for each procedure, a row a tick, every digit."""
+    for name, r in recordings.items():
+        time_s = r.tick_s * np.arange(len(r))
+        columns = [time_s.round(9), *(getattr(r, n) for n in COLUMNS[1:])]
+        rows = zip(*(c.tolist() for c in columns), strict=True)
+        lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in rows)]
+        write_whole(folder / f"{name}.csv", "\n".join(lines) + "\n")
+
+
+def read_recordings(folder: Path, names: Sequence[str], tick_s: float) -> dict[str, DriveRecording]:
+    """Recordings of these procedures, with a row for each tick."""
+    return {n: _read(folder / f"{n}.csv", tick_s) for n in names}
+
+
+def _read(path: Path, tick_s: float) -> DriveRecording:
+    head, *lines = read_text(path, "Give the folder that --keep wrote.").splitlines() or [""]
+    if tuple(head.split(",")) != COLUMNS:
+        raise UserError(f"{path}: its columns are {head[:80]}.", f"Give {', '.join(COLUMNS)}.")
+    try:
+        table = np.array([[float(x) for x in line.split(",")] for line in lines])
+    except ValueError:
+        table = np.empty(0)
+    if table.ndim != 2 or table.shape[1] != len(COLUMNS) or not np.all(np.isfinite(table)):
+        raise UserError(
+            f"{path}: {len(lines)} rows; some hold no {len(COLUMNS)} finite numbers.",
+            "Record it again.",
+        )
+    wrong = np.flatnonzero(np.abs(np.diff(table[:, 0]) - tick_s) > 1e-3 * tick_s)
+    if len(wrong) or len(table) < 2:
+        at = f"row {wrong[0] + 2}" if len(wrong) else "its end"
+        raise UserError(
+            f"{path}: at {at} the time does not go on by a tick of {1e3 * tick_s:g} ms.",
+            "A recording with gaps cannot be used: record it again.",
+        )
+    return DriveRecording(tick_s, *(np.ascontiguousarray(c) for c in table.T[1:]))
+
+
+__all__ = ["COLUMNS", "read_recordings", "write_recordings"]
