@@ -29,7 +29,8 @@ search: setup
 		--hypothesis-profile=search --hypothesis-seed=$$seed $(TESTS) || { echo "To repeat: $$again"; exit 1; }
 
 docs: setup
-	@$(BIN)/mkdocs build --strict --quiet
+	@$(BIN)/python docs/made_pages.py docs
+	@$(BIN)/zensical build --strict --clean
 	@echo "Open $(OUT)/site/index.html"
 
 bench: setup
@@ -45,7 +46,7 @@ test-slow-sample: setup
 # Frama-C, Gappa and z3 on the emitted C; its set-up installs them too.
 proof: export ESEA_PROOF = 1
 proof: setup
-	@ESEA_REQUIRE_TOOLS=1 $(BIN)/python -m pytest -n 2 -m "slow or not slow" tests/test_fixed_proof.py tests/test_limits_proof.py
+	@ESEA_REQUIRE_TOOLS=1 $(BIN)/python -m pytest -n 2 -m "slow or not slow" tests/test_fixed_proof.py tests/test_limits_proof.py tests/test_firmware_proof.py
 
 style: setup
 	@$(BIN)/ruff check .

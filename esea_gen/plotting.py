@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -11,7 +13,13 @@ import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup, escape
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.text import Annotation
+from matplotlib.ticker import LogFormatter, ScalarFormatter
 
 Array = npt.NDArray[np.float64]
 
@@ -78,11 +86,15 @@ def svg(figure: Figure, name: str, alternative: str) -> Markup:
         An ``<svg>`` element.
     """
     buffer = io.StringIO()
+    named = _name_parts(figure)
     with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r'(<g|<image[^>]*?) id="zoom-(\d+)"', lambda m: _facts(m, named), text)
+    for artist, _ in named:
+        artist.set_gid(None)
     # Groups are numbered alike in every figure, and ids must be unique on a page; what is referred
     # to (clip paths, markers) has an id salted with the figure's name.
     text = re.sub(r'<g id="[^"]*">', "<g>", text)
@@ -100,6 +112,81 @@ def svg(figure: Figure, name: str, alternative: str) -> Markup:
     width = round(figure.get_figwidth() * 105)
     head += f' style="max-width:{width}px"' if width < 960 else ""
     return Markup(f'{head} role="img" aria-label="{escape(alternative)}">{body}'.strip())
+
+
+def _name_parts(figure: Figure) -> list[tuple[Artist, Callable[[], str]]]:
+    """Ids for what moves when a reader zooms, and what `zoom.js` has to know of each part.
+
+    The facts are asked for after drawing: only then does the layout stand.
+    """
+    named: list[tuple[Artist, Callable[[], str]]] = []
+
+    def name(artist: Artist, facts: str | Callable[[], str]) -> None:
+        artist.set_gid(f"zoom-{len(named)}")
+        named.append((artist, facts if callable(facts) else lambda: facts))
+
+    for axes in figure.axes:
+        if axes.name != "rectilinear" or not axes.get_visible():
+            continue
+        name(axes, partial(_axes_facts, axes, figure))
+        for which, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
+            name(axis, f'class="axis-{which}"')
+            name(axis.offsetText, 'class="power"')
+        for artist in (*axes.lines, *axes.patches, *axes.collections, *axes.images):
+            kind, moved = "drawn", artist.get_transform()
+            if isinstance(artist, PathCollection):
+                kind, moved = "marks", artist.get_offset_transform()
+            elif isinstance(artist, AxesImage):
+                kind = "image"
+            ways = zip("xy", moved.contains_branch_seperately(axes.transData), strict=True)
+            if along := "".join(way for way, moves in ways if moves):
+                name(artist, f'class="{kind}" data-along="{along}"')
+        for text in axes.texts:
+            about = text.xycoords if isinstance(text, Annotation) else text.get_transform()
+            if about in ("data", axes.transData):
+                place = text.xy if isinstance(text, Annotation) else text.get_position()
+                name(text, partial(_text_facts, axes, place))
+                if isinstance(text, Annotation) and text.arrow_patch is not None:
+                    name(text.arrow_patch, partial(_text_facts, axes, place))
+    return named
+
+
+def _facts(found: re.Match[str], named: Sequence[tuple[Artist, Callable[[], str]]]) -> str:
+    return f"{found.group(1)} {named[int(found.group(2))][1]()}"
+
+
+def _point(axes: Axes, x: float, y: float) -> tuple[float, float]:
+    # In the picture's own points, downward.
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    per_dot = 72 / figure.dpi
+    return x * per_dot, 72 * figure.get_figheight() - y * per_dot
+
+
+def _axes_facts(axes: Axes, figure: Figure) -> str:
+    box = axes.get_window_extent()
+    left, top = _point(axes, box.x0, box.y1)
+    size = 72 / figure.dpi * box.width, 72 / figure.dpi * box.height
+    told = [f'class="axes" data-box="{left:.2f} {top:.2f} {size[0]:.2f} {size[1]:.2f}"']
+    for which, axis, ends, shared in (
+        ("x", axes.xaxis, axes.get_xlim(), axes.get_shared_x_axes()),
+        ("y", axes.yaxis, axes.get_ylim(), axes.get_shared_y_axes()),
+    ):
+        # Twins lie on each other, so both ways go together, whatever their limits.
+        family = [
+            i
+            for i, a in enumerate(figure.axes)
+            if shared.joined(axes, a) or a.get_position().bounds == axes.get_position().bounds
+        ]
+        plain = isinstance(axis.get_major_formatter(), ScalarFormatter | LogFormatter)
+        kind = axis.get_scale() if axis.get_scale() in ("linear", "log") and plain else "named"
+        told.append(f'data-{which}="{ends[0]:.9g} {ends[1]:.9g} {kind} {min(family)}"')
+    return " ".join(told)
+
+
+def _text_facts(axes: Axes, place: Any) -> str:
+    x, y = _point(axes, *axes.transData.transform(place))
+    return f'class="at" data-at="{x:.2f} {y:.2f}"'
 
 
 def _short(path: str) -> str:

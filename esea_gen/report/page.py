@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import jinja2
 from markupsafe import Markup
 
-from esea_gen.files import template_folder
-from esea_gen.plotting import DARK
+from esea_gen import pages
 
 STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "derived": "○"}
 
@@ -33,15 +32,8 @@ class PageSection(NamedTuple):
 
 @cache
 def environment() -> jinja2.Environment:
-    """The Jinja environment of the pages: HTML is escaped, an undefined name is an error."""
-    env = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(template_folder()),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=True,
-    )
+    """The environment of pages, with what writes numbers for people."""
+    env = pages.environment()
     env.filters |= {
         "num": number,
         "plain": plain,
@@ -62,8 +54,7 @@ def render(head: PageSection, sections: Sequence[PageSection], found: Any, **con
     for section in (head, *sections):
         context |= section.shown(found)
     template = environment().get_template("report/page.html.j2")
-    dark = {name: colour for name, (_, colour) in DARK.items()}
-    return template.render(head=head, sections=sections, found=found, dark_figures=dark, **context)
+    return template.render(head=head, sections=sections, found=found, **context)
 
 
 def number(value: float | None, digits: int = 2) -> str | Markup:

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from esea_gen.errors import UserError
-from esea_gen.files import template_folder, write_whole
+from esea_gen.files import write_whole
+from esea_gen.pages import environment
 from esea_gen.plotting import BOUND, HELD_OUT, INK, MEASURED, MODEL, ROUNDING, STYLE, svg
 from esea_host.assess import MEASURED_NOTICE
 from esea_host.assess.desk import conclusion, long_name, unit_of
@@ -224,7 +224,8 @@ def confusion_picture(result: Mapping[str, Any]) -> Figure:
                     ha="center",
                     va="center",
                     fontsize=8.5,
-                    color="white" if share[i, j] > 0.55 else INK,
+                    # The map is the same by night: so are its numbers, none of the page's colours.
+                    color="#fefefe" if share[i, j] > 0.55 else "#111111",
                 )
         ax.set_xticks(range(counts.shape[1]), result["answers"], rotation=45, ha="right")
         ax.set_yticks(range(counts.shape[0]), result["categories"])
@@ -305,13 +306,7 @@ def loop_picture(found: Any) -> Figure:
 
 
 def _render(template: str, notice: str, **context: Any) -> str:
-    env = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(template_folder()),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        keep_trailing_newline=True,
-    )
-    return env.get_template(f"assess/{template}.html.j2").render(notice=notice, **context)
+    return environment().get_template(f"assess/{template}.html.j2").render(notice=notice, **context)
 
 
 def evaluation_page(result: Mapping[str, Any]) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from esea_gen.emit.messages import board_roles
+from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 from esea_gen.link.kept import kept_use, name_encoders, read_blackbox, release_blackbox

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device
+from esea_gen.identify.regression import Estimate, fit_linear
 from esea_gen.studies.startup.checks import RATIO_OFF, StartupCheck
-from esea_gen.studies.startup.regression import Estimate, fit_linear
 from esea_gen.studies.startup.sign import SignCheck
 from esea_gen.studies.startup.signals import Signals, motor_torque
 from esea_gen.studies.startup.watch import DriveRecording

@@ -9,7 +9,8 @@ from typing import Any, Self
 
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
-from esea_host.connection.device import ConnectedDevice, open_device
+from esea_host.connection.device import ConnectedDevice
+from esea_host.connection.opening import open_device
 from esea_host.connection.samples import RunSample, run_samples
 
 

@@ -15,9 +15,9 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, Transport
-from esea_host.connection.address import BoardAddress, open_patiently, open_transport, parse_address
+from esea_host.connection.address import BoardAddress, open_patiently
 from esea_host.connection.decoder import TICK, TelemetryDecoder
-from esea_host.connection.identity import Identity, column_texts, identify, passive
+from esea_host.connection.identity import Identity, column_texts, identify
 from esea_host.connection.receiver import KEY, Receiver, SessionTransport, Subscription
 from esea_host.connection.recording import LiveRecording
 from esea_host.connection.samples import RunSample, run_samples
@@ -32,6 +32,8 @@ MOST_AWAY_S = 60.0  # a link that broke may take so long to come back
 class ConnectedDevice:
     """A board that is connected, known and listened to.
 
+    ``texts`` is what the board said in words, the oldest first; take away what you have read.
+
     Parameters
     ----------
     identity : Identity
@@ -42,8 +44,6 @@ class ConnectedDevice:
         Where it is, to open the link anew when it breaks.
     threaded : bool
         Listen in a thread; a board whose clock the caller moves is listened to by :meth:`pump`.
-
-    ``texts`` is what the board said in words, the oldest first; take away what you have read.
     """
 
     def __init__(
@@ -466,35 +466,3 @@ class ConnectedDevice:
 
     def _forget(self, recording: LiveRecording) -> None:
         self._recordings = [r for r in self._recordings if r is not recording]
-
-
-def open_device(address: str, device: str | None = None) -> ConnectedDevice:
-    """Connect to a board, waiting until it has answered.
-
-    Parameters
-    ----------
-    address : str
-        ``tcp:host:port``, ``serial:/dev/...``, ``pty:...``, ``sim:elbow_drive``.
-    device : str, optional
-        Name or file of the device that it must be; default: any shipped one.
-
-    Returns
-    -------
-    ConnectedDevice
-        A context manager.
-
-    Raises
-    ------
-    UserError
-        For no address, another device, or C that is not what this tree makes.
-    LinkError
-        When nobody answers.
-    """
-    place = parse_address(address)
-    transport = open_transport(place)
-    try:
-        identity = passive(device) if place.kind == "file" else identify(transport, device)
-    except BaseException:
-        transport.close()
-        raise
-    return ConnectedDevice(identity, transport, place)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import jinja2
 from matplotlib.figure import Figure
 
-from esea_gen.files import template_folder
+from esea_gen.pages import environment
 from esea_gen.plotting import svg
 from esea_host.interaction.analysis import InteractionAnalysis
 from esea_host.interaction.figures import effects_figure, people_figure
@@ -27,14 +26,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 def render_report(found: InteractionAnalysis) -> str:
     """The analysis as a page."""
-    env = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(template_folder()),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    env = environment()
     env.filters["num"] = number
 
     def drawn(figure: Figure, name: str, alternative: str) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib import style
 from matplotlib.figure import Figure
 
+from esea_gen.pages import plain_page
 from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, STYLE, svg
 from esea_host.wrist.analysis import LEARNED, TRACKED, TableLine, WristResult
 from esea_host.wrist.normalisation import CursorMap, NodeSpeeds, fit_rbf
@@ -109,9 +110,6 @@ def page(result: WristResult) -> str:
     """One HTML page with every table and figure."""
     who = "SIMULATED participants" if result.simulated else "participants"
     parts = [
-        "<!doctype html><meta charset='utf-8'><title>Wrist study</title>",
-        "<style>body{font:15px sans-serif;max-width:75em;margin:2em auto}td,th{padding:.2em .7em;"
-        "text-align:left}table{border-collapse:collapse}tr{border-bottom:1px solid #ccc}</style>",
         f"<h1>Wrist study: {result.participants} {who}</h1>",
     ]
     for k, (title, lines) in enumerate(result.tables.items()):
@@ -125,13 +123,14 @@ def page(result: WristResult) -> str:
             f"<p>{html.escape(x.metric)}: {html.escape(x.note)}</p>" for x in lines if x.note
         )
         parts.append(
-            f"<h2>Table {html.escape(title)}</h2><table><tr>"
+            f"<h2>Table {html.escape(title)}</h2><div class='table'><table><tr>"
             + "".join(f"<th>{html.escape(h)}</th>" for h in heads)
-            + f"</tr>{rows}</table>{notes}"
+            + f"</tr>{rows}</table></div>{notes}"
         )
-        parts.append(str(svg(distributions(result, title), f"t{k}", f"Each participant, {title}")))
+        drawn = svg(distributions(result, title), f"t{k}", f"Each participant, {title}")
+        parts.append(f"<figure>{drawn}</figure>")
     parts.append(
         "<p>Medians. Two-sided Wilcoxon signed-rank test, exact; zero differences dropped; Holm's "
         "correction over each table; effect: rank-biserial correlation with its score interval.</p>"
     )
-    return "\n".join(parts)
+    return plain_page("Wrist study", "\n".join(parts))

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from esea_gen.control.faults import Fault
 from esea_gen.device import Device, load_device
-from esea_gen.emit.messages import board_roles
+from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_host.people.person import Limb
 from esea_host.people.rig import SensedRig

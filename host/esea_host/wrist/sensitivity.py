@@ -19,6 +19,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from esea_gen.files import write_whole
+from esea_gen.pages import plain_page
 from esea_gen.plotting import INK, STYLE, svg
 from esea_host.people.person import PersonModel
 from esea_host.study.protocol import parse_protocol
@@ -204,12 +205,10 @@ def sensitivity_page(runs: Sequence[ShiftedRun], participants: int) -> str:
         f"<td>{html.escape('; '.join(r.changed)) or '-'}</td></tr>"
         for r in runs[1:]
     )
-    return (
-        "<!doctype html><meta charset='utf-8'><title>Wrist study: sensitivity</title>"
-        "<style>body{font:15px sans-serif;max-width:75em;margin:2em auto}td,th{padding:.2em .7em;"
-        "text-align:left}table{border-collapse:collapse}tr{border-bottom:1px solid #ccc}</style>"
+    return plain_page(
+        "Wrist study: sensitivity",
         f"<h1>Sensitivity: {participants} SIMULATED participants</h1>"
-        f"{svg(sensitivity_figure(runs), 's', 'Effects in every run')}"
-        "<table><tr><th>number</th><th>end</th><th>range from</th><th>other conclusions</th></tr>"
-        f"{rows}</table>"
+        f"<figure>{svg(sensitivity_figure(runs), 's', 'Effects in every run')}</figure>"
+        "<div class='table'><table><tr><th>number</th><th>end</th><th>range from</th>"
+        f"<th>other conclusions</th></tr>{rows}</table></div>",
     )

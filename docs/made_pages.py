@@ -10,6 +10,7 @@ import enum
 import importlib
 import inspect
 import re
+import sys
 import textwrap
 import tomllib
 from collections.abc import Iterator
@@ -228,106 +229,21 @@ def _inline(text: str) -> str:
     return "".join(pieces)
 
 
-def _paragraphs(text: str) -> str:
-    # Indented blocks and those after "::" stay as they are: code.
-    out = []
-    for block in re.split(r"\n\s*\n", text):
-        if all(line.startswith("    ") for line in block.splitlines()):
-            out.append(block)
-        else:
-            out.append(_inline(block.removesuffix(":") if block.endswith("::") else block))
-    return "\n\n".join(out)
-
-
 def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "&#124;")
 
 
-def _listed(section: str, returned: bool) -> list[str]:
-    lines = []
-    for head, text in entries(section):
-        name, _, kind = (s.strip() for s in head.partition(" : "))
-        if returned and not kind:
-            title = f"`{name}`"
-        else:
-            title = f"`{name}`" + (f" ({_inline(kind)})" if kind else "")
-        lines += [title, f":   {textwrap.indent(_inline(text), '    ').strip() or '.'}", ""]
-    return lines
-
-
-def _signature(item: Item) -> str:
-    try:
-        signature = inspect.signature(item.target)
-    except (TypeError, ValueError):
-        return ""
-    shown = [p for n, p in signature.parameters.items() if n not in ("self", "cls")]
-    # Defaults that are objects have no readable form.
-    readable = (str, int, float, bool, tuple, type(None))
-    shown = [
-        p.replace(annotation=p.empty, default=p.default)
-        if p.default is p.empty or isinstance(p.default, readable)
-        else p.replace(annotation=p.empty, default=p.empty)
-        for p in shown
-    ]
-    # Dropping a default may leave one before a parameter with none: print by hand.
-    text, star = [], False
-    for p in shown:
-        if p.kind is p.KEYWORD_ONLY and not star:
-            text.append("*")
-        star = star or p.kind in (p.KEYWORD_ONLY, p.VAR_POSITIONAL)
-        prefix = {p.VAR_POSITIONAL: "*", p.VAR_KEYWORD: "**"}.get(p.kind, "")
-        text.append(f"{prefix}{p.name}" + ("" if p.default is p.empty else f"={p.default!r}"))
-    return f"({', '.join(text)})"
-
-
-def _item_text(item: Item) -> list[str]:
-    short = item.name.rsplit(".", 2 if item.kind == "method" else 1)
-    name = ".".join(short[1:])
-    level = "####" if item.kind == "method" else "###"
-    lines = [f"{level} {'class ' if item.kind == 'class' else ''}{name} {{ #{item.name} }}", ""]
-    fields = getattr(item.target, "model_fields", None) if item.kind == "class" else None
-    if fields is None:
-        lines += ["```python", f"{name}{_signature(item)}", "```", ""]
-    found = sections(item.doc)
-    lines += [_paragraphs(found.pop("")), ""]
-    for title, text in found.items():
-        lines += [f"**{title}**", ""]
-        if title in ("Notes", "References", "Examples"):
-            lines += [_paragraphs(text), ""]
-        else:
-            lines += _listed(text, title in ("Returns", "Yields", "Raises"))
-    if fields:
-        lines += ["**Fields**", ""]
-        for key, f in fields.items():
-            lines += [f"`{f.alias or key}`", f":   {_inline(f.description or '') or '.'}", ""]
-    if item.kind == "class":
-        properties = [
-            (n, p.fget if isinstance(p, property) else getattr(p, "func", None))
-            for n, p in vars(item.target).items()
-            if not n.startswith("_")
-            and (isinstance(p, property) or type(p).__name__ == "cached_property")
-        ]
-        if properties:
-            lines += ["**Properties**", ""]
-            for key, getter in properties:
-                text = _inline(inspect.cleandoc(getattr(getter, "__doc__", None) or ""))
-                lines += [f"`{key}`", f":   {text.strip() or '.'}", ""]
-    return lines
-
-
 def api_page(key: str) -> str:
-    """One page of the API reference."""
+    """One page of the API reference, for mkdocstrings: each module with what it defines itself."""
     title, names = API_PAGES[key]
     lines = [f"# {title}", "", "From the docstrings of the package.", ""]
     for name in names:
         module = loaded(name)
-        found = list(items(module))
-        if not found:
-            continue
-        lines += [f"## {module.__name__}", ""]
-        lines += [_paragraphs(inspect.cleandoc(module.__doc__ or "")), ""]
-        for item in found:
-            lines += _item_text(item)
+        own = [i.name.removeprefix(f"{module.__name__}.") for i in items(module)]
+        own = [n for n in own if "." not in n]
+        if own:
+            options = f"      members: [{', '.join(own)}]"
+            lines += [f"::: {module.__name__}", "    options:", options, ""]
     return "\n".join(lines)
 
 
@@ -519,13 +435,14 @@ def device_keys(node: dict[str, Any] | None = None) -> Iterator[str]:
             yield from device_keys(about)
 
 
-def on_files(files: Any, config: Any) -> Any:
-    """Called by the site's builder: add the generated pages."""
-    from mkdocs.structure.files import File
-
+def write_pages(folder: Path) -> None:
+    """Write them beside the pages that are written by hand."""
     for path, text in pages().items():
-        files.append(File.generated(config, path, content=text))
-    return files
+        (folder / path).parent.mkdir(exist_ok=True)
+        (folder / path).write_text(text, encoding="utf-8")
 
 
-__all__ = ["commands", "device_keys", "documented", "items", "modules", "on_files"]
+if __name__ == "__main__":
+    write_pages(Path(sys.argv[1]))
+
+__all__ = ["commands", "device_keys", "documented", "items", "modules", "write_pages"]

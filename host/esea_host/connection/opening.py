@@ -1,0 +1,74 @@
+"""Connecting to a board, and what is to be said of it first."""
+
+from __future__ import annotations
+
+from esea_gen.devices.fatigue import life_used
+from esea_gen.devices.file import DeviceData
+from esea_gen.link.kept import CouplingLife, coupling_lives
+from esea_host.connection.address import open_transport, parse_address
+from esea_host.connection.device import ConnectedDevice
+from esea_host.connection.identity import identify, passive
+
+
+def open_device(address: str, device: str | None = None) -> ConnectedDevice:
+    """Connect to a board, waiting until it has answered.
+
+    Parameters
+    ----------
+    address : str
+        ``tcp:host:port``, ``serial:/dev/...``, ``pty:...``, ``sim:elbow_drive``.
+    device : str, optional
+        Name or file of the device that it must be; default: any shipped one.
+
+    Returns
+    -------
+    ConnectedDevice
+        A context manager.
+
+    Raises
+    ------
+    UserError
+        For no address, another device, or C that is not what this tree makes.
+    LinkError
+        When nobody answers.
+    """
+    place = parse_address(address)
+    transport = open_transport(place)
+    try:
+        identity = passive(device) if place.kind == "file" else identify(transport, device)
+    except BaseException:
+        transport.close()
+        raise
+    connected = ConnectedDevice(identity, transport, place)
+    try:
+        connected.texts.extend(warn_of_life(connected))
+    except BaseException:
+        connected.close()
+        raise
+    return connected
+
+
+def life_told(device: DeviceData, life: CouplingLife) -> tuple[str, bool]:
+    """How much of a coupling's life is used, in words; and whether that is enough to warn."""
+    curve = device.file.fatigue
+    if curve is None:
+        return "life used: not known (the device file has no [fatigue])", False
+    used = life_used(curve, life.halves, life.width_rad)
+    text = (
+        f"life used: {100 * used.most:.3g} % ({100 * used.least:.3g} with the least range of each "
+        f"class; curve {curve.cycles.status}: {curve.cycles.source})"
+    )
+    return text, used.most >= curve.warn_share.value
+
+
+def warn_of_life(connected: ConnectedDevice) -> list[str]:
+    """A sentence for each fitted coupling of whose life the stated share is used."""
+    device = connected.identity.device
+    if device.file.fatigue is None or connected.address is None or connected.address.kind == "file":
+        return []
+    found = []
+    for life in coupling_lives(connected.session):
+        text, warns = life_told(device, life)
+        if warns and life.axis is not None:
+            found.append(f"WARNING, coupling {life.serial or 'without a number'}: {text}")
+    return found
