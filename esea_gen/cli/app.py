@@ -50,6 +50,9 @@ GROUPS = {
     "From recordings, and on a real machine": {
         "identify": "identification",
         "uncertainty": "identification",
+        "friction": "identification",
+        "encoder-table": "identification",
+        "advise": "identification",
         "reliability": "identification",
         "torque-check": "identification",
         "startup": "startup",

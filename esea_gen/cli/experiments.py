@@ -106,6 +106,10 @@ def simulate(
         str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the controller.")
     ] = "f32",
     fault: FaultOption = "",
+    adapted: Annotated[
+        bool,
+        typer.Option("--adapted", help="Adapted to the rubber before, with a known mass."),
+    ] = False,
     jobs: JobsOption = -1,
     cluster: ClusterOption = None,
     resume: Annotated[
@@ -139,7 +143,7 @@ def simulate(
         result = simulate_off(
             study,
             [
-                Setting(law, plant, who, real, fault=fault, off=name)
+                Setting(law, plant, who, real, fault=fault, off=name, adapted=adapted)
                 for name in families
                 for law in laws
             ],

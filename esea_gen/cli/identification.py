@@ -1,23 +1,56 @@
-"""From recordings: ``identify``, ``reliability``, ``uncertainty``, ``torque-check``."""
+"""From recordings: ``identify``, ``advise``, ``reliability``, ``uncertainty``, ``torque-check``."""
 
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import esea_gen
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import DeviceArgument, FigureOption, JsonOption
+from esea_gen.cli.options import DeviceArgument, FigureOption, JobsOption, JsonOption, writable
 from esea_gen.cli.output import picture, progress_line, show
 from esea_gen.cli.studies import StudyCommand
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 from esea_gen.files import sample_folder, write_json, write_whole
 
+if TYPE_CHECKING:
+    from esea_gen.identify.search_problem import PresentBest, Searching
+
 PUBLISHED = "published"
+LEAST_BETWEEN_S = 2.0  # two drawings of a search
 SAMPLE = "hdrb"  # a recording of a high-damping rubber that comes along
+
+SearchOption = Annotated[
+    str,
+    typer.Option(
+        "--search",
+        metavar="NAME",
+        help="How the published model's shape is searched: multi-start, evolution (SciPy's), or "
+        "thesis (its genetic algorithm, then IPOPT).",
+    ),
+]
+ResumeOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--resume",
+        metavar="FILE",
+        callback=writable,
+        help="Keep what the search computes; go on from it if it was cut off.",
+    ),
+]
+DrawOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--draw",
+        metavar="FILE",
+        callback=writable,
+        help="Picture of the search and of the best so far, drawn anew as it goes.",
+    ),
+]
 
 
 def _mapping(path: Path) -> Path:
@@ -29,18 +62,22 @@ def _mapping(path: Path) -> Path:
     )
 
 
+MappingArgument = Annotated[
+    Path,
+    typer.Argument(
+        callback=_mapping,
+        help=f"Mapping file of the recording; {SAMPLE}: a rubber's, which comes along.",
+    ),
+]
+DataOption = Annotated[
+    Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+]
+
+
 @app.command()
 def identify(
-    mapping: Annotated[
-        Path,
-        typer.Argument(
-            callback=_mapping,
-            help=f"Mapping file of the recording; {SAMPLE}: a rubber's, which comes along.",
-        ),
-    ],
-    data: Annotated[
-        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
-    ] = None,
+    mapping: MappingArgument,
+    data: DataOption = None,
     folder: Annotated[
         Path | None,
         typer.Option("--out", metavar="DIR", help="Output folder; default: identified/<device>."),
@@ -64,9 +101,19 @@ def identify(
             "device file.",
         ),
     ] = False,
+    search: SearchOption = "multi-start",
+    resume: ResumeOption = None,
+    draw: DrawOption = None,
+    jobs: JobsOption = -1,
     json_file: JsonOption = None,
 ) -> None:
     """Fit the torque model to a recording: device file and report."""
+    how = _searching(search, jobs, resume, draw)
+    if model != PUBLISHED and (search, resume, draw) != ("multi-start", None, None):
+        raise UserError(
+            f"Nothing is searched in '{model}': a member's weights are solved.",
+            "Leave --search, --resume and --draw out.",
+        )
     if compare and (inverse or model != PUBLISHED):
         given = "--inverse" if inverse else "--model"
         raise UserError(f"--compare chooses the model itself: {given}.", f"Leave {given} out.")
@@ -77,11 +124,33 @@ def identify(
             "Leave it out: a member of the family has an exact inverse of its own.",
         )
     if not compare:
-        _identify_model(mapping, data, folder, model, inverse, json_file)
+        _identify_model(mapping, data, folder, model, inverse, json_file, how)
         return
-    chosen = _compare_models(mapping, data, json_file)
+    chosen = _compare_models(mapping, data, json_file, how)
     if folder is not None:
-        _identify_model(mapping, data, folder, chosen, False, None)
+        _identify_model(mapping, data, folder, chosen, False, None, how)
+
+
+def _searching(method: str, jobs: int, resume: Path | None, draw: Path | None) -> Searching:
+    from esea_gen.identify.search_problem import Searching
+    from esea_gen.identify.searches import search_named
+
+    search_named(method)
+    return Searching(method, jobs, resume, None if draw is None else _Drawing(draw).seen)
+
+
+class _Drawing:
+    """The best so far in a file, at most every other second; the last of a run always."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.drawn_s = path, -math.inf
+
+    def seen(self, best: PresentBest, last: bool) -> None:
+        from esea_gen.report.search_picture import search_picture
+
+        if last or time.monotonic() - self.drawn_s > LEAST_BETWEEN_S:
+            picture(self.path, lambda: search_picture(best))
+            self.drawn_s = time.monotonic()
 
 
 def _identify_model(
@@ -91,6 +160,7 @@ def _identify_model(
     model: str,
     inverse: bool,
     json_file: Path | None,
+    how: Searching,
 ) -> None:
     from esea_gen.identify import identify as identify_published
     from esea_gen.identify.family_identification import identify_member
@@ -108,9 +178,9 @@ def _identify_model(
         if model != PUBLISHED:
             result = identify_member(mapping, model, data, tell)
         elif inverse:
-            result, refit = refit_identified(identify_published(mapping, data, tell), tell)
+            result, refit = refit_identified(identify_published(mapping, data, tell, how), tell)
         else:
-            result = identify_published(mapping, data, tell)
+            result = identify_published(mapping, data, tell, how)
     target = folder or Path("identified") / result.device.name
     content = result.to_dict() | ({} if refit is None else {"inverse": refit.to_dict()})
     page, text = target / f"{result.device.name}.html", identification_page(result)
@@ -126,7 +196,9 @@ def _identify_model(
     out.next("build", str(path))
 
 
-def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) -> str:
+def _compare_models(
+    mapping: Path, data: Path | None, json_file: Path | None, how: Searching
+) -> str:
     from esea_gen.bench.sensor_cost import missing_tool, sensor_instructions
     from esea_gen.identify.compare import compare
 
@@ -139,19 +211,62 @@ def _compare_models(mapping: Path, data: Path | None, json_file: Path | None) ->
             data,
             None if missing else sensor_instructions,
             lambda share, what: say(f"{100 * share:.0f} % {what}"),
+            how=how,
         )
     show(result, json_file, "identify-compare")
     return result.chosen
 
 
 @app.command()
-def reliability(
-    table: Annotated[
-        Path, typer.Argument(help="CSV: a column a specimen, a row a condition, torques in Nm.")
-    ],
+def advise(
+    mapping: MappingArgument,
+    data: DataOption = None,
+    minutes: Annotated[
+        float, typer.Option("--minutes", min=0.1, help="How long the motions may take in all.")
+    ] = 10.0,
+    folder: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder for the motions: time and deflection."),
+    ] = None,
     json_file: JsonOption = None,
 ) -> None:
-    """How far specimens agree: ICC(2,1), ICC(3,1), limits of agreement."""
+    """Which experiment next: motions that tell most of the published model's parameters."""
+    from esea_gen.identify import identify as identify_published
+    from esea_gen.identify.next_experiment import advise as advised
+
+    with progress_line() as say:
+        result = identify_published(
+            mapping, data, lambda share, what: say(f"{100 * share:.0f} % {what}")
+        )
+        found = advised(result, minutes)
+    show(found, json_file, "advise")
+    for number, (_, motion) in enumerate(found.motions if folder else (), 1):
+        rows = (f"{t:.2f},{x:.6f}" for t, x in zip(*motion.deflection(), strict=True))
+        path = (folder or Path()) / f"{number}-{motion.kind}.csv"
+        write_whole(path, "\n".join(["time_s,theta_rad", *rows]) + "\n")
+        out.print(f"motion: {path}")
+
+
+@app.command()
+def reliability(
+    table: Annotated[
+        Path,
+        typer.Argument(
+            help="CSV: a column a specimen, a row a condition, torques in Nm. Or a mapping file "
+            "(.toml) whose conditions are specimens: one model is fitted to all, and to each."
+        ),
+    ],
+    data: DataOption = None,
+    json_file: JsonOption = None,
+) -> None:
+    """How far specimens agree: ICC(2,1), ICC(3,1), limits of agreement; a joint fit."""
+    if table.suffix == ".toml":
+        from esea_gen.identify.specimens import joint_fit
+
+        with progress_line() as say:
+            joint = joint_fit(table, data, lambda share, what: say(f"{100 * share:.0f} % {what}"))
+        show(joint, json_file, "reliability")
+        return
     from esea_gen.identify.reliability import read_specimens
     from esea_gen.identify.reliability import reliability as judged
 
@@ -173,9 +288,7 @@ def uncertainty(
             "--recording", metavar="MAPPING", help="Recording that the device was identified from."
         ),
     ] = None,
-    data: Annotated[
-        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
-    ] = None,
+    data: DataOption = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
@@ -267,3 +380,84 @@ def torque_check(
     write_json(json_file, "torque-check", check.to_dict())
     if check.verdict != "pass":
         raise typer.Exit(1)
+
+
+@app.command()
+def friction(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE",
+            help="A run at one speed each: exports of EPOS Studio, or CSV with omega_rad_s and "
+            "tau_Nm at the motor shaft. A folder: all its .csv.",
+        ),
+    ],
+    full: Annotated[
+        float | None,
+        typer.Option("--full-Nm", min=1e-9, help="Torque that an export means by 100 %."),
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option("--device", help="Drive that it is of, with its gear ratio.")
+    ] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Write the device file with what was found."),
+    ] = None,
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
+) -> None:
+    """Friction of a drive from runs at steady speeds: Coulomb, viscous, Stribeck, load."""
+    from esea_gen.identify.friction import fit_friction, friction_figure, read_run
+    from esea_gen.studies.startup.device_text import actuator_text, with_actuator
+
+    if (device is None) != (folder is None):
+        raise UserError("--device and --out go together.", "Give both, or neither.")
+    files = [f for p in runs for f in (sorted(p.rglob("*.csv")) if p.is_dir() else [p])]
+    loaded = None if device is None else esea_gen.load_device(device)
+    if loaded is not None and loaded.file.actuator is None:
+        raise UserError(f"{loaded.origin}: has no [actuator].", "Give a device with a drive.")
+    read = [read_run(f, full) for f in files]
+    found = fit_friction(read)
+    show(found, json_file, "friction")
+    picture(figure, lambda: friction_figure(read, found))
+    if loaded is not None and folder is not None:
+        assert loaded.file.actuator is not None
+        numbers = found.at_joint(loaded.file.actuator.gear_ratio.value)
+        source = f"{found.runs} runs at steady speeds"
+        updated = with_actuator(loaded, numbers, source, "friction identified")
+        write_whole(folder / updated.origin, actuator_text(loaded, updated, []))
+        out.print(f"device file: {folder / updated.origin}")
+
+
+@app.command(name="encoder-table")
+def encoder_table(
+    device: DeviceArgument,
+    recording: Annotated[
+        Path,
+        typer.Argument(help="CSV with the encoder's count and a better encoder's reference_rad."),
+    ],
+    side: Annotated[
+        str, typer.Option("--side", metavar="motor|load", help="Which joint encoder it is.")
+    ] = "motor",
+    nodes: Annotated[int, typer.Option("--values", help="Values of the table.")] = 32,
+    orientation: Annotated[
+        float, typer.Option("--orientation-rad", help="At which the encoder is mounted.")
+    ] = 0.0,
+    folder: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Write the device file with the table."),
+    ] = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Correction table of an encoder from a recording beside a better one."""
+    from esea_gen.identify.encoder_table import fit_table, read_counts, with_table
+
+    choose("side", side, ("motor", "load"))
+    loaded = esea_gen.load_device(device)
+    full = 1 << round(loaded.file.encoder.resolution_bits.value)
+    found = fit_table(side, *read_counts(recording, full), full, nodes)
+    show(found, json_file, "encoder-table")
+    if folder is not None:
+        made = with_table(loaded, found, orientation, f"recording {recording.name}")
+        write_whole(folder / f"{made.name}.toml", made.toml())
+        out.print(f"device file: {folder / f'{made.name}.toml'}")
