@@ -130,3 +130,13 @@ def readable(b: Browser, text: str, folder: Path, width: int = 400) -> None:
         if b.evaluate("document.querySelector('figure svg text') !== null"):
             words = sum(map(int, re.findall(r"\d+", b.evaluate(kept))[:3])) / 3
             assert abs(words - back) > 100
+
+
+def dragged(b: Browser, box: tuple[float, ...], start: tuple[float, ...], end: tuple[float, ...]):
+    """The mouse pressed, moved and let go; places as shares of a box on the screen, downward."""
+    x, y, width, height = box
+    for kind, (right, down) in zip(
+        ("mousePressed", "mouseMoved", "mouseReleased"), (start, end, end), strict=True
+    ):
+        facts = {"x": x + right * width, "y": y + down * height, "button": "left", "clickCount": 1}
+        b.call("Input.dispatchMouseEvent", type=kind, **facts)

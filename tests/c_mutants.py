@@ -32,7 +32,8 @@ LIMIT_S = 60  # of the processor, or ten times that by the clock: a fault withou
 DRIVERS = ("test_drivers.py",)
 TESTS = {
     "app/machine.c": ("test_states.py",),
-    "app/keep.c": ("test_kept.py", "test_wire.py"),
+    "app/keep.c": ("test_kept.py", "test_wire.py", "test_life.py"),
+    "app/life.c": ("test_life.py",),
     "app/schedule.c": ("test_states.py", "test_blackbox_flown.py", "test_wire.py", "test_kept.py"),
     "app/link.c": ("test_wire.py", "test_states.py", "test_kept.py"),
     "drivers/as5048a.c": DRIVERS,
@@ -40,6 +41,7 @@ TESTS = {
     "drivers/escon.c": DRIVERS,
     "drivers/stop_line.c": DRIVERS,
     "app/blackbox.c": ("test_blackbox.py", "test_blackbox_flown.py"),
+    "app/rainflow.c": ("test_life.py",),
     "app/store.c": ("test_store.py", "test_kept.py"),
 }
 

@@ -19,6 +19,7 @@ from esea_gen import files
 from esea_gen.device import Device
 from esea_gen.hostlib import HostLibrary, compile_device
 from tests import result_schemas
+from tests.budget import Budget
 
 ROOT = Path(__file__).parents[1]
 
@@ -46,15 +47,21 @@ SLOW_SAMPLE = (
     "test_drive_verify.py::test_memory_and_stray_accesses_are_seen_in_the_drives_blocks",
     "test_fixed_drive.py::test_the_recorded_rubber_stays_within_the_aim[wrist]",
     "test_inverse.py::test_published_signals_whole",
-    "test_laws.py::test_the_emulated_board_runs_every_law[smc,mpc]",
+    "test_laws.py::test_the_emulated_board_runs_every_law[smc,mpc-mps2-an500]",
     "test_main_job.py::",
+    "test_traces.py::",
     "test_mutate_python.py::test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed",
 )
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(Budget(), "budget")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if any(f"/{name}" in item.nodeid for name in SLOW_SAMPLE):
+        slow = item.get_closest_marker("slow") is not None
+        if slow and any(f"/{name}" in item.nodeid for name in SLOW_SAMPLE):
             item.add_marker(pytest.mark.slow_sample)
 
 

@@ -152,6 +152,8 @@ static esea_app_t app;
 #include "streams.c"
 #include "parameters.c"
 #include "signing.c"
+#include "rainflow.c"
+#include "life.c"
 #include "keep.c"
 #include "key.c"
 #include "link.c"

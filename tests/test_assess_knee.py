@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
 from esea_host.assess.build import cached, none_offset
@@ -58,6 +59,7 @@ from esea_host.recording.gaps import Gap, GapError
 from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
 
+from .browser import browser, readable
 from .conftest import ROOT, require_tool
 from .test_assess import made_up
 
@@ -475,6 +477,11 @@ def test_the_judge_counts(tmp_path):
     json.dumps(r, allow_nan=False)
     with pytest.raises(KeyError):
         evaluation_page(r)  # a page needs the fixed protocol too
+    fixed = [dataclasses.replace(x, way=w) for x in rows[::2] for w in ("fixed", "thesis")]
+    whole = judge(rows + fixed + between + mixed, mixed, data)
+    files.stamped("host-assess-virtual", {"seed": 1} | whole)
+    with browser(tmp_path / "profile") as b:
+        readable(b, evaluation_page(whole), tmp_path)
 
 
 # -- commands ---------------------------------------------------------------------------------
@@ -586,9 +593,10 @@ def test_pendulum_and_range_from_files(tmp_path):
         torque_Nm=np.sin(1.5 * t),
     )  # fmt: skip
     figure = tmp_path / "l.png"
-    call = ["assess", "range", str(slow), "--figure", str(figure)]
+    call = ["assess", "range", str(slow), "--figure", str(figure), "--json", str(out)]
     done = CliRunner().invoke(app, call)
     assert done.exit_code == 0, done.output
+    assert json.loads(out.read_text())["notice"] in done.output
     assert figure.read_bytes()[:4] == b"\x89PNG"
 
 

@@ -142,6 +142,7 @@ def test_released_it_forgets_and_records_again(library, box):
     library[1].esea_blackbox_freeze(box.box, SENSING, 29)
     library[1].esea_blackbox_release(box.box)
     assert box.ticks() == []
+    assert (box.box.fault, box.box.tick) == (0, 0)  # nor of what froze it
     for tick in range(100, 103):
         box.add(tick, ON)
     # Also when a reset must find them among the old ones.

@@ -144,6 +144,17 @@ def test_a_stop_is_recorded(active):
     ]
 
 
+def test_no_mode_is_recorded_where_none_was_wanted(active):
+    active.want(mode=0.0)
+    active.ticks(2)
+    active.disarm()
+    active.ticks(2)
+    active.trouble(FAULTS["BROWN_OUT"])
+    active.ticks()
+    told = [(r.state, r.on, r.stop_held, r.wanted["mode"]) for r in active.blackbox()[-5:-1]]
+    assert told == [("ARMED", True, False, 0.0)] * 2 + [("READY", False, False, 0.0)] * 2
+
+
 def test_a_watchdog_s_reset_is_a_fault_with_what_came_before(active):
     flown(active, 100)
     active.trouble(FAULTS["WATCHDOG"])

@@ -37,6 +37,7 @@ typedef struct { float mode, stop, rearm; float desired[3]; } esea_link_wanted_t
 #define ESEA_LINK_MEASURED_COUNT_GEAR 4
 #define ESEA_LINK_TICK_US 1000
 #define ESEA_LINK_DRIVE 1
+#define ESEA_LINK_COUPLINGS 1u
 """
 HARNESS = """
 #include <stdint.h>

@@ -199,6 +199,23 @@ def test_a_bound_says_which_decisions_it_takes_for_equal():
         assert bound(made("switch", told)).assumptions == ()
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_only_rounding_can_bring_past_a_threshold_is_no_decision_for_sure(sign, turned):
+    # 0.7 x is at most 0.7, in float32 at most 1.2e-7 of that more: above the near threshold, which
+    # it does not reach without rounding, and below the far one.
+    for beyond, unsure in ((3e-8, True), (3e-6, False)):
+        threshold = sign * 0.7 * (1 + beyond)
+
+        def step(c, s, u, guard, label, threshold=threshold):
+            pair = (
+                (u.x_rad * 0.7, threshold) if turned == (sign < 0) else (threshold, u.x_rad * 0.7)
+            )
+            return {}, {"y_rad": ca.if_else(pair[0] < pair[1], u.x_rad, -u.x_rad)}
+
+        assert bool(float_bound(made("edge", step)).assumptions) is unsure
+
+
 def test_a_bound_as_wide_as_its_output_tells_nothing_and_says_so():
     def bound(**outputs: float) -> Bound:
         return Bound("f32", 1, outputs, {}, "one step", ())

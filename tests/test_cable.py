@@ -133,6 +133,9 @@ def test_an_end_is_learnt_at_its_rate_and_so_is_what_the_cable_gives(drive):
     for k in (0, 24, 49, 99, 399):
         learnt = 1 - math.exp(-rate_1_s * (k + 1) * 1e-3)
         assert after[k]["gap_rad"] - wide == pytest.approx(moved * learnt, rel=1e-4, abs=1e-8)
+        # At an end it lies half of the gap from the middle, of the gap as it is known now.
+        lies = after[k]["wound_rad"] - taut * after[k]["give_rad_Nm"]
+        assert lies == pytest.approx(0.5 * after[k]["gap_rad"], abs=1e-8)
     # Means since taut: the first sample, then a quarter as fast as the ends.
     assert after[0]["mean_Nm"] == pytest.approx(taut)
     more = step(0.5 * wide + moved, taut + 0.5, 0.2)

@@ -3,27 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
 from .conftest import ROOT, require_tool
+from .typed import typed as run
 
 HDRB = ROOT / "tests" / "data" / "hdrb"
-
-
-def run(*arguments: object, cwd: Path, env: dict[str, str] | None = None):
-    return subprocess.run(
-        [sys.executable, "-m", "esea_gen.cli", *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        env=os.environ | (env or {}),
-        check=False,
-    )
 
 
 def refused(done) -> str:

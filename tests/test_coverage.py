@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.walker import Kernel, Node, walk
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.language.stream import SPECIAL
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
+from esea_gen.language.stream import SPECIAL, Stream
 from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.executor import (
     coefficients_of,
@@ -67,6 +70,31 @@ def test_without_a_stream_the_coverage_falls_and_says_where(elbow):
     assert any("state_ok" in text and "never" in text for text in least.uncovered)
     assert least.to_dict()["covered"] == least.sides - len(least.uncovered)
     assert least.to_dict()["streams"] == ["chirp"]
+
+
+def test_a_tie_takes_neither_side_of_a_minimum_or_maximum():
+    def step(c, s, u, guard, label):
+        least, most = ca.fmin(u.x_rad, u.y_rad), ca.fmax(u.x_rad, u.y_rad)
+        return {}, {"least_rad": label("least", least), "most_rad": label("most", most)}
+
+    ports = {n: Port(n, -1, 1, "made up") for n in ("x_rad", "y_rad", "least_rad", "most_rad")}
+    block = Block.define(
+        "tied",
+        "made up",
+        period_s=1e-3,
+        state=(),
+        inputs=(ports["x_rad"], ports["y_rad"]),
+        outputs=(ports["least_rad"], ports["most_rad"]),
+        step=step,
+    )
+
+    def sides(y: np.ndarray) -> list[tuple[int, ...]]:
+        found = branch_coverage(block, [Stream("made up", {"x_rad": np.full(3, 0.5), "y_rad": y})])
+        pair = [d for d in found.decisions if d.where.startswith(("least", "most"))]
+        return [tuple(d.seen.values()) for d in pair if d.op in ("fmin", "fmax")]
+
+    assert sides(np.full(3, 0.5)) == [(0, 0), (0, 0)]
+    assert sides(np.array([0.5, 0.6, 0.2])) == [(1, 1), (1, 1)]
 
 
 def test_a_side_is_set_aside_only_with_a_proof(elbow):

@@ -32,7 +32,7 @@ IMPOSSIBLE = {"encoder": 5, "sensor": 5, "inverse": 25, "torque_lead": 1, "passi
 BLOCKS = [
     *("encoder", "joint", "velocity", "sensor", "rate"),
     *("reference", "inverse", "setpoint_rates", "limits", "drive_observer", "human_eso"),
-    *("encoder_gear", "gear_observer", "redundancy", "passivity"),
+    *("encoder_gear", "gear_observer", "redundancy", "passivity", "adaptation"),
     *("torque_lead", "smoothed_setpoint", "set_trend", "sliding_mode", "stamp"),
 ]
 

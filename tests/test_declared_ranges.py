@@ -87,7 +87,7 @@ UNIT_PORTS = """
     active agree soft clock_ok coeffs_ok gear_usable governed high_shown keep load_usable lost
     low_shown
     motor_usable primed request_ok seen sensing_ok settled share slow started stepped stop taut
-    trust usable zeroed
+    trust usable weighed wished zeroed
 """
 # Inputs and outputs of the elbow's drive: torque and deflection that the sensor spans; the joint's
 # ends and a deflection more; 12 rad/s and a motor torque of 0.221 Nm are most.
@@ -184,6 +184,7 @@ BLOW = 2 * SENSOR_NM / LIMB_KGM2 * TICK_S  # what two full torques give the limb
 ANGLE_ROOM_RAD = 1.01 * TICK_S * (SPEED + BLOW / 2) / 0.179
 TURNED_RAD = 1.01 * (GEAR_RAD + SIDE_RAD)
 ERROR_NM = 1.01 * (SENSOR_NM + FULL_NM + 0.35 * SPEED)
+SHIFT_NM = 1.01 * (0.4 * 0.8 + 0.3)
 ANGLE_RATE, ANGLE_ERROR, SLOPE = 25 + 2 * SPEED, 2 * DEFLECTION_RAD, 25
 SLOT_J = 1.01 * SENSOR_NM * SPEED * 0.1
 FASTEST_NM_S = FULL_NM * 6 * np.pi
@@ -209,6 +210,23 @@ ROOM = {
     "encoder_gear.theta_gear_rad": TRAVEL_RAD,
     "encoder_gear.moved": TRAVEL_RAD * N * 2**17 / (2 * np.pi),
     "reference.offset_Nm": 1.01 * (2 * SENSOR_NM + 3 * TRAVEL_RAD + 2 * 0.35 * SPEED),
+    "adaptation.wish_gain reference.wish_gain": (0.99 / 1.3, 1.01 / 0.7),
+    "adaptation.wish_shift_Nm reference.wish_shift_Nm": SHIFT_NM,
+    "adaptation.gain": (1 / 1.3, 1 / 0.7),
+    "adaptation.loss": 0.4,
+    "adaptation.wish_loss": 1.01 * 0.4,
+    "adaptation.offset_Nm": 0.3,
+    "adaptation.wish_offset_Nm": 1.01 * 0.3,
+    "adaptation.missed_Nm": 1.01 * (SENSOR_NM + FULL_NM / 0.7 + SHIFT_NM),
+    "adaptation.weight_lag_Nm adaptation.mean_Nm": 1.01 * FULL_NM,
+    "adaptation.stop_known_Nm": 1.01 * (FULL_NM + 0.8),
+    "adaptation.stop_wish_Nm": 1.01 * (SENSOR_NM + 0.8),
+    "adaptation.square_Nm2": (0, 4.1 * FULL_NM**2),
+    "adaptation.omega_lag_rad_s": 1.01 * SPEED,
+    "adaptation.tau_lag_Nm": 1.01 * SENSOR_NM,
+    "adaptation.more_gain": 1.01 * (1 / 0.7 - 1 / 1.3),
+    "adaptation.more_loss": 1.01 * 2 * 0.4,
+    "adaptation.more_offset_Nm": 1.01 * 2 * 0.3,
     "passivity.error_last_Nm": ERROR_NM,
     "passivity.power_W": 1.01 * ERROR_NM * SPEED,
     "passivity.square_rad2_s2": (0, 1.01 * SPEED**2),

@@ -405,6 +405,8 @@ def motor(drivers):
 def test_at_the_start_it_is_off_and_set_to_none(motor):
     bench = motor.drivers.bench
     assert (bench.pins[ENABLE], bench.duties[PWM]) == (False, 5000)
+    state = motor.state
+    assert (state.measured_Nm, state.low_Nm, state.high_Nm, state.beyond) == (0, 0, 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -497,6 +499,16 @@ def test_a_current_within_the_bound_is_none(motor, current_Nm):
     assert motor.found(0.0) is None
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_current_on_its_bound_to_the_bit_is_within(drivers, way):
+    motor = Motor(drivers, Nm_A=2.0**-4, A_count=2.0**-8)
+    motor.config.bound_Nm = 128 * 2.0**-12
+    motor.amplifier.stuck_counts = 2048 + 128 * way
+    assert motor.found(0.0) is None
+    motor.amplifier.stuck_counts += way
+    assert motor.found(0.0) == TICKS
+
+
 def test_a_motor_that_does_not_conduct_is_found(motor):
     """0.2 (1 - 0.975^n) is above the bound of 0.04 from n = 9 on: the first of the 20 ticks."""
     motor.amplifier.gain = 0.0
@@ -511,6 +523,26 @@ def test_one_tick_in_two_beyond_the_bound_is_found_in_four_times_the_ticks(motor
             found = tick
             break
     assert found == pytest.approx(4 * TICKS, abs=4)
+
+
+@pytest.mark.parametrize("before", ["one tick beyond", "off"])
+def test_what_has_passed_is_forgotten(drivers, before):
+    """A current that is wrong now and then is found as late as by a driver just started."""
+    motor = Motor(drivers)
+    if before == "off":
+        for _ in range(5):
+            drivers.lib.esea_escon_wrong(motor.state, motor.config, drivers.hardware, 0.0)
+    motor.amplifier.stuck_counts = 4095 if before == "one tick beyond" else 2048
+    motor.step(0.0)
+    motor.amplifier.stuck_counts = 2048
+    for _ in range(10):
+        assert not motor.step(0.0)
+    assert motor.state.beyond == 0
+    for tick in range(1, 200):  # two up, one down: 40 at the 77th
+        motor.amplifier.stuck_counts = 4095 if tick % 2 else 2048
+        if motor.step(0.0):
+            break
+    assert tick == 2 * (2 * TICKS - 2) + 1
 
 
 def test_one_tick_in_three_is_let_pass(motor):

@@ -524,6 +524,7 @@ def test_shipped_devices_say_nothing_new(name):
         (row([0, 0.01, 0, -0.2]), "value 3 (counted from 0) is -0.2 rad, outside -0.09 to 0.09"),
         (row([0.03, -0.03] * 32), "no encoder's error is as steep"),
         (row([0.0] * 63 + [0.05]), "from value 62 to the next"),
+        (row([0.05 * i / 63 for i in range(64)]), "from value 63 to the next"),
         (row([0.01, 0, 0, 0], 0.5), "mounted at orientation_rad = 0 rad, 0.5 rad away"),
         (
             f"orientation_rad = {q(0.1)}\n" + row([0.01, 0, 0, 0], 0.15),

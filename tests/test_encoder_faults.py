@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from esea_gen import files
 from esea_gen.bench.encoder_faults import AT_S, CASES, quiet
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import load_study
@@ -130,6 +131,9 @@ def test_figures_of_a_fault_by_hand():
     early = fault_figures(by_hand(110), fault)
     assert early["energy_J"] == pytest.approx(0.6)
     assert early["peak_torque_Nm"] == pytest.approx(4.0)
+    # What the limb gave before does not make up for what it is given later.
+    late = fault_figures(by_hand(350), parse_fault("freeze:load@0.2"))
+    assert late["energy_J"] == pytest.approx(0.8)
     never = fault_figures(by_hand(None), fault)
     assert never["peak_torque_Nm"] == 30.0
     assert "detected_ticks" not in never
@@ -228,5 +232,6 @@ def test_the_pages_table_is_what_the_benchmark_finds():
     from esea_gen.bench.encoder_faults import table as lines
 
     rows = fault_rows(FAULTS, 1, -1)
+    files.stamped("bench-encoder-faults", {"simulated": True, "faults": rows})
     assert all(line in PAGE.read_text(encoding="utf-8") for line in lines(rows))
     assert {r["runs"] for r in rows} == {len(CASES) * 2 * len(AT_S)}

@@ -16,6 +16,7 @@ from random import Random
 import pytest
 from scipy.integrate import quad
 
+from esea_gen.control.adaptation import adaptation
 from esea_gen.control.governor import smoothed_setpoint, torque_lead
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits import limits
@@ -158,8 +159,8 @@ TYPED = {
     "[lead]": "u_a + kappa * (u - u_a)",
     "[soft 1]": "max(sigma_1 * clip((q_2 - q_seen**2) / (q_full**2 - q_seen**2), 0, 1),"
     " sigma_k_1 / exp(h / T_s))",
-    "[soft 2]": "0.6 * lambda_0 + 0.4 * lambda_0 * (1 - sigma)",
-    "[soft 3]": "kappa_0 + 0.6 * sigma * kappa_0",
+    "[soft 2]": "0.6 * lambda_0 + 0.4 * lambda_0 * (1 - sigma_k_1)",
+    "[soft 3]": "kappa_0 + 0.6 * sigma_k_1 * kappa_0",
     "[law]": "v_k + o_k",
     "[law 1]": "u_k_1 - v_k",
     "[law 2]": "o_k_1 / exp(T / tau)",
@@ -192,6 +193,13 @@ TYPED = {
     "[red 2]": "theta_a + abs(tau_e) * (1 / k_min - 1 / k_c)",
     "[red 3]": "J * d_g",
     "[red 4]": "tau_a + c_tau * abs(tau_e) + c_J * J_a_g",
+    "[adapt 1]": "tau_M + J_M * alpha + d_M * omega_l",
+    "[adapt 2]": "x - clip(F, x - r, x + r)",
+    "[adapt 3]": "tau_e - a * x - c * E - o",
+    "[adapt 4]": "a + L * h * e * x / 2",
+    "[adapt 5]": "c + L * h * e * E",
+    "[adapt 6]": "o + L * h * e / 2",
+    "[adapt 7]": "a * tau_d + c * E + o",
     # Family: docs/identify.md.
     "[family]": "N * w_i * d_i * z_i",
     "[rise]": "x * a / (a + abs(x))",
@@ -273,6 +281,7 @@ SHOWN = {
     "prediction": (lambda: shipped("elbow_mpc", "predictive"), " predictive"),
     "passivity": (lambda: passivity(drive()).equations, ""),
     "limits": (lambda: limits(drive()).equations, ""),
+    "adaptation": (lambda: adaptation(drive()).equations, ""),
     "comparison": (lambda: redundancy(drive()).equations, ""),
     "family": (lambda: family_sensor(device("elbow"), FITTED).equations, ""),
 }

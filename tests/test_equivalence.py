@@ -15,6 +15,7 @@ from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.library import HostLibrary, compile_device
+from esea_gen.language.block import Block
 from esea_gen.language.stream import SPECIAL, Stream
 from esea_gen.verify.bounds import derive_bounds
 from esea_gen.verify.compare import compare
@@ -107,14 +108,24 @@ def test_the_comparison_sees_a_fault(elbow, verified, real, old, new):
     assert not all(r.passed for r in results)
 
 
+TRIED: dict[tuple[str, ...], str] = {}
+
+
+def written(block: Block) -> tuple[str, ...]:
+    """A Block's functions in full."""
+    return tuple(f.serialize() for f in (block.prepare, block.init, block.step))
+
+
 @pytest.mark.parametrize("real", ["f64", "f32"])
 @pytest.mark.parametrize("name", sorted(shipped_devices()))
 def test_nan_and_infinity_into_every_input_and_state(name, real):
     require_tool("gcc")
     device = load_device(name)
-    library = compile_device(device, real)
     # A Program's own tests do the same: what of its state carries nothing is not looked at.
     blocks = [b for b in device.system.kinds if b.kind == "block"]
+    # Devices have Blocks in common, to the last number: each is tried in the first that has it.
+    blocks = [b for b in blocks if TRIED.setdefault((real, *written(b)), name) == name]
+    library = compile_device(device, real) if blocks else None
     for block, value in product(blocks, SPECIAL):
         quiet = {p.name: np.full((6, p.size) if p.size > 1 else 6, 0.01) for p in block.inputs}
         cases = []

@@ -6,8 +6,6 @@ import csv
 import dataclasses
 import io
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -27,6 +25,7 @@ from esea_gen.twin.judge import desired_torque, judge
 from esea_gen.twin.run import plant_variant, run_case
 
 from .conftest import require_tool
+from .typed import typed
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -300,12 +299,7 @@ def test_random_plants_differ_and_are_kept_by_their_seed():
     ],
 )
 def test_bad_input_is_explained(arguments, said):
-    done = subprocess.run(
-        [sys.executable, "-m", "esea_gen.cli", "simulate", *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = typed("simulate", *arguments)
     assert done.returncode == 2, done.stderr
     assert said in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr

@@ -277,7 +277,9 @@ def test_the_command_compares_and_writes_the_chosen_one(tmp_path, monkeypatch):
     class Chosen:
         chosen = "slips, strain"
 
-    monkeypatch.setattr("esea_gen.identify.compare.compare", lambda *a: asked.append(a) or Chosen)
+    monkeypatch.setattr(
+        "esea_gen.identify.compare.compare", lambda *a, **_: asked.append(a) or Chosen
+    )
     monkeypatch.setattr("esea_gen.cli.identification.show", lambda *a: None)
     monkeypatch.setattr("esea_gen.report.identification.identification_page", lambda r: "page")
     given = ["identify", str(DATA / "hdrb.toml"), "--compare", "--out", str(tmp_path)]

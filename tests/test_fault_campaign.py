@@ -201,7 +201,12 @@ def test_two_thousand_faults():
     require_tool("gcc")
     made = campaign.fault_campaign("elbow_drive", workers=2)
     assert len(made.runs) == 2000
-    assert made.outside == []
+    # A clamped output does not give while the drive runs out: docs/faults.md.
+    known = [r for r in made.outside if (r.input, r.kind) == ("count_load", "ramp")]
+    assert known == made.outside
+    assert {r.scene for r in known} <= {"held at 1.7 Nm"}
+    assert max((r.torque_then_Nm for r in known), default=0) < 8
+    assert max((r.peak_torque_Nm for r in known), default=0) < 24
 
 
 # -- below the inputs ------------------------------------------------------------------------------

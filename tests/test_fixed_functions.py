@@ -54,6 +54,16 @@ int32_t esea_q31_tanh(int32_t, int);
 PORTABLE = [(), ("-DESEA_Q31_PORTABLE_CLZ",), ("-DESEA_Q31_NARROW",)]
 
 
+def test_a_library_is_kept_by_the_flags_it_was_made_with():
+    require_tool("gcc")
+    ffi = cffi.FFI()
+    ffi.cdef("int told(void);")
+    text = {"told.c": "int told(void) { return TOLD; }\n"}
+    for number in (1, 2):
+        library = ffi.dlopen(str(compile_sources(text, (f"-DTOLD={number}",))))
+        assert library.told() == number
+
+
 @pytest.fixture(scope="module", params=PORTABLE)
 def lib(request):
     require_tool("gcc")

@@ -11,6 +11,7 @@ import runpy
 import socket
 import threading
 import time
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ import esea_host
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_host.cli import main
+from esea_host.connection import address as address_module
 from esea_host.connection.address import parse_address
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.identity import check_hash, identify
@@ -103,8 +105,9 @@ def test_an_address_that_is_none_is_refused(text):
         parse_address(text)
 
 
+@cache
 def bytes_of(drive: SimulatedBoard, ticks: int) -> bytes:
-    """What a board sends, every run told."""
+    """What a board sends from its start on, every run told: the same each time."""
     drive.restart()
     told = LockstepDevice(drive)
     told.listen()
@@ -408,6 +411,13 @@ def test_a_simulated_board_in_a_process_of_its_own(tmp_path):
         assert recording.rows > 1000
     with pytest.raises(LinkError, match=r"did not start; it said:\s+There is no person 'tall'"):
         esea_host.open_device("sim:elbow_drive?person=tall")
+
+
+def test_a_simulated_board_that_is_slow_to_start_is_told_from_one_that_cannot(monkeypatch):
+    monkeypatch.setattr(address_module, "START_S", 0.1)
+    with pytest.raises(LinkError, match=r"did not start.*nothing in 0.1 s") as slow:
+        esea_host.open_device("sim:elbow_drive")
+    assert slow.value.said == ""
 
 
 def test_the_example_runs(server, tmp_path):

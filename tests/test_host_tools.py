@@ -15,6 +15,7 @@ import pytest
 from matplotlib.image import imread
 
 import esea_host
+from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.bench import link as bench
 from esea_host.cli import main
@@ -234,6 +235,7 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
 def test_the_bench_measures_what_it_says(simulated_elbow):
     """Its shape, and what must be 0; figures are for docs/host.md."""
     found = bench.measure(0.05, 1, 0.01, 2.0, simulated_elbow, 0.0, 0.0)
+    files.stamped("host-bench", found)
     assert found["simulated"]
     assert found["fuzzed"]["wrong_rows_taken"] == 0
     assert found["fuzzed"]["missing_rows_not_in_a_gap"] == 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 from scipy.optimize import brentq
 
 from esea_gen.identify.cycles import data_sets, divide, reversals
-from esea_gen.identify.fit import _polish as polish_fit
 from esea_gen.identify.mapping import Cycles
 from esea_gen.identify.misfit import Misfit
 from esea_gen.identify.parameters import at_bound, bounds_of, with_values
@@ -74,26 +72,6 @@ def test_a_minimum_is_found_inside_and_at_a_bound_and_in_few_steps():
     assert asked[0] == pytest.approx([1e-6, -1e3 + 2e-3], rel=1e-6)
     outside, at = polished(lambda x: np.array([x[0] - 2.0, 0.0]), high, low, high)
     assert (outside, at[0]) == (pytest.approx(1.0, rel=1e-4), pytest.approx(1.0, abs=1e-4))
-
-
-def test_a_polish_ends_by_its_tolerances_and_not_by_its_steps():
-    space = Space(False, 0.2, 1.0, 10.0)
-    asked = []
-
-    def residual(x):
-        asked.append(x)
-        y = (x - space.low) / (space.high - space.low)
-        return np.array([y[0] - 0.4, 3 * (y[1] - 0.6), 0.1 * (y[0] - 0.4) ** 2])
-
-    cost, x = polish_fit(residual, space.low, space, 500)
-    y = (x - space.low) / (space.high - space.low)
-    assert y == pytest.approx([0.4, 0.6], abs=1e-4)
-    assert cost < 1e-9
-    # Each step takes three runs; Newton's steps halve nothing here.
-    assert len(asked) < 60
-    # The step of its derivatives, relative to the numbers: well above rounding.
-    moved = [np.max(np.abs(b - a) / np.abs(a)) for a, b in pairwise(asked)]
-    assert moved[0] == pytest.approx(1e-4, rel=1e-3)
 
 
 def test_the_runner_up():

@@ -67,7 +67,7 @@ QUANTITIES = {
         "resolution_bits": (8, 24),
     },
     Deflection: {"scale_rad_per_m": (1e-6, 1e6)},
-    Torque: {"scale_Nm_per_N": (1e-9, 1e6)},
+    Torque: {"scale_Nm_per_N": (1e-9, 1e6), "lag_s": (-1.0, 1.0)},
     Sampling: {"period_s": (1e-6, 100)},
     Mapping: {"full_scale_Nm": (1e-3, 1000)},
 }

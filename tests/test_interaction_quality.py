@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.cli import main
 from esea_host.interaction import analysis
@@ -50,6 +51,8 @@ from esea_host.interaction.survey import (
     spring_against_elastomer,
 )
 from esea_host.interaction.words import lines
+
+from .browser import browser, readable
 
 DEG = np.pi / 180
 
@@ -258,7 +261,7 @@ def test_group_bs_sign_flips(tmp_path):
     control = found.questions[2]
     assert (control.test, control.mean, control.p_holm) == (None, 0.0, 1.0)
     assert found.questions[0].counts == (0, 1, 0, 1, 1)
-    json.dumps(found.to_dict(), allow_nan=False)
+    json.dumps(files.stamped("host-survey", found.to_dict()), allow_nan=False)
 
 
 @given(st.integers(-2, 2))
@@ -305,6 +308,7 @@ def test_two_coders(tmp_path):
     # Smoothness: 4 and 3 of 8, 7 agree: (7/8 - 1/2) / (1 - 1/2).
     assert found.theme_agreement["smoothness"].kappa == pytest.approx(0.75)
     assert found.counts["one"]["spring"]["smoothness"]["positive"] == 2
+    files.stamped("host-comments", found.to_dict())
     assert found.counts["two"]["elastomer"]["linearity"]["negative"] == 1
     assert found.disagreed == ("c3", "c4")
     json.dumps(found.to_dict(), allow_nan=False)
@@ -467,7 +471,7 @@ def test_a_period_effect_is_no_effect_of_the_element(tmp_path):
     assert rms.crossover.treatment.p > 0.05
 
 
-def test_what_is_simulated_says_so(found):
+def test_what_is_simulated_says_so(found, tmp_path):
     text = "\n".join(lines(found))
     assert "SIMULATED" in text
     assert "published" in text
@@ -476,6 +480,8 @@ def test_what_is_simulated_says_so(found):
     assert not re.search(r'(?:src|href)="(?:https?:)?//', page)
     assert page.count("<svg") == 2
     assert "0.0059" in page
+    with browser(tmp_path / "profile") as b:
+        readable(b, page, tmp_path)
     measured = dataclasses.replace(found, simulated=False)
     assert "SIMULATED" not in "\n".join(lines(measured))
 
@@ -500,7 +506,7 @@ def test_the_command(folder, tmp_path, monkeypatch, capsys):
     assert content["simulated"] is True
     assert len(content["comparisons"]) == 4
     assert content["published"]["ten_people_could_have_seen_dz"]["one_test"] > 1
-    assert page.read_text().startswith("<!doctype html>")
+    assert page.read_text().startswith("<!DOCTYPE html>")
 
 
 def changed(folder, tmp_path, old, new, count=1):
@@ -633,9 +639,11 @@ def test_the_other_commands(tmp_path, monkeypatch, capsys):
     assert "loading stiffness" in shown
     assert picture.stat().st_size > 5000
     assert json.loads(content.read_text())["stiffness_Nm_rad"] > 2.8
-    code, shown, _ = command(monkeypatch, capsys, "analyse", "power", "--people", 10)
+    words = ("analyse", "power", "--people", 10, "--json", content)
+    code, shown, _ = command(monkeypatch, capsys, *words)
     assert code == 0
     assert "1.02 standard deviations" in shown
+    assert json.loads(content.read_text())["schema"] == "host-power"
     for bad in (
         ("analyse", "power", "--people", 1),
         ("analyse", "loading", curve, "--figure", tmp_path / "c.txt"),

@@ -201,7 +201,12 @@ def test_invalid_requests_hold_the_set_point(pairs, real, bad):
 def test_corrupt_states_start_afresh(pairs, real):
     pair = pairs[real]
     inside = {"play_rad": np.linspace(0.3, -0.3, 10)}  # in range, but no history leads there
-    cases = [inside] + [
+    # Nested but for one pair: the deflection and the first stop, or a stop and the next one.
+    apart = [
+        {"theta_prev_rad": np.zeros(1), "play_rad": np.where(np.arange(10) < i, 0.0, 0.0667)}
+        for i in range(10)
+    ]
+    cases = [inside, *apart] + [
         {p.name: np.full(p.size, v)} for p in pair.block.state for v in (np.nan, np.inf, 1e30)
     ]
     for case in cases:

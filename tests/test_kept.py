@@ -158,6 +158,33 @@ def test_encoders_are_named_with_the_motor_off_and_once_each(board):
     assert kept_use(board).encoders == ((0, None), (0, None))
 
 
+def texts(board) -> list[str]:
+    return [m.text for m in board.pending() if m.get_type() == "STATUSTEXT"]
+
+
+def test_of_what_is_kept_it_says_what_is_so(board):
+    def moved() -> list[str]:
+        board.zero()
+        for k in range(230):
+            board.measure(**ANGLES | {"count_motor": 700.0 + k})
+            board.ticks(1)
+        board.measure(**ANGLES)
+        return texts(board)
+
+    def named() -> tuple[list[str], list[int]]:
+        board.send(board.message("ESEA_KEPT", [11, 12, 13, 0], [0.0] * 4, *[0] * 9))
+        answers = board.pending()
+        told = next(m for m in answers if m.get_type() == "ESEA_KEPT")
+        return [m.text for m in answers if m.get_type() == "STATUSTEXT"], list(told.serial)
+
+    texts(board)
+    assert moved() == []  # nothing was kept that could be forgotten
+    assert named() == ([], [11, 12, 0, 0])  # the drive has two; it is saved, so that none is said
+    zeroed(board)
+    assert texts(board) == []
+    assert moved() == ["the kept zero is no longer used"]
+
+
 def test_a_cut_while_a_zero_is_kept_leaves_the_old_one_or_the_new_one(board):
     """The zero is in the set that the store keeps whole; here: half of its bytes are not there."""
     name_encoders(board, [11, 12])
@@ -206,6 +233,43 @@ def test_use_is_counted_and_outlasts_the_power(board):
     expected = {"starts": 3, "armings": 1, "faults": 2, "watchdog_resets": 1, "active_s": 2}
     assert told == expected
     assert saves >= 3  # a start and a fault each
+
+
+def test_a_second_of_use_is_a_thousand_ticks_with_the_motor_on(board):
+    zeroed(board)
+    board.arm()
+    on = 0
+    while on < 1999:
+        if on % 50 == 0:
+            board.want(mode=0.0)
+        board.ticks()
+        on += board.motor[0]
+    assert kept_use(board).counters["active_s"] == 1
+    board.ticks()
+    assert kept_use(board).counters["active_s"] == 2
+
+
+@pytest.mark.parametrize("place", [0, 17, 31])
+def test_a_key_of_one_byte_that_is_not_zero_is_a_key(board, place):
+    """And what was signed before the pairing is old, after a power-off too."""
+    enum = board.dialect
+    key = bytearray(32)
+    key[place] = 1
+    paired_at = 2**40
+    board.send(board.message("SETUP_SIGNING", 1, 1, list(key), paired_at))
+    board.restart()
+    assert board.command(enum.MAV_CMD_USER_1) == enum.MAV_RESULT_DENIED
+    board._sign(bytes(key))
+    own = board._encoder.signing
+    reset = board.message("COMMAND_LONG", 1, 1, enum.MAV_CMD_USER_1, 0, *[0.0] * 7)
+    frames = {}
+    for since in (-1, 1):
+        own.timestamp = paired_at + since
+        frames[since] = bytes(reset.pack(board._encoder))
+    before = board.traffic().replayed
+    board.send_bytes(frames[-1])
+    assert board.traffic().replayed == before + 1
+    board._sign(None)
 
 
 def test_another_firmwares_set_is_not_replaced_by_counters(board):

@@ -10,12 +10,12 @@ import pytest
 from esea_gen.control.faults import Fault
 from esea_gen.device import load_device
 from esea_gen.emit.messages import (
-    board_roles,
     fault_codes,
     mavlink_units,
     messages,
     status_words,
 )
+from esea_gen.emit.roles import board_roles
 
 # MAVLink 2: types and their sizes, largest payload, most fields, range of ids.
 TYPES = {

@@ -444,6 +444,12 @@ def test_eso_gains_that_diverge_are_refused(drive):
         extended_state(changed(drive, gain_tau_Nm_rad=20900.0))
     with pytest.raises(UserError, match="multiplied by"):
         extended_state(changed(drive, gain_theta=0.0, gain_omega_1_s=0.0))
+    # At one end only of what the decay may be set to, 0.06 to 1.5 s.
+    with pytest.raises(UserError, match=r"decay of 1\.5 s.*multiplied by 1\.0003"):
+        extended_state(changed(drive, gain_rate_Nm_s_rad=15000.0))
+    gains = {"gain_theta": 0.0762, "gain_omega_1_s": 30.119, "gain_tau_Nm_rad": 481.5456}
+    with pytest.raises(UserError, match=r"decay of 0\.06 s.*multiplied by 1\.0001"):
+        extended_state(changed(drive, gain_rate_Nm_s_rad=16000.0, **gains))
 
 
 # -- all of them ----------------------------------------------------------------------------------

@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -35,6 +33,7 @@ from esea_gen.twin.run import compiled_loop, plant_variant, run_case, told
 from .conftest import require_tool
 from .test_experiments import shorter
 from .test_plant import P_NM_RAD, R_RAD, Rig
+from .typed import typed
 
 EVERY = list(off_families())
 # What each family may touch, typed again.
@@ -373,12 +372,7 @@ def test_names_and_groups():
     ],
 )
 def test_bad_input_is_explained(arguments, said):
-    done = subprocess.run(
-        [sys.executable, "-m", "esea_gen.cli", "simulate", "tuning", *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = typed("simulate", "tuning", *arguments)
     assert done.returncode == 2, done.stderr
     assert said in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
@@ -389,12 +383,7 @@ def test_one_command_makes_the_table(tmp_path):
     command = (
         "simulate tuning --off rubber-10,missed-10% --controller smc --controller mpc --jobs 1"
     )
-    done = subprocess.run(
-        [sys.executable, "-m", "esea_gen.cli", *command.split(), "--json", file, "--csv", sheet],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = typed(*command.split(), "--json", file, "--csv", sheet)
     assert done.returncode == 0, done.stderr
     assert "simulated" in done.stdout
     rows = json.loads(file.read_text())["off"]

@@ -10,7 +10,7 @@ import pytest
 
 from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
-from esea_gen.emit.messages import board_roles
+from esea_gen.emit.roles import board_roles
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.twin.recorded import record_drive

@@ -142,12 +142,16 @@ def wanted(**more):
     return base | more
 
 
+# The rubber is its model.
+AS_IT_IS = {"wish_gain": 1.0, "wish_shift_Nm": 0.0}
+
+
 def test_a_known_future_starts_where_the_torque_is(small):
     z = Horizon(4, 0.02, 2, 0.002)
     simulator = ahead(small, z, given=True, one_layer=True).simulator()
     future = np.array([0.5, 0.6, 0.7, 0.8])
     out = simulator.step(
-        **wanted(offset_Nm=-1.2),
+        **wanted(offset_Nm=-1.2, **AS_IT_IS),
         tau_preview_Nm=future,
         theta_preview_rad=np.full(4, 0.5),
         omega_preview_rad_s=np.zeros(4),
@@ -158,7 +162,7 @@ def test_a_known_future_starts_where_the_torque_is(small):
     # No gains in torque mode, those of the law in impedance mode.
     assert (out["Kp_Nm_rad"], out["Kd_Nms_rad"]) == (0, 0)
     law = simulator.step(
-        **wanted(mode=2.0),
+        **wanted(mode=2.0, **AS_IT_IS),
         tau_preview_Nm=future,
         theta_preview_rad=np.full(4, 0.5),
         omega_preview_rad_s=np.zeros(4),
@@ -171,7 +175,7 @@ def test_damping_that_is_added_resists_all_of_the_speed(small):
     """As a gain, so that it bends with the speed along the horizon; not against the wanted rate."""
     z = Horizon(4, 0.02, 2, 0.002)
     simulator = ahead(small, z, given=True, one_layer=True).simulator()
-    ahead_of = {
+    ahead_of = AS_IT_IS | {
         "tau_preview_Nm": np.full(4, 0.5),
         "theta_preview_rad": np.full(4, 0.5),
         "omega_preview_rad_s": np.array([0.0, 1.0, 2.0, 3.0]),
@@ -190,7 +194,7 @@ def test_in_two_layers_it_is_a_torque(small):
     simulator = ahead(small, z, given=True, one_layer=False).simulator()
     given = {k: v for k, v in wanted().items() if k not in ("Kp_Nm_rad", "Kd_Nms_rad")}
     given.pop("theta_load_rad")
-    given |= {"damping_Nms_rad": 0.1, "omega_load_rad_s": 2.0, "tau_set_Nm": 0.7}
+    given |= {"damping_Nms_rad": 0.1, "omega_load_rad_s": 2.0, "tau_set_Nm": 0.7} | AS_IT_IS
     out = simulator.step(**given, tau_preview_Nm=np.full(4, 0.5))
     assert out["tau_d_Nm"] == pytest.approx(0.3)
     # In impedance mode the set torque has it already.
@@ -216,7 +220,7 @@ def test_an_invalid_future_turns_it_off(small):
     system = small.system
     block = system.blocks["ahead"]
     given_now = {p.name: np.zeros(p.size) if p.size > 1 else 0.5 for p in block.inputs}
-    given_now |= {"mode": 1.0, "tau_range_Nm": 3.0}
+    given_now |= {"mode": 1.0, "tau_range_Nm": 3.0} | AS_IT_IS
     assert block.simulator().step(**given_now)["mode"] == 1
     for bad in (np.nan, np.inf, 1e9):
         given_now["tau_preview_Nm"] = np.array([0, bad, 0, 0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -18,6 +19,8 @@ from esea_gen.errors import UserError
 from esea_gen.identify import identification as identification_file
 from esea_gen.identify import identify, load_mapping, load_recordings
 from esea_gen.identify.family_identification import identify_member
+from esea_gen.identify.quality import after_gaps
+from esea_gen.identify.quality_gate import gate_notes
 from tests.conftest import require_tool
 
 DATA = Path(__file__).parent / "data" / "hdrb"
@@ -162,6 +165,29 @@ def test_a_drop_out_is_not_trained_on(clean, tmp_path):
     assert held_out(result) == pytest.approx(held_out(clean), abs=0.05)
 
 
+def test_what_stood_in_a_spikes_place_neither_trains_nor_judges(tmp_path):
+    t, x, y = rig()
+    spikes = [310, 555, 900, 901, 1333]
+    y[spikes] = [15, -9, 12, 12, 6]
+    (r,) = load_recordings(load_mapping(written(tmp_path, t, x, y)))
+    used = np.concatenate([u for s in r.sets for u in (s.training, s.held_out)])
+    assert len(used) > 1000
+    assert not set(spikes) & set(used.tolist())
+
+
+def test_the_cycle_of_a_gap_and_the_next_one_are_left_out():
+    cycles = [SimpleNamespace(start=a, stop=a + 10) for a in (5, 15, 25, 35)]
+    for gap, left_out in (
+        (14, range(5, 25)),
+        (17, range(15, 35)),
+        (37, range(35, 45)),
+        (2, range(15)),
+    ):
+        assert np.flatnonzero(after_gaps(45, [gap], cycles)).tolist() == list(left_out)
+    both = after_gaps(45, [14, 37], cycles)
+    assert np.flatnonzero(both).tolist() == [*range(5, 25), *range(35, 45)]
+
+
 def test_a_force_that_stands_still_shuts_the_gate(clean, tmp_path):
     t, x, y = rig()
     y[700:760] = y[700]
@@ -250,10 +276,10 @@ def test_rate_terms_that_do_not_help_are_left_out(tmp_path, monkeypatch):
     require_tool("gcc")
     real, asked = identification_file.fit_split, []
 
-    def fit(source, recordings, template, tell):
+    def fit(source, recordings, template, tell, how):
         asked.append(template.rate_terms)
         bare = identification_file.draft(source, recordings, False)
-        got = real(source, recordings, bare, tell)
+        got = real(source, recordings, bare, tell, how)
         if not template.rate_terms:
             return got
         worse = [r.tau_Nm * 0.9 - r.tau_Nm for r in recordings]
@@ -359,3 +385,61 @@ def test_a_rate_that_no_board_runs_is_refused(elbow):
         parse_device(text.replace("{ value = 1000.0, status", "{ value = 333.3, status"), "x.toml")
     whole = text.replace("{ value = 1000.0, status", "{ value = 333.333333, status")
     assert round(1e6 * parse_device(whole, "x.toml").period_s) == 3000
+
+
+# Sign and lag of the torque.
+
+
+def test_a_torque_of_the_other_sign_is_turned_where_asked(tmp_path):
+    t, x, y = rig()
+    straight = load_recordings(load_mapping(written(tmp_path, t, x, y)))[0]
+    assert "slope" in refused(written(tmp_path, t, x, -y))
+    fit = ("[torque]\n", '[torque]\nsign = "fit"\n')
+    turned = load_recordings(load_mapping(written(tmp_path, t, x, -y, fit)))[0]
+    np.testing.assert_allclose(turned.tau_Nm, straight.tau_Nm, atol=1e-9)
+    assert [f.kind for f in turned.findings] == ["sign"]
+    assert not turned.findings[0].stops
+    assert load_recordings(load_mapping(written(tmp_path, t, x, y, fit)))[0].findings == ()
+    # One file turned and another not: one of them is wrong.
+    (tmp_path / "other.csv").write_bytes((tmp_path / "rig.csv").read_bytes())
+    path = written(tmp_path, t, x, -y, fit, ('"rig.csv"', '"rig.csv", "other.csv"'))
+    assert "turns rig.csv round and other.csv not" in refused(path)
+    # A lag that leaves nothing.
+    lag = ("[torque]\n", '[torque]\nlag_s = { value = 1.0, status = "assumed", source = "?" }\n')
+    assert "leaves 0 samples" in refused(written(tmp_path, 0.1 * t[:200], x[:200], y[:200], lag))
+
+
+@pytest.mark.parametrize("late_ms", [0, 10, 100, 200])
+def test_a_torque_recorded_late_is_named_and_put_right(tmp_path, late_ms):
+    t, x, _ = rig()
+    # Loss angle 0.2 at 0.5 Hz: the torque leads by 0.2 / pi s, 64 ms.
+    lead_s = 0.2 / np.pi
+    y = 3 * np.sin(np.pi * (t + lead_s - late_ms / 1000))
+    found = {
+        f.kind: f for f in load_recordings(load_mapping(written(tmp_path, t, x, y)))[0].findings
+    }
+    assert ("lag" in found) == (late_ms > 1000 * lead_s)
+    if late_ms > 1000 * lead_s:
+        least = float(found["lag"].text.split(" ms at least")[0].split()[-1])
+        # Samples are 10 ms apart.
+        assert least - 10 <= late_ms - 1000 * lead_s <= least
+        assert found["lag"].stops
+        said = f'lag_s = {{ value = {late_ms / 1000}, status = "assumed", source = "a step" }}\n'
+        put = ("[torque]\n", f"[torque]\n{said}")
+        right = load_recordings(load_mapping(written(tmp_path, t, x, y, put)))[0]
+        assert right.findings == ()
+        wanted = 3 * np.sin(np.pi * (t + lead_s))[: len(right.time_s)]
+        assert len(t) - len(right.time_s) == late_ms / 10
+        np.testing.assert_allclose(right.tau_Nm, wanted, atol=1e-3)
+
+
+@pytest.mark.parametrize("offset_fitted", [True, False])
+def test_an_offset_of_the_model_excuses_an_offset_and_nothing_else(offset_fitted):
+    def notes(*kinds: str) -> str:
+        found = [SimpleNamespace(kind=k, stops=k != "spike", text=k) for k in kinds]
+        one = SimpleNamespace(label="first", findings=found)
+        return "\n".join(gate_notes([one], offset_fitted=offset_fitted))
+
+    assert ("Quality gate: offset" in notes("offset", "spike")) is not offset_fitted
+    assert "Quality gate: frozen" in notes("frozen")
+    assert "Quality gate" not in notes("spike")

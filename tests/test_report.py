@@ -147,7 +147,7 @@ def test_the_page_is_self_contained_and_well_formed(
     for text in (chirped_page, recorded_page, identification_page(identification)):
         page = Page(text)
         assert page.outward == []
-        assert "script" not in page.tags
+        assert page.tags.count("script") == 1  # zooms figures
         assert "@import" not in text
         assert "@font-face" not in text
         assert len(page.ids) == len(set(page.ids)), "an id occurs twice"
@@ -231,7 +231,7 @@ def test_hostile_text_is_escaped(chirped: Report) -> None:
     )
     device = Device(file.model_copy(update={"title": HOSTILE, "elastomer": bad}), "x.toml")
     text = replace(chirped, device=device, command=f"run {HOSTILE}").html()
-    assert "<script" not in text
+    assert text.count("<script") == 1
     assert "&lt;script&gt;" in text
     assert HOSTILE in Page(text).text
 
@@ -239,7 +239,7 @@ def test_hostile_text_is_escaped(chirped: Report) -> None:
 def test_a_hostile_identification_is_escaped(identification: Identification) -> None:
     file = identification.device.file.model_copy(update={"title": HOSTILE})
     hostile = replace(identification, device=Device(file, "x.toml"), notes=(HOSTILE,))
-    assert "<script" not in identification_page(hostile)
+    assert identification_page(hostile).count("<script") == 1
 
 
 def test_two_renders_are_equal(

@@ -233,6 +233,17 @@ def test_the_worst_of_several_crossings_counts():
     assert m.gain_margin_Hz == pytest.approx(0.5 / 0.03, rel=1e-3)
 
 
+def test_the_least_delay_need_not_be_where_the_phase_margin_is():
+    # Gain crosses 1 at 1, 5 and 20 Hz, with margins of 30, 80 and 60 deg: delays of 83, 44, 8 ms.
+    f = np.geomspace(0.1, 100, 4001)
+    gain = np.where(f < 1, 2.0, np.where(f < 5, 0.5, np.where(f < 20, 2.0, 0.5)))
+    phase_deg = np.interp(np.log(f), np.log([0.5, 1, 5, 20, 50]), [-120, -150, -100, -120, -120])
+    locus = gain * np.exp(1j * np.radians(phase_deg))
+    m = FrequencyResponse(f, locus, None, None, "").margins()
+    assert m.phase_margin_deg == pytest.approx(30, abs=0.3)
+    assert m.delay_margin_s == pytest.approx(60 / 360 / 20, rel=5e-3)
+
+
 def test_open_loop_of_a_closed_one():
     f = np.geomspace(0.1, 100, 300)
     s = 2j * np.pi * f

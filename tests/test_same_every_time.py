@@ -14,7 +14,16 @@ def drawn(*options: str, hash_seed: int = 0) -> list[str]:
     """Every example of a file's property tests, as Hypothesis tells them."""
     command = "-s -p no:cacheprovider -m hypothesis --hypothesis-verbosity=verbose"
     run = subprocess.run(
-        [sys.executable, "-m", "pytest", *command.split(), *options, "tests/test_response.py"],
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            *command.split(),
+            *options,
+            "-k",
+            "lag or margins or straight_line",
+            "tests/test_response.py",
+        ],
         capture_output=True,
         text=True,
         check=False,

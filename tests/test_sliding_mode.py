@@ -74,7 +74,7 @@ def bits(block) -> SimpleNamespace:
 
 
 def inputs_of(block, **values: float) -> dict[str, float]:
-    zero = {p.name: 0.0 for p in block.inputs}
+    zero = {p.name: 1.0 if p.name == "wish_gain" else 0.0 for p in block.inputs}
     assert set(values) <= set(zero)
     return zero | {"mode": 1.0} | values
 
@@ -124,7 +124,7 @@ def test_equivalent_control_and_gain_as_typed(drive, printed, which):
         integral = rng.uniform(-4, 4)
         simulator.state = {"active": 1.0, "integral_rad_s": integral, "offset_Nm": 0.0}
         if which == "softened":
-            simulator.state |= {"square": 0.9}
+            simulator.state |= {"soft": 1.0}
         acc, omega = 0.0, u["omega_motor_rad_s"]
         if which != "printed":
             acc = u["delta_acc_rad_s2"] + (u["tau_Nm"] + u["tau_h_Nm"]) / JH
@@ -536,6 +536,8 @@ def loop_system(device: Device) -> System:
         "theta_motor_rad": ("motor_rate.theta_rad",),
         "tau_Nm": ("reference.tau_Nm", "drive.tau_Nm"),
         "tau_desired_Nm": ("reference.tau_desired_Nm",),
+        "wish_gain": ("reference.wish_gain",),
+        "wish_shift_Nm": ("reference.wish_shift_Nm",),
         "mode": ("reference.mode",),
         "theta_load_rad": ("reference.theta_load_rad",),
         "omega_load_rad_s": ("reference.omega_load_rad_s",),
@@ -583,6 +585,7 @@ def closed_loop(device: Device, seconds: float, counts: int) -> tuple[np.ndarray
         seen = math.floor(theta / lsb) * lsb
         zero = dict.fromkeys(("theta_load_rad", "omega_load_rad_s"), 0.0)
         zero |= dict.fromkeys(("theta_desired_rad", "omega_desired_rad_s"), 0.0)
+        zero |= {"wish_gain": 1.0, "wish_shift_Nm": 0.0}  # the rubber is its model
         controller.release(k)
         if k % 5 == 1:
             u = sent

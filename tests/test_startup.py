@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
@@ -19,6 +20,7 @@ from esea_gen.control.linear_loop import least_damped
 from esea_gen.control.sliding_mode import LEAD
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
+from esea_gen.identify.regression import Estimate, LeastSquares, fit_linear
 from esea_gen.model.rubber import stiffness_range_Nm_rad
 from esea_gen.studies.startup.checks import checks_of
 from esea_gen.studies.startup.device_text import device_text
@@ -28,6 +30,7 @@ from esea_gen.studies.startup.margins import (
     LIMITS,
     CutLoop,
     LoopDrive,
+    check_margins,
     enough,
     loop_margins,
     slope_with_margins,
@@ -35,13 +38,14 @@ from esea_gen.studies.startup.margins import (
 from esea_gen.studies.startup.motions import GearPath, switching
 from esea_gen.studies.startup.outcome import Startup
 from esea_gen.studies.startup.procedures import PROCEDURES, guide, run_procedure
-from esea_gen.studies.startup.regression import LeastSquares, fit_linear
+from esea_gen.studies.startup.recordings import write_recordings
 from esea_gen.studies.startup.sign import SignCheck
 from esea_gen.studies.startup.signals import motor_torque
 from esea_gen.studies.startup.study import (
     SimulatedDrive,
     judged_gains,
     start_up,
+    start_up_recorded,
     start_up_simulated,
 )
 from esea_gen.studies.startup.watch import Envelope, StoppedError, WatchedMachine
@@ -417,6 +421,22 @@ def test_at_its_margins_the_loop_itself_begins_to_grow(drive):
         assert loop_margins(DEVICE, more).stable is not grows
 
 
+def test_no_corner_of_what_was_found_is_worse_than_the_worst_that_is_told():
+    found = {"gain": (0.85, 1.15), "J_kgm2": (0.56, 0.76), "tau_c_s": (0.033, 0.037)}
+    found |= {"delay_s": (0.0, 0.001), "fv_Nms_rad": (0.5, 0.6)}
+    model = {k: Estimate(0.5 * (low + high), low, high) for k, (low, high) in found.items()}
+    told = check_margins(DEVICE, SimpleNamespace(**model)).worst
+    corners = [
+        loop_margins(DEVICE, LoopDrive(g, j, fv, lag, late, k)).margins
+        for g, j, lag, late, fv, k in itertools.product(
+            *found.values(), stiffness_range_Nm_rad(DEVICE)
+        )
+    ]
+    for key, size in told.items():
+        least = min(abs(getattr(m, key) or math.inf) for m in corners)
+        assert size == pytest.approx(least, rel=1e-9)
+
+
 def test_on_the_devices_own_drive_the_loop_is_that_of_the_laws_own_check():
     soft, stiff = stiffness_range_Nm_rad(DEVICE)
     damping = []
@@ -580,10 +600,49 @@ def test_the_device_file_holds_what_was_found(tmp_path):
         assert "simulated" in q.source
     assert again.file.actuator.coulomb_width_rad_s == DEVICE.file.actuator.coulomb_width_rad_s
     assert again.system.base_period_s == DEVICE.system.base_period_s  # it can be built
+    a, d = again.file.actuator, result.model.disturbance
+    assert a.backlash_rad.value == pytest.approx(result.truth["backlash_rad"], rel=0.1)
+    assert a.cogging_Nm.value == pytest.approx(np.std(result.true_map_Nm), rel=0.05)
+    assert f"interval {d.rms_Nm - np.mean(d.half_Nm):.4g} to" in a.cogging_Nm.source
     # Of a device file of one's own the whole content is written.
     (own,) = [device_text(again, result.updated, result.model, [])]
     assert "extends" not in own
     assert "delay from command to encoder" in own
+
+
+def test_recordings_in_files_give_the_same_numbers(tmp_path, monkeypatch):
+    result = started()
+    write_recordings(tmp_path, result.recordings)
+    given = {}
+
+    def known(device, recordings):
+        given.update(recordings)
+        return result.model
+
+    monkeypatch.setattr("esea_gen.studies.startup.study.identify_drive", known)
+    again = start_up_recorded(DEVICE, tmp_path)
+    assert list(given) == [p.name for p in PROCEDURES]
+    for name, recording in result.recordings.items():
+        for column in ("u_Nm", "gear_rad", "motor_rad", "load_rad"):
+            assert np.array_equal(getattr(given[name], column), getattr(recording, column))
+        assert given[name].tick_s == recording.tick_s
+    assert again.machine_s == pytest.approx(result.machine_s, abs=0.1)
+    assert again.source == f"recordings in {tmp_path.name}"
+    assert again.truth == {}
+    # What is no whole recording is refused.
+    path = tmp_path / "friction.csv"
+    lines = path.read_text().splitlines()
+    for spoilt, says in (
+        ([*lines[:500], *lines[510:]], "does not go on by a tick"),
+        ([*lines[:500], "0.5,nan,0,0,0", *lines[501:]], "finite"),
+        (["time,u", *lines[1:]], "columns"),
+    ):
+        path.write_text("\n".join(spoilt))
+        with pytest.raises(UserError, match=says):
+            start_up_recorded(DEVICE, tmp_path)
+    path.unlink()
+    with pytest.raises(UserError, match=r"friction\.csv"):
+        start_up_recorded(DEVICE, tmp_path)
 
 
 def test_the_command_writes_all_and_its_exit_code_is_the_verdict(tmp_path, monkeypatch, capsys):

@@ -142,6 +142,16 @@ def test_an_event_of_no_number_is_refused_in_every_state(powered):
             assert held[0] == state.value
 
 
+def test_from_a_state_that_is_none_every_event_leads_to_the_fault(powered):
+    held, guards = powered._ffi.new("uint32_t *"), powered._ffi.new("bool[]", [True] * len(GUARDS))
+    fault = next(s.value for s in STATES if s.name == "FAULT")
+    for state in (11, 77, 2**32 - 1):
+        for event in EVENTS:
+            held[0] = state
+            taken = powered.lib.sim_take_event(held, event.value, guards)
+            assert (held[0], bool(taken)) == (fault, event.name == "STOP")
+
+
 def test_every_state_and_event_leads_where_the_table_and_the_rules_say(board):
     wrong = []
     for state, event, guards in itertools.product(STATES, EVENTS, every_guard()):
@@ -460,6 +470,18 @@ def test_a_lost_tick_latches_and_a_host_hears_of_it(armed):
     assert armed.clock().lost_ticks == 2
 
 
+def test_what_the_counter_was_before_the_first_tick_does_not_matter(board):
+    board.restart()
+    board.lib.sim_tick(5, True)
+    sync = board.time_sync(1)
+    assert sync.offset_ns + sync.host_ns == pytest.approx(1_000_000, abs=1)
+    assert board.clock().lost_ticks == 0
+    # And a counter that stands still loses none: an interrupt is a tick.
+    board.lib.sim_tick(0, True)
+    sync = board.time_sync(1)
+    assert sync.offset_ns + sync.host_ns == pytest.approx(2_000_000, abs=1)
+
+
 def test_late_runs_of_the_slower_task_latch(armed):
     """Each is started, and ends only two ticks later: the twelfth in a row is too late."""
     armed.want(mode=1.0, deadline_ms=1000)
@@ -476,6 +498,16 @@ def test_late_runs_of_the_slower_task_latch(armed):
     assert first == 11 * 5 + 1
     assert armed.fault().startswith("LATE")
     assert armed.clock().late_runs - before == 12
+
+
+def test_runs_that_find_no_room_are_counted(ready):
+    ready.tell("ESEA_SENSE_OUT", 1000)
+    ready.ticks(1)
+    before = ready.clock().dropped
+    ready.ticks(10, poll=False)  # four may wait
+    ready.lib.sim_poll()
+    assert ready.clock().dropped == before + 6
+    ready.tell("ESEA_SENSE_OUT", 0)
 
 
 # -- any order of all that -------------------------------------------------------------------------
@@ -627,6 +659,13 @@ def test_a_device_without_a_motor_is_ready_and_never_armed(name):
         board.want(mode=1.0)
     board.stop()
     assert board.state_now == "STOPPED"
+    # Its parameters are kept as a drive's are, the first of them too.
+    first = next(iter(board.parameters()))
+    value = board.parameter(first)
+    board.set_parameter(first, value + 1.0)
+    board.save_parameters()
+    board.restart()
+    assert board.parameter(first) == value + 1.0
     board.close()
 
 

@@ -21,22 +21,22 @@ from esea_gen.verify.chips import declarations
 from .conftest import require_tool
 
 EMPTY, LOADED, OTHER_LAYOUT, OTHER_DEVICE = range(4)
-# parameters, encoders
-SMALL, WHOLE = (4, 2), (160, 4)
+# parameters, encoders; lives of couplings, with their classes and points
+SMALL, WHOLE = (4, 2, 1, 3, 2), (160, 4, 4, 48, 64)
 HEAD, LAST = 24, 4
 
 
 def set_bytes(size) -> int:
-    parameters, encoders = size
-    use, key = 6 * 4, 4 + 8 + 32
-    return 4 + 8 * parameters + encoders * (8 + 4) + use + key
+    parameters, encoders, lives, classes, points = size
+    use, key, life = 6 * 4, 4 + 8 + 32, 7 * 4 + 2 * points + 4 * classes
+    return 4 + 8 * parameters + encoders * (8 + 4) + use + key + lives * life
 
 
 def build(folder, size):
     require_tool("gcc")
     app, target = firmware_folder() / "app", folder / f"store{size[0]}.so"
-    names = ("PARAMETERS", "ENCODERS")
-    defined = [f"-DESEA_STORE_{n}={v}u" for n, v in zip(names, size, strict=True)]
+    names = ("STORE_PARAMETERS", "STORE_ENCODERS", "STORE_LIVES", "LIFE_CLASSES", "LIFE_POINTS")
+    defined = [f"-DESEA_{n}={v}u" for n, v in zip(names, size, strict=True)]
     command = [
         *("gcc", *APP_FLAGS, "-Wpedantic", "-Wshadow", "-Wdouble-promotion", "-shared", "-fPIC"),
         *(
@@ -56,7 +56,7 @@ def build(folder, size):
     )
     text = flash[0] + declarations(app / "store.h")
     for name, value in zip(names, size, strict=True):
-        text = text.replace(f"ESEA_STORE_{name}]", f"{value}]")
+        text = text.replace(f"ESEA_{name}]", f"{value}]")
     ffi.cdef(text)
     return ffi, ffi.dlopen(str(target)), size
 
@@ -178,7 +178,7 @@ def test_bytes_in_flash_are_as_the_header_says(library):
     assert Store(flash).save({0x11223344: 0.5})
     data = bytes(flash.areas[0])
     magic, layout, size, device, sequence, crc = struct.unpack_from("<6I", data)
-    assert (magic, layout, size, sequence) == (0x45534131, 2, set_bytes(SMALL), 1)
+    assert (magic, layout, size, sequence) == (0x45534131, 3, set_bytes(SMALL), 1)
     assert device == binascii.crc32(b"elbow_drive")
     assert crc == binascii.crc32(data[:20] + data[24 : 24 + size])
     assert struct.unpack_from("<IIf", data, 24) == (1, 0x11223344, 0.5)
@@ -283,7 +283,7 @@ def test_any_content_of_the_flash_is_opened_and_saved_to(library, seed):
         area[:] = draw.choice([draw.randbytes(len(area)), bytes(len(area)), b"\xff" * len(area)])
         if draw.random() < 0.5:  # a head that is right and says any size
             size = draw.choice([0, 3, 116, 10**9, 2**32 - 1, len(area)])
-            struct.pack_into("<IIIII", area, 0, 0x45534131, 2, size, 5, draw.randrange(2**32))
+            struct.pack_into("<IIIII", area, 0, 0x45534131, 3, size, 5, draw.randrange(2**32))
     store = Store(flash)
     assert (store.status, store.load()) == (EMPTY, {})
     assert store.save(a_set(3))
@@ -302,7 +302,7 @@ def sealed(flash, slot=0, area=0, **changed):
     struct.pack_into("<I", data, at + 24 + size, 0x600DC0DE)
 
 
-@pytest.mark.parametrize("layout", [0, 1, 3, 99])
+@pytest.mark.parametrize("layout", [0, 2, 4, 99])
 @pytest.mark.parametrize("grown", [-8, 0, 40])
 def test_an_older_or_newer_layout_is_refused_and_then_replaced(library, layout, grown):
     flash = Flash(library, 2)
@@ -495,6 +495,16 @@ def test_an_encoder_that_is_not_fitted_makes_room(library):
     assert (known(store, 1), known(store, 2), known(store, 3)) == (0.25, None, 0.5)
 
 
+@pytest.mark.parametrize("stays", [1, 2])
+def test_whichever_place_is_not_fitted_makes_room(library, stays):
+    store = Store(Flash(library))
+    assert encoder(store, 1)
+    assert encoder(store, 2)
+    store.c.set.fitted = [stays, 3]
+    assert encoder(store, 3, 0.5)
+    assert (known(store, stays), known(store, 3 - stays), known(store, 3)) == (0.25, None, 0.5)
+
+
 def test_what_is_known_of_an_encoder_can_be_forgotten(library):
     store = Store(Flash(library))
     assert encoder(store, 1)
@@ -525,7 +535,7 @@ def test_counters_outlast_the_power(library):
 
 def test_the_whole_size(whole):
     flash = Flash(whole, 1)
-    assert flash.slot == 4 + 8 * 160 + 4 * (8 + 4) + 24 + 44 + 28
+    assert flash.slot == 4 + 8 * 160 + 4 * (8 + 4) + 24 + 44 + 4 * (28 + 128 + 192) + 28
     store = Store(flash)
     assert store.save(a_set(1, 160))
     assert encoder(store, 9, 0.5)

@@ -225,7 +225,7 @@ def test_the_bound_that_a_message_names_may_be_tried():
     [
         (["--controller", "mine"], ["Unknown controller 'mine'", "smc, smc-published"]),
         (["--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
-        (["--parameter", "gain", "--values", "1,2"], ["no tunable 'gain'", "smc.lambda_1_s"]),
+        (["--parameter", "slope", "--values", "1,2"], ["no tunable 'slope'", "smc.lambda_1_s"]),
         (["--parameter", "cutoff_Hz", "--values", "20,30"], ["motor_rate.cutoff_Hz or"]),
         (
             ["--parameter", "phi_rad_s", "--values", "1"],

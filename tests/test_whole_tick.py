@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from itertools import pairwise
 
 import pytest
 
+from esea_gen import files
 from esea_gen.bench.whole_tick import AIM, _latency, whole_tick
 
 from .conftest import require_tool
@@ -28,6 +30,7 @@ def test_the_whole_tick_on_the_cortex_m4f_is_within_its_aim(drive):
     for tool in ("qemu-system-arm", "arm-none-eabi-gcc"):
         require_tool(tool)
     found = whole_tick(drive, runs=1)
+    files.stamped("bench-whole-tick", asdict(found))
     assert 5000 < found.tick[1] < 20000
     assert 1000 < found.control[1] < 4000
     assert found.share < AIM

@@ -81,7 +81,7 @@ def test_every_value_of_every_task_streams_as_its_own_message_has_it(board):
     """All inputs and outputs of both tasks, bit for bit those of the whole-run messages."""
     zeroed(board)
     sense, control = board.stream(["sense.*", "control.*"])
-    assert len(sense.signals) + len(control.signals) == len(board.signals()) == 12 + 37 + 0 + 12
+    assert len(sense.signals) + len(control.signals) == len(board.signals()) == 12 + 41 + 0 + 12
     for task in ("SENSE", "CONTROL"):
         for side in ("IN", "OUT"):
             board.tell(f"ESEA_{task}_{side}", 1000)
@@ -100,7 +100,7 @@ def test_every_value_of_every_task_streams_as_its_own_message_has_it(board):
                 task, _, field = name.partition(".")
                 assert np.array_equal(value, runs[task, tick][field], equal_nan=True), (name, tick)
                 compared += 1
-    assert compared >= 45 * 49 + 5 * 12
+    assert compared >= 45 * 53 + 5 * 12
 
 
 def test_every_tick_of_a_few_values_comes_packed_and_with_the_device_clock(board):
@@ -209,7 +209,7 @@ def test_names_that_are_not_clear_are_refused_before_anything_is_sent(board):
 
 @pytest.mark.parametrize(
     ("number", "task", "signals"),
-    [(6, 0, [0]), (0, 2, [0]), (0, 0, [50]), (0, 1, [13]), (0, 0, [])],
+    [(6, 0, [0]), (0, 2, [0]), (0, 0, [54]), (0, 1, [13]), (0, 0, [])],
 )
 def test_a_stream_of_what_there_is_not_is_denied(board, number, task, signals):
     with pytest.raises(LinkError, match="does not stream"):
@@ -231,7 +231,7 @@ def bytes_in_a_second(board):
     ("what", "names"),
     [
         ("sense: one value (1)", ["theta_motor_rad"]),
-        ("sense: everything (49)", ["sense.*"]),
+        ("sense: everything (53)", ["sense.*"]),
         ("control: one value (1)", ["u_command_Nm"]),
         ("control: everything (12)", ["control.*"]),
     ],
@@ -252,8 +252,8 @@ def test_streams_cost_what_build_says(board, drive, what, names):
 
 def test_what_does_not_fit_a_line_is_marked(drive):
     rows = {r.split("  ")[0]: r for r in cost_table(drive.system).splitlines()}
-    # 36 values: 12 bytes of frame, 17 of head, 144 of values, a thousand times a second.
-    assert " 173000  does not fit  does not fit " in rows["sense: all outputs (36)"]
+    # 40 values: 12 bytes of frame, 17 of head, 160 of values, a thousand times a second.
+    assert " 189000  does not fit  does not fit " in rows["sense: all outputs (40)"]
     # 20 values a message, 50 messages a second: of 11520 bytes 47 %.
     assert re.search(r" 5450 +47 % +6 % +0 %$", rows["sense: one value (1)"])
 
@@ -514,7 +514,7 @@ def test_a_paired_board_takes_a_stop_from_anybody_and_nothing_else_unsigned(pair
         board.stream(["tau_Nm"])
     assert board.state_now == "READY"
     # What changes nothing is answered.
-    assert len(board.parameters()) == 36
+    assert len(board.parameters()) == 44
     board.time_sync(1)
     board.stop()
     assert board.state_now == "STOPPED"
@@ -695,6 +695,60 @@ def test_faults_and_refusals_are_said(board):
     with pytest.raises(LinkError):
         board.arm()
     assert "command refused in state FAULT" in texts(board)
+
+
+# -- what is answered, and what is not the board's -------------------------------------------------
+
+
+def kinds(board):
+    return [m.get_type() for m in board.pending()]
+
+
+def test_an_input_is_answered_by_its_run_or_by_the_state(board):
+    zeroed(board)
+    board.pending()
+    board.send(board.message("ESEA_SENSE_IN", 0, *[0.0] * 12))
+    assert "ESEA_SENSE_OUT" in kinds(board)
+    board.reset()
+    active(board)
+    board.pending()
+    board.send(board.message("ESEA_SENSE_IN", 0, *[0.0] * 12))
+    assert kinds(board) == ["HEARTBEAT"]
+    assert board.state_now == "ACTIVE"
+
+
+def test_numbers_of_a_replay_that_are_out_of_order_are_counted(board):
+    def gaps(*ticks):
+        for tick in ticks:
+            board.send(board.message("ESEA_CONTROL_IN", tick))
+        return board.info().sequence_gaps
+
+    assert gaps(40, 45, 50) == 0  # the first may be any
+    assert gaps(60, 65) == 1
+    assert gaps(65, 70, 71) == 3
+    board.reset()
+    assert gaps(5) == 0
+
+
+def test_what_is_known_is_no_unknown_message(board):
+    said = board.info().unknown_messages
+    board.send(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3))
+    board.send(board.message("TIMESYNC", 5, 5))  # an answer: not a question
+    assert board.info().unknown_messages == said
+    board.send(board.message("COMMAND_ACK", 400, 0, 0, 0, 0, 0))
+    assert board.info().unknown_messages == said + 1
+
+
+def test_a_key_frame_comes_at_once_and_then_at_its_interval(board):
+    board.ticks(30)
+    board.tell("ESEA_KEY", 50_000)
+    ticks = []
+    for _ in range(200):
+        board.ticks(1)
+        ticks += [m.sequence for m in board.pending() if m.get_type() == "ESEA_KEY"]
+    first = sorted(set(ticks))
+    assert first == [30, 80, 130, 180]
+    board.tell("ESEA_KEY", 0)
 
 
 # -- bytes of any kind -----------------------------------------------------------------------------

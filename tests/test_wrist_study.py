@@ -10,9 +10,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from jsonschema import ValidationError
 from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
+from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.people.person import Limb, PersonModel, minimum_jerk, person
@@ -31,6 +33,7 @@ from esea_host.wrist.rig import AXES, Rig
 from esea_host.wrist.target import Moving, advance, target_distance_deg
 from esea_host.wrist.virtual import PROTOCOL, all_rows, run_study, wrist_protocol
 
+from .browser import browser, readable
 from .conftest import require_tool
 from .test_cluster import Dask
 
@@ -540,15 +543,28 @@ def test_bad_input_is_told(words, said):
     assert said in str(done.exception)
 
 
+def test_a_methods_outcome_follows_its_schema(studied):
+    told = outcome("none", studied, ["V009: why"]).to_dict()
+    assert (told["people"], told["refused"]) == (1, ("V009: why",))
+    files.stamped("host-wrist-methods", {"simulated": True, "methods": [told]})
+    with pytest.raises(ValidationError):
+        files.stamped(
+            "host-wrist-methods", {"simulated": True, "methods": [told | {"people": "1"}]}
+        )
+
+
 def test_the_command_writes_tables_and_files(studied, tmp_path):
-    files = {k: str(tmp_path / f"r.{k}") for k in ("json", "csv")}
+    named = {k: str(tmp_path / f"r.{k}") for k in ("json", "csv")}
     report = str(tmp_path / "r.html")
-    words = ["analyse", "wrist", str(studied), "--json", files["json"], "--csv", files["csv"]]
+    words = ["analyse", "wrist", str(studied), "--json", named["json"], "--csv", named["csv"]]
     done = CliRunner().invoke(app, [*words, "--report", report])
     assert done.exit_code == 0, done.output
     assert "SIMULATED" in done.output
     assert "amplitude there" in done.output  # whole, however narrow the terminal is
     assert json.loads((tmp_path / "r.json").read_text())["simulated"] is True
     assert "V001" in (tmp_path / "r.csv").read_text()
-    assert (tmp_path / "r.html").read_text().count("<svg") == 4
-    assert "SIMULATED" in (tmp_path / "r.html").read_text()
+    page = (tmp_path / "r.html").read_text()
+    assert page.count("<svg") == 4
+    assert "SIMULATED" in page
+    with browser(tmp_path / "profile") as b:
+        readable(b, page, tmp_path)

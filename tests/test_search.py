@@ -1,0 +1,340 @@
+"""Searching the torque model's numbers: exact slopes, methods by name, resuming, watching."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from esea_gen.bench.identification import KEYS, NumpyPopulation
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_system
+from esea_gen.identify import searches
+from esea_gen.identify.drafting import draft
+from esea_gen.identify.mapping import load_mapping
+from esea_gen.identify.plant import FittedPlant
+from esea_gen.identify.recording import load_recordings
+from esea_gen.identify.search_memo import HEAD, SearchMemo
+from esea_gen.identify.search_problem import Searching, SearchProblem
+from esea_gen.identify.searches import GeneticSettings, genetic, interior_point, search_named
+from esea_gen.identify.space import Space
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port, Tunable, around
+from esea_gen.language.system import System, Task
+from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
+from esea_gen.model.slopes import sloped
+from esea_gen.report.search_picture import search_picture
+
+from .test_quality import rig, written
+
+# Slopes of a Block.
+
+
+def powers() -> Block:
+    """y = a^2 s + u |s|^b, s+ = a s + 1 from 0: every derivative is known in closed form."""
+    return Block.define(
+        "powers",
+        "powers",
+        period_s=1e-3,
+        tunables=(
+            Tunable("a", 0.5, 0.0, 1.0, "share kept", "", ""),
+            Tunable("b", 2.0, 0.0, 4.0, "exponent", "", ""),
+        ),
+        coefficients=(Port("square", 0, 1, "a squared"), Port("a", 0, 1, ""), Port("b", 0, 4, "")),
+        prepare=lambda t: {"square": t.a * t.a, "a": t.a, "b": t.b},
+        state=(around("sum_1", 100, "sum"),),
+        inputs=(around("x_1", 100, "input"),),
+        outputs=(around("y_1", 1e6, "output"), around("z_1", 1e6, "another")),
+        step=lambda c, s, u, guard, label: (
+            {"sum_1": c.a * s.sum_1 + 1},
+            {"y_1": c.square * s.sum_1 + u.x_1 * s.sum_1**c.b, "z_1": u.x_1},
+        ),
+    )
+
+
+def test_slopes_of_a_block_in_closed_form():
+    block = sloped(powers(), ("y_1",), ("b", "a"))
+    system = System(
+        "slopes",
+        1e-3,
+        {"slopes": block},
+        (Task("run", ("slopes",)),),
+        {},
+        {"x_1": ("slopes.x_1",)},
+        {"y_1": "slopes.y_1", "slopes": "slopes.slopes"},
+    )
+    a, b, x, steps = 0.7, 1.5, 3.0, 12
+    runner = compile_system(system, "f64").block("slopes")
+    runner.prepare({"a": a, "b": b})
+    out = runner.run({"x_1": np.full(steps, x)}, trace=False)[0]
+    by_b, by_a = out["slopes"].T
+    for k in range(steps):
+        s = sum(a**i for i in range(k))
+        moved = sum(i * a ** (i - 1) for i in range(1, k))
+        assert out["y_1"][k] == pytest.approx(a * a * s + x * s**b, rel=1e-13)
+        assert by_a[k] == pytest.approx(
+            2 * a * s + (a * a + (x * b * s ** (b - 1) if s else 0)) * moved, rel=1e-12
+        )
+        # At s = 0 the logarithm is infinite and its share nothing.
+        assert by_b[k] == pytest.approx(x * s**b * math.log(s) if s else 0.0, rel=1e-12)
+
+
+# The problem: costs, gradients, refinement.
+
+
+class Waves:
+    """A plant whose torque is known: k1 x + k3 x^3 + alpha sin(x / omega) exp(-beta x^2)."""
+
+    rate_terms, shape_keys, digest = False, ("omega_rad", "beta_1_rad"), "waves"
+
+    def __init__(self, omega: float = 0.05, beta: float = 3.0, alpha: float = 2.0) -> None:
+        self.x = np.linspace(-0.5, 0.5, 400)
+        self.weight = np.full(400, 0.05)
+        self.streams = (SimpleNamespace(theta_rad=self.x, training=(np.arange(400),)),)
+        self.calls = 0
+        self.measured = self.basis({"omega_rad": omega, "beta_1_rad": beta}) @ [5, 20, alpha]
+
+    def basis(self, shape):
+        self.calls += 1
+        wave = np.sin(self.x / shape["omega_rad"]) * np.exp(-shape["beta_1_rad"] * self.x**2)
+        return np.stack([self.x, self.x**3, wave], axis=1)
+
+    def tangent(self, shape, linear):
+        omega, bell = shape["omega_rad"], np.exp(-shape["beta_1_rad"] * self.x**2)
+        by_omega = -self.x / omega**2 * np.cos(self.x / omega) * bell
+        by_beta = -(self.x**2) * np.sin(self.x / omega) * bell
+        return linear[2] * np.stack([by_omega, by_beta], axis=1)
+
+
+SPACE = Space(False, 0.5, 1.0, 10.0)
+
+
+def problem(plant=None, memo=None, **how) -> SearchProblem:
+    return SearchProblem(
+        plant or Waves(), SPACE, memo or SearchMemo(), Searching(**how), lambda count, best: None
+    )
+
+
+def at(omega: float, beta: float) -> np.ndarray:
+    return np.array([math.log(omega), math.log1p(beta * 0.5)])
+
+
+def by_differences(p, x, step=1e-6):
+    return np.array([(p._cost(x + e) - p._cost(x - e)) / (2 * step) for e in step * np.eye(len(x))])
+
+
+# A wave of the other sign cannot be taken up: alpha is then at its bound 0.
+@pytest.mark.parametrize("alpha", [2.0, -2.0])
+def test_the_gradient_is_that_of_the_cost_with_the_linear_part_solved(alpha):
+    p = problem(Waves(alpha=alpha))
+    for x in (at(0.055, 2.0), at(0.04, 6.0), at(0.09, 0.5)):
+        cost, slope = p.gradient(x)
+        assert cost == pytest.approx(p._cost(x), rel=1e-13)
+        expected = by_differences(p, x)
+        assert slope == pytest.approx(expected, rel=1e-5, abs=1e-9 + 1e-6 * np.abs(expected).max())
+
+
+def test_a_wrong_slope_shows(monkeypatch):
+    p, x = problem(), at(0.055, 2.0)
+    real = Space.shape_slopes
+    monkeypatch.setattr(
+        Space, "shape_slopes", lambda s, x: real(s, x) | {"beta_1_rad": {1: math.exp(x[1])}}
+    )
+    assert abs(p.gradient(x)[1] - by_differences(p, x)).max() > 1e-3 * abs(p.gradient(x)[1]).max()
+
+
+def test_the_searched_numbers_slopes_are_those_of_the_shape():
+    space = Space(True, 0.2, 1.1, 50.0)
+    x = np.random.default_rng(3).uniform(space.low, space.high)
+    slopes, step = space.shape_slopes(x), 1e-6
+    for key in ("omega_rad", "beta_1_rad", "A_Nms_rad", "m", "eps1_Nms_rad", "B", "n"):
+        for k, unit in enumerate(step * np.eye(7)):
+            moved = (space.shape(x + unit)[key] - space.shape(x - unit)[key]) / (2 * step)
+            assert slopes[key].get(k, 0.0) == pytest.approx(moved, rel=1e-6, abs=1e-12), (key, k)
+
+
+def test_a_refinement_ends_by_its_tolerances_in_few_runs():
+    plant = Waves()
+    (cost, x), (again, _) = problem(plant).refined([at(0.053, 2.0), at(0.047, 4.0)], 500)
+    assert max(cost, again) < 1e-12
+    assert np.exp(x[0]) == pytest.approx(0.05, rel=1e-5)
+    assert np.expm1(x[1]) / 0.5 == pytest.approx(3.0, rel=1e-4)
+    assert plant.calls < 60
+
+
+def test_the_sensors_own_c_gives_the_gradient(elbow):
+    """All seven numbers, over a sweep that starts at rest, where a power's base is 0."""
+    t = np.arange(1500) / 100
+    theta = 0.15 * np.sin(2 * np.pi * (0.05 + 0.05 * t) * t) * (t > 0.5)
+    rows = np.arange(1500)
+    recording = SimpleNamespace(
+        label="sweep",
+        time_s=t,
+        theta_rad=theta,
+        tau_Nm=12 * theta,
+        conditions=(),
+        sets=(SimpleNamespace(label="a", training=rows, held_out=rows[:0], cycles={}),),
+    )
+    plant = FittedPlant(elbow, [recording], 100.0)
+    space = Space(True, 0.15, 1.0, 15.0)
+    p = SearchProblem(plant, space, SearchMemo(), Searching(jobs=1), lambda count, best: None)
+    true = {k.rsplit(".", 1)[-1]: q.value for k, q in elbow.quantities() if "elastomer." in k}
+    plant.measured = plant.torque({k: true[k] for k in (*MODEL_KEYS, *RATE_KEYS)})
+    # The bench's model in NumPy is the same function: both sum the same noise-free residual.
+    one = {k: 1.03 * true[k] for k in (*MODEL_KEYS, *RATE_KEYS)}
+    error = plant.weight * (plant.torque(one) - plant.measured)
+    peer = NumpyPopulation(plant, 10).costs(np.array([[one[k], true[k]] for k in KEYS]))
+    assert peer == pytest.approx([error @ error, 0.0], rel=1e-9, abs=1e-20)
+    x = np.array([-3.8, 2.2, math.log(0.05), math.log(12), 2.5, math.log(50), 0.7])
+    expected = by_differences(p, x)
+    assert np.all(np.abs(expected) > 1e-4 * np.abs(expected).max())
+    assert p.gradient(x)[1] == pytest.approx(expected, rel=1e-4, abs=1e-5 * np.abs(expected).max())
+
+
+# Methods.
+
+
+def test_a_genetic_algorithm_leaves_local_minima_and_keeps_its_box():
+    low, high = np.array([-2.0, -4.0]), np.array([4.0, 3.0])
+    asked = []
+
+    def costs(points):
+        asked.append(points)
+        x, y = points.T
+        return 2 + x * x + y * y - np.cos(6 * x) - np.cos(6 * y)  # Rastrigin's form: least at 0
+
+    few = GeneticSettings(population=60, stall=30)
+    found = genetic(costs, low, high, 4, few)
+    assert found == pytest.approx([0, 0], abs=0.05)
+    every = np.concatenate(asked)
+    assert np.all((every >= low) & (every <= high))
+    # It stops by stalling; the elite of 3 is not asked again.
+    assert 31 <= len(asked) < 1200
+    assert {len(p) for p in asked[1:]} == {57}
+    assert np.array_equal(genetic(costs, low, high, 4, few), found)
+    assert not np.array_equal(genetic(costs, low, high, 5, few), found)
+
+
+def test_the_interior_point_method_takes_exact_gradients_to_a_bound_and_inside():
+    def noisy():
+        plant = Waves()
+        plant.measured = plant.measured + np.random.default_rng(2).normal(0, 0.01, 400)
+        return problem(plant)
+
+    p = noisy()
+    found = interior_point(p, at(0.052, 2.0))
+    assert found == pytest.approx(at(0.05, 3.0), abs=1e-2)
+    assert p._cost(found) == pytest.approx(p.refined([found], 50)[0][0], rel=1e-5)
+    # The truth is below the least spacing that may be searched.
+    narrow = noisy()
+    narrow.low = at(0.051, 0.1)
+    assert interior_point(narrow, at(0.053, 3.0))[0] == pytest.approx(math.log(0.051), abs=1e-4)
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory):
+    source = load_mapping(written(tmp_path_factory.mktemp("rig"), *rig(*(0.05,) * 4, *(0.1,) * 4)))
+    recordings = load_recordings(source)
+    return FittedPlant(draft(source, recordings, False), recordings, None, 200)
+
+
+def fitted(plant, tell=lambda count, best: None, method="multi-start", **how):
+    """What was found, best first, and after how many runs."""
+    memo, space = SearchMemo(how.get("resume")), Space(False, 0.1, 1.0, 10.0)
+    p = SearchProblem(plant, space, memo, Searching(method, **how), tell)
+    ends = sorted(search_named(method)(p, 7, 32), key=lambda e: e[0])
+    p.over()
+    return [(cost, x.tolist()) for cost, x in ends], p.evaluations
+
+
+def test_every_method_finds_the_same_optimum(plant, monkeypatch):
+    small = replace(GeneticSettings(), population=24, stall=5)
+    monkeypatch.setattr(searches, "GeneticSettings", lambda: small)
+    monkeypatch.setitem(searches.EVOLUTION, "maxiter", 6)
+    found = {m: fitted(plant, method=m)[0][0] for m in searches.SEARCHES}
+    best = min(cost for cost, _ in found.values())
+    for name, (cost, _) in found.items():
+        assert cost < 1.001 * best, name
+
+
+def test_cores_and_an_interruption_change_nothing(plant, tmp_path):
+    whole = fitted(plant, jobs=1)
+    assert fitted(plant, jobs=3) == whole
+
+    def pulled(count, best):
+        if count > 100:
+            raise KeyboardInterrupt
+
+    memo = tmp_path / "new" / "memo.txt"
+    with pytest.raises(KeyboardInterrupt):
+        fitted(plant, pulled, resume=memo)
+    kept = memo.read_bytes()
+    assert 10 < kept.count(b"\n") < whole[1]
+    # The end of the last line is cut off, as by a power cut.
+    memo.write_bytes(kept[:-9])
+    assert fitted(plant, resume=memo) == whole
+    assert memo.read_bytes().startswith(kept[: kept.rfind(b"\n", 0, -1) + 1])
+    # All is known now: nothing is added.
+    size = memo.stat().st_size
+    assert fitted(plant, resume=memo) == whole
+    assert memo.stat().st_size == size
+
+
+def test_what_belongs_to_other_data_is_not_taken():
+    memo = SearchMemo()
+    p = problem(memo=memo)
+    x = at(0.06, 2.0)
+    assert p.costs(x[None])[0] == pytest.approx(p._cost(x))
+    other = Waves(omega=0.08)
+    other.digest = "other"
+    q = problem(other, memo)
+    assert q.costs(x[None])[0] == pytest.approx(q._cost(x))
+    assert q._cost(x) != pytest.approx(p._cost(x))
+    # Of the same data it is taken, and the C is not run.
+    again = problem(memo=memo)
+    calls = again.plant.calls
+    assert again.costs(x[None])[0] == p._cost(x)
+    assert again.plant.calls == calls
+
+
+def test_a_file_that_is_no_record_of_a_search_is_refused(tmp_path):
+    path = tmp_path / "memo.txt"
+    for text, said in (
+        ("my thesis\n", "is no record of a search"),
+        (f'{HEAD}\n["a", 1.0]\n["b", "x"]\n', "line 3: is damaged"),
+        (f"{HEAD}\n17\n", "line 2: is damaged"),
+    ):
+        path.write_text(text)
+        with pytest.raises(UserError, match=said):
+            SearchMemo(path)
+        assert path.read_text() == text
+    with pytest.raises(UserError, match="cannot be used"):
+        SearchMemo(tmp_path)
+    # Cut inside its first line it is begun anew.
+    path.write_text(HEAD[:5])
+    SearchMemo(path).put([("a", [1.5, math.inf])])
+    assert SearchMemo(path).get("a") == (1.5, math.inf)
+
+
+def test_an_unknown_search_is_named():
+    with pytest.raises(UserError, match="no search 'thessis'") as error:
+        search_named("thessis")
+    assert "thesis" in str(error.value)
+
+
+def test_who_watches_sees_each_improvement_and_the_end(plant):
+    seen = []
+    ends, _ = fitted(plant, watch=lambda best, last: seen.append((best, last)))
+    costs = [best.cost for best, last in seen]
+    assert costs[:-1] == sorted(costs[:-1], reverse=True)
+    assert [last for _, last in seen] == [False] * (len(seen) - 1) + [True]
+    best = seen[-1][0]
+    assert best.cost == pytest.approx(ends[0][0], rel=1e-9)
+    # Every data set counts the same: the cost is the mean of their mean squares.
+    squares = [np.mean((model - measured) ** 2) for _, measured, model in best.sets]
+    assert np.mean(squares) == pytest.approx(best.cost, rel=1e-9)
+    figure = search_picture(best)
+    assert len(figure.axes) == 1 + len(best.sets)
+    line = figure.axes[1].get_lines()[1]
+    assert line.get_ydata() == pytest.approx(best.sets[0][2])
