@@ -475,7 +475,7 @@ enums["MAV_CMD"][511].param[5] = """Reserved (default:0)"""
 enums["MAV_CMD"][511].param[6] = """Reserved (default:0)"""
 enums["MAV_CMD"][511].param[7] = """Reserved (default:0)"""
 MAV_CMD_REQUEST_MESSAGE = 512
-enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK, ESEA_TRAFFIC or ESEA_KEPT.""")
+enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK, ESEA_TRAFFIC, ESEA_KEPT or ESEA_LIFE.""")
 enums["MAV_CMD"][512].param[1] = """Id of the message."""
 enums["MAV_CMD"][512].label[1] = """Message ID"""
 enums["MAV_CMD"][512].param[2] = """Reserved (default:0)"""
@@ -728,269 +728,341 @@ enums["ESEA_PARAM"][6].param[4] = """15"""
 enums["ESEA_PARAM"][6].param[5] = """60"""
 enums["ESEA_PARAM"][6].param[6] = """30"""
 enums["ESEA_PARAM"][6].param[7] = """free"""
-ESEA_PARAM_REFERENCE_KP_NM_RAD = 7
-enums["ESEA_PARAM"][7] = EnumEntry("ESEA_PARAM_REFERENCE_KP_NM_RAD", """stiffness: higher pulls harder to the wanted angle""")
-enums["ESEA_PARAM"][7].param[1] = """reference.Kp_Nm_rad"""
-enums["ESEA_PARAM"][7].param[2] = """reference.Kp"""
-enums["ESEA_PARAM"][7].param[3] = """Nm/rad"""
+ESEA_PARAM_ADAPTATION_SHARE = 7
+enums["ESEA_PARAM"][7] = EnumEntry("ESEA_PARAM_ADAPTATION_SHARE", """1: the wish is adapted; 0: it is taken as it is""")
+enums["ESEA_PARAM"][7].param[1] = """adaptation.share"""
+enums["ESEA_PARAM"][7].param[2] = """adaptation.share"""
+enums["ESEA_PARAM"][7].param[3] = """1"""
 enums["ESEA_PARAM"][7].param[4] = """0"""
-enums["ESEA_PARAM"][7].param[5] = """3"""
+enums["ESEA_PARAM"][7].param[5] = """1"""
 enums["ESEA_PARAM"][7].param[6] = """0"""
 enums["ESEA_PARAM"][7].param[7] = """free"""
-ESEA_PARAM_REFERENCE_KD_NMS_RAD = 8
-enums["ESEA_PARAM"][8] = EnumEntry("ESEA_PARAM_REFERENCE_KD_NMS_RAD", """damping: higher resists motion other than the wanted one""")
-enums["ESEA_PARAM"][8].param[1] = """reference.Kd_Nms_rad"""
-enums["ESEA_PARAM"][8].param[2] = """reference.Kd"""
-enums["ESEA_PARAM"][8].param[3] = """Nm s/rad"""
+ESEA_PARAM_ADAPTATION_MASS_NM = 8
+enums["ESEA_PARAM"][8] = EnumEntry("ESEA_PARAM_ADAPTATION_MASS_NM", """weight on the joint times its arm; 0: none hangs""")
+enums["ESEA_PARAM"][8].param[1] = """adaptation.mass_Nm"""
+enums["ESEA_PARAM"][8].param[2] = """adaptation.m_f00"""
+enums["ESEA_PARAM"][8].param[3] = """Nm"""
 enums["ESEA_PARAM"][8].param[4] = """0"""
-enums["ESEA_PARAM"][8].param[5] = """0.349999994"""
+enums["ESEA_PARAM"][8].param[5] = """4.46999979"""
 enums["ESEA_PARAM"][8].param[6] = """0"""
 enums["ESEA_PARAM"][8].param[7] = """free"""
-ESEA_PARAM_REFERENCE_BLEND_S = 9
-enums["ESEA_PARAM"][9] = EnumEntry("ESEA_PARAM_REFERENCE_BLEND_S", """time constant from the measured torque to a new law: longer is gentler""")
-enums["ESEA_PARAM"][9].param[1] = """reference.blend_s"""
-enums["ESEA_PARAM"][9].param[2] = """reference.blend"""
-enums["ESEA_PARAM"][9].param[3] = """s"""
-enums["ESEA_PARAM"][9].param[4] = """0.0200000014"""
-enums["ESEA_PARAM"][9].param[5] = """5"""
-enums["ESEA_PARAM"][9].param[6] = """0.2"""
+ESEA_PARAM_ADAPTATION_MASS_ANGLE_RAD = 9
+enums["ESEA_PARAM"][9] = EnumEntry("ESEA_PARAM_ADAPTATION_MASS_ANGLE_RAD", """angle at which it hangs straight down""")
+enums["ESEA_PARAM"][9].param[1] = """adaptation.mass_angle_rad"""
+enums["ESEA_PARAM"][9].param[2] = """adpttn.mss_angl"""
+enums["ESEA_PARAM"][9].param[3] = """rad"""
+enums["ESEA_PARAM"][9].param[4] = """-1.56999993"""
+enums["ESEA_PARAM"][9].param[5] = """1.56999993"""
+enums["ESEA_PARAM"][9].param[6] = """0"""
 enums["ESEA_PARAM"][9].param[7] = """free"""
-ESEA_PARAM_REFERENCE_TAU_RANGE_NM = 10
-enums["ESEA_PARAM"][10] = EnumEntry("ESEA_PARAM_REFERENCE_TAU_RANGE_NM", """largest |set torque|: may only be narrowed below the identified range""")
-enums["ESEA_PARAM"][10].param[1] = """reference.tau_range_Nm"""
-enums["ESEA_PARAM"][10].param[2] = """rfrnc.tau_range"""
-enums["ESEA_PARAM"][10].param[3] = """Nm"""
-enums["ESEA_PARAM"][10].param[4] = """0.0447000004"""
-enums["ESEA_PARAM"][10].param[5] = """4.46999979"""
-enums["ESEA_PARAM"][10].param[6] = """4.46999979"""
+ESEA_PARAM_ADAPTATION_MASS_KGM2 = 10
+enums["ESEA_PARAM"][10] = EnumEntry("ESEA_PARAM_ADAPTATION_MASS_KGM2", """inertia of the mass and of what bears it""")
+enums["ESEA_PARAM"][10].param[1] = """adaptation.mass_kgm2"""
+enums["ESEA_PARAM"][10].param[2] = """adaptation.m_d37"""
+enums["ESEA_PARAM"][10].param[3] = """kg m^2"""
+enums["ESEA_PARAM"][10].param[4] = """0"""
+enums["ESEA_PARAM"][10].param[5] = """2"""
+enums["ESEA_PARAM"][10].param[6] = """0"""
 enums["ESEA_PARAM"][10].param[7] = """free"""
-ESEA_PARAM_PASSIVITY_LEAST_NMS_RAD = 11
-enums["ESEA_PARAM"][11] = EnumEntry("ESEA_PARAM_PASSIVITY_LEAST_NMS_RAD", """damping that a hand feels at least: more is calmer and less transparent""")
-enums["ESEA_PARAM"][11].param[1] = """passivity.least_Nms_rad"""
-enums["ESEA_PARAM"][11].param[2] = """passivity.least"""
+ESEA_PARAM_ADAPTATION_MASS_NMS_RAD = 11
+enums["ESEA_PARAM"][11] = EnumEntry("ESEA_PARAM_ADAPTATION_MASS_NMS_RAD", """damping of the joint that bears it""")
+enums["ESEA_PARAM"][11].param[1] = """adaptation.mass_Nms_rad"""
+enums["ESEA_PARAM"][11].param[2] = """adaptation.m_787"""
 enums["ESEA_PARAM"][11].param[3] = """Nm s/rad"""
-enums["ESEA_PARAM"][11].param[4] = """0.0100000007"""
-enums["ESEA_PARAM"][11].param[5] = """0.349999994"""
-enums["ESEA_PARAM"][11].param[6] = """0.0100000007"""
+enums["ESEA_PARAM"][11].param[4] = """0"""
+enums["ESEA_PARAM"][11].param[5] = """1"""
+enums["ESEA_PARAM"][11].param[6] = """0"""
 enums["ESEA_PARAM"][11].param[7] = """free"""
-ESEA_PARAM_PASSIVITY_ENERGY_J = 12
-enums["ESEA_PARAM"][12] = EnumEntry("ESEA_PARAM_PASSIVITY_ENERGY_J", """energy that drive and command may hold and give: less is weaker""")
-enums["ESEA_PARAM"][12].param[1] = """passivity.energy_J"""
-enums["ESEA_PARAM"][12].param[2] = """passivity.energy"""
-enums["ESEA_PARAM"][12].param[3] = """J"""
-enums["ESEA_PARAM"][12].param[4] = """0.400000006"""
-enums["ESEA_PARAM"][12].param[5] = """4"""
-enums["ESEA_PARAM"][12].param[6] = """4"""
+ESEA_PARAM_ADAPTATION_GAIN = 12
+enums["ESEA_PARAM"][12] = EnumEntry("ESEA_PARAM_ADAPTATION_GAIN", """model's torque over the true one, as an earlier adaptation found it""")
+enums["ESEA_PARAM"][12].param[1] = """adaptation.gain"""
+enums["ESEA_PARAM"][12].param[2] = """adaptation.gain"""
+enums["ESEA_PARAM"][12].param[3] = """1"""
+enums["ESEA_PARAM"][12].param[4] = """0.769230723"""
+enums["ESEA_PARAM"][12].param[5] = """1.42857134"""
+enums["ESEA_PARAM"][12].param[6] = """1"""
 enums["ESEA_PARAM"][12].param[7] = """free"""
-ESEA_PARAM_LEAD_SHARE = 13
-enums["ESEA_PARAM"][13] = EnumEntry("ESEA_PARAM_LEAD_SHARE", """1 looks ahead and smooths; 0 takes the set torque as it comes""")
-enums["ESEA_PARAM"][13].param[1] = """lead.share"""
-enums["ESEA_PARAM"][13].param[2] = """lead.share"""
+ESEA_PARAM_ADAPTATION_LOSS = 13
+enums["ESEA_PARAM"][13] = EnumEntry("ESEA_PARAM_ADAPTATION_LOSS", """loss that the model misses, as an earlier adaptation found it""")
+enums["ESEA_PARAM"][13].param[1] = """adaptation.loss"""
+enums["ESEA_PARAM"][13].param[2] = """adaptation.loss"""
 enums["ESEA_PARAM"][13].param[3] = """1"""
-enums["ESEA_PARAM"][13].param[4] = """0"""
-enums["ESEA_PARAM"][13].param[5] = """1"""
-enums["ESEA_PARAM"][13].param[6] = """1"""
+enums["ESEA_PARAM"][13].param[4] = """-0.399999976"""
+enums["ESEA_PARAM"][13].param[5] = """0.399999976"""
+enums["ESEA_PARAM"][13].param[6] = """0"""
 enums["ESEA_PARAM"][13].param[7] = """free"""
-ESEA_PARAM_INVERSE_BANDWIDTH_HZ = 14
-enums["ESEA_PARAM"][14] = EnumEntry("ESEA_PARAM_INVERSE_BANDWIDTH_HZ", """bandwidth of the triple pole: higher follows faster and passes more noise""")
-enums["ESEA_PARAM"][14].param[1] = """inverse.bandwidth_Hz"""
-enums["ESEA_PARAM"][14].param[2] = """invrs.bandwidth"""
-enums["ESEA_PARAM"][14].param[3] = """Hz"""
-enums["ESEA_PARAM"][14].param[4] = """2"""
-enums["ESEA_PARAM"][14].param[5] = """100"""
-enums["ESEA_PARAM"][14].param[6] = """100"""
+ESEA_PARAM_ADAPTATION_OFFSET_NM = 14
+enums["ESEA_PARAM"][14] = EnumEntry("ESEA_PARAM_ADAPTATION_OFFSET_NM", """offset, as an earlier adaptation found it""")
+enums["ESEA_PARAM"][14].param[1] = """adaptation.offset_Nm"""
+enums["ESEA_PARAM"][14].param[2] = """adpttn.offset"""
+enums["ESEA_PARAM"][14].param[3] = """Nm"""
+enums["ESEA_PARAM"][14].param[4] = """-0.299999982"""
+enums["ESEA_PARAM"][14].param[5] = """0.299999982"""
+enums["ESEA_PARAM"][14].param[6] = """0"""
 enums["ESEA_PARAM"][14].param[7] = """free"""
-ESEA_PARAM_SETPOINT_BANDWIDTH_HZ = 15
-enums["ESEA_PARAM"][15] = EnumEntry("ESEA_PARAM_SETPOINT_BANDWIDTH_HZ", """bandwidth of the triple pole: higher follows faster, lower smooths the corners""")
-enums["ESEA_PARAM"][15].param[1] = """setpoint.bandwidth_Hz"""
-enums["ESEA_PARAM"][15].param[2] = """stpnt.bandwidth"""
-enums["ESEA_PARAM"][15].param[3] = """Hz"""
-enums["ESEA_PARAM"][15].param[4] = """2"""
-enums["ESEA_PARAM"][15].param[5] = """100"""
-enums["ESEA_PARAM"][15].param[6] = """50"""
+ESEA_PARAM_REFERENCE_KP_NM_RAD = 15
+enums["ESEA_PARAM"][15] = EnumEntry("ESEA_PARAM_REFERENCE_KP_NM_RAD", """stiffness: higher pulls harder to the wanted angle""")
+enums["ESEA_PARAM"][15].param[1] = """reference.Kp_Nm_rad"""
+enums["ESEA_PARAM"][15].param[2] = """reference.Kp"""
+enums["ESEA_PARAM"][15].param[3] = """Nm/rad"""
+enums["ESEA_PARAM"][15].param[4] = """0"""
+enums["ESEA_PARAM"][15].param[5] = """3"""
+enums["ESEA_PARAM"][15].param[6] = """0"""
 enums["ESEA_PARAM"][15].param[7] = """free"""
-ESEA_PARAM_LIMITS_U_MAX_NM = 16
-enums["ESEA_PARAM"][16] = EnumEntry("ESEA_PARAM_LIMITS_U_MAX_NM", """largest |motor command|: lower is weaker""")
-enums["ESEA_PARAM"][16].param[1] = """limits.u_max_Nm"""
-enums["ESEA_PARAM"][16].param[2] = """limits.u_max_Nm"""
-enums["ESEA_PARAM"][16].param[3] = """Nm"""
-enums["ESEA_PARAM"][16].param[4] = """0.00221000006"""
-enums["ESEA_PARAM"][16].param[5] = """0.220999986"""
-enums["ESEA_PARAM"][16].param[6] = """0.220999986"""
+ESEA_PARAM_REFERENCE_KD_NMS_RAD = 16
+enums["ESEA_PARAM"][16] = EnumEntry("ESEA_PARAM_REFERENCE_KD_NMS_RAD", """damping: higher resists motion other than the wanted one""")
+enums["ESEA_PARAM"][16].param[1] = """reference.Kd_Nms_rad"""
+enums["ESEA_PARAM"][16].param[2] = """reference.Kd"""
+enums["ESEA_PARAM"][16].param[3] = """Nm s/rad"""
+enums["ESEA_PARAM"][16].param[4] = """0"""
+enums["ESEA_PARAM"][16].param[5] = """0.349999994"""
+enums["ESEA_PARAM"][16].param[6] = """0"""
 enums["ESEA_PARAM"][16].param[7] = """free"""
-ESEA_PARAM_LIMITS_U_RATE_NM_S = 17
-enums["ESEA_PARAM"][17] = EnumEntry("ESEA_PARAM_LIMITS_U_RATE_NM_S", """fastest change of the command: lower is softer""")
-enums["ESEA_PARAM"][17].param[1] = """limits.u_rate_Nm_s"""
-enums["ESEA_PARAM"][17].param[2] = """limits.u_rate"""
-enums["ESEA_PARAM"][17].param[3] = """Nm/s"""
-enums["ESEA_PARAM"][17].param[4] = """5"""
-enums["ESEA_PARAM"][17].param[5] = """50"""
-enums["ESEA_PARAM"][17].param[6] = """50"""
+ESEA_PARAM_REFERENCE_BLEND_S = 17
+enums["ESEA_PARAM"][17] = EnumEntry("ESEA_PARAM_REFERENCE_BLEND_S", """time constant from the measured torque to a new law: longer is gentler""")
+enums["ESEA_PARAM"][17].param[1] = """reference.blend_s"""
+enums["ESEA_PARAM"][17].param[2] = """reference.blend"""
+enums["ESEA_PARAM"][17].param[3] = """s"""
+enums["ESEA_PARAM"][17].param[4] = """0.0200000014"""
+enums["ESEA_PARAM"][17].param[5] = """5"""
+enums["ESEA_PARAM"][17].param[6] = """0.2"""
 enums["ESEA_PARAM"][17].param[7] = """free"""
-ESEA_PARAM_LIMITS_TAU_MAX_NM = 18
-enums["ESEA_PARAM"][18] = EnumEntry("ESEA_PARAM_LIMITS_TAU_MAX_NM", """interaction torque that trips""")
-enums["ESEA_PARAM"][18].param[1] = """limits.tau_max_Nm"""
-enums["ESEA_PARAM"][18].param[2] = """limits.tau_max"""
+ESEA_PARAM_REFERENCE_TAU_RANGE_NM = 18
+enums["ESEA_PARAM"][18] = EnumEntry("ESEA_PARAM_REFERENCE_TAU_RANGE_NM", """largest |set torque|: may only be narrowed below the identified range""")
+enums["ESEA_PARAM"][18].param[1] = """reference.tau_range_Nm"""
+enums["ESEA_PARAM"][18].param[2] = """rfrnc.tau_range"""
 enums["ESEA_PARAM"][18].param[3] = """Nm"""
-enums["ESEA_PARAM"][18].param[4] = """0.400000006"""
-enums["ESEA_PARAM"][18].param[5] = """8"""
-enums["ESEA_PARAM"][18].param[6] = """8"""
+enums["ESEA_PARAM"][18].param[4] = """0.0447000004"""
+enums["ESEA_PARAM"][18].param[5] = """4.46999979"""
+enums["ESEA_PARAM"][18].param[6] = """4.46999979"""
 enums["ESEA_PARAM"][18].param[7] = """free"""
-ESEA_PARAM_LIMITS_THETA_MAX_RAD = 19
-enums["ESEA_PARAM"][19] = EnumEntry("ESEA_PARAM_LIMITS_THETA_MAX_RAD", """deflection that trips""")
-enums["ESEA_PARAM"][19].param[1] = """limits.theta_max_rad"""
-enums["ESEA_PARAM"][19].param[2] = """limits.theta_max"""
-enums["ESEA_PARAM"][19].param[3] = """rad"""
-enums["ESEA_PARAM"][19].param[4] = """0.0149999997"""
-enums["ESEA_PARAM"][19].param[5] = """0.299999982"""
-enums["ESEA_PARAM"][19].param[6] = """0.299999982"""
+ESEA_PARAM_PASSIVITY_LEAST_NMS_RAD = 19
+enums["ESEA_PARAM"][19] = EnumEntry("ESEA_PARAM_PASSIVITY_LEAST_NMS_RAD", """damping that a hand feels at least: more is calmer and less transparent""")
+enums["ESEA_PARAM"][19].param[1] = """passivity.least_Nms_rad"""
+enums["ESEA_PARAM"][19].param[2] = """passivity.least"""
+enums["ESEA_PARAM"][19].param[3] = """Nm s/rad"""
+enums["ESEA_PARAM"][19].param[4] = """0.0100000007"""
+enums["ESEA_PARAM"][19].param[5] = """0.349999994"""
+enums["ESEA_PARAM"][19].param[6] = """0.0100000007"""
 enums["ESEA_PARAM"][19].param[7] = """free"""
-ESEA_PARAM_LIMITS_ROM_MIN_RAD = 20
-enums["ESEA_PARAM"][20] = EnumEntry("ESEA_PARAM_LIMITS_ROM_MIN_RAD", """joint angle below which nothing pushes further: up narrows""")
-enums["ESEA_PARAM"][20].param[1] = """limits.rom_min_rad"""
-enums["ESEA_PARAM"][20].param[2] = """limits.rom_min"""
-enums["ESEA_PARAM"][20].param[3] = """rad"""
-enums["ESEA_PARAM"][20].param[4] = """-0.149999991"""
-enums["ESEA_PARAM"][20].param[5] = """2.5"""
-enums["ESEA_PARAM"][20].param[6] = """-0.149999991"""
+ESEA_PARAM_PASSIVITY_ENERGY_J = 20
+enums["ESEA_PARAM"][20] = EnumEntry("ESEA_PARAM_PASSIVITY_ENERGY_J", """energy that drive and command may hold and give: less is weaker""")
+enums["ESEA_PARAM"][20].param[1] = """passivity.energy_J"""
+enums["ESEA_PARAM"][20].param[2] = """passivity.energy"""
+enums["ESEA_PARAM"][20].param[3] = """J"""
+enums["ESEA_PARAM"][20].param[4] = """0.400000006"""
+enums["ESEA_PARAM"][20].param[5] = """4"""
+enums["ESEA_PARAM"][20].param[6] = """4"""
 enums["ESEA_PARAM"][20].param[7] = """free"""
-ESEA_PARAM_LIMITS_ROM_MAX_RAD = 21
-enums["ESEA_PARAM"][21] = EnumEntry("ESEA_PARAM_LIMITS_ROM_MAX_RAD", """joint angle above which nothing pushes further: down narrows""")
-enums["ESEA_PARAM"][21].param[1] = """limits.rom_max_rad"""
-enums["ESEA_PARAM"][21].param[2] = """limits.rom_max"""
-enums["ESEA_PARAM"][21].param[3] = """rad"""
-enums["ESEA_PARAM"][21].param[4] = """-0.149999991"""
-enums["ESEA_PARAM"][21].param[5] = """2.5"""
-enums["ESEA_PARAM"][21].param[6] = """2.5"""
+ESEA_PARAM_LEAD_SHARE = 21
+enums["ESEA_PARAM"][21] = EnumEntry("ESEA_PARAM_LEAD_SHARE", """1 looks ahead and smooths; 0 takes the set torque as it comes""")
+enums["ESEA_PARAM"][21].param[1] = """lead.share"""
+enums["ESEA_PARAM"][21].param[2] = """lead.share"""
+enums["ESEA_PARAM"][21].param[3] = """1"""
+enums["ESEA_PARAM"][21].param[4] = """0"""
+enums["ESEA_PARAM"][21].param[5] = """1"""
+enums["ESEA_PARAM"][21].param[6] = """1"""
 enums["ESEA_PARAM"][21].param[7] = """free"""
-ESEA_PARAM_LIMITS_OMEGA_MAX_RAD_S = 22
-enums["ESEA_PARAM"][22] = EnumEntry("ESEA_PARAM_LIMITS_OMEGA_MAX_RAD_S", """joint or drive speed that trips""")
-enums["ESEA_PARAM"][22].param[1] = """limits.omega_max_rad_s"""
-enums["ESEA_PARAM"][22].param[2] = """limits.omega_max"""
-enums["ESEA_PARAM"][22].param[3] = """rad/s"""
-enums["ESEA_PARAM"][22].param[4] = """0.5"""
-enums["ESEA_PARAM"][22].param[5] = """10"""
-enums["ESEA_PARAM"][22].param[6] = """10"""
+ESEA_PARAM_INVERSE_BANDWIDTH_HZ = 22
+enums["ESEA_PARAM"][22] = EnumEntry("ESEA_PARAM_INVERSE_BANDWIDTH_HZ", """bandwidth of the triple pole: higher follows faster and passes more noise""")
+enums["ESEA_PARAM"][22].param[1] = """inverse.bandwidth_Hz"""
+enums["ESEA_PARAM"][22].param[2] = """invrs.bandwidth"""
+enums["ESEA_PARAM"][22].param[3] = """Hz"""
+enums["ESEA_PARAM"][22].param[4] = """2"""
+enums["ESEA_PARAM"][22].param[5] = """100"""
+enums["ESEA_PARAM"][22].param[6] = """100"""
 enums["ESEA_PARAM"][22].param[7] = """free"""
-ESEA_PARAM_LIMITS_ENERGY_MAX_J = 23
-enums["ESEA_PARAM"][23] = EnumEntry("ESEA_PARAM_LIMITS_ENERGY_MAX_J", """energy within the window that trips""")
-enums["ESEA_PARAM"][23].param[1] = """limits.energy_max_J"""
-enums["ESEA_PARAM"][23].param[2] = """lmts.energy_max"""
-enums["ESEA_PARAM"][23].param[3] = """J"""
-enums["ESEA_PARAM"][23].param[4] = """0.150000006"""
-enums["ESEA_PARAM"][23].param[5] = """15"""
-enums["ESEA_PARAM"][23].param[6] = """15"""
+ESEA_PARAM_SETPOINT_BANDWIDTH_HZ = 23
+enums["ESEA_PARAM"][23] = EnumEntry("ESEA_PARAM_SETPOINT_BANDWIDTH_HZ", """bandwidth of the triple pole: higher follows faster, lower smooths the corners""")
+enums["ESEA_PARAM"][23].param[1] = """setpoint.bandwidth_Hz"""
+enums["ESEA_PARAM"][23].param[2] = """stpnt.bandwidth"""
+enums["ESEA_PARAM"][23].param[3] = """Hz"""
+enums["ESEA_PARAM"][23].param[4] = """2"""
+enums["ESEA_PARAM"][23].param[5] = """100"""
+enums["ESEA_PARAM"][23].param[6] = """50"""
 enums["ESEA_PARAM"][23].param[7] = """free"""
-ESEA_PARAM_DRIVE_BANDWIDTH_1_S = 24
-enums["ESEA_PARAM"][24] = EnumEntry("ESEA_PARAM_DRIVE_BANDWIDTH_1_S", """bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it""")
-enums["ESEA_PARAM"][24].param[1] = """drive.bandwidth_1_s"""
-enums["ESEA_PARAM"][24].param[2] = """drive.bandwidth"""
-enums["ESEA_PARAM"][24].param[3] = """1/s"""
-enums["ESEA_PARAM"][24].param[4] = """0"""
-enums["ESEA_PARAM"][24].param[5] = """18.0335312"""
-enums["ESEA_PARAM"][24].param[6] = """5"""
+ESEA_PARAM_LIMITS_U_MAX_NM = 24
+enums["ESEA_PARAM"][24] = EnumEntry("ESEA_PARAM_LIMITS_U_MAX_NM", """largest |motor command|: lower is weaker""")
+enums["ESEA_PARAM"][24].param[1] = """limits.u_max_Nm"""
+enums["ESEA_PARAM"][24].param[2] = """limits.u_max_Nm"""
+enums["ESEA_PARAM"][24].param[3] = """Nm"""
+enums["ESEA_PARAM"][24].param[4] = """0.00221000006"""
+enums["ESEA_PARAM"][24].param[5] = """0.220999986"""
+enums["ESEA_PARAM"][24].param[6] = """0.220999986"""
 enums["ESEA_PARAM"][24].param[7] = """free"""
-ESEA_PARAM_HUMAN_DECAY_S = 25
-enums["ESEA_PARAM"][25] = EnumEntry("ESEA_PARAM_HUMAN_DECAY_S", """decay of the torque's rate: longer trusts a rate longer and overshoots more""")
-enums["ESEA_PARAM"][25].param[1] = """human.decay_s"""
-enums["ESEA_PARAM"][25].param[2] = """human.decay_s"""
-enums["ESEA_PARAM"][25].param[3] = """s"""
-enums["ESEA_PARAM"][25].param[4] = """0.0600000024"""
-enums["ESEA_PARAM"][25].param[5] = """1.5"""
-enums["ESEA_PARAM"][25].param[6] = """0.3"""
+ESEA_PARAM_LIMITS_U_RATE_NM_S = 25
+enums["ESEA_PARAM"][25] = EnumEntry("ESEA_PARAM_LIMITS_U_RATE_NM_S", """fastest change of the command: lower is softer""")
+enums["ESEA_PARAM"][25].param[1] = """limits.u_rate_Nm_s"""
+enums["ESEA_PARAM"][25].param[2] = """limits.u_rate"""
+enums["ESEA_PARAM"][25].param[3] = """Nm/s"""
+enums["ESEA_PARAM"][25].param[4] = """5"""
+enums["ESEA_PARAM"][25].param[5] = """50"""
+enums["ESEA_PARAM"][25].param[6] = """50"""
 enums["ESEA_PARAM"][25].param[7] = """free"""
-ESEA_PARAM_SET_RATE_CUTOFF_HZ = 26
-enums["ESEA_PARAM"][26] = EnumEntry("ESEA_PARAM_SET_RATE_CUTOFF_HZ", """cut-off: higher follows faster and passes more noise""")
-enums["ESEA_PARAM"][26].param[1] = """set_rate.cutoff_Hz"""
-enums["ESEA_PARAM"][26].param[2] = """set_rate.cutoff"""
-enums["ESEA_PARAM"][26].param[3] = """Hz"""
-enums["ESEA_PARAM"][26].param[4] = """15"""
-enums["ESEA_PARAM"][26].param[5] = """60"""
-enums["ESEA_PARAM"][26].param[6] = """30"""
+ESEA_PARAM_LIMITS_TAU_MAX_NM = 26
+enums["ESEA_PARAM"][26] = EnumEntry("ESEA_PARAM_LIMITS_TAU_MAX_NM", """interaction torque that trips""")
+enums["ESEA_PARAM"][26].param[1] = """limits.tau_max_Nm"""
+enums["ESEA_PARAM"][26].param[2] = """limits.tau_max"""
+enums["ESEA_PARAM"][26].param[3] = """Nm"""
+enums["ESEA_PARAM"][26].param[4] = """0.400000006"""
+enums["ESEA_PARAM"][26].param[5] = """8"""
+enums["ESEA_PARAM"][26].param[6] = """8"""
 enums["ESEA_PARAM"][26].param[7] = """free"""
-ESEA_PARAM_SET_TREND_BANDWIDTH_HZ = 27
-enums["ESEA_PARAM"][27] = EnumEntry("ESEA_PARAM_SET_TREND_BANDWIDTH_HZ", """bandwidth without noise: higher sees sooner where it goes""")
-enums["ESEA_PARAM"][27].param[1] = """set_trend.bandwidth_Hz"""
-enums["ESEA_PARAM"][27].param[2] = """st_trnd.bndwdth"""
-enums["ESEA_PARAM"][27].param[3] = """Hz"""
-enums["ESEA_PARAM"][27].param[4] = """0.5"""
-enums["ESEA_PARAM"][27].param[5] = """20"""
-enums["ESEA_PARAM"][27].param[6] = """16"""
+ESEA_PARAM_LIMITS_THETA_MAX_RAD = 27
+enums["ESEA_PARAM"][27] = EnumEntry("ESEA_PARAM_LIMITS_THETA_MAX_RAD", """deflection that trips""")
+enums["ESEA_PARAM"][27].param[1] = """limits.theta_max_rad"""
+enums["ESEA_PARAM"][27].param[2] = """limits.theta_max"""
+enums["ESEA_PARAM"][27].param[3] = """rad"""
+enums["ESEA_PARAM"][27].param[4] = """0.0149999997"""
+enums["ESEA_PARAM"][27].param[5] = """0.299999982"""
+enums["ESEA_PARAM"][27].param[6] = """0.299999982"""
 enums["ESEA_PARAM"][27].param[7] = """free"""
-ESEA_PARAM_SET_TREND_QUIET_NM = 28
-enums["ESEA_PARAM"][28] = EnumEntry("ESEA_PARAM_SET_TREND_QUIET_NM", """noise that halves the bandwidth: lower is calmer, and trusts less""")
-enums["ESEA_PARAM"][28].param[1] = """set_trend.quiet_Nm"""
-enums["ESEA_PARAM"][28].param[2] = """set_trend.quiet"""
-enums["ESEA_PARAM"][28].param[3] = """Nm"""
-enums["ESEA_PARAM"][28].param[4] = """0.00100000005"""
-enums["ESEA_PARAM"][28].param[5] = """1"""
-enums["ESEA_PARAM"][28].param[6] = """0.018"""
+ESEA_PARAM_LIMITS_ROM_MIN_RAD = 28
+enums["ESEA_PARAM"][28] = EnumEntry("ESEA_PARAM_LIMITS_ROM_MIN_RAD", """joint angle below which nothing pushes further: up narrows""")
+enums["ESEA_PARAM"][28].param[1] = """limits.rom_min_rad"""
+enums["ESEA_PARAM"][28].param[2] = """limits.rom_min"""
+enums["ESEA_PARAM"][28].param[3] = """rad"""
+enums["ESEA_PARAM"][28].param[4] = """-0.149999991"""
+enums["ESEA_PARAM"][28].param[5] = """2.5"""
+enums["ESEA_PARAM"][28].param[6] = """-0.149999991"""
 enums["ESEA_PARAM"][28].param[7] = """free"""
-ESEA_PARAM_SMC_LAMBDA_1_S = 29
-enums["ESEA_PARAM"][29] = EnumEntry("ESEA_PARAM_SMC_LAMBDA_1_S", """slope of the surface: higher is stiffer and nearer to the drive's own modes""")
-enums["ESEA_PARAM"][29].param[1] = """smc.lambda_1_s"""
-enums["ESEA_PARAM"][29].param[2] = """smc.lambda_1_s"""
-enums["ESEA_PARAM"][29].param[3] = """1/s"""
-enums["ESEA_PARAM"][29].param[4] = """1"""
-enums["ESEA_PARAM"][29].param[5] = """25"""
-enums["ESEA_PARAM"][29].param[6] = """15"""
+ESEA_PARAM_LIMITS_ROM_MAX_RAD = 29
+enums["ESEA_PARAM"][29] = EnumEntry("ESEA_PARAM_LIMITS_ROM_MAX_RAD", """joint angle above which nothing pushes further: down narrows""")
+enums["ESEA_PARAM"][29].param[1] = """limits.rom_max_rad"""
+enums["ESEA_PARAM"][29].param[2] = """limits.rom_max"""
+enums["ESEA_PARAM"][29].param[3] = """rad"""
+enums["ESEA_PARAM"][29].param[4] = """-0.149999991"""
+enums["ESEA_PARAM"][29].param[5] = """2.5"""
+enums["ESEA_PARAM"][29].param[6] = """2.5"""
 enums["ESEA_PARAM"][29].param[7] = """free"""
-ESEA_PARAM_SMC_PHI_RAD_S = 30
-enums["ESEA_PARAM"][30] = EnumEntry("ESEA_PARAM_SMC_PHI_RAD_S", """width of the boundary layer: narrower is stiffer and chatters sooner""")
-enums["ESEA_PARAM"][30].param[1] = """smc.phi_rad_s"""
-enums["ESEA_PARAM"][30].param[2] = """smc.phi_rad_s"""
+ESEA_PARAM_LIMITS_OMEGA_MAX_RAD_S = 30
+enums["ESEA_PARAM"][30] = EnumEntry("ESEA_PARAM_LIMITS_OMEGA_MAX_RAD_S", """joint or drive speed that trips""")
+enums["ESEA_PARAM"][30].param[1] = """limits.omega_max_rad_s"""
+enums["ESEA_PARAM"][30].param[2] = """limits.omega_max"""
 enums["ESEA_PARAM"][30].param[3] = """rad/s"""
-enums["ESEA_PARAM"][30].param[4] = """0.00100000005"""
-enums["ESEA_PARAM"][30].param[5] = """100"""
-enums["ESEA_PARAM"][30].param[6] = """1.5"""
+enums["ESEA_PARAM"][30].param[4] = """0.5"""
+enums["ESEA_PARAM"][30].param[5] = """10"""
+enums["ESEA_PARAM"][30].param[6] = """10"""
 enums["ESEA_PARAM"][30].param[7] = """free"""
-ESEA_PARAM_SMC_MARGIN = 31
-enums["ESEA_PARAM"][31] = EnumEntry("ESEA_PARAM_SMC_MARGIN", """factor on the switching gain of (5.20); 1 is its smallest""")
-enums["ESEA_PARAM"][31].param[1] = """smc.margin"""
-enums["ESEA_PARAM"][31].param[2] = """smc.margin"""
-enums["ESEA_PARAM"][31].param[3] = """1"""
-enums["ESEA_PARAM"][31].param[4] = """1"""
-enums["ESEA_PARAM"][31].param[5] = """5"""
-enums["ESEA_PARAM"][31].param[6] = """1"""
+ESEA_PARAM_LIMITS_ENERGY_MAX_J = 31
+enums["ESEA_PARAM"][31] = EnumEntry("ESEA_PARAM_LIMITS_ENERGY_MAX_J", """energy within the window that trips""")
+enums["ESEA_PARAM"][31].param[1] = """limits.energy_max_J"""
+enums["ESEA_PARAM"][31].param[2] = """lmts.energy_max"""
+enums["ESEA_PARAM"][31].param[3] = """J"""
+enums["ESEA_PARAM"][31].param[4] = """0.150000006"""
+enums["ESEA_PARAM"][31].param[5] = """15"""
+enums["ESEA_PARAM"][31].param[6] = """15"""
 enums["ESEA_PARAM"][31].param[7] = """free"""
-ESEA_PARAM_SMC_LEAD = 32
-enums["ESEA_PARAM"][32] = EnumEntry("ESEA_PARAM_SMC_LEAD", """how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c""")
-enums["ESEA_PARAM"][32].param[1] = """smc.lead"""
-enums["ESEA_PARAM"][32].param[2] = """smc.lead"""
-enums["ESEA_PARAM"][32].param[3] = """1"""
-enums["ESEA_PARAM"][32].param[4] = """1"""
-enums["ESEA_PARAM"][32].param[5] = """4"""
-enums["ESEA_PARAM"][32].param[6] = """2.5"""
+ESEA_PARAM_DRIVE_BANDWIDTH_1_S = 32
+enums["ESEA_PARAM"][32] = EnumEntry("ESEA_PARAM_DRIVE_BANDWIDTH_1_S", """bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it""")
+enums["ESEA_PARAM"][32].param[1] = """drive.bandwidth_1_s"""
+enums["ESEA_PARAM"][32].param[2] = """drive.bandwidth"""
+enums["ESEA_PARAM"][32].param[3] = """1/s"""
+enums["ESEA_PARAM"][32].param[4] = """0"""
+enums["ESEA_PARAM"][32].param[5] = """18.0335312"""
+enums["ESEA_PARAM"][32].param[6] = """5"""
 enums["ESEA_PARAM"][32].param[7] = """free"""
-ESEA_PARAM_SMC_LOAD_SHARE = 33
-enums["ESEA_PARAM"][33] = EnumEntry("ESEA_PARAM_SMC_LOAD_SHARE", """share of the load's estimated acceleration in the set-point's acceleration""")
-enums["ESEA_PARAM"][33].param[1] = """smc.load_share"""
-enums["ESEA_PARAM"][33].param[2] = """smc.load_share"""
-enums["ESEA_PARAM"][33].param[3] = """1"""
-enums["ESEA_PARAM"][33].param[4] = """0"""
-enums["ESEA_PARAM"][33].param[5] = """1"""
-enums["ESEA_PARAM"][33].param[6] = """1"""
+ESEA_PARAM_HUMAN_DECAY_S = 33
+enums["ESEA_PARAM"][33] = EnumEntry("ESEA_PARAM_HUMAN_DECAY_S", """decay of the torque's rate: longer trusts a rate longer and overshoots more""")
+enums["ESEA_PARAM"][33].param[1] = """human.decay_s"""
+enums["ESEA_PARAM"][33].param[2] = """human.decay_s"""
+enums["ESEA_PARAM"][33].param[3] = """s"""
+enums["ESEA_PARAM"][33].param[4] = """0.0600000024"""
+enums["ESEA_PARAM"][33].param[5] = """1.5"""
+enums["ESEA_PARAM"][33].param[6] = """0.3"""
 enums["ESEA_PARAM"][33].param[7] = """free"""
-ESEA_PARAM_SMC_FRICTION_AHEAD = 34
-enums["ESEA_PARAM"][34] = EnumEntry("ESEA_PARAM_SMC_FRICTION_AHEAD", """share of the rate wanted in the rate whose friction is compensated; 0: measured""")
-enums["ESEA_PARAM"][34].param[1] = """smc.friction_ahead"""
-enums["ESEA_PARAM"][34].param[2] = """smc.frctn_ahd"""
-enums["ESEA_PARAM"][34].param[3] = """1"""
-enums["ESEA_PARAM"][34].param[4] = """0"""
-enums["ESEA_PARAM"][34].param[5] = """1"""
-enums["ESEA_PARAM"][34].param[6] = """1"""
+ESEA_PARAM_SET_RATE_CUTOFF_HZ = 34
+enums["ESEA_PARAM"][34] = EnumEntry("ESEA_PARAM_SET_RATE_CUTOFF_HZ", """cut-off: higher follows faster and passes more noise""")
+enums["ESEA_PARAM"][34].param[1] = """set_rate.cutoff_Hz"""
+enums["ESEA_PARAM"][34].param[2] = """set_rate.cutoff"""
+enums["ESEA_PARAM"][34].param[3] = """Hz"""
+enums["ESEA_PARAM"][34].param[4] = """15"""
+enums["ESEA_PARAM"][34].param[5] = """60"""
+enums["ESEA_PARAM"][34].param[6] = """30"""
 enums["ESEA_PARAM"][34].param[7] = """free"""
-ESEA_PARAM_SMC_SOFTENING = 35
-enums["ESEA_PARAM"][35] = EnumEntry("ESEA_PARAM_SMC_SOFTENING", """how soft a swing of the error makes the gains; 0: they stay as they are""")
-enums["ESEA_PARAM"][35].param[1] = """smc.softening"""
-enums["ESEA_PARAM"][35].param[2] = """smc.softening"""
-enums["ESEA_PARAM"][35].param[3] = """1"""
-enums["ESEA_PARAM"][35].param[4] = """0"""
-enums["ESEA_PARAM"][35].param[5] = """1"""
-enums["ESEA_PARAM"][35].param[6] = """1"""
+ESEA_PARAM_SET_TREND_BANDWIDTH_HZ = 35
+enums["ESEA_PARAM"][35] = EnumEntry("ESEA_PARAM_SET_TREND_BANDWIDTH_HZ", """bandwidth without noise: higher sees sooner where it goes""")
+enums["ESEA_PARAM"][35].param[1] = """set_trend.bandwidth_Hz"""
+enums["ESEA_PARAM"][35].param[2] = """st_trnd.bndwdth"""
+enums["ESEA_PARAM"][35].param[3] = """Hz"""
+enums["ESEA_PARAM"][35].param[4] = """0.5"""
+enums["ESEA_PARAM"][35].param[5] = """20"""
+enums["ESEA_PARAM"][35].param[6] = """16"""
 enums["ESEA_PARAM"][35].param[7] = """free"""
-ESEA_PARAM_ENUM_END = 36
-enums["ESEA_PARAM"][36] = EnumEntry("ESEA_PARAM_ENUM_END", """""")
+ESEA_PARAM_SET_TREND_QUIET_NM = 36
+enums["ESEA_PARAM"][36] = EnumEntry("ESEA_PARAM_SET_TREND_QUIET_NM", """noise that halves the bandwidth: lower is calmer, and trusts less""")
+enums["ESEA_PARAM"][36].param[1] = """set_trend.quiet_Nm"""
+enums["ESEA_PARAM"][36].param[2] = """set_trend.quiet"""
+enums["ESEA_PARAM"][36].param[3] = """Nm"""
+enums["ESEA_PARAM"][36].param[4] = """0.00100000005"""
+enums["ESEA_PARAM"][36].param[5] = """1"""
+enums["ESEA_PARAM"][36].param[6] = """0.018"""
+enums["ESEA_PARAM"][36].param[7] = """free"""
+ESEA_PARAM_SMC_LAMBDA_1_S = 37
+enums["ESEA_PARAM"][37] = EnumEntry("ESEA_PARAM_SMC_LAMBDA_1_S", """slope of the surface: higher is stiffer and nearer to the drive's own modes""")
+enums["ESEA_PARAM"][37].param[1] = """smc.lambda_1_s"""
+enums["ESEA_PARAM"][37].param[2] = """smc.lambda_1_s"""
+enums["ESEA_PARAM"][37].param[3] = """1/s"""
+enums["ESEA_PARAM"][37].param[4] = """1"""
+enums["ESEA_PARAM"][37].param[5] = """25"""
+enums["ESEA_PARAM"][37].param[6] = """15"""
+enums["ESEA_PARAM"][37].param[7] = """free"""
+ESEA_PARAM_SMC_PHI_RAD_S = 38
+enums["ESEA_PARAM"][38] = EnumEntry("ESEA_PARAM_SMC_PHI_RAD_S", """width of the boundary layer: narrower is stiffer and chatters sooner""")
+enums["ESEA_PARAM"][38].param[1] = """smc.phi_rad_s"""
+enums["ESEA_PARAM"][38].param[2] = """smc.phi_rad_s"""
+enums["ESEA_PARAM"][38].param[3] = """rad/s"""
+enums["ESEA_PARAM"][38].param[4] = """0.00100000005"""
+enums["ESEA_PARAM"][38].param[5] = """100"""
+enums["ESEA_PARAM"][38].param[6] = """1.5"""
+enums["ESEA_PARAM"][38].param[7] = """free"""
+ESEA_PARAM_SMC_MARGIN = 39
+enums["ESEA_PARAM"][39] = EnumEntry("ESEA_PARAM_SMC_MARGIN", """factor on the switching gain of (5.20); 1 is its smallest""")
+enums["ESEA_PARAM"][39].param[1] = """smc.margin"""
+enums["ESEA_PARAM"][39].param[2] = """smc.margin"""
+enums["ESEA_PARAM"][39].param[3] = """1"""
+enums["ESEA_PARAM"][39].param[4] = """1"""
+enums["ESEA_PARAM"][39].param[5] = """5"""
+enums["ESEA_PARAM"][39].param[6] = """1"""
+enums["ESEA_PARAM"][39].param[7] = """free"""
+ESEA_PARAM_SMC_LEAD = 40
+enums["ESEA_PARAM"][40] = EnumEntry("ESEA_PARAM_SMC_LEAD", """how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c""")
+enums["ESEA_PARAM"][40].param[1] = """smc.lead"""
+enums["ESEA_PARAM"][40].param[2] = """smc.lead"""
+enums["ESEA_PARAM"][40].param[3] = """1"""
+enums["ESEA_PARAM"][40].param[4] = """1"""
+enums["ESEA_PARAM"][40].param[5] = """4"""
+enums["ESEA_PARAM"][40].param[6] = """2.5"""
+enums["ESEA_PARAM"][40].param[7] = """free"""
+ESEA_PARAM_SMC_LOAD_SHARE = 41
+enums["ESEA_PARAM"][41] = EnumEntry("ESEA_PARAM_SMC_LOAD_SHARE", """share of the load's estimated acceleration in the set-point's acceleration""")
+enums["ESEA_PARAM"][41].param[1] = """smc.load_share"""
+enums["ESEA_PARAM"][41].param[2] = """smc.load_share"""
+enums["ESEA_PARAM"][41].param[3] = """1"""
+enums["ESEA_PARAM"][41].param[4] = """0"""
+enums["ESEA_PARAM"][41].param[5] = """1"""
+enums["ESEA_PARAM"][41].param[6] = """1"""
+enums["ESEA_PARAM"][41].param[7] = """free"""
+ESEA_PARAM_SMC_FRICTION_AHEAD = 42
+enums["ESEA_PARAM"][42] = EnumEntry("ESEA_PARAM_SMC_FRICTION_AHEAD", """share of the rate wanted in the rate whose friction is compensated; 0: measured""")
+enums["ESEA_PARAM"][42].param[1] = """smc.friction_ahead"""
+enums["ESEA_PARAM"][42].param[2] = """smc.frctn_ahd"""
+enums["ESEA_PARAM"][42].param[3] = """1"""
+enums["ESEA_PARAM"][42].param[4] = """0"""
+enums["ESEA_PARAM"][42].param[5] = """1"""
+enums["ESEA_PARAM"][42].param[6] = """1"""
+enums["ESEA_PARAM"][42].param[7] = """free"""
+ESEA_PARAM_SMC_SOFTENING = 43
+enums["ESEA_PARAM"][43] = EnumEntry("ESEA_PARAM_SMC_SOFTENING", """how soft a swing of the error makes the gains; 0: they stay as they are""")
+enums["ESEA_PARAM"][43].param[1] = """smc.softening"""
+enums["ESEA_PARAM"][43].param[2] = """smc.softening"""
+enums["ESEA_PARAM"][43].param[3] = """1"""
+enums["ESEA_PARAM"][43].param[4] = """0"""
+enums["ESEA_PARAM"][43].param[5] = """1"""
+enums["ESEA_PARAM"][43].param[6] = """1"""
+enums["ESEA_PARAM"][43].param[7] = """free"""
+ESEA_PARAM_ENUM_END = 44
+enums["ESEA_PARAM"][44] = EnumEntry("ESEA_PARAM_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS
 enums["ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS"] = Enum()
@@ -1127,6 +1199,22 @@ ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_RANGE_LEFT = 32
 enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"][32] = EnumEntry("ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_RANGE_LEFT", """turned by more than the joint's whole range""")
 ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_ENUM_END = 33
 enums["ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS"][33] = EnumEntry("ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_ENUM_END", """""")
+
+# ESEA_ELBOW_DRIVE_ADAPTATION_STATUS
+enums["ESEA_ELBOW_DRIVE_ADAPTATION_STATUS"] = Enum()
+enums["ESEA_ELBOW_DRIVE_ADAPTATION_STATUS"].bitmask = True
+ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_INPUT_INVALID = 1
+enums["ESEA_ELBOW_DRIVE_ADAPTATION_STATUS"][1] = EnumEntry("ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_INPUT_INVALID", """an input was NaN or outside its range; nothing is learnt""")
+ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_STATE_REPAIRED = 2
+enums["ESEA_ELBOW_DRIVE_ADAPTATION_STATUS"][2] = EnumEntry("ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_STATE_REPAIRED", """the state was corrupt; what was learnt is lost""")
+ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_LEARNS = 4
+enums["ESEA_ELBOW_DRIVE_ADAPTATION_STATUS"][4] = EnumEntry("ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_LEARNS", """the known mass moves: gain, loss and offset are learnt""")
+ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_AT_BOUND = 8
+enums["ESEA_ELBOW_DRIVE_ADAPTATION_STATUS"][8] = EnumEntry("ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_AT_BOUND", """what would be learnt lies beyond its bound""")
+ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_IMPLAUSIBLE = 16
+enums["ESEA_ELBOW_DRIVE_ADAPTATION_STATUS"][16] = EnumEntry("ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_IMPLAUSIBLE", """no rubber misses the known torque by so much: nothing is learnt""")
+ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_ENUM_END = 17
+enums["ESEA_ELBOW_DRIVE_ADAPTATION_STATUS"][17] = EnumEntry("ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_ENUM_END", """""")
 
 # ESEA_ELBOW_DRIVE_REFERENCE_STATUS
 enums["ESEA_ELBOW_DRIVE_REFERENCE_STATUS"] = Enum()
@@ -1404,6 +1492,7 @@ MAVLINK_MSG_ID_ESEA_TRAFFIC = 42664
 MAVLINK_MSG_ID_ESEA_KEY = 42665
 MAVLINK_MSG_ID_ESEA_KEPT = 42666
 MAVLINK_MSG_ID_ESEA_BLACKBOX = 42667
+MAVLINK_MSG_ID_ESEA_LIFE = 42668
 MAVLINK_MSG_ID_ESEA_WANTED = 42660
 
 
@@ -1990,22 +2079,22 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_SENSE_OUT
     msgname = "ESEA_SENSE_OUT"
-    fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "damping_Nms_rad", "given_J", "held_J", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "passivity_status", "lead_status", "inverse_status", "setpoint_status", "smooth_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "damping_Nms_rad", "given_J", "held_J", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "reference_status", "passivity_status", "lead_status", "inverse_status", "setpoint_status", "smooth_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
-    fielddisplays_by_name: Dict[str, str] = {"encoder_motor_status": "bitmask", "encoder_load_status": "bitmask", "joint_status": "bitmask", "velocity_status": "bitmask", "sensor_status": "bitmask", "motor_rate_status": "bitmask", "load_rate_status": "bitmask", "encoder_gear_status": "bitmask", "reference_status": "bitmask", "passivity_status": "bitmask", "lead_status": "bitmask", "inverse_status": "bitmask", "setpoint_status": "bitmask", "smooth_status": "bitmask", "limits_status": "bitmask", "drive_status": "bitmask", "gear_status": "bitmask", "human_status": "bitmask", "set_rate_status": "bitmask"}
-    fieldenums_by_name: Dict[str, str] = {"encoder_motor_status": "ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS", "encoder_load_status": "ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS", "joint_status": "ESEA_ELBOW_DRIVE_JOINT_STATUS", "velocity_status": "ESEA_ELBOW_DRIVE_VELOCITY_STATUS", "sensor_status": "ESEA_ELBOW_DRIVE_SENSOR_STATUS", "motor_rate_status": "ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS", "load_rate_status": "ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS", "encoder_gear_status": "ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS", "reference_status": "ESEA_ELBOW_DRIVE_REFERENCE_STATUS", "passivity_status": "ESEA_ELBOW_DRIVE_PASSIVITY_STATUS", "lead_status": "ESEA_ELBOW_DRIVE_LEAD_STATUS", "inverse_status": "ESEA_ELBOW_DRIVE_INVERSE_STATUS", "setpoint_status": "ESEA_ELBOW_DRIVE_SETPOINT_STATUS", "smooth_status": "ESEA_ELBOW_DRIVE_SMOOTH_STATUS", "limits_status": "ESEA_ELBOW_DRIVE_LIMITS_STATUS", "drive_status": "ESEA_ELBOW_DRIVE_DRIVE_STATUS", "gear_status": "ESEA_ELBOW_DRIVE_GEAR_STATUS", "human_status": "ESEA_ELBOW_DRIVE_HUMAN_STATUS", "set_rate_status": "ESEA_ELBOW_DRIVE_SET_RATE_STATUS"}
+    fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "damping_Nms_rad", "given_J", "held_J", "adapted_gain", "adapted_loss", "adapted_offset_Nm", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "adaptation_status", "reference_status", "passivity_status", "lead_status", "inverse_status", "setpoint_status", "smooth_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "u_Nm", "tau_Nm", "tau_set_Nm", "theta_rad", "theta_motor_rad", "theta_load_rad", "omega_motor_rad_s", "omega_load_rad_s", "delta_set_rad", "tau_h_Nm", "d4_rad_s2", "energy_J", "fault", "mode_held", "damping_Nms_rad", "given_J", "held_J", "adapted_gain", "adapted_loss", "adapted_offset_Nm", "encoder_motor_status", "encoder_load_status", "joint_status", "velocity_status", "sensor_status", "motor_rate_status", "load_rate_status", "encoder_gear_status", "adaptation_status", "reference_status", "passivity_status", "lead_status", "inverse_status", "setpoint_status", "smooth_status", "limits_status", "drive_status", "gear_status", "human_status", "set_rate_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {"encoder_motor_status": "bitmask", "encoder_load_status": "bitmask", "joint_status": "bitmask", "velocity_status": "bitmask", "sensor_status": "bitmask", "motor_rate_status": "bitmask", "load_rate_status": "bitmask", "encoder_gear_status": "bitmask", "adaptation_status": "bitmask", "reference_status": "bitmask", "passivity_status": "bitmask", "lead_status": "bitmask", "inverse_status": "bitmask", "setpoint_status": "bitmask", "smooth_status": "bitmask", "limits_status": "bitmask", "drive_status": "bitmask", "gear_status": "bitmask", "human_status": "bitmask", "set_rate_status": "bitmask"}
+    fieldenums_by_name: Dict[str, str] = {"encoder_motor_status": "ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS", "encoder_load_status": "ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS", "joint_status": "ESEA_ELBOW_DRIVE_JOINT_STATUS", "velocity_status": "ESEA_ELBOW_DRIVE_VELOCITY_STATUS", "sensor_status": "ESEA_ELBOW_DRIVE_SENSOR_STATUS", "motor_rate_status": "ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS", "load_rate_status": "ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS", "encoder_gear_status": "ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS", "adaptation_status": "ESEA_ELBOW_DRIVE_ADAPTATION_STATUS", "reference_status": "ESEA_ELBOW_DRIVE_REFERENCE_STATUS", "passivity_status": "ESEA_ELBOW_DRIVE_PASSIVITY_STATUS", "lead_status": "ESEA_ELBOW_DRIVE_LEAD_STATUS", "inverse_status": "ESEA_ELBOW_DRIVE_INVERSE_STATUS", "setpoint_status": "ESEA_ELBOW_DRIVE_SETPOINT_STATUS", "smooth_status": "ESEA_ELBOW_DRIVE_SMOOTH_STATUS", "limits_status": "ESEA_ELBOW_DRIVE_LIMITS_STATUS", "drive_status": "ESEA_ELBOW_DRIVE_DRIVE_STATUS", "gear_status": "ESEA_ELBOW_DRIVE_GEAR_STATUS", "human_status": "ESEA_ELBOW_DRIVE_HUMAN_STATUS", "set_rate_status": "ESEA_ELBOW_DRIVE_SET_RATE_STATUS"}
     fieldunits_by_name: Dict[str, str] = {"theta_rad": "rad", "theta_motor_rad": "rad", "theta_load_rad": "rad", "omega_motor_rad_s": "rad/s", "omega_load_rad_s": "rad/s", "delta_set_rad": "rad"}
-    native_format = bytearray(b"<IfffffffffffffffffIIIIIIIIIIIIIIIIIIII")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 15
-    unpacker = struct.Struct("<IfffffffffffffffffIIIIIIIIIIIIIIIIIIII")
+    native_format = bytearray(b"<IffffffffffffffffffffIIIIIIIIIIIIIIIIIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 180
+    unpacker = struct.Struct("<IffffffffffffffffffffIIIIIIIIIIIIIIIIIIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, damping_Nms_rad: float, given_J: float, held_J: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, passivity_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int):
+    def __init__(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, damping_Nms_rad: float, given_J: float, held_J: float, adapted_gain: float, adapted_loss: float, adapted_offset_Nm: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, adaptation_status: int, reference_status: int, passivity_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_sense_out_message.id, MAVLink_esea_sense_out_message.msgname)
         self._fieldnames = MAVLink_esea_sense_out_message.fieldnames
         self._instance_field = MAVLink_esea_sense_out_message.instance_field
@@ -2028,6 +2117,9 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.damping_Nms_rad = damping_Nms_rad
         self.given_J = given_J
         self.held_J = held_J
+        self.adapted_gain = adapted_gain
+        self.adapted_loss = adapted_loss
+        self.adapted_offset_Nm = adapted_offset_Nm
         self.encoder_motor_status = encoder_motor_status
         self.encoder_load_status = encoder_load_status
         self.joint_status = joint_status
@@ -2036,6 +2128,7 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.motor_rate_status = motor_rate_status
         self.load_rate_status = load_rate_status
         self.encoder_gear_status = encoder_gear_status
+        self.adaptation_status = adaptation_status
         self.reference_status = reference_status
         self.passivity_status = passivity_status
         self.lead_status = lead_status
@@ -2050,7 +2143,7 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_Nm, self.tau_Nm, self.tau_set_Nm, self.theta_rad, self.theta_motor_rad, self.theta_load_rad, self.omega_motor_rad_s, self.omega_load_rad_s, self.delta_set_rad, self.tau_h_Nm, self.d4_rad_s2, self.energy_J, self.fault, self.mode_held, self.damping_Nms_rad, self.given_J, self.held_J, self.encoder_motor_status, self.encoder_load_status, self.joint_status, self.velocity_status, self.sensor_status, self.motor_rate_status, self.load_rate_status, self.encoder_gear_status, self.reference_status, self.passivity_status, self.lead_status, self.inverse_status, self.setpoint_status, self.smooth_status, self.limits_status, self.drive_status, self.gear_status, self.human_status, self.set_rate_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.u_Nm, self.tau_Nm, self.tau_set_Nm, self.theta_rad, self.theta_motor_rad, self.theta_load_rad, self.omega_motor_rad_s, self.omega_load_rad_s, self.delta_set_rad, self.tau_h_Nm, self.d4_rad_s2, self.energy_J, self.fault, self.mode_held, self.damping_Nms_rad, self.given_J, self.held_J, self.adapted_gain, self.adapted_loss, self.adapted_offset_Nm, self.encoder_motor_status, self.encoder_load_status, self.joint_status, self.velocity_status, self.sensor_status, self.motor_rate_status, self.load_rate_status, self.encoder_gear_status, self.adaptation_status, self.reference_status, self.passivity_status, self.lead_status, self.inverse_status, self.setpoint_status, self.smooth_status, self.limits_status, self.drive_status, self.gear_status, self.human_status, self.set_rate_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -2463,6 +2556,54 @@ class MAVLink_esea_blackbox_message(MAVLink_message):
 setattr(MAVLink_esea_blackbox_message, "name", mavlink_msg_deprecated_name_property())
 
 
+class MAVLink_esea_life_message(MAVLink_message):
+    """
+    What a coupling has borne; on request, by the number of the
+    record. To the board: the serial number of a coupling.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_LIFE
+    msgname = "ESEA_LIFE"
+    fieldnames = ["serial", "seconds", "full", "energy_J", "width_rad", "halves", "number", "couplings", "records", "result"]
+    ordered_fieldnames = ["serial", "seconds", "full", "energy_J", "width_rad", "halves", "number", "couplings", "records", "result"]
+    fieldtypes = ["uint32_t", "uint32_t", "uint32_t", "float", "float", "uint32_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"result": "MAV_RESULT"}
+    fieldunits_by_name: Dict[str, str] = {"seconds": "s", "width_rad": "rad"}
+    native_format = bytearray(b"<IIIffIBBBB")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
+    lengths = [1, 1, 1, 1, 1, 48, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 48, 0, 0, 0, 0]
+    crc_extra = 239
+    unpacker = struct.Struct("<IIIff48IBBBB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, serial: int, seconds: int, full: int, energy_J: float, width_rad: float, halves: Sequence[int], number: int, couplings: int, records: int, result: int):
+        MAVLink_message.__init__(self, MAVLink_esea_life_message.id, MAVLink_esea_life_message.msgname)
+        self._fieldnames = MAVLink_esea_life_message.fieldnames
+        self._instance_field = MAVLink_esea_life_message.instance_field
+        self._instance_offset = MAVLink_esea_life_message.instance_offset
+        self.serial = serial
+        self.seconds = seconds
+        self.full = full
+        self.energy_J = energy_J
+        self.width_rad = width_rad
+        self.halves = halves
+        self.number = number
+        self.couplings = couplings
+        self.records = records
+        self.result = result
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.serial, self.seconds, self.full, self.energy_J, self.width_rad, self.halves[0], self.halves[1], self.halves[2], self.halves[3], self.halves[4], self.halves[5], self.halves[6], self.halves[7], self.halves[8], self.halves[9], self.halves[10], self.halves[11], self.halves[12], self.halves[13], self.halves[14], self.halves[15], self.halves[16], self.halves[17], self.halves[18], self.halves[19], self.halves[20], self.halves[21], self.halves[22], self.halves[23], self.halves[24], self.halves[25], self.halves[26], self.halves[27], self.halves[28], self.halves[29], self.halves[30], self.halves[31], self.halves[32], self.halves[33], self.halves[34], self.halves[35], self.halves[36], self.halves[37], self.halves[38], self.halves[39], self.halves[40], self.halves[41], self.halves[42], self.halves[43], self.halves[44], self.halves[45], self.halves[46], self.halves[47], self.number, self.couplings, self.records, self.result), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_life_message, "name", mavlink_msg_deprecated_name_property())
+
+
 class MAVLink_esea_wanted_message(MAVLink_message):
     """
     What the host wants, from the state ARMED on; anew before its
@@ -2530,6 +2671,7 @@ mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_ESEA_KEY: MAVLink_esea_key_message,
     MAVLINK_MSG_ID_ESEA_KEPT: MAVLink_esea_kept_message,
     MAVLINK_MSG_ID_ESEA_BLACKBOX: MAVLink_esea_blackbox_message,
+    MAVLINK_MSG_ID_ESEA_LIFE: MAVLink_esea_life_message,
     MAVLINK_MSG_ID_ESEA_WANTED: MAVLink_esea_wanted_message,
 }
 
@@ -3309,7 +3451,7 @@ class MAVLink(object):
         """
         self.send(self.esea_sense_in_encode(sequence, count_motor, frame_error_motor, count_load, frame_error_load, mode, stop, rearm, tau_desired_Nm, theta_desired_rad, omega_desired_rad_s, count_gear, frame_error_gear), force_mavlink1=force_mavlink1)
 
-    def esea_sense_out_encode(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, damping_Nms_rad: float, given_J: float, held_J: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, passivity_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
+    def esea_sense_out_encode(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, damping_Nms_rad: float, given_J: float, held_J: float, adapted_gain: float, adapted_loss: float, adapted_offset_Nm: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, adaptation_status: int, reference_status: int, passivity_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
         """
         Output of one run of task sense.
 
@@ -3331,6 +3473,9 @@ class MAVLink(object):
         damping_Nms_rad           : damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993 (type:float)
         given_J                   : energy given beyond the wanted torque's; [J], range 0 to 120.119995 (type:float)
         held_J                    : that, and what drive and command may still give; [J], range 0 to 173.559555 (type:float)
+        adapted_gain              : model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134 (type:float)
+        adapted_loss              : stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976 (type:float)
+        adapted_offset_Nm         : what the model shows without torque; [Nm], range -0.299999982 to 0.299999982 (type:float)
         encoder_motor_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS)
         encoder_load_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS)
         joint_status              : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_JOINT_STATUS)
@@ -3339,6 +3484,7 @@ class MAVLink(object):
         motor_rate_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS)
         load_rate_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS)
         encoder_gear_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS)
+        adaptation_status         : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ADAPTATION_STATUS)
         reference_status          : what is known of this set torque; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REFERENCE_STATUS)
         passivity_status          : what is known of this step; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_PASSIVITY_STATUS)
         lead_status               : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LEAD_STATUS)
@@ -3353,9 +3499,9 @@ class MAVLink(object):
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_sense_out_message(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, damping_Nms_rad, given_J, held_J, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, passivity_status, lead_status, inverse_status, setpoint_status, smooth_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks)
+        return MAVLink_esea_sense_out_message(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, damping_Nms_rad, given_J, held_J, adapted_gain, adapted_loss, adapted_offset_Nm, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, adaptation_status, reference_status, passivity_status, lead_status, inverse_status, setpoint_status, smooth_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks)
 
-    def esea_sense_out_send(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, damping_Nms_rad: float, given_J: float, held_J: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, reference_status: int, passivity_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_sense_out_send(self, sequence: int, u_Nm: float, tau_Nm: float, tau_set_Nm: float, theta_rad: float, theta_motor_rad: float, theta_load_rad: float, omega_motor_rad_s: float, omega_load_rad_s: float, delta_set_rad: float, tau_h_Nm: float, d4_rad_s2: float, energy_J: float, fault: float, mode_held: float, damping_Nms_rad: float, given_J: float, held_J: float, adapted_gain: float, adapted_loss: float, adapted_offset_Nm: float, encoder_motor_status: int, encoder_load_status: int, joint_status: int, velocity_status: int, sensor_status: int, motor_rate_status: int, load_rate_status: int, encoder_gear_status: int, adaptation_status: int, reference_status: int, passivity_status: int, lead_status: int, inverse_status: int, setpoint_status: int, smooth_status: int, limits_status: int, drive_status: int, gear_status: int, human_status: int, set_rate_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task sense.
 
@@ -3377,6 +3523,9 @@ class MAVLink(object):
         damping_Nms_rad           : damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993 (type:float)
         given_J                   : energy given beyond the wanted torque's; [J], range 0 to 120.119995 (type:float)
         held_J                    : that, and what drive and command may still give; [J], range 0 to 173.559555 (type:float)
+        adapted_gain              : model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134 (type:float)
+        adapted_loss              : stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976 (type:float)
+        adapted_offset_Nm         : what the model shows without torque; [Nm], range -0.299999982 to 0.299999982 (type:float)
         encoder_motor_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_MOTOR_STATUS)
         encoder_load_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_LOAD_STATUS)
         joint_status              : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_JOINT_STATUS)
@@ -3385,6 +3534,7 @@ class MAVLink(object):
         motor_rate_status         : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_MOTOR_RATE_STATUS)
         load_rate_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LOAD_RATE_STATUS)
         encoder_gear_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS)
+        adaptation_status         : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_ADAPTATION_STATUS)
         reference_status          : what is known of this set torque; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_REFERENCE_STATUS)
         passivity_status          : what is known of this step; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_PASSIVITY_STATUS)
         lead_status               : what is known of it; bits below (type:uint32_t, values:ESEA_ELBOW_DRIVE_LEAD_STATUS)
@@ -3399,7 +3549,7 @@ class MAVLink(object):
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_sense_out_encode(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, damping_Nms_rad, given_J, held_J, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, reference_status, passivity_status, lead_status, inverse_status, setpoint_status, smooth_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_sense_out_encode(sequence, u_Nm, tau_Nm, tau_set_Nm, theta_rad, theta_motor_rad, theta_load_rad, omega_motor_rad_s, omega_load_rad_s, delta_set_rad, tau_h_Nm, d4_rad_s2, energy_J, fault, mode_held, damping_Nms_rad, given_J, held_J, adapted_gain, adapted_loss, adapted_offset_Nm, encoder_motor_status, encoder_load_status, joint_status, velocity_status, sensor_status, motor_rate_status, load_rate_status, encoder_gear_status, adaptation_status, reference_status, passivity_status, lead_status, inverse_status, setpoint_status, smooth_status, limits_status, drive_status, gear_status, human_status, set_rate_status, step_ticks), force_mavlink1=force_mavlink1)
 
     def esea_control_in_encode(self, sequence: int) -> MAVLink_esea_control_in_message:
         """
@@ -3688,6 +3838,44 @@ class MAVLink(object):
 
         """
         self.send(self.esea_blackbox_encode(first, count, fault, tick, records, size, whole, data), force_mavlink1=force_mavlink1)
+
+    def esea_life_encode(self, serial: int, seconds: int, full: int, energy_J: float, width_rad: float, halves: Sequence[int], number: int, couplings: int, records: int, result: int) -> MAVLink_esea_life_message:
+        """
+        What a coupling has borne; on request, by the number of the record. To
+        the board: the serial number of a coupling.
+
+        serial                    : Serial number on the coupling; 0: nobody said. (type:uint32_t)
+        seconds                   : Time counted. [s] (type:uint32_t)
+        full                      : Times that there was no room for a turning point. (type:uint32_t)
+        energy_J                  : Energy that it has taken. (type:float)
+        width_rad                 : Width of a class of ranges. [rad] (type:float)
+        halves                    : Half cycles by class of the deflection's range, as if its history ended now; ranges below one class are not counted. (type:uint32_t)
+        number                    : Of the record: the couplings that are fitted, then those that lie aside. To the board: the coupling whose serial number this is; 255: forgets one that lies aside. (type:uint8_t)
+        couplings                 : How many the device has. (type:uint8_t)
+        records                   : How many records there are. (type:uint8_t)
+        result                    : Of naming the coupling. (type:uint8_t, values:MAV_RESULT)
+
+        """
+        return MAVLink_esea_life_message(serial, seconds, full, energy_J, width_rad, halves, number, couplings, records, result)
+
+    def esea_life_send(self, serial: int, seconds: int, full: int, energy_J: float, width_rad: float, halves: Sequence[int], number: int, couplings: int, records: int, result: int, force_mavlink1: bool = False) -> None:
+        """
+        What a coupling has borne; on request, by the number of the record. To
+        the board: the serial number of a coupling.
+
+        serial                    : Serial number on the coupling; 0: nobody said. (type:uint32_t)
+        seconds                   : Time counted. [s] (type:uint32_t)
+        full                      : Times that there was no room for a turning point. (type:uint32_t)
+        energy_J                  : Energy that it has taken. (type:float)
+        width_rad                 : Width of a class of ranges. [rad] (type:float)
+        halves                    : Half cycles by class of the deflection's range, as if its history ended now; ranges below one class are not counted. (type:uint32_t)
+        number                    : Of the record: the couplings that are fitted, then those that lie aside. To the board: the coupling whose serial number this is; 255: forgets one that lies aside. (type:uint8_t)
+        couplings                 : How many the device has. (type:uint8_t)
+        records                   : How many records there are. (type:uint8_t)
+        result                    : Of naming the coupling. (type:uint8_t, values:MAV_RESULT)
+
+        """
+        self.send(self.esea_life_encode(serial, seconds, full, energy_J, width_rad, halves, number, couplings, records, result), force_mavlink1=force_mavlink1)
 
     def esea_wanted_encode(self, mode: float, tau_desired_Nm: float, theta_desired_rad: float, omega_desired_rad_s: float, deadline_ms: int) -> MAVLink_esea_wanted_message:
         """

@@ -78,6 +78,9 @@ extern "C" {
 #define casadi_f50 CASADI_PREFIX(f50)
 #define casadi_f51 CASADI_PREFIX(f51)
 #define casadi_f52 CASADI_PREFIX(f52)
+#define casadi_f53 CASADI_PREFIX(f53)
+#define casadi_f54 CASADI_PREFIX(f54)
+#define casadi_f55 CASADI_PREFIX(f55)
 #define casadi_f6 CASADI_PREFIX(f6)
 #define casadi_f7 CASADI_PREFIX(f7)
 #define casadi_f8 CASADI_PREFIX(f8)
@@ -2659,8 +2662,824 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_encoder_gear_step_work_bytes(ca
   return 0;
 }
 
-/* esea_elbow_drive_casadi_reference_prepare:(Kp_Nm_rad,Kd_Nms_rad,blend_s,tau_range_Nm)->(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm) */
+/* esea_elbow_drive_casadi_adaptation_prepare:(share,mass_Nm,mass_angle_rad,mass_kgm2,mass_Nms_rad,gain,loss,offset_Nm)->(c_share,c_mass_Nm,c_mass_angle_rad,c_mass_kgm2,c_mass_Nms_rad,c_gain,c_loss,c_offset_Nm) */
 static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=arg[0]? arg[0][0] : 0;
+  if (res[0]!=0) res[0][0]=a0;
+  a0=arg[1]? arg[1][0] : 0;
+  if (res[1]!=0) res[1][0]=a0;
+  a0=arg[2]? arg[2][0] : 0;
+  if (res[2]!=0) res[2][0]=a0;
+  a0=arg[3]? arg[3][0] : 0;
+  if (res[3]!=0) res[3][0]=a0;
+  a0=arg[4]? arg[4][0] : 0;
+  if (res[4]!=0) res[4][0]=a0;
+  a0=arg[5]? arg[5][0] : 0;
+  if (res[5]!=0) res[5][0]=a0;
+  a0=arg[6]? arg[6][0] : 0;
+  if (res[6]!=0) res[6][0]=a0;
+  a0=arg[7]? arg[7][0] : 0;
+  if (res[7]!=0) res[7][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f15(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_prepare_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_adaptation_prepare_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_adaptation_prepare_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_adaptation_prepare_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_adaptation_prepare_n_in(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_adaptation_prepare_n_out(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_adaptation_prepare_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_adaptation_prepare_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "share";
+    case 1: return "mass_Nm";
+    case 2: return "mass_angle_rad";
+    case 3: return "mass_kgm2";
+    case 4: return "mass_Nms_rad";
+    case 5: return "gain";
+    case 6: return "loss";
+    case 7: return "offset_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_adaptation_prepare_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "c_share";
+    case 1: return "c_mass_Nm";
+    case 2: return "c_mass_angle_rad";
+    case 3: return "c_mass_kgm2";
+    case 4: return "c_mass_Nms_rad";
+    case 5: return "c_gain";
+    case 6: return "c_loss";
+    case 7: return "c_offset_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_adaptation_prepare_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_adaptation_prepare_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8;
+  if (sz_res) *sz_res = 8;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_adaptation_init:(share,mass_Nm,mass_angle_rad,mass_kgm2,mass_Nms_rad,gain,loss,offset_Nm)->(weighed_0,weight_lag_Nm_0,omega_lag_rad_s_0,tau_lag_Nm_0,stop_known_Nm_0,mean_Nm_0,square_Nm2_0,more_gain_0,more_loss_0,more_offset_Nm_0,wish_gain_0,wish_loss_0,wish_offset_Nm_0,stop_wish_Nm_0,wished_0) */
+static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  if (res[2]!=0) res[2][0]=a0;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  if (res[5]!=0) res[5][0]=a0;
+  if (res[6]!=0) res[6][0]=a0;
+  if (res[7]!=0) res[7][0]=a0;
+  if (res[8]!=0) res[8][0]=a0;
+  if (res[9]!=0) res[9][0]=a0;
+  a1=1.;
+  if (res[10]!=0) res[10][0]=a1;
+  if (res[11]!=0) res[11][0]=a0;
+  if (res[12]!=0) res[12][0]=a0;
+  if (res[13]!=0) res[13][0]=a0;
+  if (res[14]!=0) res[14][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f16(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_adaptation_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_adaptation_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_adaptation_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_adaptation_init_n_in(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_adaptation_init_n_out(void) { return 15;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_adaptation_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_adaptation_init_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "share";
+    case 1: return "mass_Nm";
+    case 2: return "mass_angle_rad";
+    case 3: return "mass_kgm2";
+    case 4: return "mass_Nms_rad";
+    case 5: return "gain";
+    case 6: return "loss";
+    case 7: return "offset_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_adaptation_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "weighed_0";
+    case 1: return "weight_lag_Nm_0";
+    case 2: return "omega_lag_rad_s_0";
+    case 3: return "tau_lag_Nm_0";
+    case 4: return "stop_known_Nm_0";
+    case 5: return "mean_Nm_0";
+    case 6: return "square_Nm2_0";
+    case 7: return "more_gain_0";
+    case 8: return "more_loss_0";
+    case 9: return "more_offset_Nm_0";
+    case 10: return "wish_gain_0";
+    case 11: return "wish_loss_0";
+    case 12: return "wish_offset_Nm_0";
+    case 13: return "stop_wish_Nm_0";
+    case 14: return "wished_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_adaptation_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_adaptation_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8;
+  if (sz_res) *sz_res = 15;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 15*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_adaptation_step:(c_share,c_mass_Nm,c_mass_angle_rad,c_mass_kgm2,c_mass_Nms_rad,c_gain,c_loss,c_offset_Nm,s_weighed,s_weight_lag_Nm,s_omega_lag_rad_s,s_tau_lag_Nm,s_stop_known_Nm,s_mean_Nm,s_square_Nm2,s_more_gain,s_more_loss,s_more_offset_Nm,s_wish_gain,s_wish_loss,s_wish_offset_Nm,s_stop_wish_Nm,s_wished,u_tau_desired_Nm,u_tau_Nm,u_theta_load_rad,u_omega_load_rad_s,u_sensing_ok)->(next_weighed,next_weight_lag_Nm,next_omega_lag_rad_s,next_tau_lag_Nm,next_stop_known_Nm,next_mean_Nm,next_square_Nm2,next_more_gain,next_more_loss,next_more_offset_Nm,next_wish_gain,next_wish_loss,next_wish_offset_Nm,next_stop_wish_Nm,next_wished,y_wish_gain,y_wish_shift_Nm,y_gain,y_loss,y_offset_Nm,y_missed_Nm,y_status) */
+static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
+  casadi_real a36;
+  a00=0.;
+  a01=arg[1]? arg[1][0] : 0;
+  a02=(a00<a01);
+  a03=arg[23]? arg[23][0] : 0;
+  a04=20.;
+  a05=(a03<=a04);
+  a06=-20.;
+  a07=(a06<=a03);
+  a05=(a05&&a07);
+  a07=arg[24]? arg[24][0] : 0;
+  a04=(a07<=a04);
+  a06=(a06<=a07);
+  a04=(a04&&a06);
+  a06=(a05&&a04);
+  a08=arg[25]? arg[25][0] : 0;
+  a09=3.3499999046325684e+00;
+  a09=(a08<=a09);
+  a10=-9.4999998807907104e-01;
+  a10=(a10<=a08);
+  a09=(a09&&a10);
+  a06=(a06&&a09);
+  a10=arg[26]? arg[26][0] : 0;
+  a11=12.;
+  a11=(a10<=a11);
+  a12=-12.;
+  a12=(a12<=a10);
+  a11=(a11&&a12);
+  a06=(a06&&a11);
+  a12=arg[27]? arg[27][0] : 0;
+  a13=1.;
+  a14=(a12<=a13);
+  a15=(a00<=a12);
+  a14=(a14&&a15);
+  a06=(a06&&a14);
+  a15=5.0000000000000000e-01;
+  a14=(a14?a12:0);
+  a14=(a15<=a14);
+  a14=(a06&&a14);
+  a02=(a02&&a14);
+  if (res[0]!=0) res[0][0]=a02;
+  a14=arg[8]? arg[8][0] : 0;
+  a12=(a14<=a13);
+  a16=(a00<=a14);
+  a12=(a12&&a16);
+  a16=arg[9]? arg[9][0] : 0;
+  a17=4.5146994590759277e+00;
+  a18=(a16<=a17);
+  a19=-4.5146994590759277e+00;
+  a20=(a19<=a16);
+  a18=(a18&&a20);
+  a12=(a12&&a18);
+  a18=arg[10]? arg[10][0] : 0;
+  a20=1.2119999885559082e+01;
+  a20=(a18<=a20);
+  a21=-1.2119999885559082e+01;
+  a21=(a21<=a18);
+  a20=(a20&&a21);
+  a12=(a12&&a20);
+  a20=arg[11]? arg[11][0] : 0;
+  a21=2.0199998855590820e+01;
+  a21=(a20<=a21);
+  a22=-2.0199998855590820e+01;
+  a22=(a22<=a20);
+  a21=(a21&&a22);
+  a12=(a12&&a21);
+  a21=arg[12]? arg[12][0] : 0;
+  a22=5.3226995468139648e+00;
+  a22=(a21<=a22);
+  a23=-5.3226995468139648e+00;
+  a23=(a23<=a21);
+  a22=(a22&&a23);
+  a12=(a12&&a22);
+  a22=arg[13]? arg[13][0] : 0;
+  a17=(a22<=a17);
+  a19=(a19<=a22);
+  a17=(a17&&a19);
+  a12=(a12&&a17);
+  a17=arg[14]? arg[14][0] : 0;
+  a19=8.1921676635742188e+01;
+  a19=(a17<=a19);
+  a23=(a00<=a17);
+  a19=(a19&&a23);
+  a12=(a12&&a19);
+  a19=arg[15]? arg[15][0] : 0;
+  a23=6.6593402624130249e-01;
+  a23=(a19<=a23);
+  a24=-6.6593402624130249e-01;
+  a24=(a24<=a19);
+  a23=(a23&&a24);
+  a12=(a12&&a23);
+  a23=arg[16]? arg[16][0] : 0;
+  a24=8.0799990892410278e-01;
+  a24=(a23<=a24);
+  a25=-8.0799990892410278e-01;
+  a25=(a25<=a23);
+  a24=(a24&&a25);
+  a12=(a12&&a24);
+  a24=arg[17]? arg[17][0] : 0;
+  a25=6.0599994659423828e-01;
+  a25=(a24<=a25);
+  a26=-6.0599994659423828e-01;
+  a26=(a26<=a24);
+  a25=(a25&&a26);
+  a12=(a12&&a25);
+  a25=arg[18]? arg[18][0] : 0;
+  a26=1.4428570270538330e+00;
+  a26=(a25<=a26);
+  a27=7.6153850555419922e-01;
+  a27=(a27<=a25);
+  a26=(a26&&a27);
+  a12=(a12&&a26);
+  a26=arg[19]? arg[19][0] : 0;
+  a27=4.0399995446205139e-01;
+  a27=(a26<=a27);
+  a28=-4.0399995446205139e-01;
+  a28=(a28<=a26);
+  a27=(a27&&a28);
+  a12=(a12&&a27);
+  a27=arg[20]? arg[20][0] : 0;
+  a28=3.0299997329711914e-01;
+  a28=(a27<=a28);
+  a29=-3.0299997329711914e-01;
+  a29=(a29<=a27);
+  a28=(a28&&a29);
+  a12=(a12&&a28);
+  a28=arg[21]? arg[21][0] : 0;
+  a29=2.1007999420166016e+01;
+  a29=(a28<=a29);
+  a30=-2.1007999420166016e+01;
+  a30=(a30<=a28);
+  a29=(a29&&a30);
+  a12=(a12&&a29);
+  a29=arg[22]? arg[22][0] : 0;
+  a30=(a29<=a13);
+  a31=(a00<=a29);
+  a30=(a30&&a31);
+  a12=(a12&&a30);
+  a14=(a12?a14:0);
+  a30=(a02&&a14);
+  a31=(!a30);
+  a09=(a09?a08:0);
+  a08=arg[2]? arg[2][0] : 0;
+  a09=(a09-a08);
+  a08=1.6000000000000001e+00;
+  a32=casadi_fmin(a09,a08);
+  a33=-1.6000000000000001e+00;
+  a32=casadi_fmax(a32,a33);
+  a33=casadi_sq(a32);
+  a34=-1.6666666666666666e-01;
+  a35=8.3333333333333332e-03;
+  a36=1.9841269841269841e-04;
+  a36=(a36*a33);
+  a35=(a35-a36);
+  a35=(a33*a35);
+  a34=(a34+a35);
+  a33=(a33*a34);
+  a33=(a13+a33);
+  a32=(a32*a33);
+  a01=(a01*a32);
+  a32=(a31?a01:0);
+  a16=(a12?a16:0);
+  a33=1.2487743476343960e-02;
+  a01=(a01-a16);
+  a01=(a33*a01);
+  a16=(a16+a01);
+  a16=(a30?a16:0);
+  a32=(a32+a16);
+  if (res[1]!=0) res[1][0]=a32;
+  a11=(a11?a10:0);
+  a10=(a31?a11:0);
+  a18=(a12?a18:0);
+  a11=(a11-a18);
+  a16=(a33*a11);
+  a18=(a18+a16);
+  a18=(a30?a18:0);
+  a10=(a10+a18);
+  if (res[2]!=0) res[2][0]=a10;
+  a04=(a04?a07:0);
+  a31=(a31?a04:0);
+  a20=(a12?a20:0);
+  a04=(a04-a20);
+  a33=(a33*a04);
+  a20=(a20+a33);
+  a20=(a30?a20:0);
+  a31=(a31+a20);
+  if (res[3]!=0) res[3][0]=a31;
+  a14=(!a14);
+  a20=arg[3]? arg[3][0] : 0;
+  a33=1.2487743476343960e+01;
+  a33=(a33*a11);
+  a20=(a20*a33);
+  a30=(a30?a20:0);
+  a20=arg[4]? arg[4][0] : 0;
+  a20=(a20*a10);
+  a30=(a30+a20);
+  a32=(a32+a30);
+  a30=4.4699997901916504e+00;
+  a20=casadi_fmin(a32,a30);
+  a10=-4.4699997901916504e+00;
+  a20=casadi_fmax(a20,a10);
+  a10=(a14?a20:0);
+  a14=(!a14);
+  a21=(a12?a21:0);
+  a33=8.0000000000000004e-01;
+  a11=(a20+a33);
+  a21=casadi_fmin(a21,a11);
+  a11=(a20-a33);
+  a21=casadi_fmax(a21,a11);
+  a11=(a14?a21:0);
+  a11=(a10+a11);
+  if (res[4]!=0) res[4][0]=a11;
+  a22=(a12?a22:0);
+  a11=1.9998000133325533e-04;
+  a04=(a20-a22);
+  a07=(a11*a04);
+  a07=(a14?a07:0);
+  a22=(a22+a07);
+  a22=(a14?a22:0);
+  a10=(a10+a22);
+  if (res[5]!=0) res[5][0]=a10;
+  a10=9.9980001999866674e-01;
+  a10=(a10*a17);
+  a10=(a12?a10:0);
+  a04=casadi_sq(a04);
+  a11=(a11*a04);
+  a11=(a14?a11:0);
+  a11=(a14?a11:0);
+  a10=(a10+a11);
+  a10=(a14?a10:0);
+  if (res[6]!=0) res[6][0]=a10;
+  a09=casadi_fabs(a09);
+  a09=(a09<=a08);
+  a32=casadi_fabs(a32);
+  a32=(a32<=a30);
+  a09=(a09&&a32);
+  a09=(a02&&a09);
+  a32=5.0000000000000003e-02;
+  a32=(a32<a10);
+  a09=(a09&&a32);
+  a32=arg[5]? arg[5][0] : 0;
+  a19=(a12?a19:0);
+  a10=(a32+a19);
+  a30=1.4285713434219360e+00;
+  a10=casadi_fmin(a10,a30);
+  a08=7.6923072338104248e-01;
+  a10=casadi_fmax(a10,a08);
+  a11=(a10*a20);
+  a04=arg[6]? arg[6][0] : 0;
+  a23=(a12?a23:0);
+  a17=(a04+a23);
+  a22=3.9999997615814209e-01;
+  a17=casadi_fmin(a17,a22);
+  a07=-3.9999997615814209e-01;
+  a17=casadi_fmax(a17,a07);
+  a21=(a20-a21);
+  a18=(a17*a21);
+  a18=(a14?a18:0);
+  a11=(a11+a18);
+  a18=arg[7]? arg[7][0] : 0;
+  a24=(a12?a24:0);
+  a16=(a18+a24);
+  a01=2.9999998211860657e-01;
+  a16=casadi_fmin(a16,a01);
+  a34=-2.9999998211860657e-01;
+  a16=casadi_fmax(a16,a34);
+  a11=(a11+a16);
+  a31=(a31-a11);
+  a11=casadi_fabs(a31);
+  a35=casadi_fabs(a20);
+  a35=(a15*a35);
+  a35=(a15+a35);
+  a11=(a11<=a35);
+  a35=(a09&&a11);
+  a36=5.0000000000000001e-04;
+  a36=(a36*a31);
+  a15=(a15*a20);
+  a15=(a36*a15);
+  a15=(a35?a15:0);
+  a15=(a10+a15);
+  a30=casadi_fmin(a15,a30);
+  a30=casadi_fmax(a30,a08);
+  a32=(a30-a32);
+  a32=(a35?a32:0);
+  a08=(!a35);
+  a19=(a08?a19:0);
+  a32=(a32+a19);
+  if (res[7]!=0) res[7][0]=a32;
+  a36=(a36*a21);
+  a36=(a35?a36:0);
+  a14=(a14?a36:0);
+  a14=(a17+a14);
+  a22=casadi_fmin(a14,a22);
+  a22=casadi_fmax(a22,a07);
+  a04=(a22-a04);
+  a04=(a35?a04:0);
+  a23=(a08?a23:0);
+  a04=(a04+a23);
+  if (res[8]!=0) res[8][0]=a04;
+  a04=2.5000000000000001e-04;
+  a04=(a04*a31);
+  a04=(a35?a04:0);
+  a04=(a16+a04);
+  a01=casadi_fmin(a04,a01);
+  a01=casadi_fmax(a01,a34);
+  a18=(a01-a18);
+  a18=(a35?a18:0);
+  a08=(a08?a24:0);
+  a18=(a18+a08);
+  if (res[9]!=0) res[9][0]=a18;
+  a25=(a12?a25:0);
+  a18=(!a12);
+  a08=(a18?a13:0);
+  a25=(a25+a08);
+  a08=9.9950016662497809e-04;
+  a24=arg[0]? arg[0][0] : 0;
+  a34=(a10-a13);
+  a34=(a24*a34);
+  a34=(a13+a34);
+  a34=(a34-a25);
+  a34=(a08*a34);
+  a25=(a25+a34);
+  if (res[10]!=0) res[10][0]=a25;
+  a26=(a12?a26:0);
+  a34=(a24*a17);
+  a34=(a34-a26);
+  a34=(a08*a34);
+  a26=(a26+a34);
+  if (res[11]!=0) res[11][0]=a26;
+  a27=(a12?a27:0);
+  a24=(a24*a16);
+  a24=(a24-a27);
+  a08=(a08*a24);
+  a27=(a27+a08);
+  if (res[12]!=0) res[12][0]=a27;
+  a29=(a12?a29:0);
+  a12=(a12?a28:0);
+  a05=(a05?a03:0);
+  a03=(a05+a33);
+  a12=casadi_fmin(a12,a03);
+  a33=(a05-a33);
+  a12=casadi_fmax(a12,a33);
+  a33=(a29?a12:0);
+  a29=(!a29);
+  a29=(a29?a05:0);
+  a33=(a33+a29);
+  if (res[13]!=0) res[13][0]=a33;
+  if (res[14]!=0) res[14][0]=a13;
+  if (res[15]!=0) res[15][0]=a25;
+  a05=(a05-a12);
+  a26=(a26*a05);
+  a26=(a26+a27);
+  if (res[16]!=0) res[16][0]=a26;
+  if (res[17]!=0) res[17][0]=a10;
+  if (res[18]!=0) res[18][0]=a17;
+  if (res[19]!=0) res[19][0]=a16;
+  a02=(a02?a31:0);
+  if (res[20]!=0) res[20][0]=a02;
+  a06=(!a06);
+  a06=(a06?a13:0);
+  a13=2.;
+  a18=(a18?a13:0);
+  a06=(a06+a18);
+  a18=4.;
+  a35=(a35?a18:0);
+  a06=(a06+a35);
+  a15=(a15-a30);
+  a15=casadi_fabs(a15);
+  a14=(a14-a22);
+  a14=casadi_fabs(a14);
+  a15=(a15+a14);
+  a04=(a04-a01);
+  a04=casadi_fabs(a04);
+  a15=(a15+a04);
+  a00=(a00<a15);
+  a15=8.;
+  a00=(a00?a15:0);
+  a06=(a06+a00);
+  a11=(!a11);
+  a09=(a09&&a11);
+  a11=16.;
+  a09=(a09?a11:0);
+  a06=(a06+a09);
+  if (res[21]!=0) res[21][0]=a06;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f17(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_adaptation_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_adaptation_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_adaptation_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_adaptation_step_n_in(void) { return 28;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_adaptation_step_n_out(void) { return 22;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_drive_casadi_adaptation_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_adaptation_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "c_share";
+    case 1: return "c_mass_Nm";
+    case 2: return "c_mass_angle_rad";
+    case 3: return "c_mass_kgm2";
+    case 4: return "c_mass_Nms_rad";
+    case 5: return "c_gain";
+    case 6: return "c_loss";
+    case 7: return "c_offset_Nm";
+    case 8: return "s_weighed";
+    case 9: return "s_weight_lag_Nm";
+    case 10: return "s_omega_lag_rad_s";
+    case 11: return "s_tau_lag_Nm";
+    case 12: return "s_stop_known_Nm";
+    case 13: return "s_mean_Nm";
+    case 14: return "s_square_Nm2";
+    case 15: return "s_more_gain";
+    case 16: return "s_more_loss";
+    case 17: return "s_more_offset_Nm";
+    case 18: return "s_wish_gain";
+    case 19: return "s_wish_loss";
+    case 20: return "s_wish_offset_Nm";
+    case 21: return "s_stop_wish_Nm";
+    case 22: return "s_wished";
+    case 23: return "u_tau_desired_Nm";
+    case 24: return "u_tau_Nm";
+    case 25: return "u_theta_load_rad";
+    case 26: return "u_omega_load_rad_s";
+    case 27: return "u_sensing_ok";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_adaptation_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_weighed";
+    case 1: return "next_weight_lag_Nm";
+    case 2: return "next_omega_lag_rad_s";
+    case 3: return "next_tau_lag_Nm";
+    case 4: return "next_stop_known_Nm";
+    case 5: return "next_mean_Nm";
+    case 6: return "next_square_Nm2";
+    case 7: return "next_more_gain";
+    case 8: return "next_more_loss";
+    case 9: return "next_more_offset_Nm";
+    case 10: return "next_wish_gain";
+    case 11: return "next_wish_loss";
+    case 12: return "next_wish_offset_Nm";
+    case 13: return "next_stop_wish_Nm";
+    case 14: return "next_wished";
+    case 15: return "y_wish_gain";
+    case 16: return "y_wish_shift_Nm";
+    case 17: return "y_gain";
+    case 18: return "y_loss";
+    case 19: return "y_offset_Nm";
+    case 20: return "y_missed_Nm";
+    case 21: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_adaptation_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
+    case 17: return casadi_s0;
+    case 18: return casadi_s0;
+    case 19: return casadi_s0;
+    case 20: return casadi_s0;
+    case 21: return casadi_s0;
+    case 22: return casadi_s0;
+    case 23: return casadi_s0;
+    case 24: return casadi_s0;
+    case 25: return casadi_s0;
+    case 26: return casadi_s0;
+    case 27: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_adaptation_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
+    case 17: return casadi_s0;
+    case 18: return casadi_s0;
+    case 19: return casadi_s0;
+    case 20: return casadi_s0;
+    case 21: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 28;
+  if (sz_res) *sz_res = 22;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_adaptation_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 28*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 22*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_drive_casadi_reference_prepare:(Kp_Nm_rad,Kd_Nms_rad,blend_s,tau_range_Nm)->(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm) */
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -2677,7 +3496,7 @@ static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f15(arg, res, iw, w, mem);
+  return casadi_f18(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_prepare_checkout(void) {
@@ -2760,7 +3579,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_reference_init:(Kp_Nm_rad,Kd_Nms_rad,keep,tau_range_Nm)->(mode_last_0,offset_Nm_0,tau_set_Nm_0) */
-static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -2770,7 +3589,7 @@ static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f16(arg, res, iw, w, mem);
+  return casadi_f19(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_init_checkout(void) {
@@ -2850,11 +3669,11 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_init_work_bytes(casad
   return 0;
 }
 
-/* esea_elbow_drive_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status,y_stiffness_Nm_rad,y_damping_Nms_rad) */
-static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_drive_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_wish_gain,u_wish_shift_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status,y_stiffness_Nm_rad,y_damping_Nms_rad) */
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
-  casadi_real a24;
+  casadi_real a24, a25, a26, a27, a28, a29, a30;
   a00=arg[7]? arg[7][0] : 0;
   a01=2.;
   a02=(a00<=a01);
@@ -2893,49 +3712,63 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a14=(a14&&a16);
   a08=(a08&&a14);
   a16=arg[13]? arg[13][0] : 0;
-  a05=(a16<=a05);
-  a07=(a07<=a16);
-  a05=(a05&&a07);
-  a08=(a08&&a05);
-  a07=arg[4]? arg[4][0] : 0;
-  a18=(a07<=a01);
-  a03=(a03<=a07);
-  a18=(a18&&a03);
-  a03=arg[5]? arg[5][0] : 0;
-  a19=6.1912998199462891e+01;
-  a19=(a03<=a19);
-  a20=-6.1912998199462891e+01;
-  a20=(a20<=a03);
-  a19=(a19&&a20);
+  a18=(a16<=a05);
+  a19=(a07<=a16);
   a18=(a18&&a19);
-  a19=arg[6]? arg[6][0] : 0;
-  a20=4.4699997901916504e+00;
+  a08=(a08&&a18);
+  a19=arg[14]? arg[14][0] : 0;
+  a20=1.4428570270538330e+00;
   a20=(a19<=a20);
-  a21=-4.4699997901916504e+00;
+  a21=7.6153850555419922e-01;
   a21=(a21<=a19);
   a20=(a20&&a21);
-  a18=(a18&&a20);
-  a20=(a08&&a18);
-  a21=1.5000000000000000e+00;
+  a08=(a08&&a20);
+  a21=arg[15]? arg[15][0] : 0;
+  a22=6.2619996070861816e-01;
+  a22=(a21<=a22);
+  a23=-6.2619996070861816e-01;
+  a23=(a23<=a21);
+  a22=(a22&&a23);
+  a08=(a08&&a22);
+  a23=arg[4]? arg[4][0] : 0;
+  a24=(a23<=a01);
+  a03=(a03<=a23);
+  a24=(a24&&a03);
+  a03=arg[5]? arg[5][0] : 0;
+  a25=6.1912998199462891e+01;
+  a25=(a03<=a25);
+  a26=-6.1912998199462891e+01;
+  a26=(a26<=a03);
+  a25=(a25&&a26);
+  a24=(a24&&a25);
+  a25=arg[6]? arg[6][0] : 0;
+  a26=4.4699997901916504e+00;
+  a26=(a25<=a26);
+  a27=-4.4699997901916504e+00;
+  a27=(a27<=a25);
+  a26=(a26&&a27);
+  a24=(a24&&a26);
+  a26=(a08&&a24);
+  a27=1.5000000000000000e+00;
   a02=(a02?a00:0);
-  a00=(a21<a02);
-  a22=(a00?a01:0);
+  a00=(a27<a02);
+  a28=(a00?a01:0);
   a00=(!a00);
-  a23=5.0000000000000000e-01;
-  a02=(a23<a02);
-  a24=1.;
-  a02=(a02?a24:0);
+  a29=5.0000000000000000e-01;
+  a02=(a29<a02);
+  a30=1.;
+  a02=(a02?a30:0);
   a00=(a00?a02:0);
-  a22=(a22+a00);
-  a22=(a20?a22:0);
-  if (res[0]!=0) res[0][0]=a22;
-  a00=(a23<a22);
-  a07=(a18?a07:0);
-  a02=(a22!=a07);
-  a07=(a07<a23);
-  a07=(a02&&a07);
-  a05=(a05?a16:0);
-  a21=(a21<a22);
+  a28=(a28+a00);
+  a28=(a26?a28:0);
+  if (res[0]!=0) res[0][0]=a28;
+  a00=(a29<a28);
+  a23=(a24?a23:0);
+  a02=(a28!=a23);
+  a23=(a23<a29);
+  a23=(a02&&a23);
+  a18=(a18?a16:0);
+  a27=(a27<a28);
   a16=arg[1]? arg[1][0] : 0;
   a15=(a15?a13:0);
   a14=(a14?a12:0);
@@ -2947,64 +3780,73 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a11=(a11-a10);
   a11=(a14*a11);
   a15=(a15+a11);
-  a21=(a21?a15:0);
+  a27=(a27?a15:0);
+  a19=(a20?a19:0);
+  a20=(!a20);
+  a20=(a20?a30:0);
+  a19=(a19+a20);
+  a04=(a04*a19);
   a06=(a06?a04:0);
-  a21=(a21+a06);
-  a06=(a05-a21);
-  a06=(a07?a06:0);
-  a07=(!a07);
-  a19=(a18?a19:0);
-  a04=(a19-a21);
-  a04=(a02?a04:0);
-  a15=(!a02);
-  a03=(a18?a03:0);
-  a15=(a15?a03:0);
-  a04=(a04+a15);
-  a15=arg[2]? arg[2][0] : 0;
-  a04=(a04*a15);
-  a07=(a07?a04:0);
-  a06=(a06+a07);
-  a07=(a00?a06:0);
-  if (res[1]!=0) res[1][0]=a07;
-  a21=(a21+a06);
-  a21=(a00?a21:0);
+  a22=(a22?a21:0);
+  a06=(a06+a22);
+  a06=casadi_fmin(a06,a05);
+  a06=casadi_fmax(a06,a07);
+  a27=(a27+a06);
+  a06=(a18-a27);
+  a06=(a23?a06:0);
+  a23=(!a23);
+  a25=(a24?a25:0);
+  a07=(a25-a27);
+  a07=(a02?a07:0);
+  a05=(!a02);
+  a03=(a24?a03:0);
+  a05=(a05?a03:0);
+  a07=(a07+a05);
+  a05=arg[2]? arg[2][0] : 0;
+  a07=(a07*a05);
+  a23=(a23?a07:0);
+  a06=(a06+a23);
+  a23=(a00?a06:0);
+  if (res[1]!=0) res[1][0]=a23;
+  a27=(a27+a06);
+  a27=(a00?a27:0);
   a06=(!a00);
-  a06=(a06?a05:0);
-  a21=(a21+a06);
+  a06=(a06?a18:0);
+  a27=(a27+a06);
   a06=arg[3]? arg[3][0] : 0;
-  a05=casadi_fmin(a21,a06);
-  a07=(-a06);
-  a05=casadi_fmax(a05,a07);
-  a05=(a08?a05:0);
-  a07=(!a08);
-  a19=(a07?a19:0);
-  a05=(a05+a19);
-  if (res[2]!=0) res[2][0]=a05;
-  if (res[3]!=0) res[3][0]=a05;
-  if (res[4]!=0) res[4][0]=a22;
-  if (res[5]!=0) res[5][0]=a20;
-  a07=(a07?a24:0);
-  a18=(!a18);
-  a18=(a18?a01:0);
-  a07=(a07+a18);
-  a21=casadi_fabs(a21);
-  a06=(a06<a21);
+  a18=casadi_fmin(a27,a06);
+  a23=(-a06);
+  a18=casadi_fmax(a18,a23);
+  a18=(a08?a18:0);
+  a23=(!a08);
+  a25=(a23?a25:0);
+  a18=(a18+a25);
+  if (res[2]!=0) res[2][0]=a18;
+  if (res[3]!=0) res[3][0]=a18;
+  if (res[4]!=0) res[4][0]=a28;
+  if (res[5]!=0) res[5][0]=a26;
+  a23=(a23?a30:0);
+  a24=(!a24);
+  a24=(a24?a01:0);
+  a23=(a23+a24);
+  a27=casadi_fabs(a27);
+  a06=(a06<a27);
   a08=(a08&&a06);
   a06=4.;
   a08=(a08?a06:0);
-  a07=(a07+a08);
+  a23=(a23+a08);
   a00=(a00&&a02);
   a02=8.;
   a00=(a00?a02:0);
-  a07=(a07+a00);
-  if (res[6]!=0) res[6][0]=a07;
+  a23=(a23+a00);
+  if (res[6]!=0) res[6][0]=a23;
   if (res[7]!=0) res[7][0]=a14;
   if (res[8]!=0) res[8][0]=a16;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f17(arg, res, iw, w, mem);
+  return casadi_f20(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_checkout(void) {
@@ -3020,7 +3862,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_reference_step_incref(void) {
 CASADI_SYMBOL_EXPORT void esea_elbow_drive_casadi_reference_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_reference_step_n_in(void) { return 14;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_reference_step_n_in(void) { return 16;}
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_drive_casadi_reference_step_n_out(void) { return 9;}
 
@@ -3046,6 +3888,8 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_drive_casadi_reference_step_name_in(
     case 11: return "u_theta_load_rad";
     case 12: return "u_omega_load_rad_s";
     case 13: return "u_tau_Nm";
+    case 14: return "u_wish_gain";
+    case 15: return "u_wish_shift_Nm";
     default: return 0;
   }
 }
@@ -3081,6 +3925,8 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_reference_step_sp
     case 11: return casadi_s0;
     case 12: return casadi_s0;
     case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
     default: return 0;
   }
 }
@@ -3101,7 +3947,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_drive_casadi_reference_step_sp
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 14;
+  if (sz_arg) *sz_arg = 16;
   if (sz_res) *sz_res = 9;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
@@ -3109,7 +3955,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_work(casadi_int 
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 14*sizeof(const casadi_real*);
+  if (sz_arg) *sz_arg = 16*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 9*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
@@ -3117,7 +3963,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_reference_step_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_passivity_prepare:(least_Nms_rad,energy_J)->(c_least_Nms_rad,c_energy_J) */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -3127,7 +3973,7 @@ static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f18(arg, res, iw, w, mem);
+  return casadi_f21(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_prepare_checkout(void) {
@@ -3202,7 +4048,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_passivity_init:(least_Nms_rad,energy_J)->(power_W_0,square_rad2_s2_0,damping_Nms_rad_0,theta_load_last_rad_0,error_last_Nm_0,theta_motor_last_rad_0,tau_last_Nm_0,given_J_0,moving_J_0,v_Nm_0,most_Nm_0,seen_0) */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3222,7 +4068,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f19(arg, res, iw, w, mem);
+  return casadi_f22(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_init_checkout(void) {
@@ -3317,7 +4163,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_init_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_passivity_step:(c_least_Nms_rad,c_energy_J,s_power_W,s_square_rad2_s2,s_damping_Nms_rad,s_theta_load_last_rad,s_error_last_Nm,s_theta_motor_last_rad,s_tau_last_Nm,s_given_J,s_moving_J,s_v_Nm,s_most_Nm,s_seen,u_mode,u_sensing_ok,u_request_ok,u_tau_set_Nm,u_Kp_Nm_rad,u_Kd_Nms_rad,u_tau_Nm,u_theta_load_rad,u_omega_load_rad_s,u_theta_motor_rad,u_omega_motor_rad_s,u_u_command_Nm)->(next_power_W,next_square_rad2_s2,next_damping_Nms_rad,next_theta_load_last_rad,next_error_last_Nm,next_theta_motor_last_rad,next_tau_last_Nm,next_given_J,next_moving_J,next_v_Nm,next_most_Nm,next_seen,y_tau_set_Nm,y_damping_Nms_rad,y_mode_ahead,y_request_ok,y_u_command_Nm,y_given_J,y_held_J,y_status) */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -3708,7 +4554,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f20(arg, res, iw, w, mem);
+  return casadi_f23(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_step_checkout(void) {
@@ -3867,7 +4713,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_passivity_step_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_torque_lead_prepare:(share)->(c_share) */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -3875,7 +4721,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f21(arg, res, iw, w, mem);
+  return casadi_f24(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_prepare_checkout(void) {
@@ -3946,7 +4792,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_prepare_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_torque_lead_init:(share)->(slow_0,tau_set_Nm_0) */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3955,7 +4801,7 @@ static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f22(arg, res, iw, w, mem);
+  return casadi_f25(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_init_checkout(void) {
@@ -4028,7 +4874,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_init_work_bytes(cas
 }
 
 /* esea_elbow_drive_casadi_torque_lead_step:(c_share,s_slow,s_tau_set_Nm,u_tau_set_Nm,u_tau_rate_Nm_s,u_tau_curve_Nm_s2,u_trust,u_settled,u_mode)->(next_slow,next_tau_set_Nm,y_tau_led_Nm,y_governed,y_status) */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[3]? arg[3][0] : 0;
@@ -4130,7 +4976,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f23(arg, res, iw, w, mem);
+  return casadi_f26(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_step_checkout(void) {
@@ -4225,7 +5071,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_torque_lead_step_work_bytes(cas
 }
 
 /* esea_elbow_drive_casadi_inverse_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -4254,7 +5100,7 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f24(arg, res, iw, w, mem);
+  return casadi_f27(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare_checkout(void) {
@@ -4329,7 +5175,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_prepare_work_bytes(casa
 }
 
 /* esea_elbow_drive_casadi_inverse_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,theta_prev_rad_0,tau_r_Nm_0,play_rad_0[10],theta_hat_rad_0,v_rad_s_0,a_rad_s2_0) */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4352,7 +5198,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f25(arg, res, iw, w, mem);
+  return casadi_f28(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init_checkout(void) {
@@ -4439,7 +5285,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_init_work_bytes(casadi_
 }
 
 /* esea_elbow_drive_casadi_inverse_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_theta_prev_rad,s_tau_r_Nm,s_play_rad[10],s_theta_hat_rad,s_v_rad_s,s_a_rad_s2,u_tau_Nm)->(next_primed,next_theta_prev_rad,next_tau_r_Nm,next_play_rad[10],next_theta_hat_rad,next_v_rad_s,next_a_rad_s2,y_theta_rad,y_omega_mid_rad_s,y_tau_model_Nm,y_residual_Nm,y_step_rad,y_status) */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -5324,7 +6170,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f26(arg, res, iw, w, mem);
+  return casadi_f29(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step_checkout(void) {
@@ -5439,7 +6285,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_inverse_step_work_bytes(casadi_
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_prepare:(bandwidth_Hz)->(c_alpha,c_beta_1_s,c_gamma_1_s2) */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=1.;
   a1=-6.2831853071795866e-03;
@@ -5468,7 +6314,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f27(arg, res, iw, w, mem);
+  return casadi_f30(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare_checkout(void) {
@@ -5543,7 +6389,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_prepare_work_byt
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_init:(alpha,beta_1_s,gamma_1_s2)->(primed_0,held_rad_0,delta_rad_0,rate_rad_s_0,acc_rad_s2_0) */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5555,7 +6401,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f28(arg, res, iw, w, mem);
+  return casadi_f31(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init_checkout(void) {
@@ -5638,7 +6484,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_init_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_setpoint_rates_step:(c_alpha,c_beta_1_s,c_gamma_1_s2,s_primed,s_held_rad,s_delta_rad,s_rate_rad_s,s_acc_rad_s2,u_theta_set_rad)->(next_primed,next_held_rad,next_delta_rad,next_rate_rad_s,next_acc_rad_s2,y_delta_set_rad,y_delta_rate_rad_s,y_delta_acc_rad_s2,y_status) */
-static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19;
   a00=arg[3]? arg[3][0] : 0;
@@ -5762,7 +6608,7 @@ static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f29(arg, res, iw, w, mem);
+  return casadi_f32(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step_checkout(void) {
@@ -5865,7 +6711,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_setpoint_rates_step_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_smoothed_setpoint_init:()->(primed_0,first_rad_0,second_rad_0,third_rad_0) */
-static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5876,7 +6722,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f30(arg, res, iw, w, mem);
+  return casadi_f33(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_init_checkout(void) {
@@ -5951,7 +6797,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_init_work_byt
 }
 
 /* esea_elbow_drive_casadi_smoothed_setpoint_step:(s_primed,s_first_rad,s_second_rad,s_third_rad,u_theta_set_rad,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_governed)->(next_primed,next_first_rad,next_second_rad,next_third_rad,y_delta_set_rad,y_delta_rate_rad_s,y_delta_acc_rad_s2,y_theta_smooth_rad,y_status) */
-static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24;
@@ -6096,7 +6942,7 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f31(arg, res, iw, w, mem);
+  return casadi_f34(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_step_checkout(void) {
@@ -6199,7 +7045,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_smoothed_setpoint_step_work_byt
 }
 
 /* esea_elbow_drive_casadi_limits_prepare:(u_max_Nm,u_rate_Nm_s,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J)->(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad) */
-static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -6237,7 +7083,7 @@ static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f32(arg, res, iw, w, mem);
+  return casadi_f35(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare_checkout(void) {
@@ -6346,7 +7192,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_prepare_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_limits_init:(u_max_Nm,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J,u_step_Nm,trip_low_rad,trip_high_rad,rom_gain_Nm_rad,brake_rad_s,speed_gain_Nms_rad)->(key_0,fault_stored_0,fault_mirror_0,rearm_last_0,rearm_mirror_0,u_last_Nm_0,u_mirror_Nm_0,beat_last_0,age_0,ticks_0,slot_J_0,slots_J_0[10]) */
-static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6377,7 +7223,7 @@ static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f33(arg, res, iw, w, mem);
+  return casadi_f36(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init_checkout(void) {
@@ -6494,7 +7340,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_init_work_bytes(casadi_i
 }
 
 /* esea_elbow_drive_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_clock_ok,u_late_level,u_coeffs_ok)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
-static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -7244,7 +8090,7 @@ static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f34(arg, res, iw, w, mem);
+  return casadi_f37(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_checkout(void) {
@@ -7429,7 +8275,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_limits_step_work_bytes(casadi_i
 }
 
 /* esea_elbow_drive_casadi_drive_observer_prepare:(bandwidth_1_s)->(c_share,c_keep) */
-static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-1.0000000000000000e-03;
@@ -7444,7 +8290,7 @@ static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f35(arg, res, iw, w, mem);
+  return casadi_f38(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare_checkout(void) {
@@ -7517,7 +8363,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_prepare_work_byt
 }
 
 /* esea_elbow_drive_casadi_drive_observer_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7530,7 +8376,7 @@ static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f36(arg, res, iw, w, mem);
+  return casadi_f39(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init_checkout(void) {
@@ -7613,7 +8459,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_init_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_drive_observer_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_motor_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_u_a_Nm,y_status) */
-static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[8]? arg[8][0] : 0;
@@ -7749,7 +8595,7 @@ static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f37(arg, res, iw, w, mem);
+  return casadi_f40(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step_checkout(void) {
@@ -7856,7 +8702,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_drive_observer_step_work_bytes(
 }
 
 /* esea_elbow_drive_casadi_gear_observer_init:()->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0,a_rad_s2_0,moved_rad_s2_0) */
-static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7871,7 +8717,7 @@ static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f38(arg, res, iw, w, mem);
+  return casadi_f41(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_checkout(void) {
@@ -7954,7 +8800,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_init_work_bytes(c
 }
 
 /* esea_elbow_drive_casadi_gear_observer_step:(s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,s_a_rad_s2,s_moved_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,next_a_rad_s2,next_moved_rad_s2,y_d_gear_rad_s2,y_moves_rad_s2,y_status) */
-static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[8]? arg[8][0] : 0;
@@ -8123,7 +8969,7 @@ static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f39(arg, res, iw, w, mem);
+  return casadi_f42(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step_checkout(void) {
@@ -8234,7 +9080,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_gear_observer_step_work_bytes(c
 }
 
 /* esea_elbow_drive_casadi_human_eso_prepare:(decay_s)->(c_keep,c_reach_s) */
-static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=-1.0000000000000000e-03;
   a1=arg[0]? arg[0][0] : 0;
@@ -8249,7 +9095,7 @@ static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f40(arg, res, iw, w, mem);
+  return casadi_f43(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare_checkout(void) {
@@ -8322,7 +9168,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_human_eso_init:(keep,reach_s)->(primed_0,theta_rad_0,omega_rad_s_0,tau_h_Nm_0,rate_Nm_s_0,tau_last_Nm_0) */
-static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8335,7 +9181,7 @@ static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f41(arg, res, iw, w, mem);
+  return casadi_f44(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init_checkout(void) {
@@ -8418,7 +9264,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_init_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_human_eso_step:(c_keep,c_reach_s,s_primed,s_theta_rad,s_omega_rad_s,s_tau_h_Nm,s_rate_Nm_s,s_tau_last_Nm,u_theta_load_rad,u_tau_Nm)->(next_primed,next_theta_rad,next_omega_rad_s,next_tau_h_Nm,next_rate_Nm_s,next_tau_last_Nm,y_tau_h_Nm,y_tau_h_rate_Nm_s,y_omega_load_rad_s,y_theta_load_est_rad,y_status) */
-static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[2]? arg[2][0] : 0;
@@ -8589,7 +9435,7 @@ static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f42(arg, res, iw, w, mem);
+  return casadi_f45(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step_checkout(void) {
@@ -8698,7 +9544,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_human_eso_step_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_set_trend_prepare:(bandwidth_Hz,quiet_Nm)->(c_quick,c_noises_1_Nm) */
-static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-3.1415926535897934e-02;
@@ -8714,7 +9560,7 @@ static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f43(arg, res, iw, w, mem);
+  return casadi_f46(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_prepare_checkout(void) {
@@ -8789,7 +9635,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_prepare_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_set_trend_init:(quick,noises_1_Nm)->(primed_0,last_Nm_0,raw_Nm_0[2],grown_Nm_0[2],noise_Nm_0,stepped_0,miss_Nm_0,rate_Nm_s_0,acc_Nm_s2_0) */
-static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -8807,7 +9653,7 @@ static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f44(arg, res, iw, w, mem);
+  return casadi_f47(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_init_checkout(void) {
@@ -8896,7 +9742,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_init_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_set_trend_step:(c_quick,c_noises_1_Nm,s_primed,s_last_Nm,s_raw_Nm[2],s_grown_Nm[2],s_noise_Nm,s_stepped,s_miss_Nm,s_rate_Nm_s,s_acc_Nm_s2,u_tau_wanted_Nm)->(next_primed,next_last_Nm,next_raw_Nm[2],next_grown_Nm[2],next_noise_Nm,next_stepped,next_miss_Nm,next_rate_Nm_s,next_acc_Nm_s2,y_tau_rate_Nm_s,y_tau_curve_Nm_s2,y_trust,y_settled,y_status) */
-static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   a00=arg[2]? arg[2][0] : 0;
@@ -9097,7 +9943,7 @@ static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f45(arg, res, iw, w, mem);
+  return casadi_f48(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step_checkout(void) {
@@ -9216,7 +10062,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_set_trend_step_work_bytes(casad
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_prepare:(lambda_1_s,phi_rad_s,margin,lead,load_share,friction_ahead,softening)->(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,c_friction_ahead,c_softening) */
-static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -9245,7 +10091,7 @@ static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f46(arg, res, iw, w, mem);
+  return casadi_f49(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_checkout(void) {
@@ -9344,7 +10190,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_prepare_work_bytes
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_init:(lambda_1_s,lambda2_1_s2,integral_gain_1_s,layer_s_rad,margin,lead,load_share,friction_ahead,softening)->(active_0,integral_rad_s_0,offset_Nm_0,u_last_Nm_0,u_before_Nm_0,slow_rad_0,middle_rad_0,square_0,soft_0) */
-static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -9360,7 +10206,7 @@ static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f47(arg, res, iw, w, mem);
+  return casadi_f50(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_checkout(void) {
@@ -9463,12 +10309,12 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_init_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_sliding_mode_step:(c_lambda_1_s,c_lambda2_1_s2,c_integral_gain_1_s,c_layer_s_rad,c_margin,c_lead,c_load_share,c_friction_ahead,c_softening,s_active,s_integral_rad_s,s_offset_Nm,s_u_last_Nm,s_u_before_Nm,s_slow_rad,s_middle_rad,s_square,s_soft,u_delta_set_rad,u_delta_rate_rad_s,u_delta_acc_rad_s2,u_theta_rad,u_omega_motor_rad_s,u_omega_load_rad_s,u_tau_Nm,u_tau_h_Nm,u_d4_rad_s2,u_u_a_Nm,u_mode,u_u_applied_Nm)->(next_active,next_integral_rad_s,next_offset_Nm,next_u_last_Nm,next_u_before_Nm,next_slow_rad,next_middle_rad,next_square,next_soft,y_u_command_Nm,y_u_wanted_Nm,y_s_rad_s,y_u_eq_Nm,y_k_smc_Nm,y_status) */
-static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
   casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44, a45, a46, a47;
-  casadi_real a48, a49, a50;
+  casadi_real a48;
   a00=arg[18]? arg[18][0] : 0;
   a01=3.4999999403953552e-01;
   a02=(a00<=a01);
@@ -9614,128 +10460,91 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a13=(a05-a13);
   a03=arg[0]? arg[0][0] : 0;
   a04=4.0000000000000002e-01;
-  a45=arg[8]? arg[8][0] : 0;
-  a27=1.8181818181818166e+01;
-  a25=9.9004983374916811e-01;
-  a25=(a25*a42);
-  a25=(a33?a25:0);
-  a42=9.9501662508318933e-03;
-  a46=125.;
-  a02=(a02?a00:0);
-  a00=(a01?a09:0);
-  a02=(a02-a00);
-  a47=(a31?a02:0);
-  a48=(!a31);
-  a40=(a33?a40:0);
-  a40=(a48?a40:0);
-  a47=(a47+a40);
-  a40=1.1808862170182366e-01;
-  a49=(a02-a47);
-  a49=(a40*a49);
-  a47=(a47+a49);
-  a49=(a02-a47);
-  a41=(a33?a41:0);
-  a50=(a49-a41);
-  a40=(a40*a50);
-  a41=(a41+a40);
-  a49=(a49-a41);
-  a46=(a46*a49);
-  a46=casadi_fmin(a46,a32);
-  a49=-1.;
-  a46=casadi_fmax(a46,a49);
-  a46=casadi_sq(a46);
-  a42=(a42*a46);
-  a25=(a25+a42);
-  a42=2.7562499999999990e-01;
-  a42=(a25-a42);
-  a27=(a27*a42);
-  a27=casadi_fmin(a27,a32);
-  a27=casadi_fmax(a27,a28);
-  a45=(a45*a27);
-  a27=9.9975003124739603e-01;
-  a27=(a27*a43);
-  a27=(a33?a27:0);
-  a45=casadi_fmax(a45,a27);
-  a04=(a04*a45);
+  a04=(a04*a43);
+  a04=(a33?a04:0);
   a04=(a32-a04);
   a03=(a03*a04);
   a04=(2.*a03);
-  a27=(a04*a02);
-  a27=(a13+a27);
-  a43=(-a27);
-  a43=(a31?a43:0);
+  a02=(a02?a00:0);
+  a00=(a01?a09:0);
+  a02=(a02-a00);
+  a45=(a04*a02);
+  a45=(a13+a45);
+  a27=(-a45);
+  a27=(a31?a27:0);
+  a25=(!a31);
   a34=(a33?a34:0);
-  a34=(a48?a34:0);
-  a43=(a43+a34);
+  a34=(a25?a34:0);
+  a27=(a27+a34);
   a34=6.6300000000000003e-01;
   a03=casadi_sq(a03);
-  a42=(a34*a03);
-  a42=(a42*a02);
+  a46=(a34*a03);
+  a46=(a46*a02);
   a04=(a04*a13);
   a13=(a34*a04);
-  a42=(a42+a13);
+  a46=(a46+a13);
   a13=(a34*a18);
   a13=(a20?a13:0);
-  a42=(a42-a13);
+  a46=(a46-a13);
   a13=(a08?a07:0);
-  a46=arg[6]? arg[6][0] : 0;
-  a40=4.5454545454545459e+00;
+  a47=arg[6]? arg[6][0] : 0;
+  a48=4.5454545454545459e+00;
   a17=(a17?a15:0);
   a16=(a16?a19:0);
   a16=(a17+a16);
-  a40=(a40*a16);
-  a46=(a46*a40);
-  a13=(a13+a46);
+  a48=(a48*a16);
+  a47=(a47*a48);
+  a13=(a13+a47);
   a13=(a13+a04);
-  a46=(a03*a02);
-  a13=(a13+a46);
-  a46=(a46+a04);
-  a46=(a13-a46);
-  a34=(a34*a46);
-  a42=(a42+a34);
+  a47=(a03*a02);
+  a13=(a13+a47);
+  a47=(a47+a04);
+  a47=(a13-a47);
+  a34=(a34*a47);
+  a46=(a46+a34);
   a34=4.6879999999999999e-01;
-  a46=arg[7]? arg[7][0] : 0;
+  a47=arg[7]? arg[7][0] : 0;
   a14=(a14+a05);
   a05=3.5000000000000003e-02;
   a05=(a05*a07);
   a08=(a08?a05:0);
   a14=(a14+a08);
   a14=(a14-a11);
-  a46=(a46*a14);
-  a11=(a11+a46);
+  a47=(a47*a14);
+  a11=(a11+a47);
   a11=casadi_fmin(a11,a10);
   a11=casadi_fmax(a11,a12);
   a12=5.0000000000000003e-02;
   a10=(a11/a12);
   a10=tanh(a10);
   a34=(a34*a10);
-  a42=(a42+a34);
+  a46=(a46+a34);
   a34=5.5510000000000004e-01;
   a34=(a34*a11);
-  a42=(a42+a34);
-  a42=(a42+a17);
+  a46=(a46+a34);
+  a46=(a46+a17);
   a17=74.;
-  a42=(a42/a17);
+  a46=(a46/a17);
   a34=arg[4]? arg[4][0] : 0;
-  a46=1.5000000000000000e+00;
+  a47=1.5000000000000000e+00;
   a09=casadi_sq(a09);
-  a09=(a46*a09);
+  a09=(a47*a09);
   a00=casadi_fabs(a00);
   a09=(a09*a00);
   a09=(a01?a09:0);
   a01=(a01?a09:0);
-  a46=(a46*a00);
-  a01=(a01+a46);
-  a46=1.3877500000000001e-01;
+  a47=(a47*a00);
+  a01=(a01+a47);
+  a47=1.3877500000000001e-01;
   a11=casadi_fabs(a11);
-  a46=(a46*a11);
-  a01=(a01+a46);
-  a46=1.1720000000000000e-01;
+  a47=(a47*a11);
+  a01=(a01+a47);
+  a47=1.1720000000000000e-01;
   a10=casadi_fabs(a10);
-  a46=(a46*a10);
-  a01=(a01+a46);
-  a46=7.1300000000000009e-04;
-  a01=(a01+a46);
+  a47=(a47*a10);
+  a01=(a01+a47);
+  a47=7.1300000000000009e-04;
+  a01=(a01+a47);
   a13=casadi_fabs(a13);
   a13=(a12*a13);
   a01=(a01+a13);
@@ -9745,120 +10554,159 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a01=(a01+a12);
   a01=(a01/a17);
   a34=(a34*a01);
-  a27=(a27+a43);
+  a45=(a45+a27);
   a01=arg[3]? arg[3][0] : 0;
-  a01=(a27*a01);
-  a01=(a48?a01:0);
+  a01=(a45*a01);
+  a01=(a25?a01:0);
   a17=casadi_fmin(a01,a32);
-  a17=casadi_fmax(a17,a49);
+  a12=-1.;
+  a17=casadi_fmax(a17,a12);
   a17=(a34*a17);
-  a17=(a42+a17);
-  a12=arg[5]? arg[5][0] : 0;
-  a20=5.9999999999999998e-01;
-  a20=(a20*a45);
-  a18=(a12+a32);
-  a20=(a20*a18);
-  a12=(a12+a20);
-  a20=3.;
-  a12=casadi_fmin(a12,a20);
+  a17=(a46+a17);
+  a20=arg[5]? arg[5][0] : 0;
+  a18=5.9999999999999998e-01;
+  a18=(a18*a43);
+  a13=(a20+a32);
+  a18=(a18*a13);
+  a18=(a33?a18:0);
+  a20=(a20+a18);
+  a18=3.;
+  a20=casadi_fmin(a20,a18);
   a23=(a23?a21:0);
   a23=(a17-a23);
-  a12=(a12*a23);
-  a17=(a17+a12);
-  a12=(a22<a17);
+  a20=(a20*a23);
+  a17=(a17+a20);
+  a20=(a22<a17);
   a23=casadi_fmin(a17,a22);
   a23=casadi_fmax(a23,a24);
   a30=(a30?a29:0);
   a29=(a30-a23);
   a29=(a31?a29:0);
   a36=(a33?a36:0);
-  a36=(a48?a36:0);
+  a36=(a25?a36:0);
   a29=(a29+a36);
   a23=(a23+a29);
   a36=(a22<a23);
-  a12=(a12||a36);
-  a36=(a12?a32:0);
-  a12=(!a12);
+  a20=(a20||a36);
+  a36=(a20?a32:0);
+  a20=(!a20);
   a21=(a17<a24);
-  a20=(a23<a24);
-  a21=(a21||a20);
-  a21=(a21?a49:0);
-  a12=(a12?a21:0);
-  a36=(a36+a12);
-  a12=(a36==a28);
+  a18=(a23<a24);
+  a21=(a21||a18);
+  a21=(a21?a12:0);
+  a20=(a20?a21:0);
+  a36=(a36+a20);
+  a20=(a36==a28);
   a21=2.2099998022895306e-04;
   a38=(a33?a38:0);
-  a20=(a38-a30);
-  a18=casadi_fabs(a20);
+  a18=(a38-a30);
+  a13=casadi_fabs(a18);
   a39=(a33?a39:0);
   a39=(a39-a30);
-  a13=casadi_fabs(a39);
-  a18=(a18<a13);
-  a20=(a18?a20:0);
-  a18=(!a18);
-  a18=(a18?a39:0);
-  a20=(a20+a18);
-  a20=(a48?a20:0);
-  a21=(a21<a20);
-  a18=(a21?a32:0);
+  a47=casadi_fabs(a39);
+  a13=(a13<a47);
+  a18=(a13?a18:0);
+  a13=(!a13);
+  a13=(a13?a39:0);
+  a18=(a18+a13);
+  a18=(a25?a18:0);
+  a21=(a21<a18);
+  a13=(a21?a32:0);
   a21=(!a21);
   a39=-2.2099998022895306e-04;
-  a20=(a20<a39);
-  a20=(a20?a49:0);
-  a21=(a21?a20:0);
-  a18=(a18+a21);
-  a18=(a12?a18:0);
-  a12=(!a12);
-  a12=(a12?a36:0);
-  a18=(a18+a12);
-  a18=(a18*a02);
-  a28=(a28<a18);
-  a18=(!a28);
-  a12=5.0000000000000001e-03;
-  a12=(a12*a03);
-  a12=(a12*a02);
+  a18=(a18<a39);
   a18=(a18?a12:0);
-  a43=(a43+a18);
-  a18=casadi_fmin(a43,a35);
-  a18=casadi_fmax(a18,a37);
-  a18=(a44?a18:0);
-  if (res[1]!=0) res[1][0]=a18;
-  a18=8.6645195041811807e-01;
-  a18=(a18*a29);
-  a18=(a44?a18:0);
-  if (res[2]!=0) res[2][0]=a18;
-  a18=casadi_fmin(a23,a22);
-  a18=casadi_fmax(a18,a24);
-  a18=(a44?a18:0);
-  if (res[3]!=0) res[3][0]=a18;
+  a21=(a21?a18:0);
+  a13=(a13+a21);
+  a13=(a20?a13:0);
+  a20=(!a20);
+  a20=(a20?a36:0);
+  a13=(a13+a20);
+  a13=(a13*a02);
+  a13=(a28<a13);
+  a20=(!a13);
+  a36=5.0000000000000001e-03;
+  a36=(a36*a03);
+  a36=(a36*a02);
+  a20=(a20?a36:0);
+  a27=(a27+a20);
+  a20=casadi_fmin(a27,a35);
+  a20=casadi_fmax(a20,a37);
+  a20=(a44?a20:0);
+  if (res[1]!=0) res[1][0]=a20;
+  a20=8.6645195041811807e-01;
+  a20=(a20*a29);
+  a20=(a44?a20:0);
+  if (res[2]!=0) res[2][0]=a20;
+  a20=casadi_fmin(a23,a22);
+  a20=casadi_fmax(a20,a24);
+  a20=(a44?a20:0);
+  if (res[3]!=0) res[3][0]=a20;
   a30=(a31?a30:0);
-  a38=(a48?a38:0);
+  a38=(a25?a38:0);
   a30=(a30+a38);
   a30=(a44?a30:0);
   if (res[4]!=0) res[4][0]=a30;
-  a47=(a44?a47:0);
-  if (res[5]!=0) res[5][0]=a47;
-  a41=(a44?a41:0);
-  if (res[6]!=0) res[6][0]=a41;
-  a25=(a44?a25:0);
-  if (res[7]!=0) res[7][0]=a25;
-  a25=(a44?a45:0);
-  if (res[8]!=0) res[8][0]=a25;
-  if (res[9]!=0) res[9][0]=a18;
-  a18=(a44?a17:0);
-  if (res[10]!=0) res[10][0]=a18;
-  a48=(a48?a27:0);
-  a48=(a44?a48:0);
-  if (res[11]!=0) res[11][0]=a48;
+  a30=(a31?a02:0);
+  a40=(a33?a40:0);
+  a40=(a25?a40:0);
+  a30=(a30+a40);
+  a40=1.1808862170182366e-01;
+  a38=(a02-a30);
+  a38=(a40*a38);
+  a30=(a30+a38);
+  a38=(a44?a30:0);
+  if (res[5]!=0) res[5][0]=a38;
+  a41=(a33?a41:0);
+  a02=(a02-a30);
+  a30=(a02-a41);
+  a40=(a40*a30);
+  a41=(a41+a40);
+  a40=(a44?a41:0);
+  if (res[6]!=0) res[6][0]=a40;
+  a40=9.9004983374916811e-01;
+  a40=(a40*a42);
+  a40=(a33?a40:0);
+  a42=9.9501662508318933e-03;
+  a30=125.;
+  a02=(a02-a41);
+  a30=(a30*a02);
+  a30=casadi_fmin(a30,a32);
+  a30=casadi_fmax(a30,a12);
+  a30=casadi_sq(a30);
+  a42=(a42*a30);
+  a40=(a40+a42);
+  a42=(a44?a40:0);
+  if (res[7]!=0) res[7][0]=a42;
+  a42=arg[8]? arg[8][0] : 0;
+  a30=1.8181818181818166e+01;
+  a12=2.7562499999999990e-01;
+  a40=(a40-a12);
+  a30=(a30*a40);
+  a30=casadi_fmin(a30,a32);
+  a30=casadi_fmax(a30,a28);
+  a42=(a42*a30);
+  a30=9.9975003124739603e-01;
+  a30=(a30*a43);
+  a30=(a33?a30:0);
+  a42=casadi_fmax(a42,a30);
   a42=(a44?a42:0);
-  if (res[12]!=0) res[12][0]=a42;
+  if (res[8]!=0) res[8][0]=a42;
+  if (res[9]!=0) res[9][0]=a20;
+  a20=(a44?a17:0);
+  if (res[10]!=0) res[10][0]=a20;
+  a25=(a25?a45:0);
+  a25=(a44?a25:0);
+  if (res[11]!=0) res[11][0]=a25;
+  a46=(a44?a46:0);
+  if (res[12]!=0) res[12][0]=a46;
   a34=(a44?a34:0);
   if (res[13]!=0) res[13][0]=a34;
   a06=(!a06);
   a06=(a06?a32:0);
-  a33=(!a33);
-  a33=(a33?a26:0);
-  a06=(a06+a33);
+  a34=(!a33);
+  a34=(a34?a26:0);
+  a06=(a06+a34);
   a17=casadi_fabs(a17);
   a17=(a22<a17);
   a23=casadi_fabs(a23);
@@ -9874,21 +10722,22 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a01=8.;
   a32=(a32?a01:0);
   a06=(a06+a32);
-  a43=casadi_fabs(a43);
-  a35=(a35<a43);
-  a28=(a28||a35);
-  a28=(a44&&a28);
+  a27=casadi_fabs(a27);
+  a35=(a35<a27);
+  a13=(a13||a35);
+  a13=(a44&&a13);
   a35=16.;
-  a28=(a28?a35:0);
-  a06=(a06+a28);
-  a28=32.;
-  a28=(a44?a28:0);
-  a06=(a06+a28);
-  a28=64.;
-  a31=(a31?a28:0);
+  a13=(a13?a35:0);
+  a06=(a06+a13);
+  a13=32.;
+  a13=(a44?a13:0);
+  a06=(a06+a13);
+  a13=64.;
+  a31=(a31?a13:0);
   a06=(a06+a31);
   a31=1.0000000000000000e-02;
-  a31=(a31<a45);
+  a33=(a33?a43:0);
+  a31=(a31<a33);
   a44=(a44&&a31);
   a31=128.;
   a44=(a44?a31:0);
@@ -9898,7 +10747,7 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f48(arg, res, iw, w, mem);
+  return casadi_f51(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_checkout(void) {
@@ -10055,7 +10904,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_sliding_mode_step_work_bytes(ca
 }
 
 /* esea_elbow_drive_casadi_redundancy_init:()->(zero_rad_0,zeroed_0) */
-static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -10064,7 +10913,7 @@ static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f49(arg, res, iw, w, mem);
+  return casadi_f52(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init_checkout(void) {
@@ -10135,7 +10984,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_init_work_bytes(casa
 }
 
 /* esea_elbow_drive_casadi_redundancy_step:(s_zero_rad,s_zeroed,u_theta_motor_rad,u_motor_usable,u_theta_gear_rad,u_gear_usable,u_d_gear_rad_s2,u_tau_Nm,u_moves_rad_s2)->(next_zero_rad,next_zeroed,y_agree,y_apart_rad,y_apart_Nm,y_room_Nm,y_status) */
-static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20;
   a00=5.0000000000000000e-01;
@@ -10273,7 +11122,7 @@ static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f50(arg, res, iw, w, mem);
+  return casadi_f53(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step_checkout(void) {
@@ -10372,7 +11221,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_redundancy_step_work_bytes(casa
 }
 
 /* esea_elbow_drive_casadi_stamp_init:()->(beats_0) */
-static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -10380,7 +11229,7 @@ static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f51(arg, res, iw, w, mem);
+  return casadi_f54(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init_checkout(void) {
@@ -10449,7 +11298,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_init_work_bytes(casadi_in
 }
 
 /* esea_elbow_drive_casadi_stamp_step:(s_beats,u_u_command_Nm)->(next_beats,y_u_command_Nm,y_control_beat,y_status) */
-static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=255.;
   a1=arg[0]? arg[0][0] : 0;
@@ -10487,7 +11336,7 @@ static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f52(arg, res, iw, w, mem);
+  return casadi_f55(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_drive_casadi_stamp_step_checkout(void) {

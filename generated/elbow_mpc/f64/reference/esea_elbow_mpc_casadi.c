@@ -87,6 +87,9 @@ extern "C" {
 #define casadi_f148 CASADI_PREFIX(f148)
 #define casadi_f149 CASADI_PREFIX(f149)
 #define casadi_f15 CASADI_PREFIX(f15)
+#define casadi_f150 CASADI_PREFIX(f150)
+#define casadi_f151 CASADI_PREFIX(f151)
+#define casadi_f152 CASADI_PREFIX(f152)
 #define casadi_f16 CASADI_PREFIX(f16)
 #define casadi_f17 CASADI_PREFIX(f17)
 #define casadi_f18 CASADI_PREFIX(f18)
@@ -2769,8 +2772,824 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_encoder_gear_step_work_bytes(casa
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_reference_prepare:(Kp_Nm_rad,Kd_Nms_rad,blend_s,tau_range_Nm)->(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm) */
+/* esea_elbow_mpc_casadi_adaptation_prepare:(share,mass_Nm,mass_angle_rad,mass_kgm2,mass_Nms_rad,gain,loss,offset_Nm)->(c_share,c_mass_Nm,c_mass_angle_rad,c_mass_kgm2,c_mass_Nms_rad,c_gain,c_loss,c_offset_Nm) */
 static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=arg[0]? arg[0][0] : 0;
+  if (res[0]!=0) res[0][0]=a0;
+  a0=arg[1]? arg[1][0] : 0;
+  if (res[1]!=0) res[1][0]=a0;
+  a0=arg[2]? arg[2][0] : 0;
+  if (res[2]!=0) res[2][0]=a0;
+  a0=arg[3]? arg[3][0] : 0;
+  if (res[3]!=0) res[3][0]=a0;
+  a0=arg[4]? arg[4][0] : 0;
+  if (res[4]!=0) res[4][0]=a0;
+  a0=arg[5]? arg[5][0] : 0;
+  if (res[5]!=0) res[5][0]=a0;
+  a0=arg[6]? arg[6][0] : 0;
+  if (res[6]!=0) res[6][0]=a0;
+  a0=arg[7]? arg[7][0] : 0;
+  if (res[7]!=0) res[7][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f15(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_prepare_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_adaptation_prepare_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_adaptation_prepare_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_adaptation_prepare_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_adaptation_prepare_n_in(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_adaptation_prepare_n_out(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_adaptation_prepare_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_adaptation_prepare_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "share";
+    case 1: return "mass_Nm";
+    case 2: return "mass_angle_rad";
+    case 3: return "mass_kgm2";
+    case 4: return "mass_Nms_rad";
+    case 5: return "gain";
+    case 6: return "loss";
+    case 7: return "offset_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_adaptation_prepare_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "c_share";
+    case 1: return "c_mass_Nm";
+    case 2: return "c_mass_angle_rad";
+    case 3: return "c_mass_kgm2";
+    case 4: return "c_mass_Nms_rad";
+    case 5: return "c_gain";
+    case 6: return "c_loss";
+    case 7: return "c_offset_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_adaptation_prepare_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_adaptation_prepare_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8;
+  if (sz_res) *sz_res = 8;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 8*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_adaptation_init:(share,mass_Nm,mass_angle_rad,mass_kgm2,mass_Nms_rad,gain,loss,offset_Nm)->(weighed_0,weight_lag_Nm_0,omega_lag_rad_s_0,tau_lag_Nm_0,stop_known_Nm_0,mean_Nm_0,square_Nm2_0,more_gain_0,more_loss_0,more_offset_Nm_0,wish_gain_0,wish_loss_0,wish_offset_Nm_0,stop_wish_Nm_0,wished_0) */
+static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  if (res[2]!=0) res[2][0]=a0;
+  if (res[3]!=0) res[3][0]=a0;
+  if (res[4]!=0) res[4][0]=a0;
+  if (res[5]!=0) res[5][0]=a0;
+  if (res[6]!=0) res[6][0]=a0;
+  if (res[7]!=0) res[7][0]=a0;
+  if (res[8]!=0) res[8][0]=a0;
+  if (res[9]!=0) res[9][0]=a0;
+  a1=1.;
+  if (res[10]!=0) res[10][0]=a1;
+  if (res[11]!=0) res[11][0]=a0;
+  if (res[12]!=0) res[12][0]=a0;
+  if (res[13]!=0) res[13][0]=a0;
+  if (res[14]!=0) res[14][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f16(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_adaptation_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_adaptation_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_adaptation_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_adaptation_init_n_in(void) { return 8;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_adaptation_init_n_out(void) { return 15;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_adaptation_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_adaptation_init_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "share";
+    case 1: return "mass_Nm";
+    case 2: return "mass_angle_rad";
+    case 3: return "mass_kgm2";
+    case 4: return "mass_Nms_rad";
+    case 5: return "gain";
+    case 6: return "loss";
+    case 7: return "offset_Nm";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_adaptation_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "weighed_0";
+    case 1: return "weight_lag_Nm_0";
+    case 2: return "omega_lag_rad_s_0";
+    case 3: return "tau_lag_Nm_0";
+    case 4: return "stop_known_Nm_0";
+    case 5: return "mean_Nm_0";
+    case 6: return "square_Nm2_0";
+    case 7: return "more_gain_0";
+    case 8: return "more_loss_0";
+    case 9: return "more_offset_Nm_0";
+    case 10: return "wish_gain_0";
+    case 11: return "wish_loss_0";
+    case 12: return "wish_offset_Nm_0";
+    case 13: return "stop_wish_Nm_0";
+    case 14: return "wished_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_adaptation_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_adaptation_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8;
+  if (sz_res) *sz_res = 15;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 8*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 15*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_adaptation_step:(c_share,c_mass_Nm,c_mass_angle_rad,c_mass_kgm2,c_mass_Nms_rad,c_gain,c_loss,c_offset_Nm,s_weighed,s_weight_lag_Nm,s_omega_lag_rad_s,s_tau_lag_Nm,s_stop_known_Nm,s_mean_Nm,s_square_Nm2,s_more_gain,s_more_loss,s_more_offset_Nm,s_wish_gain,s_wish_loss,s_wish_offset_Nm,s_stop_wish_Nm,s_wished,u_tau_desired_Nm,u_tau_Nm,u_theta_load_rad,u_omega_load_rad_s,u_sensing_ok)->(next_weighed,next_weight_lag_Nm,next_omega_lag_rad_s,next_tau_lag_Nm,next_stop_known_Nm,next_mean_Nm,next_square_Nm2,next_more_gain,next_more_loss,next_more_offset_Nm,next_wish_gain,next_wish_loss,next_wish_offset_Nm,next_stop_wish_Nm,next_wished,y_wish_gain,y_wish_shift_Nm,y_gain,y_loss,y_offset_Nm,y_missed_Nm,y_status) */
+static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
+  casadi_real a36;
+  a00=0.;
+  a01=arg[1]? arg[1][0] : 0;
+  a02=(a00<a01);
+  a03=arg[23]? arg[23][0] : 0;
+  a04=20.;
+  a05=(a03<=a04);
+  a06=-20.;
+  a07=(a06<=a03);
+  a05=(a05&&a07);
+  a07=arg[24]? arg[24][0] : 0;
+  a04=(a07<=a04);
+  a06=(a06<=a07);
+  a04=(a04&&a06);
+  a06=(a05&&a04);
+  a08=arg[25]? arg[25][0] : 0;
+  a09=3.3499999046325684e+00;
+  a09=(a08<=a09);
+  a10=-9.4999998807907104e-01;
+  a10=(a10<=a08);
+  a09=(a09&&a10);
+  a06=(a06&&a09);
+  a10=arg[26]? arg[26][0] : 0;
+  a11=12.;
+  a11=(a10<=a11);
+  a12=-12.;
+  a12=(a12<=a10);
+  a11=(a11&&a12);
+  a06=(a06&&a11);
+  a12=arg[27]? arg[27][0] : 0;
+  a13=1.;
+  a14=(a12<=a13);
+  a15=(a00<=a12);
+  a14=(a14&&a15);
+  a06=(a06&&a14);
+  a15=5.0000000000000000e-01;
+  a14=(a14?a12:0);
+  a14=(a15<=a14);
+  a14=(a06&&a14);
+  a02=(a02&&a14);
+  if (res[0]!=0) res[0][0]=a02;
+  a14=arg[8]? arg[8][0] : 0;
+  a12=(a14<=a13);
+  a16=(a00<=a14);
+  a12=(a12&&a16);
+  a16=arg[9]? arg[9][0] : 0;
+  a17=4.5146994590759277e+00;
+  a18=(a16<=a17);
+  a19=-4.5146994590759277e+00;
+  a20=(a19<=a16);
+  a18=(a18&&a20);
+  a12=(a12&&a18);
+  a18=arg[10]? arg[10][0] : 0;
+  a20=1.2119999885559082e+01;
+  a20=(a18<=a20);
+  a21=-1.2119999885559082e+01;
+  a21=(a21<=a18);
+  a20=(a20&&a21);
+  a12=(a12&&a20);
+  a20=arg[11]? arg[11][0] : 0;
+  a21=2.0199998855590820e+01;
+  a21=(a20<=a21);
+  a22=-2.0199998855590820e+01;
+  a22=(a22<=a20);
+  a21=(a21&&a22);
+  a12=(a12&&a21);
+  a21=arg[12]? arg[12][0] : 0;
+  a22=5.3226995468139648e+00;
+  a22=(a21<=a22);
+  a23=-5.3226995468139648e+00;
+  a23=(a23<=a21);
+  a22=(a22&&a23);
+  a12=(a12&&a22);
+  a22=arg[13]? arg[13][0] : 0;
+  a17=(a22<=a17);
+  a19=(a19<=a22);
+  a17=(a17&&a19);
+  a12=(a12&&a17);
+  a17=arg[14]? arg[14][0] : 0;
+  a19=8.1921676635742188e+01;
+  a19=(a17<=a19);
+  a23=(a00<=a17);
+  a19=(a19&&a23);
+  a12=(a12&&a19);
+  a19=arg[15]? arg[15][0] : 0;
+  a23=6.6593402624130249e-01;
+  a23=(a19<=a23);
+  a24=-6.6593402624130249e-01;
+  a24=(a24<=a19);
+  a23=(a23&&a24);
+  a12=(a12&&a23);
+  a23=arg[16]? arg[16][0] : 0;
+  a24=8.0799990892410278e-01;
+  a24=(a23<=a24);
+  a25=-8.0799990892410278e-01;
+  a25=(a25<=a23);
+  a24=(a24&&a25);
+  a12=(a12&&a24);
+  a24=arg[17]? arg[17][0] : 0;
+  a25=6.0599994659423828e-01;
+  a25=(a24<=a25);
+  a26=-6.0599994659423828e-01;
+  a26=(a26<=a24);
+  a25=(a25&&a26);
+  a12=(a12&&a25);
+  a25=arg[18]? arg[18][0] : 0;
+  a26=1.4428570270538330e+00;
+  a26=(a25<=a26);
+  a27=7.6153850555419922e-01;
+  a27=(a27<=a25);
+  a26=(a26&&a27);
+  a12=(a12&&a26);
+  a26=arg[19]? arg[19][0] : 0;
+  a27=4.0399995446205139e-01;
+  a27=(a26<=a27);
+  a28=-4.0399995446205139e-01;
+  a28=(a28<=a26);
+  a27=(a27&&a28);
+  a12=(a12&&a27);
+  a27=arg[20]? arg[20][0] : 0;
+  a28=3.0299997329711914e-01;
+  a28=(a27<=a28);
+  a29=-3.0299997329711914e-01;
+  a29=(a29<=a27);
+  a28=(a28&&a29);
+  a12=(a12&&a28);
+  a28=arg[21]? arg[21][0] : 0;
+  a29=2.1007999420166016e+01;
+  a29=(a28<=a29);
+  a30=-2.1007999420166016e+01;
+  a30=(a30<=a28);
+  a29=(a29&&a30);
+  a12=(a12&&a29);
+  a29=arg[22]? arg[22][0] : 0;
+  a30=(a29<=a13);
+  a31=(a00<=a29);
+  a30=(a30&&a31);
+  a12=(a12&&a30);
+  a14=(a12?a14:0);
+  a30=(a02&&a14);
+  a31=(!a30);
+  a09=(a09?a08:0);
+  a08=arg[2]? arg[2][0] : 0;
+  a09=(a09-a08);
+  a08=1.6000000000000001e+00;
+  a32=casadi_fmin(a09,a08);
+  a33=-1.6000000000000001e+00;
+  a32=casadi_fmax(a32,a33);
+  a33=casadi_sq(a32);
+  a34=-1.6666666666666666e-01;
+  a35=8.3333333333333332e-03;
+  a36=1.9841269841269841e-04;
+  a36=(a36*a33);
+  a35=(a35-a36);
+  a35=(a33*a35);
+  a34=(a34+a35);
+  a33=(a33*a34);
+  a33=(a13+a33);
+  a32=(a32*a33);
+  a01=(a01*a32);
+  a32=(a31?a01:0);
+  a16=(a12?a16:0);
+  a33=1.2487743476343960e-02;
+  a01=(a01-a16);
+  a01=(a33*a01);
+  a16=(a16+a01);
+  a16=(a30?a16:0);
+  a32=(a32+a16);
+  if (res[1]!=0) res[1][0]=a32;
+  a11=(a11?a10:0);
+  a10=(a31?a11:0);
+  a18=(a12?a18:0);
+  a11=(a11-a18);
+  a16=(a33*a11);
+  a18=(a18+a16);
+  a18=(a30?a18:0);
+  a10=(a10+a18);
+  if (res[2]!=0) res[2][0]=a10;
+  a04=(a04?a07:0);
+  a31=(a31?a04:0);
+  a20=(a12?a20:0);
+  a04=(a04-a20);
+  a33=(a33*a04);
+  a20=(a20+a33);
+  a20=(a30?a20:0);
+  a31=(a31+a20);
+  if (res[3]!=0) res[3][0]=a31;
+  a14=(!a14);
+  a20=arg[3]? arg[3][0] : 0;
+  a33=1.2487743476343960e+01;
+  a33=(a33*a11);
+  a20=(a20*a33);
+  a30=(a30?a20:0);
+  a20=arg[4]? arg[4][0] : 0;
+  a20=(a20*a10);
+  a30=(a30+a20);
+  a32=(a32+a30);
+  a30=4.4699997901916504e+00;
+  a20=casadi_fmin(a32,a30);
+  a10=-4.4699997901916504e+00;
+  a20=casadi_fmax(a20,a10);
+  a10=(a14?a20:0);
+  a14=(!a14);
+  a21=(a12?a21:0);
+  a33=8.0000000000000004e-01;
+  a11=(a20+a33);
+  a21=casadi_fmin(a21,a11);
+  a11=(a20-a33);
+  a21=casadi_fmax(a21,a11);
+  a11=(a14?a21:0);
+  a11=(a10+a11);
+  if (res[4]!=0) res[4][0]=a11;
+  a22=(a12?a22:0);
+  a11=1.9998000133325533e-04;
+  a04=(a20-a22);
+  a07=(a11*a04);
+  a07=(a14?a07:0);
+  a22=(a22+a07);
+  a22=(a14?a22:0);
+  a10=(a10+a22);
+  if (res[5]!=0) res[5][0]=a10;
+  a10=9.9980001999866674e-01;
+  a10=(a10*a17);
+  a10=(a12?a10:0);
+  a04=casadi_sq(a04);
+  a11=(a11*a04);
+  a11=(a14?a11:0);
+  a11=(a14?a11:0);
+  a10=(a10+a11);
+  a10=(a14?a10:0);
+  if (res[6]!=0) res[6][0]=a10;
+  a09=casadi_fabs(a09);
+  a09=(a09<=a08);
+  a32=casadi_fabs(a32);
+  a32=(a32<=a30);
+  a09=(a09&&a32);
+  a09=(a02&&a09);
+  a32=5.0000000000000003e-02;
+  a32=(a32<a10);
+  a09=(a09&&a32);
+  a32=arg[5]? arg[5][0] : 0;
+  a19=(a12?a19:0);
+  a10=(a32+a19);
+  a30=1.4285713434219360e+00;
+  a10=casadi_fmin(a10,a30);
+  a08=7.6923072338104248e-01;
+  a10=casadi_fmax(a10,a08);
+  a11=(a10*a20);
+  a04=arg[6]? arg[6][0] : 0;
+  a23=(a12?a23:0);
+  a17=(a04+a23);
+  a22=3.9999997615814209e-01;
+  a17=casadi_fmin(a17,a22);
+  a07=-3.9999997615814209e-01;
+  a17=casadi_fmax(a17,a07);
+  a21=(a20-a21);
+  a18=(a17*a21);
+  a18=(a14?a18:0);
+  a11=(a11+a18);
+  a18=arg[7]? arg[7][0] : 0;
+  a24=(a12?a24:0);
+  a16=(a18+a24);
+  a01=2.9999998211860657e-01;
+  a16=casadi_fmin(a16,a01);
+  a34=-2.9999998211860657e-01;
+  a16=casadi_fmax(a16,a34);
+  a11=(a11+a16);
+  a31=(a31-a11);
+  a11=casadi_fabs(a31);
+  a35=casadi_fabs(a20);
+  a35=(a15*a35);
+  a35=(a15+a35);
+  a11=(a11<=a35);
+  a35=(a09&&a11);
+  a36=5.0000000000000001e-04;
+  a36=(a36*a31);
+  a15=(a15*a20);
+  a15=(a36*a15);
+  a15=(a35?a15:0);
+  a15=(a10+a15);
+  a30=casadi_fmin(a15,a30);
+  a30=casadi_fmax(a30,a08);
+  a32=(a30-a32);
+  a32=(a35?a32:0);
+  a08=(!a35);
+  a19=(a08?a19:0);
+  a32=(a32+a19);
+  if (res[7]!=0) res[7][0]=a32;
+  a36=(a36*a21);
+  a36=(a35?a36:0);
+  a14=(a14?a36:0);
+  a14=(a17+a14);
+  a22=casadi_fmin(a14,a22);
+  a22=casadi_fmax(a22,a07);
+  a04=(a22-a04);
+  a04=(a35?a04:0);
+  a23=(a08?a23:0);
+  a04=(a04+a23);
+  if (res[8]!=0) res[8][0]=a04;
+  a04=2.5000000000000001e-04;
+  a04=(a04*a31);
+  a04=(a35?a04:0);
+  a04=(a16+a04);
+  a01=casadi_fmin(a04,a01);
+  a01=casadi_fmax(a01,a34);
+  a18=(a01-a18);
+  a18=(a35?a18:0);
+  a08=(a08?a24:0);
+  a18=(a18+a08);
+  if (res[9]!=0) res[9][0]=a18;
+  a25=(a12?a25:0);
+  a18=(!a12);
+  a08=(a18?a13:0);
+  a25=(a25+a08);
+  a08=9.9950016662497809e-04;
+  a24=arg[0]? arg[0][0] : 0;
+  a34=(a10-a13);
+  a34=(a24*a34);
+  a34=(a13+a34);
+  a34=(a34-a25);
+  a34=(a08*a34);
+  a25=(a25+a34);
+  if (res[10]!=0) res[10][0]=a25;
+  a26=(a12?a26:0);
+  a34=(a24*a17);
+  a34=(a34-a26);
+  a34=(a08*a34);
+  a26=(a26+a34);
+  if (res[11]!=0) res[11][0]=a26;
+  a27=(a12?a27:0);
+  a24=(a24*a16);
+  a24=(a24-a27);
+  a08=(a08*a24);
+  a27=(a27+a08);
+  if (res[12]!=0) res[12][0]=a27;
+  a29=(a12?a29:0);
+  a12=(a12?a28:0);
+  a05=(a05?a03:0);
+  a03=(a05+a33);
+  a12=casadi_fmin(a12,a03);
+  a33=(a05-a33);
+  a12=casadi_fmax(a12,a33);
+  a33=(a29?a12:0);
+  a29=(!a29);
+  a29=(a29?a05:0);
+  a33=(a33+a29);
+  if (res[13]!=0) res[13][0]=a33;
+  if (res[14]!=0) res[14][0]=a13;
+  if (res[15]!=0) res[15][0]=a25;
+  a05=(a05-a12);
+  a26=(a26*a05);
+  a26=(a26+a27);
+  if (res[16]!=0) res[16][0]=a26;
+  if (res[17]!=0) res[17][0]=a10;
+  if (res[18]!=0) res[18][0]=a17;
+  if (res[19]!=0) res[19][0]=a16;
+  a02=(a02?a31:0);
+  if (res[20]!=0) res[20][0]=a02;
+  a06=(!a06);
+  a06=(a06?a13:0);
+  a13=2.;
+  a18=(a18?a13:0);
+  a06=(a06+a18);
+  a18=4.;
+  a35=(a35?a18:0);
+  a06=(a06+a35);
+  a15=(a15-a30);
+  a15=casadi_fabs(a15);
+  a14=(a14-a22);
+  a14=casadi_fabs(a14);
+  a15=(a15+a14);
+  a04=(a04-a01);
+  a04=casadi_fabs(a04);
+  a15=(a15+a04);
+  a00=(a00<a15);
+  a15=8.;
+  a00=(a00?a15:0);
+  a06=(a06+a00);
+  a11=(!a11);
+  a09=(a09&&a11);
+  a11=16.;
+  a09=(a09?a11:0);
+  a06=(a06+a09);
+  if (res[21]!=0) res[21][0]=a06;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f17(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_adaptation_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_adaptation_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_adaptation_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_adaptation_step_n_in(void) { return 28;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_adaptation_step_n_out(void) { return 22;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_mpc_casadi_adaptation_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_adaptation_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "c_share";
+    case 1: return "c_mass_Nm";
+    case 2: return "c_mass_angle_rad";
+    case 3: return "c_mass_kgm2";
+    case 4: return "c_mass_Nms_rad";
+    case 5: return "c_gain";
+    case 6: return "c_loss";
+    case 7: return "c_offset_Nm";
+    case 8: return "s_weighed";
+    case 9: return "s_weight_lag_Nm";
+    case 10: return "s_omega_lag_rad_s";
+    case 11: return "s_tau_lag_Nm";
+    case 12: return "s_stop_known_Nm";
+    case 13: return "s_mean_Nm";
+    case 14: return "s_square_Nm2";
+    case 15: return "s_more_gain";
+    case 16: return "s_more_loss";
+    case 17: return "s_more_offset_Nm";
+    case 18: return "s_wish_gain";
+    case 19: return "s_wish_loss";
+    case 20: return "s_wish_offset_Nm";
+    case 21: return "s_stop_wish_Nm";
+    case 22: return "s_wished";
+    case 23: return "u_tau_desired_Nm";
+    case 24: return "u_tau_Nm";
+    case 25: return "u_theta_load_rad";
+    case 26: return "u_omega_load_rad_s";
+    case 27: return "u_sensing_ok";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_adaptation_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_weighed";
+    case 1: return "next_weight_lag_Nm";
+    case 2: return "next_omega_lag_rad_s";
+    case 3: return "next_tau_lag_Nm";
+    case 4: return "next_stop_known_Nm";
+    case 5: return "next_mean_Nm";
+    case 6: return "next_square_Nm2";
+    case 7: return "next_more_gain";
+    case 8: return "next_more_loss";
+    case 9: return "next_more_offset_Nm";
+    case 10: return "next_wish_gain";
+    case 11: return "next_wish_loss";
+    case 12: return "next_wish_offset_Nm";
+    case 13: return "next_stop_wish_Nm";
+    case 14: return "next_wished";
+    case 15: return "y_wish_gain";
+    case 16: return "y_wish_shift_Nm";
+    case 17: return "y_gain";
+    case 18: return "y_loss";
+    case 19: return "y_offset_Nm";
+    case 20: return "y_missed_Nm";
+    case 21: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_adaptation_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
+    case 17: return casadi_s0;
+    case 18: return casadi_s0;
+    case 19: return casadi_s0;
+    case 20: return casadi_s0;
+    case 21: return casadi_s0;
+    case 22: return casadi_s0;
+    case 23: return casadi_s0;
+    case 24: return casadi_s0;
+    case 25: return casadi_s0;
+    case 26: return casadi_s0;
+    case 27: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_adaptation_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    case 4: return casadi_s0;
+    case 5: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s0;
+    case 9: return casadi_s0;
+    case 10: return casadi_s0;
+    case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
+    case 16: return casadi_s0;
+    case 17: return casadi_s0;
+    case 18: return casadi_s0;
+    case 19: return casadi_s0;
+    case 20: return casadi_s0;
+    case 21: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 28;
+  if (sz_res) *sz_res = 22;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_adaptation_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 28*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 22*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_mpc_casadi_reference_prepare:(Kp_Nm_rad,Kd_Nms_rad,blend_s,tau_range_Nm)->(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm) */
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -2787,7 +3606,7 @@ static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f15(arg, res, iw, w, mem);
+  return casadi_f18(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_prepare_checkout(void) {
@@ -2870,7 +3689,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_prepare_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_reference_init:(Kp_Nm_rad,Kd_Nms_rad,keep,tau_range_Nm)->(mode_last_0,offset_Nm_0,tau_set_Nm_0) */
-static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -2880,7 +3699,7 @@ static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f16(arg, res, iw, w, mem);
+  return casadi_f19(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_init_checkout(void) {
@@ -2960,11 +3779,11 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_init_work_bytes(casadi_
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status,y_stiffness_Nm_rad,y_damping_Nms_rad,y_offset_Nm,y_keep,y_tau_range_Nm,y_Kp_Nm_rad,y_Kd_Nms_rad,y_tau_wanted_Nm,y_theta_wanted_rad,y_omega_wanted_rad_s) */
-static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_reference_step:(c_Kp_Nm_rad,c_Kd_Nms_rad,c_keep,c_tau_range_Nm,s_mode_last,s_offset_Nm,s_tau_set_Nm,u_mode,u_tau_desired_Nm,u_theta_desired_rad,u_omega_desired_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_wish_gain,u_wish_shift_Nm)->(next_mode_last,next_offset_Nm,next_tau_set_Nm,y_tau_set_Nm,y_mode,y_request_ok,y_status,y_stiffness_Nm_rad,y_damping_Nms_rad,y_offset_Nm,y_keep,y_tau_range_Nm,y_Kp_Nm_rad,y_Kd_Nms_rad,y_tau_wanted_Nm,y_theta_wanted_rad,y_omega_wanted_rad_s) */
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
-  casadi_real a24;
+  casadi_real a24, a25, a26, a27, a28, a29, a30;
   a00=arg[7]? arg[7][0] : 0;
   a01=2.;
   a02=(a00<=a01);
@@ -3003,49 +3822,63 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a14=(a14&&a16);
   a08=(a08&&a14);
   a16=arg[13]? arg[13][0] : 0;
-  a05=(a16<=a05);
-  a07=(a07<=a16);
-  a05=(a05&&a07);
-  a08=(a08&&a05);
-  a07=arg[4]? arg[4][0] : 0;
-  a18=(a07<=a01);
-  a03=(a03<=a07);
-  a18=(a18&&a03);
-  a03=arg[5]? arg[5][0] : 0;
-  a19=6.1912998199462891e+01;
-  a19=(a03<=a19);
-  a20=-6.1912998199462891e+01;
-  a20=(a20<=a03);
-  a19=(a19&&a20);
+  a18=(a16<=a05);
+  a19=(a07<=a16);
   a18=(a18&&a19);
-  a19=arg[6]? arg[6][0] : 0;
-  a20=4.4699997901916504e+00;
+  a08=(a08&&a18);
+  a19=arg[14]? arg[14][0] : 0;
+  a20=1.4428570270538330e+00;
   a20=(a19<=a20);
-  a21=-4.4699997901916504e+00;
+  a21=7.6153850555419922e-01;
   a21=(a21<=a19);
   a20=(a20&&a21);
-  a18=(a18&&a20);
-  a20=(a08&&a18);
-  a21=1.5000000000000000e+00;
+  a08=(a08&&a20);
+  a21=arg[15]? arg[15][0] : 0;
+  a22=6.2619996070861816e-01;
+  a22=(a21<=a22);
+  a23=-6.2619996070861816e-01;
+  a23=(a23<=a21);
+  a22=(a22&&a23);
+  a08=(a08&&a22);
+  a23=arg[4]? arg[4][0] : 0;
+  a24=(a23<=a01);
+  a03=(a03<=a23);
+  a24=(a24&&a03);
+  a03=arg[5]? arg[5][0] : 0;
+  a25=6.1912998199462891e+01;
+  a25=(a03<=a25);
+  a26=-6.1912998199462891e+01;
+  a26=(a26<=a03);
+  a25=(a25&&a26);
+  a24=(a24&&a25);
+  a25=arg[6]? arg[6][0] : 0;
+  a26=4.4699997901916504e+00;
+  a26=(a25<=a26);
+  a27=-4.4699997901916504e+00;
+  a27=(a27<=a25);
+  a26=(a26&&a27);
+  a24=(a24&&a26);
+  a26=(a08&&a24);
+  a27=1.5000000000000000e+00;
   a02=(a02?a00:0);
-  a00=(a21<a02);
-  a22=(a00?a01:0);
+  a00=(a27<a02);
+  a28=(a00?a01:0);
   a00=(!a00);
-  a23=5.0000000000000000e-01;
-  a02=(a23<a02);
-  a24=1.;
-  a02=(a02?a24:0);
+  a29=5.0000000000000000e-01;
+  a02=(a29<a02);
+  a30=1.;
+  a02=(a02?a30:0);
   a00=(a00?a02:0);
-  a22=(a22+a00);
-  a22=(a20?a22:0);
-  if (res[0]!=0) res[0][0]=a22;
-  a00=(a23<a22);
-  a07=(a18?a07:0);
-  a02=(a22!=a07);
-  a07=(a07<a23);
-  a07=(a02&&a07);
-  a05=(a05?a16:0);
-  a21=(a21<a22);
+  a28=(a28+a00);
+  a28=(a26?a28:0);
+  if (res[0]!=0) res[0][0]=a28;
+  a00=(a29<a28);
+  a23=(a24?a23:0);
+  a02=(a28!=a23);
+  a23=(a23<a29);
+  a23=(a02&&a23);
+  a18=(a18?a16:0);
+  a27=(a27<a28);
   a16=arg[1]? arg[1][0] : 0;
   a15=(a15?a13:0);
   a14=(a14?a12:0);
@@ -3057,62 +3890,71 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a10=(a11-a10);
   a10=(a12*a10);
   a14=(a14+a10);
-  a21=(a21?a14:0);
+  a27=(a27?a14:0);
+  a19=(a20?a19:0);
+  a20=(!a20);
+  a20=(a20?a30:0);
+  a19=(a19+a20);
+  a04=(a04*a19);
   a06=(a06?a04:0);
-  a21=(a21+a06);
-  a04=(a05-a21);
-  a04=(a07?a04:0);
-  a07=(!a07);
-  a19=(a18?a19:0);
-  a14=(a19-a21);
-  a14=(a02?a14:0);
-  a10=(!a02);
-  a03=(a18?a03:0);
-  a10=(a10?a03:0);
-  a14=(a14+a10);
-  a10=arg[2]? arg[2][0] : 0;
-  a14=(a14*a10);
-  a07=(a07?a14:0);
-  a04=(a04+a07);
-  a07=(a00?a04:0);
-  if (res[1]!=0) res[1][0]=a07;
-  a21=(a21+a04);
-  a21=(a00?a21:0);
-  a04=(!a00);
-  a04=(a04?a05:0);
-  a21=(a21+a04);
-  a04=arg[3]? arg[3][0] : 0;
-  a05=casadi_fmin(a21,a04);
-  a14=(-a04);
-  a05=casadi_fmax(a05,a14);
-  a05=(a08?a05:0);
-  a14=(!a08);
-  a19=(a14?a19:0);
-  a05=(a05+a19);
-  if (res[2]!=0) res[2][0]=a05;
-  if (res[3]!=0) res[3][0]=a05;
-  if (res[4]!=0) res[4][0]=a22;
-  if (res[5]!=0) res[5][0]=a20;
-  a14=(a14?a24:0);
-  a18=(!a18);
-  a18=(a18?a01:0);
-  a14=(a14+a18);
-  a21=casadi_fabs(a21);
-  a21=(a04<a21);
-  a08=(a08&&a21);
-  a21=4.;
-  a08=(a08?a21:0);
-  a14=(a14+a08);
+  a22=(a22?a21:0);
+  a06=(a06+a22);
+  a06=casadi_fmin(a06,a05);
+  a06=casadi_fmax(a06,a07);
+  a27=(a27+a06);
+  a07=(a18-a27);
+  a07=(a23?a07:0);
+  a23=(!a23);
+  a25=(a24?a25:0);
+  a05=(a25-a27);
+  a05=(a02?a05:0);
+  a22=(!a02);
+  a03=(a24?a03:0);
+  a22=(a22?a03:0);
+  a05=(a05+a22);
+  a22=arg[2]? arg[2][0] : 0;
+  a05=(a05*a22);
+  a23=(a23?a05:0);
+  a07=(a07+a23);
+  a23=(a00?a07:0);
+  if (res[1]!=0) res[1][0]=a23;
+  a27=(a27+a07);
+  a27=(a00?a27:0);
+  a07=(!a00);
+  a07=(a07?a18:0);
+  a27=(a27+a07);
+  a07=arg[3]? arg[3][0] : 0;
+  a18=casadi_fmin(a27,a07);
+  a05=(-a07);
+  a18=casadi_fmax(a18,a05);
+  a18=(a08?a18:0);
+  a05=(!a08);
+  a25=(a05?a25:0);
+  a18=(a18+a25);
+  if (res[2]!=0) res[2][0]=a18;
+  if (res[3]!=0) res[3][0]=a18;
+  if (res[4]!=0) res[4][0]=a28;
+  if (res[5]!=0) res[5][0]=a26;
+  a05=(a05?a30:0);
+  a24=(!a24);
+  a24=(a24?a01:0);
+  a05=(a05+a24);
+  a27=casadi_fabs(a27);
+  a27=(a07<a27);
+  a08=(a08&&a27);
+  a27=4.;
+  a08=(a08?a27:0);
+  a05=(a05+a08);
   a00=(a00&&a02);
   a02=8.;
   a00=(a00?a02:0);
-  a14=(a14+a00);
-  if (res[6]!=0) res[6][0]=a14;
+  a05=(a05+a00);
+  if (res[6]!=0) res[6][0]=a05;
   if (res[7]!=0) res[7][0]=a12;
   if (res[8]!=0) res[8][0]=a16;
-  if (res[9]!=0) res[9][0]=a07;
-  if (res[10]!=0) res[10][0]=a10;
-  if (res[11]!=0) res[11][0]=a04;
+  if (res[9]!=0) res[9][0]=a23;
+  if (res[10]!=0) res[10][0]=a22;
+  if (res[11]!=0) res[11][0]=a07;
   if (res[12]!=0) res[12][0]=a12;
   if (res[13]!=0) res[13][0]=a16;
   if (res[14]!=0) res[14][0]=a06;
@@ -3122,7 +3964,7 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f17(arg, res, iw, w, mem);
+  return casadi_f20(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_checkout(void) {
@@ -3138,7 +3980,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_reference_step_incref(void) {
 CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_reference_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_reference_step_n_in(void) { return 14;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_reference_step_n_in(void) { return 16;}
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_reference_step_n_out(void) { return 17;}
 
@@ -3164,6 +4006,8 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_reference_step_name_in(ca
     case 11: return "u_theta_load_rad";
     case 12: return "u_omega_load_rad_s";
     case 13: return "u_tau_Nm";
+    case 14: return "u_wish_gain";
+    case 15: return "u_wish_shift_Nm";
     default: return 0;
   }
 }
@@ -3207,6 +4051,8 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_reference_step_spar
     case 11: return casadi_s0;
     case 12: return casadi_s0;
     case 13: return casadi_s0;
+    case 14: return casadi_s0;
+    case 15: return casadi_s0;
     default: return 0;
   }
 }
@@ -3235,7 +4081,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_reference_step_spar
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 14;
+  if (sz_arg) *sz_arg = 16;
   if (sz_res) *sz_res = 17;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
@@ -3243,7 +4089,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_work(casadi_int *s
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 14*sizeof(const casadi_real*);
+  if (sz_arg) *sz_arg = 16*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 17*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
@@ -3251,7 +4097,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_reference_step_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_passivity_prepare:(least_Nms_rad,energy_J)->(c_least_Nms_rad,c_energy_J) */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -3261,7 +4107,7 @@ static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f18(arg, res, iw, w, mem);
+  return casadi_f21(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_prepare_checkout(void) {
@@ -3336,7 +4182,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_prepare_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_passivity_init:(least_Nms_rad,energy_J)->(power_W_0,square_rad2_s2_0,damping_Nms_rad_0,theta_load_last_rad_0,error_last_Nm_0,theta_motor_last_rad_0,tau_last_Nm_0,given_J_0,moving_J_0,v_Nm_0,most_Nm_0,seen_0) */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -3356,7 +4202,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f19(arg, res, iw, w, mem);
+  return casadi_f22(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_init_checkout(void) {
@@ -3451,7 +4297,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_init_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_passivity_step:(c_least_Nms_rad,c_energy_J,s_power_W,s_square_rad2_s2,s_damping_Nms_rad,s_theta_load_last_rad,s_error_last_Nm,s_theta_motor_last_rad,s_tau_last_Nm,s_given_J,s_moving_J,s_v_Nm,s_most_Nm,s_seen,u_mode,u_sensing_ok,u_request_ok,u_tau_set_Nm,u_Kp_Nm_rad,u_Kd_Nms_rad,u_tau_Nm,u_theta_load_rad,u_omega_load_rad_s,u_theta_motor_rad,u_omega_motor_rad_s,u_u_command_Nm)->(next_power_W,next_square_rad2_s2,next_damping_Nms_rad,next_theta_load_last_rad,next_error_last_Nm,next_theta_motor_last_rad,next_tau_last_Nm,next_given_J,next_moving_J,next_v_Nm,next_most_Nm,next_seen,y_tau_set_Nm,y_damping_Nms_rad,y_mode_ahead,y_request_ok,y_u_command_Nm,y_given_J,y_held_J,y_status) */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -3842,7 +4688,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f20(arg, res, iw, w, mem);
+  return casadi_f23(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_step_checkout(void) {
@@ -4001,7 +4847,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_passivity_step_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_cable_init:()->(primed_0,high_rad_0,low_rad_0,high_shown_0,low_shown_0,taut_0,mean_rad_0,mean_Nm_0,give_rad_Nm_0) */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4018,7 +4864,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f21(arg, res, iw, w, mem);
+  return casadi_f24(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_init_checkout(void) {
@@ -4103,7 +4949,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_init_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_cable_step:(s_primed,s_high_rad,s_low_rad,s_high_shown,s_low_shown,s_taut,s_mean_rad,s_mean_Nm,s_give_rad_Nm,u_theta_gear_rad,u_gear_usable,u_theta_motor_rad,u_motor_usable,u_tau_Nm,u_mode)->(next_primed,next_high_rad,next_low_rad,next_high_shown,next_low_shown,next_taut,next_mean_rad,next_mean_Nm,next_give_rad_Nm,y_wound_rad,y_give_rad_Nm,y_gap_rad,y_status) */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -4379,7 +5225,7 @@ static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f22(arg, res, iw, w, mem);
+  return casadi_f25(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_step_checkout(void) {
@@ -4502,7 +5348,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_cable_step_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_limits_prepare:(u_max_Nm,u_rate_Nm_s,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J)->(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad) */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -4540,7 +5386,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f23(arg, res, iw, w, mem);
+  return casadi_f26(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare_checkout(void) {
@@ -4649,7 +5495,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_prepare_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_limits_init:(u_max_Nm,tau_max_Nm,theta_max_rad,rom_min_rad,rom_max_rad,omega_max_rad_s,energy_max_J,u_step_Nm,trip_low_rad,trip_high_rad,rom_gain_Nm_rad,brake_rad_s,speed_gain_Nms_rad)->(key_0,fault_stored_0,fault_mirror_0,rearm_last_0,rearm_mirror_0,u_last_Nm_0,u_mirror_Nm_0,beat_last_0,age_0,ticks_0,slot_J_0,slots_J_0[10]) */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -4680,7 +5526,7 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f24(arg, res, iw, w, mem);
+  return casadi_f27(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init_checkout(void) {
@@ -4797,7 +5643,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_init_work_bytes(casadi_int
 }
 
 /* esea_elbow_mpc_casadi_limits_step:(c_u_max_Nm,c_tau_max_Nm,c_theta_max_rad,c_rom_min_rad,c_rom_max_rad,c_omega_max_rad_s,c_energy_max_J,c_u_step_Nm,c_trip_low_rad,c_trip_high_rad,c_rom_gain_Nm_rad,c_brake_rad_s,c_speed_gain_Nms_rad,s_key,s_fault_stored,s_fault_mirror,s_rearm_last,s_rearm_mirror,s_u_last_Nm,s_u_mirror_Nm,s_beat_last,s_age,s_ticks,s_slot_J,s_slots_J[10],u_u_command_Nm,u_control_beat,u_mode,u_stop,u_rearm,u_request_ok,u_sensing_ok,u_theta_rad,u_theta_motor_rad,u_omega_motor_rad_s,u_theta_load_rad,u_omega_load_rad_s,u_tau_Nm,u_clock_ok,u_late_level,u_coeffs_ok)->(next_key,next_fault_stored,next_fault_mirror,next_rearm_last,next_rearm_mirror,next_u_last_Nm,next_u_mirror_Nm,next_beat_last,next_age,next_ticks,next_slot_J,next_slots_J[10],y_u_Nm,y_u_cut_Nm,y_u_lag_Nm,y_energy_J,y_fault,y_status) */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -5547,7 +6393,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f25(arg, res, iw, w, mem);
+  return casadi_f28(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_checkout(void) {
@@ -5732,7 +6578,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_limits_step_work_bytes(casadi_int
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_prepare:(bandwidth_1_s)->(c_share,c_keep) */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-1.0000000000000000e-03;
@@ -5747,7 +6593,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f26(arg, res, iw, w, mem);
+  return casadi_f29(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare_checkout(void) {
@@ -5820,7 +6666,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_prepare_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -5833,7 +6679,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f27(arg, res, iw, w, mem);
+  return casadi_f30(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init_checkout(void) {
@@ -5916,7 +6762,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_init_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_drive_observer_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_motor_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_u_a_Nm,y_status) */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[8]? arg[8][0] : 0;
@@ -6052,7 +6898,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f28(arg, res, iw, w, mem);
+  return casadi_f31(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step_checkout(void) {
@@ -6159,7 +7005,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_observer_step_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_gear_observer_init:()->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0,a_rad_s2_0,moved_rad_s2_0) */
-static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6174,7 +7020,7 @@ static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f29(arg, res, iw, w, mem);
+  return casadi_f32(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init_checkout(void) {
@@ -6257,7 +7103,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_init_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_gear_observer_step:(s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,s_a_rad_s2,s_moved_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,next_a_rad_s2,next_moved_rad_s2,y_d_gear_rad_s2,y_moves_rad_s2,y_status) */
-static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[8]? arg[8][0] : 0;
@@ -6426,7 +7272,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f30(arg, res, iw, w, mem);
+  return casadi_f33(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step_checkout(void) {
@@ -6537,7 +7383,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_gear_observer_step_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_human_eso_prepare:(decay_s)->(c_keep,c_reach_s) */
-static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=-1.0000000000000000e-03;
   a1=arg[0]? arg[0][0] : 0;
@@ -6552,7 +7398,7 @@ static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f31(arg, res, iw, w, mem);
+  return casadi_f34(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare_checkout(void) {
@@ -6625,7 +7471,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_prepare_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_human_eso_init:(keep,reach_s)->(primed_0,theta_rad_0,omega_rad_s_0,tau_h_Nm_0,rate_Nm_s_0,tau_last_Nm_0) */
-static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -6638,7 +7484,7 @@ static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f32(arg, res, iw, w, mem);
+  return casadi_f35(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init_checkout(void) {
@@ -6721,7 +7567,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_init_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_human_eso_step:(c_keep,c_reach_s,s_primed,s_theta_rad,s_omega_rad_s,s_tau_h_Nm,s_rate_Nm_s,s_tau_last_Nm,u_theta_load_rad,u_tau_Nm)->(next_primed,next_theta_rad,next_omega_rad_s,next_tau_h_Nm,next_rate_Nm_s,next_tau_last_Nm,y_tau_h_Nm,y_tau_h_rate_Nm_s,y_omega_load_rad_s,y_theta_load_est_rad,y_status) */
-static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22;
   a00=arg[2]? arg[2][0] : 0;
@@ -6892,7 +7738,7 @@ static int casadi_f33(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f33(arg, res, iw, w, mem);
+  return casadi_f36(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step_checkout(void) {
@@ -7001,7 +7847,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_human_eso_step_work_bytes(casadi_
 }
 
 /* esea_elbow_mpc_casadi_drive_by_gear_prepare:(bandwidth_1_s)->(c_share,c_keep) */
-static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=1.;
   a1=-1.0000000000000000e-03;
@@ -7016,7 +7862,7 @@ static int casadi_f34(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f34(arg, res, iw, w, mem);
+  return casadi_f37(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_prepare_checkout(void) {
@@ -7089,7 +7935,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_prepare_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_drive_by_gear_init:(share,keep)->(primed_0,omega_last_rad_s_0,passive_rad_s2_0,u_held_Nm_0,u_a_Nm_0,d4_rad_s2_0) */
-static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -7102,7 +7948,7 @@ static int casadi_f35(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f35(arg, res, iw, w, mem);
+  return casadi_f38(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_init_checkout(void) {
@@ -7185,7 +8031,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_init_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_drive_by_gear_step:(c_share,c_keep,s_primed,s_omega_last_rad_s,s_passive_rad_s2,s_u_held_Nm,s_u_a_Nm,s_d4_rad_s2,u_u_Nm,u_omega_gear_rad_s,u_tau_Nm)->(next_primed,next_omega_last_rad_s,next_passive_rad_s2,next_u_held_Nm,next_u_a_Nm,next_d4_rad_s2,y_d4_rad_s2,y_status) */
-static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18;
   a00=arg[8]? arg[8][0] : 0;
@@ -7325,7 +8171,7 @@ static int casadi_f36(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f36(arg, res, iw, w, mem);
+  return casadi_f39(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_step_checkout(void) {
@@ -7430,12 +8276,12 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_drive_by_gear_step_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_ahead_init:()->() */
-static int casadi_f37(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f37(arg, res, iw, w, mem);
+  return casadi_f40(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init_checkout(void) {
@@ -7501,12 +8347,12 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_init_work_bytes(casadi_int 
   return 0;
 }
 
-/* esea_elbow_mpc_casadi_ahead_step:(u_mode,u_tau_preview_Nm[10],u_offset_Nm,u_keep,u_tau_range_Nm,u_damping_Nms_rad,u_theta_preview_rad[10],u_omega_preview_rad_s[10],u_Kp_Nm_rad,u_Kd_Nms_rad,u_theta_load_rad,u_omega_load_rad_s)->(y_tau_d_Nm[10],y_theta_d_rad[10],y_omega_d_rad_s[10],y_Kp_Nm_rad,y_Kd_Nms_rad,y_mode,y_request_ok,y_status) */
-static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+/* esea_elbow_mpc_casadi_ahead_step:(u_mode,u_tau_preview_Nm[10],u_offset_Nm,u_keep,u_tau_range_Nm,u_wish_gain,u_wish_shift_Nm,u_damping_Nms_rad,u_theta_preview_rad[10],u_omega_preview_rad_s[10],u_Kp_Nm_rad,u_Kd_Nms_rad,u_theta_load_rad,u_omega_load_rad_s)->(y_tau_d_Nm[10],y_theta_d_rad[10],y_omega_d_rad_s[10],y_Kp_Nm_rad,y_Kd_Nms_rad,y_mode,y_request_ok,y_status) */
+static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
-  casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44;
+  casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44, a45, a46;
   a00=arg[1]? arg[1][0] : 0;
   a01=casadi_fabs(a00);
   a02=arg[1]? arg[1][1] : 0;
@@ -7538,1579 +8384,1618 @@ static int casadi_f38(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a01=(a01+a11);
   a11=2.0019999694824219e+02;
   a01=(a01<=a11);
+  a11=arg[5]? arg[5][0] : 0;
+  a12=1.4428570270538330e+00;
+  a12=(a11<=a12);
+  a13=7.6153850555419922e-01;
+  a13=(a13<=a11);
+  a12=(a12&&a13);
+  a11=(a12?a11:0);
+  a13=(!a12);
+  a14=1.;
+  a13=(a13?a14:0);
+  a11=(a11+a13);
+  a00=(a00*a11);
   a00=(a01?a00:0);
-  a11=arg[3]? arg[3][0] : 0;
-  a12=1.;
-  a13=(a11<=a12);
-  a14=0.;
-  a15=(a14<=a11);
-  a13=(a13&&a15);
-  a15=arg[2]? arg[2][0] : 0;
-  a16=2.4845999145507812e+02;
-  a16=(a15<=a16);
-  a17=-2.4845999145507812e+02;
-  a17=(a17<=a15);
-  a16=(a16&&a17);
-  a17=casadi_sq(a11);
-  a11=(a11*a17);
-  a17=casadi_sq(a17);
-  a11=(a11*a17);
-  a18=casadi_sq(a17);
-  a18=casadi_sq(a18);
-  a11=(a11*a18);
-  a19=(a15*a11);
-  a19=(a16?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a19=(a13?a19:0);
-  a00=(a00+a19);
-  a19=arg[4]? arg[4][0] : 0;
-  a20=4.4699997901916504e+00;
-  a21=(a19<=a20);
-  a22=4.0229998528957367e-02;
-  a22=(a22<=a19);
-  a21=(a21&&a22);
-  a19=(a21?a19:0);
-  a22=(!a21);
-  a22=(a22?a20:0);
-  a19=(a19+a22);
-  a00=casadi_fmin(a00,a19);
-  a22=(-a19);
-  a00=casadi_fmax(a00,a22);
-  a20=arg[7]? arg[7][0] : 0;
-  a23=casadi_fabs(a20);
-  a24=arg[7]? arg[7][1] : 0;
-  a25=casadi_fabs(a24);
-  a23=(a23+a25);
-  a25=arg[7]? arg[7][2] : 0;
-  a26=casadi_fabs(a25);
+  a13=arg[6]? arg[6][0] : 0;
+  a15=6.2619996070861816e-01;
+  a15=(a13<=a15);
+  a16=-6.2619996070861816e-01;
+  a16=(a16<=a13);
+  a15=(a15&&a16);
+  a13=(a15?a13:0);
+  a00=(a00+a13);
+  a16=arg[3]? arg[3][0] : 0;
+  a17=(a16<=a14);
+  a18=0.;
+  a19=(a18<=a16);
+  a17=(a17&&a19);
+  a19=arg[2]? arg[2][0] : 0;
+  a20=2.4845999145507812e+02;
+  a20=(a19<=a20);
+  a21=-2.4845999145507812e+02;
+  a21=(a21<=a19);
+  a20=(a20&&a21);
+  a21=casadi_sq(a16);
+  a16=(a16*a21);
+  a21=casadi_sq(a21);
+  a16=(a16*a21);
+  a22=casadi_sq(a21);
+  a22=casadi_sq(a22);
+  a16=(a16*a22);
+  a23=(a19*a16);
+  a23=(a20?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a23=(a17?a23:0);
+  a00=(a00+a23);
+  a23=arg[4]? arg[4][0] : 0;
+  a24=4.4699997901916504e+00;
+  a25=(a23<=a24);
+  a26=4.0229998528957367e-02;
+  a26=(a26<=a23);
+  a25=(a25&&a26);
+  a23=(a25?a23:0);
+  a26=(!a25);
+  a26=(a26?a24:0);
   a23=(a23+a26);
-  a26=arg[7]? arg[7][3] : 0;
-  a27=casadi_fabs(a26);
-  a23=(a23+a27);
-  a27=arg[7]? arg[7][4] : 0;
-  a28=casadi_fabs(a27);
-  a23=(a23+a28);
-  a28=arg[7]? arg[7][5] : 0;
+  a00=casadi_fmin(a00,a23);
+  a26=(-a23);
+  a00=casadi_fmax(a00,a26);
+  a24=arg[9]? arg[9][0] : 0;
+  a27=casadi_fabs(a24);
+  a28=arg[9]? arg[9][1] : 0;
   a29=casadi_fabs(a28);
-  a23=(a23+a29);
-  a29=arg[7]? arg[7][6] : 0;
+  a27=(a27+a29);
+  a29=arg[9]? arg[9][2] : 0;
   a30=casadi_fabs(a29);
-  a23=(a23+a30);
-  a30=arg[7]? arg[7][7] : 0;
+  a27=(a27+a30);
+  a30=arg[9]? arg[9][3] : 0;
   a31=casadi_fabs(a30);
-  a23=(a23+a31);
-  a31=arg[7]? arg[7][8] : 0;
+  a27=(a27+a31);
+  a31=arg[9]? arg[9][4] : 0;
   a32=casadi_fabs(a31);
-  a23=(a23+a32);
-  a32=arg[7]? arg[7][9] : 0;
+  a27=(a27+a32);
+  a32=arg[9]? arg[9][5] : 0;
   a33=casadi_fabs(a32);
-  a23=(a23+a33);
-  a33=1.2012000274658203e+02;
-  a23=(a23<=a33);
-  a33=arg[5]? arg[5][0] : 0;
-  a34=5.;
-  a35=(a33<=a34);
-  a36=(a14<=a33);
-  a35=(a35&&a36);
-  a36=(a33*a20);
-  a36=(a35?a36:0);
-  a36=(a23?a36:0);
-  a00=(a00-a36);
-  a36=20.;
-  a00=casadi_fmin(a00,a36);
-  a37=-20.;
-  a00=casadi_fmax(a00,a37);
+  a27=(a27+a33);
+  a33=arg[9]? arg[9][6] : 0;
+  a34=casadi_fabs(a33);
+  a27=(a27+a34);
+  a34=arg[9]? arg[9][7] : 0;
+  a35=casadi_fabs(a34);
+  a27=(a27+a35);
+  a35=arg[9]? arg[9][8] : 0;
+  a36=casadi_fabs(a35);
+  a27=(a27+a36);
+  a36=arg[9]? arg[9][9] : 0;
+  a37=casadi_fabs(a36);
+  a27=(a27+a37);
+  a37=1.2012000274658203e+02;
+  a27=(a27<=a37);
+  a37=arg[7]? arg[7][0] : 0;
+  a38=5.;
+  a39=(a37<=a38);
+  a40=(a18<=a37);
+  a39=(a39&&a40);
+  a40=(a37*a24);
+  a40=(a39?a40:0);
+  a40=(a27?a40:0);
+  a00=(a00-a40);
+  a40=20.;
+  a00=casadi_fmin(a00,a40);
+  a41=-20.;
+  a00=casadi_fmax(a00,a41);
   if (res[0]!=0) res[0][0]=a00;
+  a02=(a02*a11);
   a02=(a01?a02:0);
-  a17=(a17*a18);
-  a11=(a11*a17);
-  a18=(a15*a11);
-  a18=(a16?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a18=(a13?a18:0);
-  a02=(a02+a18);
-  a02=casadi_fmin(a02,a19);
-  a02=casadi_fmax(a02,a22);
-  a18=(a33*a24);
-  a18=(a35?a18:0);
-  a18=(a23?a18:0);
-  a02=(a02-a18);
-  a02=casadi_fmin(a02,a36);
-  a02=casadi_fmax(a02,a37);
+  a02=(a02+a13);
+  a21=(a21*a22);
+  a16=(a16*a21);
+  a22=(a19*a16);
+  a22=(a20?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a22=(a17?a22:0);
+  a02=(a02+a22);
+  a02=casadi_fmin(a02,a23);
+  a02=casadi_fmax(a02,a26);
+  a22=(a37*a28);
+  a22=(a39?a22:0);
+  a22=(a27?a22:0);
+  a02=(a02-a22);
+  a02=casadi_fmin(a02,a40);
+  a02=casadi_fmax(a02,a41);
   if (res[0]!=0) res[0][1]=a02;
+  a03=(a03*a11);
   a03=(a01?a03:0);
-  a11=(a11*a17);
-  a02=(a15*a11);
-  a02=(a16?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
-  a02=(a13?a02:0);
+  a03=(a03+a13);
+  a16=(a16*a21);
+  a02=(a19*a16);
+  a02=(a20?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
+  a02=(a17?a02:0);
   a03=(a03+a02);
-  a03=casadi_fmin(a03,a19);
-  a03=casadi_fmax(a03,a22);
-  a02=(a33*a25);
-  a02=(a35?a02:0);
-  a02=(a23?a02:0);
+  a03=casadi_fmin(a03,a23);
+  a03=casadi_fmax(a03,a26);
+  a02=(a37*a29);
+  a02=(a39?a02:0);
+  a02=(a27?a02:0);
   a03=(a03-a02);
-  a03=casadi_fmin(a03,a36);
-  a03=casadi_fmax(a03,a37);
+  a03=casadi_fmin(a03,a40);
+  a03=casadi_fmax(a03,a41);
   if (res[0]!=0) res[0][2]=a03;
+  a04=(a04*a11);
   a04=(a01?a04:0);
-  a11=(a11*a17);
-  a03=(a15*a11);
-  a03=(a16?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
-  a03=(a13?a03:0);
+  a04=(a04+a13);
+  a16=(a16*a21);
+  a03=(a19*a16);
+  a03=(a20?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
+  a03=(a17?a03:0);
   a04=(a04+a03);
-  a04=casadi_fmin(a04,a19);
-  a04=casadi_fmax(a04,a22);
-  a03=(a33*a26);
-  a03=(a35?a03:0);
-  a03=(a23?a03:0);
+  a04=casadi_fmin(a04,a23);
+  a04=casadi_fmax(a04,a26);
+  a03=(a37*a30);
+  a03=(a39?a03:0);
+  a03=(a27?a03:0);
   a04=(a04-a03);
-  a04=casadi_fmin(a04,a36);
-  a04=casadi_fmax(a04,a37);
+  a04=casadi_fmin(a04,a40);
+  a04=casadi_fmax(a04,a41);
   if (res[0]!=0) res[0][3]=a04;
+  a05=(a05*a11);
   a05=(a01?a05:0);
-  a11=(a11*a17);
-  a04=(a15*a11);
-  a04=(a16?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
-  a04=(a13?a04:0);
+  a05=(a05+a13);
+  a16=(a16*a21);
+  a04=(a19*a16);
+  a04=(a20?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
+  a04=(a17?a04:0);
   a05=(a05+a04);
-  a05=casadi_fmin(a05,a19);
-  a05=casadi_fmax(a05,a22);
-  a04=(a33*a27);
-  a04=(a35?a04:0);
-  a04=(a23?a04:0);
+  a05=casadi_fmin(a05,a23);
+  a05=casadi_fmax(a05,a26);
+  a04=(a37*a31);
+  a04=(a39?a04:0);
+  a04=(a27?a04:0);
   a05=(a05-a04);
-  a05=casadi_fmin(a05,a36);
-  a05=casadi_fmax(a05,a37);
+  a05=casadi_fmin(a05,a40);
+  a05=casadi_fmax(a05,a41);
   if (res[0]!=0) res[0][4]=a05;
+  a06=(a06*a11);
   a06=(a01?a06:0);
-  a11=(a11*a17);
-  a05=(a15*a11);
-  a05=(a16?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
-  a05=(a13?a05:0);
+  a06=(a06+a13);
+  a16=(a16*a21);
+  a05=(a19*a16);
+  a05=(a20?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
+  a05=(a17?a05:0);
   a06=(a06+a05);
-  a06=casadi_fmin(a06,a19);
-  a06=casadi_fmax(a06,a22);
-  a05=(a33*a28);
-  a05=(a35?a05:0);
-  a05=(a23?a05:0);
+  a06=casadi_fmin(a06,a23);
+  a06=casadi_fmax(a06,a26);
+  a05=(a37*a32);
+  a05=(a39?a05:0);
+  a05=(a27?a05:0);
   a06=(a06-a05);
-  a06=casadi_fmin(a06,a36);
-  a06=casadi_fmax(a06,a37);
+  a06=casadi_fmin(a06,a40);
+  a06=casadi_fmax(a06,a41);
   if (res[0]!=0) res[0][5]=a06;
+  a07=(a07*a11);
   a07=(a01?a07:0);
-  a11=(a11*a17);
-  a06=(a15*a11);
-  a06=(a16?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
-  a06=(a13?a06:0);
+  a07=(a07+a13);
+  a16=(a16*a21);
+  a06=(a19*a16);
+  a06=(a20?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
+  a06=(a17?a06:0);
   a07=(a07+a06);
-  a07=casadi_fmin(a07,a19);
-  a07=casadi_fmax(a07,a22);
-  a06=(a33*a29);
-  a06=(a35?a06:0);
-  a06=(a23?a06:0);
+  a07=casadi_fmin(a07,a23);
+  a07=casadi_fmax(a07,a26);
+  a06=(a37*a33);
+  a06=(a39?a06:0);
+  a06=(a27?a06:0);
   a07=(a07-a06);
-  a07=casadi_fmin(a07,a36);
-  a07=casadi_fmax(a07,a37);
+  a07=casadi_fmin(a07,a40);
+  a07=casadi_fmax(a07,a41);
   if (res[0]!=0) res[0][6]=a07;
+  a08=(a08*a11);
   a08=(a01?a08:0);
-  a11=(a11*a17);
-  a07=(a15*a11);
-  a07=(a16?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
-  a07=(a13?a07:0);
+  a08=(a08+a13);
+  a16=(a16*a21);
+  a07=(a19*a16);
+  a07=(a20?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
+  a07=(a17?a07:0);
   a08=(a08+a07);
-  a08=casadi_fmin(a08,a19);
-  a08=casadi_fmax(a08,a22);
-  a07=(a33*a30);
-  a07=(a35?a07:0);
-  a07=(a23?a07:0);
+  a08=casadi_fmin(a08,a23);
+  a08=casadi_fmax(a08,a26);
+  a07=(a37*a34);
+  a07=(a39?a07:0);
+  a07=(a27?a07:0);
   a08=(a08-a07);
-  a08=casadi_fmin(a08,a36);
-  a08=casadi_fmax(a08,a37);
+  a08=casadi_fmin(a08,a40);
+  a08=casadi_fmax(a08,a41);
   if (res[0]!=0) res[0][7]=a08;
+  a09=(a09*a11);
   a09=(a01?a09:0);
-  a11=(a11*a17);
-  a08=(a15*a11);
-  a08=(a16?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
-  a08=(a13?a08:0);
+  a09=(a09+a13);
+  a16=(a16*a21);
+  a08=(a19*a16);
+  a08=(a20?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
+  a08=(a17?a08:0);
   a09=(a09+a08);
-  a09=casadi_fmin(a09,a19);
-  a09=casadi_fmax(a09,a22);
-  a08=(a33*a31);
-  a08=(a35?a08:0);
-  a08=(a23?a08:0);
+  a09=casadi_fmin(a09,a23);
+  a09=casadi_fmax(a09,a26);
+  a08=(a37*a35);
+  a08=(a39?a08:0);
+  a08=(a27?a08:0);
   a09=(a09-a08);
-  a09=casadi_fmin(a09,a36);
-  a09=casadi_fmax(a09,a37);
+  a09=casadi_fmin(a09,a40);
+  a09=casadi_fmax(a09,a41);
   if (res[0]!=0) res[0][8]=a09;
+  a10=(a10*a11);
   a10=(a01?a10:0);
-  a11=(a11*a17);
-  a15=(a15*a11);
-  a15=(a16?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a15=(a13?a15:0);
-  a10=(a10+a15);
-  a10=casadi_fmin(a10,a19);
-  a10=casadi_fmax(a10,a22);
-  a22=(a33*a32);
-  a22=(a35?a22:0);
-  a22=(a23?a22:0);
-  a10=(a10-a22);
-  a10=casadi_fmin(a10,a36);
-  a10=casadi_fmax(a10,a37);
+  a10=(a10+a13);
+  a16=(a16*a21);
+  a19=(a19*a16);
+  a19=(a20?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a19=(a17?a19:0);
+  a10=(a10+a19);
+  a10=casadi_fmin(a10,a23);
+  a10=casadi_fmax(a10,a26);
+  a26=(a37*a36);
+  a26=(a39?a26:0);
+  a26=(a27?a26:0);
+  a10=(a10-a26);
+  a10=casadi_fmin(a10,a40);
+  a10=casadi_fmax(a10,a41);
   if (res[0]!=0) res[0][9]=a10;
-  a10=arg[6]? arg[6][0] : 0;
-  a37=casadi_fabs(a10);
-  a22=arg[6]? arg[6][1] : 0;
-  a15=casadi_fabs(a22);
-  a37=(a37+a15);
-  a15=arg[6]? arg[6][2] : 0;
-  a11=casadi_fabs(a15);
-  a37=(a37+a11);
-  a11=arg[6]? arg[6][3] : 0;
-  a17=casadi_fabs(a11);
-  a37=(a37+a17);
-  a17=arg[6]? arg[6][4] : 0;
-  a09=casadi_fabs(a17);
-  a37=(a37+a09);
-  a09=arg[6]? arg[6][5] : 0;
+  a10=arg[8]? arg[8][0] : 0;
+  a41=casadi_fabs(a10);
+  a26=arg[8]? arg[8][1] : 0;
+  a19=casadi_fabs(a26);
+  a41=(a41+a19);
+  a19=arg[8]? arg[8][2] : 0;
+  a16=casadi_fabs(a19);
+  a41=(a41+a16);
+  a16=arg[8]? arg[8][3] : 0;
+  a21=casadi_fabs(a16);
+  a41=(a41+a21);
+  a21=arg[8]? arg[8][4] : 0;
+  a13=casadi_fabs(a21);
+  a41=(a41+a13);
+  a13=arg[8]? arg[8][5] : 0;
+  a11=casadi_fabs(a13);
+  a41=(a41+a11);
+  a11=arg[8]? arg[8][6] : 0;
+  a09=casadi_fabs(a11);
+  a41=(a41+a09);
+  a09=arg[8]? arg[8][7] : 0;
   a08=casadi_fabs(a09);
-  a37=(a37+a08);
-  a08=arg[6]? arg[6][6] : 0;
+  a41=(a41+a08);
+  a08=arg[8]? arg[8][8] : 0;
   a07=casadi_fabs(a08);
-  a37=(a37+a07);
-  a07=arg[6]? arg[6][7] : 0;
+  a41=(a41+a07);
+  a07=arg[8]? arg[8][9] : 0;
   a06=casadi_fabs(a07);
-  a37=(a37+a06);
-  a06=arg[6]? arg[6][8] : 0;
-  a05=casadi_fabs(a06);
-  a37=(a37+a05);
-  a05=arg[6]? arg[6][9] : 0;
-  a04=casadi_fabs(a05);
-  a37=(a37+a04);
-  a04=3.3533500671386719e+01;
-  a37=(a37<=a04);
-  a10=(a37?a10:0);
-  a04=arg[10]? arg[10][0] : 0;
-  a03=3.3499999046325684e+00;
-  a02=(a04<=a03);
-  a18=-9.4999998807907104e-01;
-  a00=(a18<=a04);
-  a02=(a02&&a00);
-  a04=(a02?a04:0);
-  a00=arg[11]? arg[11][0] : 0;
-  a38=12.;
-  a38=(a00<=a38);
-  a39=-12.;
-  a39=(a39<=a00);
-  a38=(a38&&a39);
-  a39=2.3000000000000000e-02;
-  a39=(a39*a00);
-  a39=(a38?a39:0);
-  a39=(a04+a39);
-  a39=casadi_fmin(a39,a03);
-  a39=casadi_fmax(a39,a18);
-  a40=1.5000000000000000e+00;
-  a41=arg[0]? arg[0][0] : 0;
-  a42=2.;
-  a42=(a41<=a42);
-  a43=(a14<=a41);
-  a42=(a42&&a43);
-  a41=(a42?a41:0);
-  a40=(a40<a41);
-  a43=arg[8]? arg[8][0] : 0;
-  a36=(a43<=a36);
-  a44=(a14<=a43);
-  a36=(a36&&a44);
-  a43=(a36?a43:0);
-  a43=(a40?a43:0);
-  a44=1.0000000000000000e-04;
-  a44=casadi_fmax(a43,a44);
-  a19=(a19/a44);
-  a44=(a39+a19);
-  a10=casadi_fmin(a10,a44);
-  a39=(a39-a19);
-  a10=casadi_fmax(a10,a39);
+  a41=(a41+a06);
+  a06=3.3533500671386719e+01;
+  a41=(a41<=a06);
+  a10=(a41?a10:0);
+  a06=arg[12]? arg[12][0] : 0;
+  a05=3.3499999046325684e+00;
+  a04=(a06<=a05);
+  a03=-9.4999998807907104e-01;
+  a02=(a03<=a06);
+  a04=(a04&&a02);
+  a06=(a04?a06:0);
+  a02=arg[13]? arg[13][0] : 0;
+  a22=12.;
+  a22=(a02<=a22);
+  a00=-12.;
+  a00=(a00<=a02);
+  a22=(a22&&a00);
+  a00=2.3000000000000000e-02;
+  a00=(a00*a02);
+  a00=(a22?a00:0);
+  a00=(a06+a00);
+  a00=casadi_fmin(a00,a05);
+  a00=casadi_fmax(a00,a03);
+  a42=1.5000000000000000e+00;
+  a43=arg[0]? arg[0][0] : 0;
+  a44=2.;
+  a44=(a43<=a44);
+  a45=(a18<=a43);
+  a44=(a44&&a45);
+  a43=(a44?a43:0);
+  a42=(a42<a43);
+  a45=arg[10]? arg[10][0] : 0;
+  a40=(a45<=a40);
+  a46=(a18<=a45);
+  a40=(a40&&a46);
+  a45=(a40?a45:0);
+  a45=(a42?a45:0);
+  a46=1.0000000000000000e-04;
+  a46=casadi_fmax(a45,a46);
+  a23=(a23/a46);
+  a46=(a00+a23);
+  a10=casadi_fmin(a10,a46);
+  a00=(a00-a23);
+  a10=casadi_fmax(a10,a00);
   if (res[1]!=0) res[1][0]=a10;
-  a22=(a37?a22:0);
+  a26=(a41?a26:0);
   a10=4.3000000000000003e-02;
-  a10=(a10*a00);
-  a10=(a38?a10:0);
-  a10=(a04+a10);
-  a10=casadi_fmin(a10,a03);
-  a10=casadi_fmax(a10,a18);
-  a39=(a10+a19);
-  a22=casadi_fmin(a22,a39);
-  a10=(a10-a19);
-  a22=casadi_fmax(a22,a10);
-  if (res[1]!=0) res[1][1]=a22;
-  a15=(a37?a15:0);
-  a22=6.3000000000000000e-02;
-  a22=(a22*a00);
-  a22=(a38?a22:0);
-  a22=(a04+a22);
-  a22=casadi_fmin(a22,a03);
-  a22=casadi_fmax(a22,a18);
-  a10=(a22+a19);
-  a15=casadi_fmin(a15,a10);
-  a22=(a22-a19);
-  a15=casadi_fmax(a15,a22);
-  if (res[1]!=0) res[1][2]=a15;
-  a11=(a37?a11:0);
-  a15=8.3000000000000004e-02;
-  a15=(a15*a00);
-  a15=(a38?a15:0);
-  a15=(a04+a15);
-  a15=casadi_fmin(a15,a03);
-  a15=casadi_fmax(a15,a18);
-  a22=(a15+a19);
-  a11=casadi_fmin(a11,a22);
-  a15=(a15-a19);
-  a11=casadi_fmax(a11,a15);
-  if (res[1]!=0) res[1][3]=a11;
-  a17=(a37?a17:0);
-  a11=1.0300000000000001e-01;
-  a11=(a11*a00);
-  a11=(a38?a11:0);
-  a11=(a04+a11);
-  a11=casadi_fmin(a11,a03);
-  a11=casadi_fmax(a11,a18);
-  a15=(a11+a19);
-  a17=casadi_fmin(a17,a15);
-  a11=(a11-a19);
-  a17=casadi_fmax(a17,a11);
-  if (res[1]!=0) res[1][4]=a17;
-  a09=(a37?a09:0);
-  a17=1.2300000000000000e-01;
-  a17=(a17*a00);
-  a17=(a38?a17:0);
-  a17=(a04+a17);
-  a17=casadi_fmin(a17,a03);
-  a17=casadi_fmax(a17,a18);
-  a11=(a17+a19);
-  a09=casadi_fmin(a09,a11);
-  a17=(a17-a19);
-  a09=casadi_fmax(a09,a17);
-  if (res[1]!=0) res[1][5]=a09;
-  a08=(a37?a08:0);
-  a09=1.4300000000000002e-01;
-  a09=(a09*a00);
-  a09=(a38?a09:0);
-  a09=(a04+a09);
-  a09=casadi_fmin(a09,a03);
-  a09=casadi_fmax(a09,a18);
-  a17=(a09+a19);
-  a08=casadi_fmin(a08,a17);
-  a09=(a09-a19);
+  a10=(a10*a02);
+  a10=(a22?a10:0);
+  a10=(a06+a10);
+  a10=casadi_fmin(a10,a05);
+  a10=casadi_fmax(a10,a03);
+  a00=(a10+a23);
+  a26=casadi_fmin(a26,a00);
+  a10=(a10-a23);
+  a26=casadi_fmax(a26,a10);
+  if (res[1]!=0) res[1][1]=a26;
+  a19=(a41?a19:0);
+  a26=6.3000000000000000e-02;
+  a26=(a26*a02);
+  a26=(a22?a26:0);
+  a26=(a06+a26);
+  a26=casadi_fmin(a26,a05);
+  a26=casadi_fmax(a26,a03);
+  a10=(a26+a23);
+  a19=casadi_fmin(a19,a10);
+  a26=(a26-a23);
+  a19=casadi_fmax(a19,a26);
+  if (res[1]!=0) res[1][2]=a19;
+  a16=(a41?a16:0);
+  a19=8.3000000000000004e-02;
+  a19=(a19*a02);
+  a19=(a22?a19:0);
+  a19=(a06+a19);
+  a19=casadi_fmin(a19,a05);
+  a19=casadi_fmax(a19,a03);
+  a26=(a19+a23);
+  a16=casadi_fmin(a16,a26);
+  a19=(a19-a23);
+  a16=casadi_fmax(a16,a19);
+  if (res[1]!=0) res[1][3]=a16;
+  a21=(a41?a21:0);
+  a16=1.0300000000000001e-01;
+  a16=(a16*a02);
+  a16=(a22?a16:0);
+  a16=(a06+a16);
+  a16=casadi_fmin(a16,a05);
+  a16=casadi_fmax(a16,a03);
+  a19=(a16+a23);
+  a21=casadi_fmin(a21,a19);
+  a16=(a16-a23);
+  a21=casadi_fmax(a21,a16);
+  if (res[1]!=0) res[1][4]=a21;
+  a13=(a41?a13:0);
+  a21=1.2300000000000000e-01;
+  a21=(a21*a02);
+  a21=(a22?a21:0);
+  a21=(a06+a21);
+  a21=casadi_fmin(a21,a05);
+  a21=casadi_fmax(a21,a03);
+  a16=(a21+a23);
+  a13=casadi_fmin(a13,a16);
+  a21=(a21-a23);
+  a13=casadi_fmax(a13,a21);
+  if (res[1]!=0) res[1][5]=a13;
+  a11=(a41?a11:0);
+  a13=1.4300000000000002e-01;
+  a13=(a13*a02);
+  a13=(a22?a13:0);
+  a13=(a06+a13);
+  a13=casadi_fmin(a13,a05);
+  a13=casadi_fmax(a13,a03);
+  a21=(a13+a23);
+  a11=casadi_fmin(a11,a21);
+  a13=(a13-a23);
+  a11=casadi_fmax(a11,a13);
+  if (res[1]!=0) res[1][6]=a11;
+  a09=(a41?a09:0);
+  a11=1.6300000000000001e-01;
+  a11=(a11*a02);
+  a11=(a22?a11:0);
+  a11=(a06+a11);
+  a11=casadi_fmin(a11,a05);
+  a11=casadi_fmax(a11,a03);
+  a13=(a11+a23);
+  a09=casadi_fmin(a09,a13);
+  a11=(a11-a23);
+  a09=casadi_fmax(a09,a11);
+  if (res[1]!=0) res[1][7]=a09;
+  a08=(a41?a08:0);
+  a09=1.8300000000000000e-01;
+  a09=(a09*a02);
+  a09=(a22?a09:0);
+  a09=(a06+a09);
+  a09=casadi_fmin(a09,a05);
+  a09=casadi_fmax(a09,a03);
+  a11=(a09+a23);
+  a08=casadi_fmin(a08,a11);
+  a09=(a09-a23);
   a08=casadi_fmax(a08,a09);
-  if (res[1]!=0) res[1][6]=a08;
-  a07=(a37?a07:0);
-  a08=1.6300000000000001e-01;
-  a08=(a08*a00);
-  a08=(a38?a08:0);
-  a08=(a04+a08);
-  a08=casadi_fmin(a08,a03);
-  a08=casadi_fmax(a08,a18);
-  a09=(a08+a19);
-  a07=casadi_fmin(a07,a09);
-  a08=(a08-a19);
-  a07=casadi_fmax(a07,a08);
-  if (res[1]!=0) res[1][7]=a07;
-  a06=(a37?a06:0);
-  a07=1.8300000000000000e-01;
-  a07=(a07*a00);
-  a07=(a38?a07:0);
-  a07=(a04+a07);
+  if (res[1]!=0) res[1][8]=a08;
+  a07=(a41?a07:0);
+  a08=2.0300000000000001e-01;
+  a08=(a08*a02);
+  a08=(a22?a08:0);
+  a06=(a06+a08);
+  a06=casadi_fmin(a06,a05);
+  a06=casadi_fmax(a06,a03);
+  a03=(a06+a23);
   a07=casadi_fmin(a07,a03);
-  a07=casadi_fmax(a07,a18);
-  a08=(a07+a19);
-  a06=casadi_fmin(a06,a08);
-  a07=(a07-a19);
-  a06=casadi_fmax(a06,a07);
-  if (res[1]!=0) res[1][8]=a06;
-  a05=(a37?a05:0);
-  a06=2.0300000000000001e-01;
-  a06=(a06*a00);
-  a06=(a38?a06:0);
-  a04=(a04+a06);
-  a04=casadi_fmin(a04,a03);
-  a04=casadi_fmax(a04,a18);
-  a18=(a04+a19);
-  a05=casadi_fmin(a05,a18);
-  a04=(a04-a19);
-  a05=casadi_fmax(a05,a04);
-  if (res[1]!=0) res[1][9]=a05;
-  a20=(a23?a20:0);
-  if (res[2]!=0) res[2][0]=a20;
-  a24=(a23?a24:0);
-  if (res[2]!=0) res[2][1]=a24;
-  a25=(a23?a25:0);
-  if (res[2]!=0) res[2][2]=a25;
-  a26=(a23?a26:0);
-  if (res[2]!=0) res[2][3]=a26;
-  a27=(a23?a27:0);
-  if (res[2]!=0) res[2][4]=a27;
-  a28=(a23?a28:0);
-  if (res[2]!=0) res[2][5]=a28;
-  a29=(a23?a29:0);
-  if (res[2]!=0) res[2][6]=a29;
-  a30=(a23?a30:0);
-  if (res[2]!=0) res[2][7]=a30;
-  a31=(a23?a31:0);
-  if (res[2]!=0) res[2][8]=a31;
-  a32=(a23?a32:0);
-  if (res[2]!=0) res[2][9]=a32;
-  if (res[3]!=0) res[3][0]=a43;
-  a43=arg[9]? arg[9][0] : 0;
-  a32=(a43<=a34);
-  a31=(a14<=a43);
-  a32=(a32&&a31);
-  a43=(a32?a43:0);
-  a40=(a40?a43:0);
-  a33=(a35?a33:0);
-  a40=(a40+a33);
-  a40=casadi_fmin(a40,a34);
-  a40=casadi_fmax(a40,a14);
-  if (res[4]!=0) res[4][0]=a40;
-  a42=(a42&&a01);
-  a42=(a42&&a16);
-  a42=(a42&&a13);
-  a42=(a42&&a21);
-  a42=(a42&&a35);
-  a42=(a42&&a37);
-  a42=(a42&&a23);
-  a42=(a42&&a36);
-  a42=(a42&&a32);
-  a42=(a42&&a02);
-  a42=(a42&&a38);
-  a41=(a42?a41:0);
-  if (res[5]!=0) res[5][0]=a41;
-  if (res[6]!=0) res[6][0]=a42;
-  a42=(!a42);
-  a42=(a42?a12:0);
-  if (res[7]!=0) res[7][0]=a42;
+  a06=(a06-a23);
+  a07=casadi_fmax(a07,a06);
+  if (res[1]!=0) res[1][9]=a07;
+  a24=(a27?a24:0);
+  if (res[2]!=0) res[2][0]=a24;
+  a28=(a27?a28:0);
+  if (res[2]!=0) res[2][1]=a28;
+  a29=(a27?a29:0);
+  if (res[2]!=0) res[2][2]=a29;
+  a30=(a27?a30:0);
+  if (res[2]!=0) res[2][3]=a30;
+  a31=(a27?a31:0);
+  if (res[2]!=0) res[2][4]=a31;
+  a32=(a27?a32:0);
+  if (res[2]!=0) res[2][5]=a32;
+  a33=(a27?a33:0);
+  if (res[2]!=0) res[2][6]=a33;
+  a34=(a27?a34:0);
+  if (res[2]!=0) res[2][7]=a34;
+  a35=(a27?a35:0);
+  if (res[2]!=0) res[2][8]=a35;
+  a36=(a27?a36:0);
+  if (res[2]!=0) res[2][9]=a36;
+  if (res[3]!=0) res[3][0]=a45;
+  a45=arg[11]? arg[11][0] : 0;
+  a36=(a45<=a38);
+  a35=(a18<=a45);
+  a36=(a36&&a35);
+  a45=(a36?a45:0);
+  a42=(a42?a45:0);
+  a37=(a39?a37:0);
+  a42=(a42+a37);
+  a42=casadi_fmin(a42,a38);
+  a42=casadi_fmax(a42,a18);
+  if (res[4]!=0) res[4][0]=a42;
+  a44=(a44&&a01);
+  a44=(a44&&a20);
+  a44=(a44&&a17);
+  a44=(a44&&a25);
+  a44=(a44&&a12);
+  a44=(a44&&a15);
+  a44=(a44&&a39);
+  a44=(a44&&a41);
+  a44=(a44&&a27);
+  a44=(a44&&a40);
+  a44=(a44&&a36);
+  a44=(a44&&a04);
+  a44=(a44&&a22);
+  a43=(a44?a43:0);
+  if (res[5]!=0) res[5][0]=a43;
+  if (res[6]!=0) res[6][0]=a44;
+  a44=(!a44);
+  a44=(a44?a14:0);
+  if (res[7]!=0) res[7][0]=a44;
   return 0;
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f38(arg, res, iw, w, mem);
+  return casadi_f41(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_checkout(void) {
@@ -9126,7 +10011,7 @@ CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_ahead_step_incref(void) {
 CASADI_SYMBOL_EXPORT void esea_elbow_mpc_casadi_ahead_step_decref(void) {
 }
 
-CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_ahead_step_n_in(void) { return 12;}
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_ahead_step_n_in(void) { return 14;}
 
 CASADI_SYMBOL_EXPORT casadi_int esea_elbow_mpc_casadi_ahead_step_n_out(void) { return 8;}
 
@@ -9143,13 +10028,15 @@ CASADI_SYMBOL_EXPORT const char* esea_elbow_mpc_casadi_ahead_step_name_in(casadi
     case 2: return "u_offset_Nm";
     case 3: return "u_keep";
     case 4: return "u_tau_range_Nm";
-    case 5: return "u_damping_Nms_rad";
-    case 6: return "u_theta_preview_rad";
-    case 7: return "u_omega_preview_rad_s";
-    case 8: return "u_Kp_Nm_rad";
-    case 9: return "u_Kd_Nms_rad";
-    case 10: return "u_theta_load_rad";
-    case 11: return "u_omega_load_rad_s";
+    case 5: return "u_wish_gain";
+    case 6: return "u_wish_shift_Nm";
+    case 7: return "u_damping_Nms_rad";
+    case 8: return "u_theta_preview_rad";
+    case 9: return "u_omega_preview_rad_s";
+    case 10: return "u_Kp_Nm_rad";
+    case 11: return "u_Kd_Nms_rad";
+    case 12: return "u_theta_load_rad";
+    case 13: return "u_omega_load_rad_s";
     default: return 0;
   }
 }
@@ -9176,12 +10063,14 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_ahead_step_sparsity
     case 3: return casadi_s0;
     case 4: return casadi_s0;
     case 5: return casadi_s0;
-    case 6: return casadi_s1;
-    case 7: return casadi_s1;
-    case 8: return casadi_s0;
-    case 9: return casadi_s0;
+    case 6: return casadi_s0;
+    case 7: return casadi_s0;
+    case 8: return casadi_s1;
+    case 9: return casadi_s1;
     case 10: return casadi_s0;
     case 11: return casadi_s0;
+    case 12: return casadi_s0;
+    case 13: return casadi_s0;
     default: return 0;
   }
 }
@@ -9201,7 +10090,7 @@ CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_mpc_casadi_ahead_step_sparsity
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 12;
+  if (sz_arg) *sz_arg = 14;
   if (sz_res) *sz_res = 8;
   if (sz_iw) *sz_iw = 0;
   if (sz_w) *sz_w = 0;
@@ -9209,7 +10098,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work(casadi_int *sz_ar
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
-  if (sz_arg) *sz_arg = 12*sizeof(const casadi_real*);
+  if (sz_arg) *sz_arg = 14*sizeof(const casadi_real*);
   if (sz_res) *sz_res = 8*sizeof(casadi_real*);
   if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
   if (sz_w) *sz_w = 0*sizeof(casadi_real);
@@ -9217,7 +10106,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_ahead_step_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_predictive_prepare:(Q,R,load_free)->(c_root_q,c_root_r,c_load_1_kgm2) */
-static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=sqrt(a0);
@@ -9238,7 +10127,7 @@ static int casadi_f39(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f39(arg, res, iw, w, mem);
+  return casadi_f42(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare_checkout(void) {
@@ -9317,7 +10206,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_prepare_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_init:(root_q,root_r,load_1_kgm2)->(plan_0[10]) */
-static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -9334,7 +10223,7 @@ static int casadi_f40(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f40(arg, res, iw, w, mem);
+  return casadi_f43(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init_checkout(void) {
@@ -9409,7 +10298,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_init_work_bytes(casadi
 }
 
 /* esea_elbow_mpc_casadi_predictive_k1_copy:(i0)->(o0) */
-static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -9417,7 +10306,7 @@ static int casadi_f41(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f41(arg, res, iw, w, mem);
+  return casadi_f44(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy_checkout(void) {
@@ -9488,7 +10377,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k1_copy_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k2_pivot:(i0,i1,i2,i3,i4,i5,i6)->(o0[3],o1,o2,o3,o4) */
-static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
   a0=0.;
   a1=arg[2]? arg[2][0] : 0;
@@ -9537,7 +10426,7 @@ static int casadi_f42(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f42(arg, res, iw, w, mem);
+  return casadi_f45(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot_checkout(void) {
@@ -9628,7 +10517,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k2_pivot_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k3_keep:(i0,i1)->(o0,o1) */
-static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -9638,7 +10527,7 @@ static int casadi_f43(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f43(arg, res, iw, w, mem);
+  return casadi_f46(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep_checkout(void) {
@@ -9713,7 +10602,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k3_keep_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k4_shift:(i0,i1,i2,i3[3])->(o0,o1) */
-static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -9730,7 +10619,7 @@ static int casadi_f44(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f44(arg, res, iw, w, mem);
+  return casadi_f47(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift_checkout(void) {
@@ -9809,7 +10698,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k4_shift_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k5_rank_one:(i0,i1,i2)->(o0) */
-static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -9821,7 +10710,7 @@ static int casadi_f45(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f45(arg, res, iw, w, mem);
+  return casadi_f48(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one_checkout(void) {
@@ -9896,7 +10785,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k5_rank_one_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k6_edge:(i0,i1[3])->(o0) */
-static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -9908,7 +10797,7 @@ static int casadi_f46(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f46(arg, res, iw, w, mem);
+  return casadi_f49(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge_checkout(void) {
@@ -9981,7 +10870,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k6_edge_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k7_begin:(i0)->(o0) */
-static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -9989,7 +10878,7 @@ static int casadi_f47(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f47(arg, res, iw, w, mem);
+  return casadi_f50(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin_checkout(void) {
@@ -10060,7 +10949,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k7_begin_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k8_own:(i0,i1,i2)->(o0) */
-static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -10072,7 +10961,7 @@ static int casadi_f48(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f48(arg, res, iw, w, mem);
+  return casadi_f51(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own_checkout(void) {
@@ -10147,7 +11036,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k8_own_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_predictive_k9_both:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -10164,7 +11053,7 @@ static int casadi_f49(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f49(arg, res, iw, w, mem);
+  return casadi_f52(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both_checkout(void) {
@@ -10245,7 +11134,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k9_both_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k10_free_only:(i0,i1)->(o0) */
-static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -10257,7 +11146,7 @@ static int casadi_f50(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f50(arg, res, iw, w, mem);
+  return casadi_f53(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only_checkout(void) {
@@ -10330,7 +11219,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k10_free_only_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k11_none:()->(o0) */
-static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -10338,7 +11227,7 @@ static int casadi_f51(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f51(arg, res, iw, w, mem);
+  return casadi_f54(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none_checkout(void) {
@@ -10407,7 +11296,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k11_none_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k12_refine:(i0,i1,i2,i3,i4)->(o0) */
-static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -10428,7 +11317,7 @@ static int casadi_f52(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f52(arg, res, iw, w, mem);
+  return casadi_f55(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine_checkout(void) {
@@ -10507,7 +11396,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k12_refine_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k13_good:()->(o0) */
-static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -10515,7 +11404,7 @@ static int casadi_f53(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f53(arg, res, iw, w, mem);
+  return casadi_f56(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good_checkout(void) {
@@ -10584,7 +11473,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k13_good_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k14_ready:()->(o0) */
-static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -10592,7 +11481,7 @@ static int casadi_f54(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f54(arg, res, iw, w, mem);
+  return casadi_f57(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready_checkout(void) {
@@ -10661,7 +11550,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k14_ready_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k15_inside:(i0,i1,i2)->(o0,o1) */
-static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -10675,7 +11564,7 @@ static int casadi_f55(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f55(arg, res, iw, w, mem);
+  return casadi_f58(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside_checkout(void) {
@@ -10752,7 +11641,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k15_inside_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k16_whole:()->(o0) */
-static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -10760,7 +11649,7 @@ static int casadi_f56(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f56(arg, res, iw, w, mem);
+  return casadi_f59(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole_checkout(void) {
@@ -10829,7 +11718,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k16_whole_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k17_reach:(i0,i1,i2,i3,i4,i5)->(o0,o1) */
-static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -10868,7 +11757,7 @@ static int casadi_f57(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f57(arg, res, iw, w, mem);
+  return casadi_f60(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach_checkout(void) {
@@ -10951,7 +11840,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k17_reach_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k18_advance:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][0] : 0;
   a1=0.;
@@ -10981,7 +11870,7 @@ static int casadi_f58(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f58(arg, res, iw, w, mem);
+  return casadi_f61(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance_checkout(void) {
@@ -11062,7 +11951,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k18_advance_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k19_tie:(i0,i1,i2,i3)->(o0) */
-static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -11077,7 +11966,7 @@ static int casadi_f59(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f59(arg, res, iw, w, mem);
+  return casadi_f62(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie_checkout(void) {
@@ -11154,7 +12043,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k19_tie_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k20_promise:(i0,i1,i2,i3,i4,i5,i6,i7)->(o0,o1) */
-static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -11199,7 +12088,7 @@ static int casadi_f60(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f60(arg, res, iw, w, mem);
+  return casadi_f63(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise_checkout(void) {
@@ -11286,7 +12175,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k20_promise_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k21_finished:(i0)->(o0) */
-static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -11297,7 +12186,7 @@ static int casadi_f61(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f61(arg, res, iw, w, mem);
+  return casadi_f64(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished_checkout(void) {
@@ -11368,7 +12257,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k21_finished_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k22_done:()->(o0) */
-static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -11376,7 +12265,7 @@ static int casadi_f62(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f62(arg, res, iw, w, mem);
+  return casadi_f65(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done_checkout(void) {
@@ -11445,7 +12334,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k22_done_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k23_count:(i0)->(o0) */
-static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=1.;
@@ -11455,7 +12344,7 @@ static int casadi_f63(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f63(arg, res, iw, w, mem);
+  return casadi_f66(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count_checkout(void) {
@@ -11526,7 +12415,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k23_count_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k24_lost:(i0)->(o0) */
-static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=0.;
   a1=arg[0]? arg[0][0] : 0;
@@ -11537,7 +12426,7 @@ static int casadi_f64(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f64(arg, res, iw, w, mem);
+  return casadi_f67(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost_checkout(void) {
@@ -11608,7 +12497,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k24_lost_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k25_residual:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[5]? arg[5][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -11649,7 +12538,7 @@ static int casadi_f65(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f65(arg, res, iw, w, mem);
+  return casadi_f68(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual_checkout(void) {
@@ -11730,7 +12619,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k25_residual_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k26_rough:(i0,i1,i2)->(o0) */
-static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=0.;
   a1=arg[1]? arg[1][0] : 0;
@@ -11745,7 +12634,7 @@ static int casadi_f66(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f66(arg, res, iw, w, mem);
+  return casadi_f69(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough_checkout(void) {
@@ -11820,7 +12709,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k26_rough_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k27_verdict:(i0,i1,i2,i3)->(o0) */
-static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -11835,7 +12724,7 @@ static int casadi_f67(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f67(arg, res, iw, w, mem);
+  return casadi_f70(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict_checkout(void) {
@@ -11912,7 +12801,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k27_verdict_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k28_lose:(i0,i1,i2)->(o0) */
-static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -11924,7 +12813,7 @@ static int casadi_f68(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f68(arg, res, iw, w, mem);
+  return casadi_f71(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose_checkout(void) {
@@ -11999,7 +12888,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k28_lose_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k29_let_go:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -12016,7 +12905,7 @@ static int casadi_f69(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f69(arg, res, iw, w, mem);
+  return casadi_f72(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go_checkout(void) {
@@ -12097,7 +12986,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k29_let_go_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k30_push:(i0,i1,i2,i3,i4)->(o0,o1,o2,o3,o4,o5) */
-static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -12118,7 +13007,7 @@ static int casadi_f70(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f70(arg, res, iw, w, mem);
+  return casadi_f73(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push_checkout(void) {
@@ -12207,7 +13096,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k30_push_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k31_gain:(i0,i1,i2)->(o0) */
-static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -12219,7 +13108,7 @@ static int casadi_f71(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f71(arg, res, iw, w, mem);
+  return casadi_f74(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain_checkout(void) {
@@ -12294,7 +13183,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k31_gain_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k32_first:(i0)->(o0) */
-static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -12302,7 +13191,7 @@ static int casadi_f72(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f72(arg, res, iw, w, mem);
+  return casadi_f75(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first_checkout(void) {
@@ -12373,7 +13262,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k32_first_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k33_stays:(i0,i1,i2,i3)->(o0) */
-static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -12388,7 +13277,7 @@ static int casadi_f73(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f73(arg, res, iw, w, mem);
+  return casadi_f76(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays_checkout(void) {
@@ -12465,7 +13354,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k33_stays_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k34_tie:(i0,i1,i2,i3)->(o0,o1) */
-static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -12481,7 +13370,7 @@ static int casadi_f74(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f74(arg, res, iw, w, mem);
+  return casadi_f77(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie_checkout(void) {
@@ -12560,7 +13449,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k34_tie_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k35_whole:(i0,i1)->(o0) */
-static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -12570,7 +13459,7 @@ static int casadi_f75(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f75(arg, res, iw, w, mem);
+  return casadi_f78(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole_checkout(void) {
@@ -12643,7 +13532,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k35_whole_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k36_weight:(i0,i1,i2)->(o0,o1) */
-static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -12655,7 +13544,7 @@ static int casadi_f76(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f76(arg, res, iw, w, mem);
+  return casadi_f79(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight_checkout(void) {
@@ -12732,7 +13621,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k36_weight_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k37_pop:(i0)->(o0) */
-static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=1.;
@@ -12742,7 +13631,7 @@ static int casadi_f77(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f77(arg, res, iw, w, mem);
+  return casadi_f80(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop_checkout(void) {
@@ -12813,7 +13702,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k37_pop_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k38_weight:(i0,i1)->(o0) */
-static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -12823,7 +13712,7 @@ static int casadi_f78(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f78(arg, res, iw, w, mem);
+  return casadi_f81(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight_checkout(void) {
@@ -12896,7 +13785,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k38_weight_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k39_turned:(i0,i1,i2)->(o0) */
-static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -12910,7 +13799,7 @@ static int casadi_f79(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f79(arg, res, iw, w, mem);
+  return casadi_f82(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned_checkout(void) {
@@ -12985,7 +13874,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k39_turned_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k40_direction:(i0,i1)->(o0) */
-static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -13001,7 +13890,7 @@ static int casadi_f80(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f80(arg, res, iw, w, mem);
+  return casadi_f83(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction_checkout(void) {
@@ -13074,7 +13963,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k40_direction_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k41_beyond:(i0,i1,i2,i3)->(o0) */
-static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -13088,7 +13977,7 @@ static int casadi_f81(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f81(arg, res, iw, w, mem);
+  return casadi_f84(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond_checkout(void) {
@@ -13165,7 +14054,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k41_beyond_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k42_torque:(i0,i1,i2,i3,i4)->(o0,o1) */
-static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[3]? arg[3][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -13182,7 +14071,7 @@ static int casadi_f82(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f82(arg, res, iw, w, mem);
+  return casadi_f85(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque_checkout(void) {
@@ -13263,7 +14152,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k42_torque_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k43_on:(i0)->(o0) */
-static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -13271,7 +14160,7 @@ static int casadi_f83(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f83(arg, res, iw, w, mem);
+  return casadi_f86(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on_checkout(void) {
@@ -13342,7 +14231,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k43_on_work_bytes(casa
 }
 
 /* esea_elbow_mpc_casadi_predictive_k44_all_ok:()->(o0) */
-static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -13350,7 +14239,7 @@ static int casadi_f84(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f84(arg, res, iw, w, mem);
+  return casadi_f87(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok_checkout(void) {
@@ -13419,7 +14308,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k44_all_ok_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad:(i0,i1)->(o0,o1) */
-static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=3.4999999403953552e-01;
@@ -13436,7 +14325,7 @@ static int casadi_f85(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f85(arg, res, iw, w, mem);
+  return casadi_f88(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_checkout(void) {
@@ -13511,7 +14400,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k45_guard_delta_rad_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad:(i0,i1)->(o0,o1) */
-static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.6764997839927673e-01;
@@ -13528,7 +14417,7 @@ static int casadi_f86(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f86(arg, res, iw, w, mem);
+  return casadi_f89(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_checkout(void) {
@@ -13603,7 +14492,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k46_guard_wound_rad_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=1.2499999254941940e-02;
@@ -13620,7 +14509,7 @@ static int casadi_f87(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f87(arg, res, iw, w, mem);
+  return casadi_f90(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_checkout(void) {
@@ -13695,7 +14584,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k47_guard_give_rad_Nm_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad:(i0,i1)->(o0,o1) */
-static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.9999999329447746e-02;
@@ -13712,7 +14601,7 @@ static int casadi_f88(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f88(arg, res, iw, w, mem);
+  return casadi_f91(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_checkout(void) {
@@ -13787,7 +14676,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k48_guard_gap_rad_work
 }
 
 /* esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s:(i0,i1)->(o0,o1) */
-static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=12.;
@@ -13804,7 +14693,7 @@ static int casadi_f89(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f89(arg, res, iw, w, mem);
+  return casadi_f92(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_rad_s_checkout(void) {
@@ -13879,7 +14768,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k49_guard_omega_gear_r
 }
 
 /* esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad:(i0,i1)->(o0,o1) */
-static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=3.3499999046325684e+00;
@@ -13896,7 +14785,7 @@ static int casadi_f90(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f90(arg, res, iw, w, mem);
+  return casadi_f93(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_checkout(void) {
@@ -13971,7 +14860,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k50_guard_theta_l_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s:(i0,i1)->(o0,o1) */
-static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=12.;
@@ -13988,7 +14877,7 @@ static int casadi_f91(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f91(arg, res, iw, w, mem);
+  return casadi_f94(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_s_checkout(void) {
@@ -14063,7 +14952,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k51_guard_omega_l_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.2099998593330383e-01;
@@ -14080,7 +14969,7 @@ static int casadi_f92(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f92(arg, res, iw, w, mem);
+  return casadi_f95(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_checkout(void) {
@@ -14155,7 +15044,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k52_guard_u_a_Nm_work_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.2099998593330383e-01;
@@ -14172,7 +15061,7 @@ static int casadi_f93(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f93(arg, res, iw, w, mem);
+  return casadi_f96(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_Nm_checkout(void) {
@@ -14247,7 +15136,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k53_guard_u_in_force_N
 }
 
 /* esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -14264,7 +15153,7 @@ static int casadi_f94(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f94(arg, res, iw, w, mem);
+  return casadi_f97(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_checkout(void) {
@@ -14339,7 +15228,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k54_guard_tau_rate_Nm_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k55_guard_play_rad:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -14399,7 +15288,7 @@ static int casadi_f95(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f95(arg, res, iw, w, mem);
+  return casadi_f98(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_checkout(void) {
@@ -14474,7 +15363,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k55_guard_play_rad_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2:(i0,i1)->(o0,o1) */
-static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.4666666030883789e+01;
@@ -14491,7 +15380,7 @@ static int casadi_f96(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f96(arg, res, iw, w, mem);
+  return casadi_f99(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_checkout(void) {
@@ -14566,7 +15455,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k56_guard_d4_rad_s2_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm:(i0,i1)->(o0,o1) */
-static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -14583,7 +15472,7 @@ static int casadi_f97(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f97(arg, res, iw, w, mem);
+  return casadi_f100(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_checkout(void) {
@@ -14658,7 +15547,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k57_guard_tau_h_Nm_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s:(i0,i1)->(o0,o1) */
-static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=10000.;
@@ -14675,7 +15564,7 @@ static int casadi_f98(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f98(arg, res, iw, w, mem);
+  return casadi_f101(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_Nm_s_checkout(void) {
@@ -14750,7 +15639,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k58_guard_tau_h_rate_N
 }
 
 /* esea_elbow_mpc_casadi_predictive_k59_guard_mode:(i0,i1)->(o0,o1) */
-static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.;
@@ -14767,7 +15656,7 @@ static int casadi_f99(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_mode(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f99(arg, res, iw, w, mem);
+  return casadi_f102(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_mode_checkout(void) {
@@ -14842,7 +15731,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k59_guard_mode_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -14902,7 +15791,7 @@ static int casadi_f100(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f100(arg, res, iw, w, mem);
+  return casadi_f103(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_checkout(void) {
@@ -14977,7 +15866,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k60_guard_tau_d_Nm_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -15037,7 +15926,7 @@ static int casadi_f101(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f101(arg, res, iw, w, mem);
+  return casadi_f104(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_checkout(void) {
@@ -15112,7 +16001,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k61_guard_theta_d_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s:(i0[10],i1)->(o0[10],o1) */
-static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=casadi_fabs(a00);
@@ -15172,7 +16061,7 @@ static int casadi_f102(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f102(arg, res, iw, w, mem);
+  return casadi_f105(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_s_checkout(void) {
@@ -15247,7 +16136,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k62_guard_omega_d_rad_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad:(i0,i1)->(o0,o1) */
-static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=20.;
@@ -15264,7 +16153,7 @@ static int casadi_f103(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f103(arg, res, iw, w, mem);
+  return casadi_f106(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_checkout(void) {
@@ -15339,7 +16228,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k63_guard_Kp_Nm_rad_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad:(i0,i1)->(o0,o1) */
-static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=5.;
@@ -15356,7 +16245,7 @@ static int casadi_f104(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f104(arg, res, iw, w, mem);
+  return casadi_f107(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_checkout(void) {
@@ -15431,7 +16320,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k64_guard_Kd_Nms_rad_w
 }
 
 /* esea_elbow_mpc_casadi_predictive_k65_before:(i0[8],i1,i2[8],i3)->(o0[10],o1) */
-static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=2.5000000000000001e-03;
   a01=1.1161387631975867e+02;
@@ -15539,7 +16428,7 @@ static int casadi_f105(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f105(arg, res, iw, w, mem);
+  return casadi_f108(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_before_checkout(void) {
@@ -15618,7 +16507,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k65_before_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k66_after:(i0[8],i1,i2[8],i3,i4[10],i5,i6)->(o0[8],o1[9]) */
-static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28;
@@ -15821,7 +16710,7 @@ static int casadi_f106(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_after(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f106(arg, res, iw, w, mem);
+  return casadi_f109(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_after_checkout(void) {
@@ -15906,7 +16795,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k66_after_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k67_column:(i0[8],i1[9],i2)->(o0[8],o1) */
-static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=5.0000000000000001e-03;
@@ -15985,7 +16874,7 @@ static int casadi_f107(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f107(arg, res, iw, w, mem);
+  return casadi_f110(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_column_checkout(void) {
@@ -16062,7 +16951,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k67_column_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k68_newest:(i0[8],i1[9],i2)->(o0[8],o1) */
-static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=5.0000000000000001e-03;
@@ -16145,7 +17034,7 @@ static int casadi_f108(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_newest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f108(arg, res, iw, w, mem);
+  return casadi_f111(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_newest_checkout(void) {
@@ -16222,7 +17111,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k68_newest_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k69_effort_0:(i0[8],i1,i2[8],i3[3])->(o0,o1) */
-static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[2]? arg[2][2] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -16236,7 +17125,7 @@ static int casadi_f109(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_effort_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f109(arg, res, iw, w, mem);
+  return casadi_f112(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_effort_0_checkout(void) {
@@ -16315,7 +17204,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k69_effort_0_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k70_effort_0_column:(i0[8],i1)->(o0) */
-static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][5] : 0;
@@ -16325,7 +17214,7 @@ static int casadi_f110(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_effort_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f110(arg, res, iw, w, mem);
+  return casadi_f113(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_checkout(void) {
@@ -16398,7 +17287,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k70_effort_0_column_wo
 }
 
 /* esea_elbow_mpc_casadi_predictive_k71_effort_0_own:(i0[8],i1,i2[8])->(o0) */
-static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=2.2099998593330383e-01;
   a1=arg[2]? arg[2][2] : 0;
@@ -16408,7 +17297,7 @@ static int casadi_f111(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_effort_0_own(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f111(arg, res, iw, w, mem);
+  return casadi_f114(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_checkout(void) {
@@ -16483,7 +17372,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k71_effort_0_own_work_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k72_reference:(i0)->(o0) */
-static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -16491,7 +17380,7 @@ static int casadi_f112(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_reference(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f112(arg, res, iw, w, mem);
+  return casadi_f115(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_reference_checkout(void) {
@@ -16562,7 +17451,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k72_reference_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k73_error_0:(i0[8],i1,i2[8],i3[3])->(o0,o1[3]) */
-static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[2]? arg[2][1] : 0;
   a1=arg[0]? arg[0][7] : 0;
@@ -16591,7 +17480,7 @@ static int casadi_f113(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_error_0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f113(arg, res, iw, w, mem);
+  return casadi_f116(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_error_0_checkout(void) {
@@ -16670,7 +17559,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k73_error_0_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k74_error_0_column:(i0[8],i1[3])->(o0) */
-static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -16688,7 +17577,7 @@ static int casadi_f114(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_error_0_column(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f114(arg, res, iw, w, mem);
+  return casadi_f117(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_error_0_column_checkout(void) {
@@ -16761,7 +17650,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k74_error_0_column_wor
 }
 
 /* esea_elbow_mpc_casadi_predictive_k75_begin:(i0)->(o0) */
-static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -16769,7 +17658,7 @@ static int casadi_f115(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_begin(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f115(arg, res, iw, w, mem);
+  return casadi_f118(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_begin_checkout(void) {
@@ -16840,7 +17729,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k75_begin_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k76_at_plan:(i0,i1,i2)->(o0) */
-static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -16852,7 +17741,7 @@ static int casadi_f116(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_at_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f116(arg, res, iw, w, mem);
+  return casadi_f119(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_at_plan_checkout(void) {
@@ -16927,7 +17816,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k76_at_plan_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k77_end:(i0)->(o0) */
-static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -16935,7 +17824,7 @@ static int casadi_f117(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_end(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f117(arg, res, iw, w, mem);
+  return casadi_f120(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_end_checkout(void) {
@@ -17006,7 +17895,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k77_end_work_bytes(cas
 }
 
 /* esea_elbow_mpc_casadi_predictive_k78_none:()->(o0) */
-static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -17014,7 +17903,7 @@ static int casadi_f118(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_none(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f118(arg, res, iw, w, mem);
+  return casadi_f121(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_none_checkout(void) {
@@ -17083,7 +17972,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k78_none_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k79_gradient:(i0,i1,i2)->(o0) */
-static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -17095,7 +17984,7 @@ static int casadi_f119(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_gradient(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f119(arg, res, iw, w, mem);
+  return casadi_f122(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_gradient_checkout(void) {
@@ -17170,7 +18059,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k79_gradient_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k80_gram:(i0,i1,i2)->(o0) */
-static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -17182,7 +18071,7 @@ static int casadi_f120(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_gram(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f120(arg, res, iw, w, mem);
+  return casadi_f123(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_gram_checkout(void) {
@@ -17257,7 +18146,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k80_gram_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k81_good:()->(o0) */
-static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -17265,7 +18154,7 @@ static int casadi_f121(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_good(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f121(arg, res, iw, w, mem);
+  return casadi_f124(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_good_checkout(void) {
@@ -17334,7 +18223,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k81_good_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k82_plan_ok:(i0,i1)->(o0) */
-static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -17349,7 +18238,7 @@ static int casadi_f122(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_plan_ok(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f122(arg, res, iw, w, mem);
+  return casadi_f125(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_plan_ok_checkout(void) {
@@ -17422,7 +18311,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k82_plan_ok_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_predictive_k83_plan_used:(i0,i1)->(o0) */
-static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -17432,7 +18321,7 @@ static int casadi_f123(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_plan_used(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f123(arg, res, iw, w, mem);
+  return casadi_f126(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_plan_used_checkout(void) {
@@ -17505,7 +18394,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k83_plan_used_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k84_shift_plan:(i0,i1)->(o0) */
-static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=2.5000000000000000e-01;
@@ -17518,7 +18407,7 @@ static int casadi_f124(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_shift_plan(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f124(arg, res, iw, w, mem);
+  return casadi_f127(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_shift_plan_checkout(void) {
@@ -17591,7 +18480,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k84_shift_plan_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k85_fill_qp_low:()->(o0) */
-static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=-1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -17599,7 +18488,7 @@ static int casadi_f125(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f125(arg, res, iw, w, mem);
+  return casadi_f128(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_checkout(void) {
@@ -17668,7 +18557,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k85_fill_qp_low_work_b
 }
 
 /* esea_elbow_mpc_casadi_predictive_k86_fill_qp_high:()->(o0) */
-static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -17676,7 +18565,7 @@ static int casadi_f126(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f126(arg, res, iw, w, mem);
+  return casadi_f129(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_checkout(void) {
@@ -17745,7 +18634,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k86_fill_qp_high_work_
 }
 
 /* esea_elbow_mpc_casadi_predictive_k87_deflection:(i0,i1,i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14,i15)->(o0) */
-static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -17753,7 +18642,7 @@ static int casadi_f127(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_deflection(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f127(arg, res, iw, w, mem);
+  return casadi_f130(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_deflection_checkout(void) {
@@ -17854,7 +18743,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k87_deflection_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k88_nest:(i0,i1,i2,i3,i4,i5)->(o0,o1,o2) */
-static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -17877,7 +18766,7 @@ static int casadi_f128(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_nest(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f128(arg, res, iw, w, mem);
+  return casadi_f131(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_nest_checkout(void) {
@@ -17962,7 +18851,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k88_nest_work_bytes(ca
 }
 
 /* esea_elbow_mpc_casadi_predictive_k89_bottom:()->(o0,o1,o2) */
-static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=1.;
   if (res[0]!=0) res[0][0]=a0;
@@ -17974,7 +18863,7 @@ static int casadi_f129(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_bottom(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f129(arg, res, iw, w, mem);
+  return casadi_f132(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_bottom_checkout(void) {
@@ -18047,7 +18936,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k89_bottom_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k90_loose:(i0,i1,i2)->(o0,o1,o2,o3) */
-static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f133(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[2]? arg[2][0] : 0;
@@ -18064,7 +18953,7 @@ static int casadi_f130(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_loose(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f130(arg, res, iw, w, mem);
+  return casadi_f133(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_loose_checkout(void) {
@@ -18145,7 +19034,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k90_loose_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k91_start:(i0,i1,i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14,i15,i16)->(o0[8]) */
-static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f134(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[6]? arg[6][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -18176,7 +19065,7 @@ static int casadi_f131(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_start(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f131(arg, res, iw, w, mem);
+  return casadi_f134(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_start_checkout(void) {
@@ -18279,7 +19168,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k91_start_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k92_parameter:(i0)->(o0) */
-static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f135(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -18287,7 +19176,7 @@ static int casadi_f132(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_parameter(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f132(arg, res, iw, w, mem);
+  return casadi_f135(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_parameter_checkout(void) {
@@ -18358,7 +19247,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k92_parameter_work_byt
 }
 
 /* esea_elbow_mpc_casadi_predictive_k93_in_force:(i0)->(o0) */
-static int casadi_f133(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -18366,7 +19255,7 @@ static int casadi_f133(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_in_force(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f133(arg, res, iw, w, mem);
+  return casadi_f136(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_in_force_checkout(void) {
@@ -18437,7 +19326,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k93_in_force_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k94_forecast:(i0,i1[8],i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14,i15,i16,i17)->(o0) */
-static int casadi_f134(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f137(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[13]? arg[13][0] : 0;
   a1=arg[14]? arg[14][0] : 0;
@@ -18449,7 +19338,7 @@ static int casadi_f134(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f134(arg, res, iw, w, mem);
+  return casadi_f137(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_forecast_checkout(void) {
@@ -18554,7 +19443,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k94_forecast_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k95_before:(i0[8],i1,i2[8],i3)->(o0[10],o1) */
-static int casadi_f135(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f138(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=1.5000000000000000e-03;
   a01=1.1161387631975867e+02;
@@ -18662,7 +19551,7 @@ static int casadi_f135(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_before(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f135(arg, res, iw, w, mem);
+  return casadi_f138(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_before_checkout(void) {
@@ -18741,7 +19630,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k95_before_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k96_onward:(i0[8],i1,i2[8],i3,i4[10],i5)->(o0[8]) */
-static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f139(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12;
   a00=arg[0]? arg[0][0] : 0;
@@ -18833,7 +19722,7 @@ static int casadi_f136(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_onward(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f136(arg, res, iw, w, mem);
+  return casadi_f139(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_onward_checkout(void) {
@@ -18914,7 +19803,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k96_onward_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k97_input:(i0)->(o0) */
-static int casadi_f137(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f140(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=2.2099998593330383e-01;
   a1=arg[0]? arg[0][0] : 0;
@@ -18924,7 +19813,7 @@ static int casadi_f137(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_input(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f137(arg, res, iw, w, mem);
+  return casadi_f140(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_input_checkout(void) {
@@ -18995,7 +19884,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k97_input_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k98_forecast:(i0,i1[8],i2,i3,i4,i5,i6,i7,i8,i9,i10,i11,i12,i13,i14,i15,i16,i17)->(o0) */
-static int casadi_f138(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f141(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[13]? arg[13][0] : 0;
   a1=arg[14]? arg[14][0] : 0;
@@ -19007,7 +19896,7 @@ static int casadi_f138(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_forecast(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f138(arg, res, iw, w, mem);
+  return casadi_f141(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_forecast_checkout(void) {
@@ -19112,7 +20001,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k98_forecast_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k99_usable:(i0,i1)->(o0) */
-static int casadi_f139(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f142(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -19122,7 +20011,7 @@ static int casadi_f139(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_usable(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f139(arg, res, iw, w, mem);
+  return casadi_f142(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_usable_checkout(void) {
@@ -19195,7 +20084,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k99_usable_work_bytes(
 }
 
 /* esea_elbow_mpc_casadi_predictive_k100_plan_fine:(i0,i1)->(o0) */
-static int casadi_f140(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f143(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -19210,7 +20099,7 @@ static int casadi_f140(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_fine(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f140(arg, res, iw, w, mem);
+  return casadi_f143(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_fine_checkout(void) {
@@ -19283,7 +20172,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k100_plan_fine_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k101_acts:(i0)->(o0) */
-static int casadi_f141(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f144(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=arg[0]? arg[0][0] : 0;
   if (res[0]!=0) res[0][0]=a0;
@@ -19291,7 +20180,7 @@ static int casadi_f141(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_acts(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f141(arg, res, iw, w, mem);
+  return casadi_f144(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_acts_checkout(void) {
@@ -19362,7 +20251,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k101_acts_work_bytes(c
 }
 
 /* esea_elbow_mpc_casadi_predictive_k102_enabled:(i0,i1)->(o0) */
-static int casadi_f142(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f145(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[0]? arg[0][0] : 0;
   a1=5.0000000000000000e-01;
@@ -19374,7 +20263,7 @@ static int casadi_f142(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_enabled(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f142(arg, res, iw, w, mem);
+  return casadi_f145(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_enabled_checkout(void) {
@@ -19447,7 +20336,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k102_enabled_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k103_plan_next:(i0,i1)->(o0) */
-static int casadi_f143(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f146(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=arg[1]? arg[1][0] : 0;
   a1=arg[0]? arg[0][0] : 0;
@@ -19461,7 +20350,7 @@ static int casadi_f143(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k103_plan_next(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f143(arg, res, iw, w, mem);
+  return casadi_f146(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k103_plan_next_checkout(void) {
@@ -19534,7 +20423,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k103_plan_next_work_by
 }
 
 /* esea_elbow_mpc_casadi_predictive_k104_command:(i0,i1,i2)->(o0,o1,o2) */
-static int casadi_f144(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f147(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2;
   a0=2.2099998593330383e-01;
   a1=arg[0]? arg[0][0] : 0;
@@ -19557,7 +20446,7 @@ static int casadi_f144(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k104_command(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f144(arg, res, iw, w, mem);
+  return casadi_f147(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k104_command_checkout(void) {
@@ -19636,7 +20525,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k104_command_work_byte
 }
 
 /* esea_elbow_mpc_casadi_predictive_k105_report:(i0,i1,i2,i3,i4,i5)->(o0) */
-static int casadi_f145(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f148(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4;
   a0=arg[0]? arg[0][0] : 0;
   a1=(!a0);
@@ -19671,7 +20560,7 @@ static int casadi_f145(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k105_report(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f145(arg, res, iw, w, mem);
+  return casadi_f148(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k105_report_checkout(void) {
@@ -19752,7 +20641,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_predictive_k105_report_work_bytes
 }
 
 /* esea_elbow_mpc_casadi_redundancy_init:()->(zero_rad_0,zeroed_0) */
-static int casadi_f146(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f149(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -19761,7 +20650,7 @@ static int casadi_f146(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f146(arg, res, iw, w, mem);
+  return casadi_f149(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init_checkout(void) {
@@ -19832,7 +20721,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_init_work_bytes(casadi
 }
 
 /* esea_elbow_mpc_casadi_redundancy_step:(s_zero_rad,s_zeroed,u_theta_motor_rad,u_motor_usable,u_theta_gear_rad,u_gear_usable,u_d_gear_rad_s2,u_tau_Nm,u_moves_rad_s2)->(next_zero_rad,next_zeroed,y_agree,y_apart_rad,y_apart_Nm,y_room_Nm,y_status) */
-static int casadi_f147(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f150(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20;
   a00=5.0000000000000000e-01;
@@ -19970,7 +20859,7 @@ static int casadi_f147(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f147(arg, res, iw, w, mem);
+  return casadi_f150(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step_checkout(void) {
@@ -20069,7 +20958,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_redundancy_step_work_bytes(casadi
 }
 
 /* esea_elbow_mpc_casadi_stamp_init:()->(beats_0) */
-static int casadi_f148(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f151(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -20077,7 +20966,7 @@ static int casadi_f148(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f148(arg, res, iw, w, mem);
+  return casadi_f151(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init_checkout(void) {
@@ -20146,7 +21035,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_init_work_bytes(casadi_int 
 }
 
 /* esea_elbow_mpc_casadi_stamp_step:(s_beats,u_u_command_Nm,u_request_ok)->(next_beats,y_u_command_Nm,y_control_beat,y_status) */
-static int casadi_f149(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f152(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7;
   a0=255.;
   a1=arg[0]? arg[0][0] : 0;
@@ -20193,7 +21082,7 @@ static int casadi_f149(const casadi_real** arg, casadi_real** res, casadi_int* i
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f149(arg, res, iw, w, mem);
+  return casadi_f152(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_mpc_casadi_stamp_step_checkout(void) {

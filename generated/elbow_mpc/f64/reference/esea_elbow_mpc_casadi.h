@@ -287,6 +287,60 @@ int esea_elbow_mpc_casadi_encoder_gear_step_work_bytes(casadi_int *sz_arg, casad
 #define esea_elbow_mpc_casadi_encoder_gear_step_SZ_RES 9
 #define esea_elbow_mpc_casadi_encoder_gear_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_encoder_gear_step_SZ_W 0
+int esea_elbow_mpc_casadi_adaptation_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_adaptation_prepare_checkout(void);
+void esea_elbow_mpc_casadi_adaptation_prepare_release(int mem);
+void esea_elbow_mpc_casadi_adaptation_prepare_incref(void);
+void esea_elbow_mpc_casadi_adaptation_prepare_decref(void);
+casadi_int esea_elbow_mpc_casadi_adaptation_prepare_n_in(void);
+casadi_int esea_elbow_mpc_casadi_adaptation_prepare_n_out(void);
+casadi_real esea_elbow_mpc_casadi_adaptation_prepare_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_adaptation_prepare_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_adaptation_prepare_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_adaptation_prepare_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_adaptation_prepare_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_adaptation_prepare_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_adaptation_prepare_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_adaptation_prepare_SZ_ARG 8
+#define esea_elbow_mpc_casadi_adaptation_prepare_SZ_RES 8
+#define esea_elbow_mpc_casadi_adaptation_prepare_SZ_IW 0
+#define esea_elbow_mpc_casadi_adaptation_prepare_SZ_W 0
+int esea_elbow_mpc_casadi_adaptation_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_adaptation_init_checkout(void);
+void esea_elbow_mpc_casadi_adaptation_init_release(int mem);
+void esea_elbow_mpc_casadi_adaptation_init_incref(void);
+void esea_elbow_mpc_casadi_adaptation_init_decref(void);
+casadi_int esea_elbow_mpc_casadi_adaptation_init_n_in(void);
+casadi_int esea_elbow_mpc_casadi_adaptation_init_n_out(void);
+casadi_real esea_elbow_mpc_casadi_adaptation_init_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_adaptation_init_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_adaptation_init_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_adaptation_init_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_adaptation_init_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_adaptation_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_adaptation_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_adaptation_init_SZ_ARG 8
+#define esea_elbow_mpc_casadi_adaptation_init_SZ_RES 15
+#define esea_elbow_mpc_casadi_adaptation_init_SZ_IW 0
+#define esea_elbow_mpc_casadi_adaptation_init_SZ_W 0
+int esea_elbow_mpc_casadi_adaptation_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_elbow_mpc_casadi_adaptation_step_checkout(void);
+void esea_elbow_mpc_casadi_adaptation_step_release(int mem);
+void esea_elbow_mpc_casadi_adaptation_step_incref(void);
+void esea_elbow_mpc_casadi_adaptation_step_decref(void);
+casadi_int esea_elbow_mpc_casadi_adaptation_step_n_in(void);
+casadi_int esea_elbow_mpc_casadi_adaptation_step_n_out(void);
+casadi_real esea_elbow_mpc_casadi_adaptation_step_default_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_adaptation_step_name_in(casadi_int i);
+const char* esea_elbow_mpc_casadi_adaptation_step_name_out(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_adaptation_step_sparsity_in(casadi_int i);
+const casadi_int* esea_elbow_mpc_casadi_adaptation_step_sparsity_out(casadi_int i);
+int esea_elbow_mpc_casadi_adaptation_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_elbow_mpc_casadi_adaptation_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_elbow_mpc_casadi_adaptation_step_SZ_ARG 28
+#define esea_elbow_mpc_casadi_adaptation_step_SZ_RES 22
+#define esea_elbow_mpc_casadi_adaptation_step_SZ_IW 0
+#define esea_elbow_mpc_casadi_adaptation_step_SZ_W 0
 int esea_elbow_mpc_casadi_reference_prepare(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_elbow_mpc_casadi_reference_prepare_checkout(void);
 void esea_elbow_mpc_casadi_reference_prepare_release(int mem);
@@ -337,7 +391,7 @@ const casadi_int* esea_elbow_mpc_casadi_reference_step_sparsity_in(casadi_int i)
 const casadi_int* esea_elbow_mpc_casadi_reference_step_sparsity_out(casadi_int i);
 int esea_elbow_mpc_casadi_reference_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_reference_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_reference_step_SZ_ARG 14
+#define esea_elbow_mpc_casadi_reference_step_SZ_ARG 16
 #define esea_elbow_mpc_casadi_reference_step_SZ_RES 17
 #define esea_elbow_mpc_casadi_reference_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_reference_step_SZ_W 0
@@ -715,7 +769,7 @@ const casadi_int* esea_elbow_mpc_casadi_ahead_step_sparsity_in(casadi_int i);
 const casadi_int* esea_elbow_mpc_casadi_ahead_step_sparsity_out(casadi_int i);
 int esea_elbow_mpc_casadi_ahead_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 int esea_elbow_mpc_casadi_ahead_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
-#define esea_elbow_mpc_casadi_ahead_step_SZ_ARG 12
+#define esea_elbow_mpc_casadi_ahead_step_SZ_ARG 14
 #define esea_elbow_mpc_casadi_ahead_step_SZ_RES 8
 #define esea_elbow_mpc_casadi_ahead_step_SZ_IW 0
 #define esea_elbow_mpc_casadi_ahead_step_SZ_W 0

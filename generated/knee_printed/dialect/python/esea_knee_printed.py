@@ -475,7 +475,7 @@ enums["MAV_CMD"][511].param[5] = """Reserved (default:0)"""
 enums["MAV_CMD"][511].param[6] = """Reserved (default:0)"""
 enums["MAV_CMD"][511].param[7] = """Reserved (default:0)"""
 MAV_CMD_REQUEST_MESSAGE = 512
-enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK, ESEA_TRAFFIC or ESEA_KEPT.""")
+enums["MAV_CMD"][512] = EnumEntry("MAV_CMD_REQUEST_MESSAGE", """Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK, ESEA_TRAFFIC, ESEA_KEPT or ESEA_LIFE.""")
 enums["MAV_CMD"][512].param[1] = """Id of the message."""
 enums["MAV_CMD"][512].label[1] = """Message ID"""
 enums["MAV_CMD"][512].param[2] = """Reserved (default:0)"""
@@ -703,6 +703,7 @@ MAVLINK_MSG_ID_ESEA_TRAFFIC = 42664
 MAVLINK_MSG_ID_ESEA_KEY = 42665
 MAVLINK_MSG_ID_ESEA_KEPT = 42666
 MAVLINK_MSG_ID_ESEA_BLACKBOX = 42667
+MAVLINK_MSG_ID_ESEA_LIFE = 42668
 
 
 class MAVLink_heartbeat_message(MAVLink_message):
@@ -1632,6 +1633,54 @@ class MAVLink_esea_blackbox_message(MAVLink_message):
 setattr(MAVLink_esea_blackbox_message, "name", mavlink_msg_deprecated_name_property())
 
 
+class MAVLink_esea_life_message(MAVLink_message):
+    """
+    What a coupling has borne; on request, by the number of the
+    record. To the board: the serial number of a coupling.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_LIFE
+    msgname = "ESEA_LIFE"
+    fieldnames = ["serial", "seconds", "full", "energy_J", "width_rad", "halves", "number", "couplings", "records", "result"]
+    ordered_fieldnames = ["serial", "seconds", "full", "energy_J", "width_rad", "halves", "number", "couplings", "records", "result"]
+    fieldtypes = ["uint32_t", "uint32_t", "uint32_t", "float", "float", "uint32_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {"result": "MAV_RESULT"}
+    fieldunits_by_name: Dict[str, str] = {"seconds": "s", "width_rad": "rad"}
+    native_format = bytearray(b"<IIIffIBBBB")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
+    lengths = [1, 1, 1, 1, 1, 48, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 48, 0, 0, 0, 0]
+    crc_extra = 239
+    unpacker = struct.Struct("<IIIff48IBBBB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, serial: int, seconds: int, full: int, energy_J: float, width_rad: float, halves: Sequence[int], number: int, couplings: int, records: int, result: int):
+        MAVLink_message.__init__(self, MAVLink_esea_life_message.id, MAVLink_esea_life_message.msgname)
+        self._fieldnames = MAVLink_esea_life_message.fieldnames
+        self._instance_field = MAVLink_esea_life_message.instance_field
+        self._instance_offset = MAVLink_esea_life_message.instance_offset
+        self.serial = serial
+        self.seconds = seconds
+        self.full = full
+        self.energy_J = energy_J
+        self.width_rad = width_rad
+        self.halves = halves
+        self.number = number
+        self.couplings = couplings
+        self.records = records
+        self.result = result
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.serial, self.seconds, self.full, self.energy_J, self.width_rad, self.halves[0], self.halves[1], self.halves[2], self.halves[3], self.halves[4], self.halves[5], self.halves[6], self.halves[7], self.halves[8], self.halves[9], self.halves[10], self.halves[11], self.halves[12], self.halves[13], self.halves[14], self.halves[15], self.halves[16], self.halves[17], self.halves[18], self.halves[19], self.halves[20], self.halves[21], self.halves[22], self.halves[23], self.halves[24], self.halves[25], self.halves[26], self.halves[27], self.halves[28], self.halves[29], self.halves[30], self.halves[31], self.halves[32], self.halves[33], self.halves[34], self.halves[35], self.halves[36], self.halves[37], self.halves[38], self.halves[39], self.halves[40], self.halves[41], self.halves[42], self.halves[43], self.halves[44], self.halves[45], self.halves[46], self.halves[47], self.number, self.couplings, self.records, self.result), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_life_message, "name", mavlink_msg_deprecated_name_property())
+
+
 mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_HEARTBEAT: MAVLink_heartbeat_message,
     MAVLINK_MSG_ID_PARAM_REQUEST_READ: MAVLink_param_request_read_message,
@@ -1654,6 +1703,7 @@ mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_ESEA_KEY: MAVLink_esea_key_message,
     MAVLINK_MSG_ID_ESEA_KEPT: MAVLink_esea_kept_message,
     MAVLINK_MSG_ID_ESEA_BLACKBOX: MAVLink_esea_blackbox_message,
+    MAVLINK_MSG_ID_ESEA_LIFE: MAVLink_esea_life_message,
 }
 
 
@@ -2669,3 +2719,41 @@ class MAVLink(object):
 
         """
         self.send(self.esea_blackbox_encode(first, count, fault, tick, records, size, whole, data), force_mavlink1=force_mavlink1)
+
+    def esea_life_encode(self, serial: int, seconds: int, full: int, energy_J: float, width_rad: float, halves: Sequence[int], number: int, couplings: int, records: int, result: int) -> MAVLink_esea_life_message:
+        """
+        What a coupling has borne; on request, by the number of the record. To
+        the board: the serial number of a coupling.
+
+        serial                    : Serial number on the coupling; 0: nobody said. (type:uint32_t)
+        seconds                   : Time counted. [s] (type:uint32_t)
+        full                      : Times that there was no room for a turning point. (type:uint32_t)
+        energy_J                  : Energy that it has taken. (type:float)
+        width_rad                 : Width of a class of ranges. [rad] (type:float)
+        halves                    : Half cycles by class of the deflection's range, as if its history ended now; ranges below one class are not counted. (type:uint32_t)
+        number                    : Of the record: the couplings that are fitted, then those that lie aside. To the board: the coupling whose serial number this is; 255: forgets one that lies aside. (type:uint8_t)
+        couplings                 : How many the device has. (type:uint8_t)
+        records                   : How many records there are. (type:uint8_t)
+        result                    : Of naming the coupling. (type:uint8_t, values:MAV_RESULT)
+
+        """
+        return MAVLink_esea_life_message(serial, seconds, full, energy_J, width_rad, halves, number, couplings, records, result)
+
+    def esea_life_send(self, serial: int, seconds: int, full: int, energy_J: float, width_rad: float, halves: Sequence[int], number: int, couplings: int, records: int, result: int, force_mavlink1: bool = False) -> None:
+        """
+        What a coupling has borne; on request, by the number of the record. To
+        the board: the serial number of a coupling.
+
+        serial                    : Serial number on the coupling; 0: nobody said. (type:uint32_t)
+        seconds                   : Time counted. [s] (type:uint32_t)
+        full                      : Times that there was no room for a turning point. (type:uint32_t)
+        energy_J                  : Energy that it has taken. (type:float)
+        width_rad                 : Width of a class of ranges. [rad] (type:float)
+        halves                    : Half cycles by class of the deflection's range, as if its history ended now; ranges below one class are not counted. (type:uint32_t)
+        number                    : Of the record: the couplings that are fitted, then those that lie aside. To the board: the coupling whose serial number this is; 255: forgets one that lies aside. (type:uint8_t)
+        couplings                 : How many the device has. (type:uint8_t)
+        records                   : How many records there are. (type:uint8_t)
+        result                    : Of naming the coupling. (type:uint8_t, values:MAV_RESULT)
+
+        """
+        self.send(self.esea_life_encode(serial, seconds, full, energy_J, width_rad, halves, number, couplings, records, result), force_mavlink1=force_mavlink1)

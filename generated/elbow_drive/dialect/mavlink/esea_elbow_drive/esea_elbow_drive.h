@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 #ifndef MAVLINK_MESSAGE_CRCS
-#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {20, 214, 20, 20, 3, 2, 3}, {21, 159, 2, 2, 3, 0, 1}, {22, 220, 25, 25, 0, 0, 0}, {23, 168, 23, 23, 3, 4, 5}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {111, 34, 16, 16, 0, 0, 0}, {253, 83, 51, 54, 0, 0, 0}, {256, 71, 42, 42, 3, 8, 9}, {345, 209, 21, 21, 3, 2, 3}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 15, 152, 152, 0, 0, 0}, {42603, 172, 4, 4, 0, 0, 0}, {42604, 41, 52, 52, 0, 0, 0}, {42660, 41, 18, 18, 0, 0, 0}, {42661, 167, 32, 32, 0, 0, 0}, {42662, 182, 67, 67, 0, 0, 0}, {42663, 36, 253, 253, 0, 0, 0}, {42664, 62, 28, 28, 0, 0, 0}, {42665, 247, 244, 244, 0, 0, 0}, {42666, 84, 59, 59, 0, 0, 0}, {42667, 80, 243, 243, 0, 0, 0}}
+#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {20, 214, 20, 20, 3, 2, 3}, {21, 159, 2, 2, 3, 0, 1}, {22, 220, 25, 25, 0, 0, 0}, {23, 168, 23, 23, 3, 4, 5}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {111, 34, 16, 16, 0, 0, 0}, {253, 83, 51, 54, 0, 0, 0}, {256, 71, 42, 42, 3, 8, 9}, {345, 209, 21, 21, 3, 2, 3}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 57, 52, 52, 0, 0, 0}, {42602, 180, 168, 168, 0, 0, 0}, {42603, 172, 4, 4, 0, 0, 0}, {42604, 41, 52, 52, 0, 0, 0}, {42660, 41, 18, 18, 0, 0, 0}, {42661, 167, 32, 32, 0, 0, 0}, {42662, 182, 67, 67, 0, 0, 0}, {42663, 36, 253, 253, 0, 0, 0}, {42664, 62, 28, 28, 0, 0, 0}, {42665, 247, 244, 244, 0, 0, 0}, {42666, 84, 59, 59, 0, 0, 0}, {42667, 80, 243, 243, 0, 0, 0}, {42668, 239, 216, 216, 0, 0, 0}}
 #endif
 
 #include "../protocol.h"
@@ -118,7 +118,7 @@ typedef enum MAV_CMD
    MAV_CMD_PREFLIGHT_STORAGE=245, /* Parameters to or from storage, with the motor off. |0: those that were saved; 1: save what stands; 2: defaults.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_COMPONENT_ARM_DISARM=400, /* Switch the motor on or off. |1 on; anything else off.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_SET_MESSAGE_INTERVAL=511, /* Tell the inputs or outputs of a task's runs on the board's own clock. |Id of the task's message.| Time between two, rounded up to runs of the task; 0 and less: none.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
-   MAV_CMD_REQUEST_MESSAGE=512, /* Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK, ESEA_TRAFFIC or ESEA_KEPT. |Id of the message.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_REQUEST_MESSAGE=512, /* Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK, ESEA_TRAFFIC, ESEA_KEPT or ESEA_LIFE. |Id of the message.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_USER_1=31010, /* Reset: self-test, initial state of every Block, counters to 0. A stop that is held stays. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_USER_2=31011, /* Zero: the joint is at its zero and unloaded; take the encoders' angles. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_USER_3=31012, /* Clear: the fault has been seen to. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
@@ -241,36 +241,44 @@ typedef enum ESEA_PARAM
    ESEA_PARAM_VELOCITY_BANDWIDTH_HZ=4, /* bandwidth of the triple pole: higher follows faster and passes more noise |velocity.bandwidth_Hz| vlcty.bandwidth| Hz| 2| 100| 15| free|  */
    ESEA_PARAM_MOTOR_RATE_CUTOFF_HZ=5, /* cut-off: higher follows faster and passes more noise |motor_rate.cutoff_Hz| mtr_rt.cutoff| Hz| 15| 60| 30| free|  */
    ESEA_PARAM_LOAD_RATE_CUTOFF_HZ=6, /* cut-off: higher follows faster and passes more noise |load_rate.cutoff_Hz| load_rate.cutoff| Hz| 15| 60| 30| free|  */
-   ESEA_PARAM_REFERENCE_KP_NM_RAD=7, /* stiffness: higher pulls harder to the wanted angle |reference.Kp_Nm_rad| reference.Kp| Nm/rad| 0| 3| 0| free|  */
-   ESEA_PARAM_REFERENCE_KD_NMS_RAD=8, /* damping: higher resists motion other than the wanted one |reference.Kd_Nms_rad| reference.Kd| Nm s/rad| 0| 0.349999994| 0| free|  */
-   ESEA_PARAM_REFERENCE_BLEND_S=9, /* time constant from the measured torque to a new law: longer is gentler |reference.blend_s| reference.blend| s| 0.0200000014| 5| 0.2| free|  */
-   ESEA_PARAM_REFERENCE_TAU_RANGE_NM=10, /* largest |set torque|: may only be narrowed below the identified range |reference.tau_range_Nm| rfrnc.tau_range| Nm| 0.0447000004| 4.46999979| 4.46999979| free|  */
-   ESEA_PARAM_PASSIVITY_LEAST_NMS_RAD=11, /* damping that a hand feels at least: more is calmer and less transparent |passivity.least_Nms_rad| passivity.least| Nm s/rad| 0.0100000007| 0.349999994| 0.0100000007| free|  */
-   ESEA_PARAM_PASSIVITY_ENERGY_J=12, /* energy that drive and command may hold and give: less is weaker |passivity.energy_J| passivity.energy| J| 0.400000006| 4| 4| free|  */
-   ESEA_PARAM_LEAD_SHARE=13, /* 1 looks ahead and smooths; 0 takes the set torque as it comes |lead.share| lead.share| 1| 0| 1| 1| free|  */
-   ESEA_PARAM_INVERSE_BANDWIDTH_HZ=14, /* bandwidth of the triple pole: higher follows faster and passes more noise |inverse.bandwidth_Hz| invrs.bandwidth| Hz| 2| 100| 100| free|  */
-   ESEA_PARAM_SETPOINT_BANDWIDTH_HZ=15, /* bandwidth of the triple pole: higher follows faster, lower smooths the corners |setpoint.bandwidth_Hz| stpnt.bandwidth| Hz| 2| 100| 50| free|  */
-   ESEA_PARAM_LIMITS_U_MAX_NM=16, /* largest |motor command|: lower is weaker |limits.u_max_Nm| limits.u_max_Nm| Nm| 0.00221000006| 0.220999986| 0.220999986| free|  */
-   ESEA_PARAM_LIMITS_U_RATE_NM_S=17, /* fastest change of the command: lower is softer |limits.u_rate_Nm_s| limits.u_rate| Nm/s| 5| 50| 50| free|  */
-   ESEA_PARAM_LIMITS_TAU_MAX_NM=18, /* interaction torque that trips |limits.tau_max_Nm| limits.tau_max| Nm| 0.400000006| 8| 8| free|  */
-   ESEA_PARAM_LIMITS_THETA_MAX_RAD=19, /* deflection that trips |limits.theta_max_rad| limits.theta_max| rad| 0.0149999997| 0.299999982| 0.299999982| free|  */
-   ESEA_PARAM_LIMITS_ROM_MIN_RAD=20, /* joint angle below which nothing pushes further: up narrows |limits.rom_min_rad| limits.rom_min| rad| -0.149999991| 2.5| -0.149999991| free|  */
-   ESEA_PARAM_LIMITS_ROM_MAX_RAD=21, /* joint angle above which nothing pushes further: down narrows |limits.rom_max_rad| limits.rom_max| rad| -0.149999991| 2.5| 2.5| free|  */
-   ESEA_PARAM_LIMITS_OMEGA_MAX_RAD_S=22, /* joint or drive speed that trips |limits.omega_max_rad_s| limits.omega_max| rad/s| 0.5| 10| 10| free|  */
-   ESEA_PARAM_LIMITS_ENERGY_MAX_J=23, /* energy within the window that trips |limits.energy_max_J| lmts.energy_max| J| 0.150000006| 15| 15| free|  */
-   ESEA_PARAM_DRIVE_BANDWIDTH_1_S=24, /* bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it |drive.bandwidth_1_s| drive.bandwidth| 1/s| 0| 18.0335312| 5| free|  */
-   ESEA_PARAM_HUMAN_DECAY_S=25, /* decay of the torque's rate: longer trusts a rate longer and overshoots more |human.decay_s| human.decay_s| s| 0.0600000024| 1.5| 0.3| free|  */
-   ESEA_PARAM_SET_RATE_CUTOFF_HZ=26, /* cut-off: higher follows faster and passes more noise |set_rate.cutoff_Hz| set_rate.cutoff| Hz| 15| 60| 30| free|  */
-   ESEA_PARAM_SET_TREND_BANDWIDTH_HZ=27, /* bandwidth without noise: higher sees sooner where it goes |set_trend.bandwidth_Hz| st_trnd.bndwdth| Hz| 0.5| 20| 16| free|  */
-   ESEA_PARAM_SET_TREND_QUIET_NM=28, /* noise that halves the bandwidth: lower is calmer, and trusts less |set_trend.quiet_Nm| set_trend.quiet| Nm| 0.00100000005| 1| 0.018| free|  */
-   ESEA_PARAM_SMC_LAMBDA_1_S=29, /* slope of the surface: higher is stiffer and nearer to the drive's own modes |smc.lambda_1_s| smc.lambda_1_s| 1/s| 1| 25| 15| free|  */
-   ESEA_PARAM_SMC_PHI_RAD_S=30, /* width of the boundary layer: narrower is stiffer and chatters sooner |smc.phi_rad_s| smc.phi_rad_s| rad/s| 0.00100000005| 100| 1.5| free|  */
-   ESEA_PARAM_SMC_MARGIN=31, /* factor on the switching gain of (5.20); 1 is its smallest |smc.margin| smc.margin| 1| 1| 5| 1| free|  */
-   ESEA_PARAM_SMC_LEAD=32, /* how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c |smc.lead| smc.lead| 1| 1| 4| 2.5| free|  */
-   ESEA_PARAM_SMC_LOAD_SHARE=33, /* share of the load's estimated acceleration in the set-point's acceleration |smc.load_share| smc.load_share| 1| 0| 1| 1| free|  */
-   ESEA_PARAM_SMC_FRICTION_AHEAD=34, /* share of the rate wanted in the rate whose friction is compensated; 0: measured |smc.friction_ahead| smc.frctn_ahd| 1| 0| 1| 1| free|  */
-   ESEA_PARAM_SMC_SOFTENING=35, /* how soft a swing of the error makes the gains; 0: they stay as they are |smc.softening| smc.softening| 1| 0| 1| 1| free|  */
-   ESEA_PARAM_ENUM_END=36, /*  | */
+   ESEA_PARAM_ADAPTATION_SHARE=7, /* 1: the wish is adapted; 0: it is taken as it is |adaptation.share| adaptation.share| 1| 0| 1| 0| free|  */
+   ESEA_PARAM_ADAPTATION_MASS_NM=8, /* weight on the joint times its arm; 0: none hangs |adaptation.mass_Nm| adaptation.m_f00| Nm| 0| 4.46999979| 0| free|  */
+   ESEA_PARAM_ADAPTATION_MASS_ANGLE_RAD=9, /* angle at which it hangs straight down |adaptation.mass_angle_rad| adpttn.mss_angl| rad| -1.56999993| 1.56999993| 0| free|  */
+   ESEA_PARAM_ADAPTATION_MASS_KGM2=10, /* inertia of the mass and of what bears it |adaptation.mass_kgm2| adaptation.m_d37| kg m^2| 0| 2| 0| free|  */
+   ESEA_PARAM_ADAPTATION_MASS_NMS_RAD=11, /* damping of the joint that bears it |adaptation.mass_Nms_rad| adaptation.m_787| Nm s/rad| 0| 1| 0| free|  */
+   ESEA_PARAM_ADAPTATION_GAIN=12, /* model's torque over the true one, as an earlier adaptation found it |adaptation.gain| adaptation.gain| 1| 0.769230723| 1.42857134| 1| free|  */
+   ESEA_PARAM_ADAPTATION_LOSS=13, /* loss that the model misses, as an earlier adaptation found it |adaptation.loss| adaptation.loss| 1| -0.399999976| 0.399999976| 0| free|  */
+   ESEA_PARAM_ADAPTATION_OFFSET_NM=14, /* offset, as an earlier adaptation found it |adaptation.offset_Nm| adpttn.offset| Nm| -0.299999982| 0.299999982| 0| free|  */
+   ESEA_PARAM_REFERENCE_KP_NM_RAD=15, /* stiffness: higher pulls harder to the wanted angle |reference.Kp_Nm_rad| reference.Kp| Nm/rad| 0| 3| 0| free|  */
+   ESEA_PARAM_REFERENCE_KD_NMS_RAD=16, /* damping: higher resists motion other than the wanted one |reference.Kd_Nms_rad| reference.Kd| Nm s/rad| 0| 0.349999994| 0| free|  */
+   ESEA_PARAM_REFERENCE_BLEND_S=17, /* time constant from the measured torque to a new law: longer is gentler |reference.blend_s| reference.blend| s| 0.0200000014| 5| 0.2| free|  */
+   ESEA_PARAM_REFERENCE_TAU_RANGE_NM=18, /* largest |set torque|: may only be narrowed below the identified range |reference.tau_range_Nm| rfrnc.tau_range| Nm| 0.0447000004| 4.46999979| 4.46999979| free|  */
+   ESEA_PARAM_PASSIVITY_LEAST_NMS_RAD=19, /* damping that a hand feels at least: more is calmer and less transparent |passivity.least_Nms_rad| passivity.least| Nm s/rad| 0.0100000007| 0.349999994| 0.0100000007| free|  */
+   ESEA_PARAM_PASSIVITY_ENERGY_J=20, /* energy that drive and command may hold and give: less is weaker |passivity.energy_J| passivity.energy| J| 0.400000006| 4| 4| free|  */
+   ESEA_PARAM_LEAD_SHARE=21, /* 1 looks ahead and smooths; 0 takes the set torque as it comes |lead.share| lead.share| 1| 0| 1| 1| free|  */
+   ESEA_PARAM_INVERSE_BANDWIDTH_HZ=22, /* bandwidth of the triple pole: higher follows faster and passes more noise |inverse.bandwidth_Hz| invrs.bandwidth| Hz| 2| 100| 100| free|  */
+   ESEA_PARAM_SETPOINT_BANDWIDTH_HZ=23, /* bandwidth of the triple pole: higher follows faster, lower smooths the corners |setpoint.bandwidth_Hz| stpnt.bandwidth| Hz| 2| 100| 50| free|  */
+   ESEA_PARAM_LIMITS_U_MAX_NM=24, /* largest |motor command|: lower is weaker |limits.u_max_Nm| limits.u_max_Nm| Nm| 0.00221000006| 0.220999986| 0.220999986| free|  */
+   ESEA_PARAM_LIMITS_U_RATE_NM_S=25, /* fastest change of the command: lower is softer |limits.u_rate_Nm_s| limits.u_rate| Nm/s| 5| 50| 50| free|  */
+   ESEA_PARAM_LIMITS_TAU_MAX_NM=26, /* interaction torque that trips |limits.tau_max_Nm| limits.tau_max| Nm| 0.400000006| 8| 8| free|  */
+   ESEA_PARAM_LIMITS_THETA_MAX_RAD=27, /* deflection that trips |limits.theta_max_rad| limits.theta_max| rad| 0.0149999997| 0.299999982| 0.299999982| free|  */
+   ESEA_PARAM_LIMITS_ROM_MIN_RAD=28, /* joint angle below which nothing pushes further: up narrows |limits.rom_min_rad| limits.rom_min| rad| -0.149999991| 2.5| -0.149999991| free|  */
+   ESEA_PARAM_LIMITS_ROM_MAX_RAD=29, /* joint angle above which nothing pushes further: down narrows |limits.rom_max_rad| limits.rom_max| rad| -0.149999991| 2.5| 2.5| free|  */
+   ESEA_PARAM_LIMITS_OMEGA_MAX_RAD_S=30, /* joint or drive speed that trips |limits.omega_max_rad_s| limits.omega_max| rad/s| 0.5| 10| 10| free|  */
+   ESEA_PARAM_LIMITS_ENERGY_MAX_J=31, /* energy within the window that trips |limits.energy_max_J| lmts.energy_max| J| 0.150000006| 15| 15| free|  */
+   ESEA_PARAM_DRIVE_BANDWIDTH_1_S=32, /* bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it |drive.bandwidth_1_s| drive.bandwidth| 1/s| 0| 18.0335312| 5| free|  */
+   ESEA_PARAM_HUMAN_DECAY_S=33, /* decay of the torque's rate: longer trusts a rate longer and overshoots more |human.decay_s| human.decay_s| s| 0.0600000024| 1.5| 0.3| free|  */
+   ESEA_PARAM_SET_RATE_CUTOFF_HZ=34, /* cut-off: higher follows faster and passes more noise |set_rate.cutoff_Hz| set_rate.cutoff| Hz| 15| 60| 30| free|  */
+   ESEA_PARAM_SET_TREND_BANDWIDTH_HZ=35, /* bandwidth without noise: higher sees sooner where it goes |set_trend.bandwidth_Hz| st_trnd.bndwdth| Hz| 0.5| 20| 16| free|  */
+   ESEA_PARAM_SET_TREND_QUIET_NM=36, /* noise that halves the bandwidth: lower is calmer, and trusts less |set_trend.quiet_Nm| set_trend.quiet| Nm| 0.00100000005| 1| 0.018| free|  */
+   ESEA_PARAM_SMC_LAMBDA_1_S=37, /* slope of the surface: higher is stiffer and nearer to the drive's own modes |smc.lambda_1_s| smc.lambda_1_s| 1/s| 1| 25| 15| free|  */
+   ESEA_PARAM_SMC_PHI_RAD_S=38, /* width of the boundary layer: narrower is stiffer and chatters sooner |smc.phi_rad_s| smc.phi_rad_s| rad/s| 0.00100000005| 100| 1.5| free|  */
+   ESEA_PARAM_SMC_MARGIN=39, /* factor on the switching gain of (5.20); 1 is its smallest |smc.margin| smc.margin| 1| 1| 5| 1| free|  */
+   ESEA_PARAM_SMC_LEAD=40, /* how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c |smc.lead| smc.lead| 1| 1| 4| 2.5| free|  */
+   ESEA_PARAM_SMC_LOAD_SHARE=41, /* share of the load's estimated acceleration in the set-point's acceleration |smc.load_share| smc.load_share| 1| 0| 1| 1| free|  */
+   ESEA_PARAM_SMC_FRICTION_AHEAD=42, /* share of the rate wanted in the rate whose friction is compensated; 0: measured |smc.friction_ahead| smc.frctn_ahd| 1| 0| 1| 1| free|  */
+   ESEA_PARAM_SMC_SOFTENING=43, /* how soft a swing of the error makes the gains; 0: they stay as they are |smc.softening| smc.softening| 1| 0| 1| 1| free|  */
+   ESEA_PARAM_ENUM_END=44, /*  | */
 } ESEA_PARAM;
 #endif
 
@@ -388,6 +396,20 @@ typedef enum ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS
    ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_RANGE_LEFT=32, /* turned by more than the joint's whole range | */
    ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS_ENUM_END=33, /*  | */
 } ESEA_ELBOW_DRIVE_ENCODER_GEAR_STATUS;
+#endif
+
+/** @brief what is known of it */
+#ifndef HAVE_ENUM_ESEA_ELBOW_DRIVE_ADAPTATION_STATUS
+#define HAVE_ENUM_ESEA_ELBOW_DRIVE_ADAPTATION_STATUS
+typedef enum ESEA_ELBOW_DRIVE_ADAPTATION_STATUS
+{
+   ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_INPUT_INVALID=1, /* an input was NaN or outside its range; nothing is learnt | */
+   ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_STATE_REPAIRED=2, /* the state was corrupt; what was learnt is lost | */
+   ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_LEARNS=4, /* the known mass moves: gain, loss and offset are learnt | */
+   ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_AT_BOUND=8, /* what would be learnt lies beyond its bound | */
+   ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_IMPLAUSIBLE=16, /* no rubber misses the known torque by so much: nothing is learnt | */
+   ESEA_ELBOW_DRIVE_ADAPTATION_STATUS_ENUM_END=17, /*  | */
+} ESEA_ELBOW_DRIVE_ADAPTATION_STATUS;
 #endif
 
 /** @brief what is known of this set torque */
@@ -640,6 +662,7 @@ typedef enum ESEA_ELBOW_DRIVE_STAMP_STATUS
 #include "./mavlink_msg_esea_key.h"
 #include "./mavlink_msg_esea_kept.h"
 #include "./mavlink_msg_esea_blackbox.h"
+#include "./mavlink_msg_esea_life.h"
 #include "./mavlink_msg_esea_wanted.h"
 
 // base include
@@ -647,8 +670,8 @@ typedef enum ESEA_ELBOW_DRIVE_STAMP_STATUS
 
 
 #if MAVLINK_ESEA_ELBOW_DRIVE_XML_HASH == MAVLINK_PRIMARY_XML_HASH
-# define MAVLINK_MESSAGE_INFO {MAVLINK_MESSAGE_INFO_HEARTBEAT, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_READ, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_LIST, MAVLINK_MESSAGE_INFO_PARAM_VALUE, MAVLINK_MESSAGE_INFO_PARAM_SET, MAVLINK_MESSAGE_INFO_COMMAND_LONG, MAVLINK_MESSAGE_INFO_COMMAND_ACK, MAVLINK_MESSAGE_INFO_TIMESYNC, MAVLINK_MESSAGE_INFO_STATUSTEXT, MAVLINK_MESSAGE_INFO_SETUP_SIGNING, MAVLINK_MESSAGE_INFO_PARAM_ERROR, MAVLINK_MESSAGE_INFO_ESEA_INFO, MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN, MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_IN, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT, MAVLINK_MESSAGE_INFO_ESEA_WANTED, MAVLINK_MESSAGE_INFO_ESEA_CLOCK, MAVLINK_MESSAGE_INFO_ESEA_STREAM, MAVLINK_MESSAGE_INFO_ESEA_DATA, MAVLINK_MESSAGE_INFO_ESEA_TRAFFIC, MAVLINK_MESSAGE_INFO_ESEA_KEY, MAVLINK_MESSAGE_INFO_ESEA_KEPT, MAVLINK_MESSAGE_INFO_ESEA_BLACKBOX}
-# define MAVLINK_MESSAGE_NAMES {{ "COMMAND_ACK", 77 }, { "COMMAND_LONG", 76 }, { "ESEA_BLACKBOX", 42667 }, { "ESEA_CLOCK", 42661 }, { "ESEA_CONTROL_IN", 42603 }, { "ESEA_CONTROL_OUT", 42604 }, { "ESEA_DATA", 42663 }, { "ESEA_INFO", 42600 }, { "ESEA_KEPT", 42666 }, { "ESEA_KEY", 42665 }, { "ESEA_SENSE_IN", 42601 }, { "ESEA_SENSE_OUT", 42602 }, { "ESEA_STREAM", 42662 }, { "ESEA_TRAFFIC", 42664 }, { "ESEA_WANTED", 42660 }, { "HEARTBEAT", 0 }, { "PARAM_ERROR", 345 }, { "PARAM_REQUEST_LIST", 21 }, { "PARAM_REQUEST_READ", 20 }, { "PARAM_SET", 23 }, { "PARAM_VALUE", 22 }, { "SETUP_SIGNING", 256 }, { "STATUSTEXT", 253 }, { "TIMESYNC", 111 }}
+# define MAVLINK_MESSAGE_INFO {MAVLINK_MESSAGE_INFO_HEARTBEAT, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_READ, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_LIST, MAVLINK_MESSAGE_INFO_PARAM_VALUE, MAVLINK_MESSAGE_INFO_PARAM_SET, MAVLINK_MESSAGE_INFO_COMMAND_LONG, MAVLINK_MESSAGE_INFO_COMMAND_ACK, MAVLINK_MESSAGE_INFO_TIMESYNC, MAVLINK_MESSAGE_INFO_STATUSTEXT, MAVLINK_MESSAGE_INFO_SETUP_SIGNING, MAVLINK_MESSAGE_INFO_PARAM_ERROR, MAVLINK_MESSAGE_INFO_ESEA_INFO, MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN, MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_IN, MAVLINK_MESSAGE_INFO_ESEA_CONTROL_OUT, MAVLINK_MESSAGE_INFO_ESEA_WANTED, MAVLINK_MESSAGE_INFO_ESEA_CLOCK, MAVLINK_MESSAGE_INFO_ESEA_STREAM, MAVLINK_MESSAGE_INFO_ESEA_DATA, MAVLINK_MESSAGE_INFO_ESEA_TRAFFIC, MAVLINK_MESSAGE_INFO_ESEA_KEY, MAVLINK_MESSAGE_INFO_ESEA_KEPT, MAVLINK_MESSAGE_INFO_ESEA_BLACKBOX, MAVLINK_MESSAGE_INFO_ESEA_LIFE}
+# define MAVLINK_MESSAGE_NAMES {{ "COMMAND_ACK", 77 }, { "COMMAND_LONG", 76 }, { "ESEA_BLACKBOX", 42667 }, { "ESEA_CLOCK", 42661 }, { "ESEA_CONTROL_IN", 42603 }, { "ESEA_CONTROL_OUT", 42604 }, { "ESEA_DATA", 42663 }, { "ESEA_INFO", 42600 }, { "ESEA_KEPT", 42666 }, { "ESEA_KEY", 42665 }, { "ESEA_LIFE", 42668 }, { "ESEA_SENSE_IN", 42601 }, { "ESEA_SENSE_OUT", 42602 }, { "ESEA_STREAM", 42662 }, { "ESEA_TRAFFIC", 42664 }, { "ESEA_WANTED", 42660 }, { "HEARTBEAT", 0 }, { "PARAM_ERROR", 345 }, { "PARAM_REQUEST_LIST", 21 }, { "PARAM_REQUEST_READ", 20 }, { "PARAM_SET", 23 }, { "PARAM_VALUE", 22 }, { "SETUP_SIGNING", 256 }, { "STATUSTEXT", 253 }, { "TIMESYNC", 111 }}
 # if MAVLINK_COMMAND_24BIT
 #  include "../mavlink_get_info.h"
 # endif

@@ -25,6 +25,9 @@ typedef struct __mavlink_esea_sense_out_t {
  float damping_Nms_rad; /*<  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993*/
  float given_J; /*<  energy given beyond the wanted torque's; [J], range 0 to 120.119995*/
  float held_J; /*<  that, and what drive and command may still give; [J], range 0 to 173.559555*/
+ float adapted_gain; /*<  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134*/
+ float adapted_loss; /*<  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976*/
+ float adapted_offset_Nm; /*<  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982*/
  uint32_t encoder_motor_status; /*<  what is known of this sample; bits below*/
  uint32_t encoder_load_status; /*<  what is known of this sample; bits below*/
  uint32_t joint_status; /*<  what is known of this sample; bits below*/
@@ -33,6 +36,7 @@ typedef struct __mavlink_esea_sense_out_t {
  uint32_t motor_rate_status; /*<  what is known of this sample; bits below*/
  uint32_t load_rate_status; /*<  what is known of this sample; bits below*/
  uint32_t encoder_gear_status; /*<  what is known of this sample; bits below*/
+ uint32_t adaptation_status; /*<  what is known of it; bits below*/
  uint32_t reference_status; /*<  what is known of this set torque; bits below*/
  uint32_t passivity_status; /*<  what is known of this step; bits below*/
  uint32_t lead_status; /*<  what is known of it; bits below*/
@@ -47,13 +51,13 @@ typedef struct __mavlink_esea_sense_out_t {
  uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
 } mavlink_esea_sense_out_t;
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 152
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 152
-#define MAVLINK_MSG_ID_42602_LEN 152
-#define MAVLINK_MSG_ID_42602_MIN_LEN 152
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 168
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 168
+#define MAVLINK_MSG_ID_42602_LEN 168
+#define MAVLINK_MSG_ID_42602_MIN_LEN 168
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 15
-#define MAVLINK_MSG_ID_42602_CRC 15
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 180
+#define MAVLINK_MSG_ID_42602_CRC 180
 
 
 
@@ -61,7 +65,7 @@ typedef struct __mavlink_esea_sense_out_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     42602, \
     "ESEA_SENSE_OUT", \
-    38, \
+    42, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -80,32 +84,36 @@ typedef struct __mavlink_esea_sense_out_t {
          { "damping_Nms_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 60, offsetof(mavlink_esea_sense_out_t, damping_Nms_rad) }, \
          { "given_J", NULL, MAVLINK_TYPE_FLOAT, 0, 64, offsetof(mavlink_esea_sense_out_t, given_J) }, \
          { "held_J", NULL, MAVLINK_TYPE_FLOAT, 0, 68, offsetof(mavlink_esea_sense_out_t, held_J) }, \
-         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 72, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
-         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
-         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
-         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
-         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
-         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
-         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
-         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
-         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "passivity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, passivity_status) }, \
-         { "lead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, lead_status) }, \
-         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
-         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
-         { "smooth_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, smooth_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 136, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 140, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 144, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 148, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "adapted_gain", NULL, MAVLINK_TYPE_FLOAT, 0, 72, offsetof(mavlink_esea_sense_out_t, adapted_gain) }, \
+         { "adapted_loss", NULL, MAVLINK_TYPE_FLOAT, 0, 76, offsetof(mavlink_esea_sense_out_t, adapted_loss) }, \
+         { "adapted_offset_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 80, offsetof(mavlink_esea_sense_out_t, adapted_offset_Nm) }, \
+         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
+         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
+         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
+         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
+         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
+         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
+         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
+         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
+         { "adaptation_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, adaptation_status) }, \
+         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
+         { "passivity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, passivity_status) }, \
+         { "lead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, lead_status) }, \
+         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
+         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 136, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
+         { "smooth_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 140, offsetof(mavlink_esea_sense_out_t, smooth_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 144, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 148, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 152, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 156, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 160, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 164, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     "ESEA_SENSE_OUT", \
-    38, \
+    42, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -124,26 +132,30 @@ typedef struct __mavlink_esea_sense_out_t {
          { "damping_Nms_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 60, offsetof(mavlink_esea_sense_out_t, damping_Nms_rad) }, \
          { "given_J", NULL, MAVLINK_TYPE_FLOAT, 0, 64, offsetof(mavlink_esea_sense_out_t, given_J) }, \
          { "held_J", NULL, MAVLINK_TYPE_FLOAT, 0, 68, offsetof(mavlink_esea_sense_out_t, held_J) }, \
-         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 72, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
-         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
-         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
-         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
-         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
-         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
-         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
-         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
-         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "passivity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, passivity_status) }, \
-         { "lead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, lead_status) }, \
-         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
-         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
-         { "smooth_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, smooth_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 136, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 140, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 144, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 148, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "adapted_gain", NULL, MAVLINK_TYPE_FLOAT, 0, 72, offsetof(mavlink_esea_sense_out_t, adapted_gain) }, \
+         { "adapted_loss", NULL, MAVLINK_TYPE_FLOAT, 0, 76, offsetof(mavlink_esea_sense_out_t, adapted_loss) }, \
+         { "adapted_offset_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 80, offsetof(mavlink_esea_sense_out_t, adapted_offset_Nm) }, \
+         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
+         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
+         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
+         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
+         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
+         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
+         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
+         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
+         { "adaptation_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, adaptation_status) }, \
+         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
+         { "passivity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, passivity_status) }, \
+         { "lead_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, lead_status) }, \
+         { "inverse_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, inverse_status) }, \
+         { "setpoint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 136, offsetof(mavlink_esea_sense_out_t, setpoint_status) }, \
+         { "smooth_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 140, offsetof(mavlink_esea_sense_out_t, smooth_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 144, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 148, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 152, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 156, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "set_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 160, offsetof(mavlink_esea_sense_out_t, set_rate_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 164, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #endif
@@ -172,6 +184,9 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
  * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
+ * @param adapted_gain  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134
+ * @param adapted_loss  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976
+ * @param adapted_offset_Nm  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -180,6 +195,7 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
+ * @param adaptation_status  what is known of it; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param passivity_status  what is known of this step; bits below
  * @param lead_status  what is known of it; bits below
@@ -195,7 +211,7 @@ typedef struct __mavlink_esea_sense_out_t {
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, float adapted_gain, float adapted_loss, float adapted_offset_Nm, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t adaptation_status, uint32_t reference_status, uint32_t passivity_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -217,26 +233,30 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     _mav_put_float(buf, 60, damping_Nms_rad);
     _mav_put_float(buf, 64, given_J);
     _mav_put_float(buf, 68, held_J);
-    _mav_put_uint32_t(buf, 72, encoder_motor_status);
-    _mav_put_uint32_t(buf, 76, encoder_load_status);
-    _mav_put_uint32_t(buf, 80, joint_status);
-    _mav_put_uint32_t(buf, 84, velocity_status);
-    _mav_put_uint32_t(buf, 88, sensor_status);
-    _mav_put_uint32_t(buf, 92, motor_rate_status);
-    _mav_put_uint32_t(buf, 96, load_rate_status);
-    _mav_put_uint32_t(buf, 100, encoder_gear_status);
-    _mav_put_uint32_t(buf, 104, reference_status);
-    _mav_put_uint32_t(buf, 108, passivity_status);
-    _mav_put_uint32_t(buf, 112, lead_status);
-    _mav_put_uint32_t(buf, 116, inverse_status);
-    _mav_put_uint32_t(buf, 120, setpoint_status);
-    _mav_put_uint32_t(buf, 124, smooth_status);
-    _mav_put_uint32_t(buf, 128, limits_status);
-    _mav_put_uint32_t(buf, 132, drive_status);
-    _mav_put_uint32_t(buf, 136, gear_status);
-    _mav_put_uint32_t(buf, 140, human_status);
-    _mav_put_uint32_t(buf, 144, set_rate_status);
-    _mav_put_uint32_t(buf, 148, step_ticks);
+    _mav_put_float(buf, 72, adapted_gain);
+    _mav_put_float(buf, 76, adapted_loss);
+    _mav_put_float(buf, 80, adapted_offset_Nm);
+    _mav_put_uint32_t(buf, 84, encoder_motor_status);
+    _mav_put_uint32_t(buf, 88, encoder_load_status);
+    _mav_put_uint32_t(buf, 92, joint_status);
+    _mav_put_uint32_t(buf, 96, velocity_status);
+    _mav_put_uint32_t(buf, 100, sensor_status);
+    _mav_put_uint32_t(buf, 104, motor_rate_status);
+    _mav_put_uint32_t(buf, 108, load_rate_status);
+    _mav_put_uint32_t(buf, 112, encoder_gear_status);
+    _mav_put_uint32_t(buf, 116, adaptation_status);
+    _mav_put_uint32_t(buf, 120, reference_status);
+    _mav_put_uint32_t(buf, 124, passivity_status);
+    _mav_put_uint32_t(buf, 128, lead_status);
+    _mav_put_uint32_t(buf, 132, inverse_status);
+    _mav_put_uint32_t(buf, 136, setpoint_status);
+    _mav_put_uint32_t(buf, 140, smooth_status);
+    _mav_put_uint32_t(buf, 144, limits_status);
+    _mav_put_uint32_t(buf, 148, drive_status);
+    _mav_put_uint32_t(buf, 152, gear_status);
+    _mav_put_uint32_t(buf, 156, human_status);
+    _mav_put_uint32_t(buf, 160, set_rate_status);
+    _mav_put_uint32_t(buf, 164, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -259,6 +279,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.damping_Nms_rad = damping_Nms_rad;
     packet.given_J = given_J;
     packet.held_J = held_J;
+    packet.adapted_gain = adapted_gain;
+    packet.adapted_loss = adapted_loss;
+    packet.adapted_offset_Nm = adapted_offset_Nm;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -267,6 +290,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
+    packet.adaptation_status = adaptation_status;
     packet.reference_status = reference_status;
     packet.passivity_status = passivity_status;
     packet.lead_status = lead_status;
@@ -312,6 +336,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
  * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
+ * @param adapted_gain  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134
+ * @param adapted_loss  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976
+ * @param adapted_offset_Nm  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -320,6 +347,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
+ * @param adaptation_status  what is known of it; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param passivity_status  what is known of this step; bits below
  * @param lead_status  what is known of it; bits below
@@ -335,7 +363,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, float adapted_gain, float adapted_loss, float adapted_offset_Nm, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t adaptation_status, uint32_t reference_status, uint32_t passivity_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -357,26 +385,30 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     _mav_put_float(buf, 60, damping_Nms_rad);
     _mav_put_float(buf, 64, given_J);
     _mav_put_float(buf, 68, held_J);
-    _mav_put_uint32_t(buf, 72, encoder_motor_status);
-    _mav_put_uint32_t(buf, 76, encoder_load_status);
-    _mav_put_uint32_t(buf, 80, joint_status);
-    _mav_put_uint32_t(buf, 84, velocity_status);
-    _mav_put_uint32_t(buf, 88, sensor_status);
-    _mav_put_uint32_t(buf, 92, motor_rate_status);
-    _mav_put_uint32_t(buf, 96, load_rate_status);
-    _mav_put_uint32_t(buf, 100, encoder_gear_status);
-    _mav_put_uint32_t(buf, 104, reference_status);
-    _mav_put_uint32_t(buf, 108, passivity_status);
-    _mav_put_uint32_t(buf, 112, lead_status);
-    _mav_put_uint32_t(buf, 116, inverse_status);
-    _mav_put_uint32_t(buf, 120, setpoint_status);
-    _mav_put_uint32_t(buf, 124, smooth_status);
-    _mav_put_uint32_t(buf, 128, limits_status);
-    _mav_put_uint32_t(buf, 132, drive_status);
-    _mav_put_uint32_t(buf, 136, gear_status);
-    _mav_put_uint32_t(buf, 140, human_status);
-    _mav_put_uint32_t(buf, 144, set_rate_status);
-    _mav_put_uint32_t(buf, 148, step_ticks);
+    _mav_put_float(buf, 72, adapted_gain);
+    _mav_put_float(buf, 76, adapted_loss);
+    _mav_put_float(buf, 80, adapted_offset_Nm);
+    _mav_put_uint32_t(buf, 84, encoder_motor_status);
+    _mav_put_uint32_t(buf, 88, encoder_load_status);
+    _mav_put_uint32_t(buf, 92, joint_status);
+    _mav_put_uint32_t(buf, 96, velocity_status);
+    _mav_put_uint32_t(buf, 100, sensor_status);
+    _mav_put_uint32_t(buf, 104, motor_rate_status);
+    _mav_put_uint32_t(buf, 108, load_rate_status);
+    _mav_put_uint32_t(buf, 112, encoder_gear_status);
+    _mav_put_uint32_t(buf, 116, adaptation_status);
+    _mav_put_uint32_t(buf, 120, reference_status);
+    _mav_put_uint32_t(buf, 124, passivity_status);
+    _mav_put_uint32_t(buf, 128, lead_status);
+    _mav_put_uint32_t(buf, 132, inverse_status);
+    _mav_put_uint32_t(buf, 136, setpoint_status);
+    _mav_put_uint32_t(buf, 140, smooth_status);
+    _mav_put_uint32_t(buf, 144, limits_status);
+    _mav_put_uint32_t(buf, 148, drive_status);
+    _mav_put_uint32_t(buf, 152, gear_status);
+    _mav_put_uint32_t(buf, 156, human_status);
+    _mav_put_uint32_t(buf, 160, set_rate_status);
+    _mav_put_uint32_t(buf, 164, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -399,6 +431,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.damping_Nms_rad = damping_Nms_rad;
     packet.given_J = given_J;
     packet.held_J = held_J;
+    packet.adapted_gain = adapted_gain;
+    packet.adapted_loss = adapted_loss;
+    packet.adapted_offset_Nm = adapted_offset_Nm;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -407,6 +442,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
+    packet.adaptation_status = adaptation_status;
     packet.reference_status = reference_status;
     packet.passivity_status = passivity_status;
     packet.lead_status = lead_status;
@@ -455,6 +491,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
  * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
+ * @param adapted_gain  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134
+ * @param adapted_loss  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976
+ * @param adapted_offset_Nm  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -463,6 +502,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
+ * @param adaptation_status  what is known of it; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param passivity_status  what is known of this step; bits below
  * @param lead_status  what is known of it; bits below
@@ -479,7 +519,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float delta_set_rad,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,float damping_Nms_rad,float given_J,float held_J,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t encoder_gear_status,uint32_t reference_status,uint32_t passivity_status,uint32_t lead_status,uint32_t inverse_status,uint32_t setpoint_status,uint32_t smooth_status,uint32_t limits_status,uint32_t drive_status,uint32_t gear_status,uint32_t human_status,uint32_t set_rate_status,uint32_t step_ticks)
+                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float delta_set_rad,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,float damping_Nms_rad,float given_J,float held_J,float adapted_gain,float adapted_loss,float adapted_offset_Nm,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t encoder_gear_status,uint32_t adaptation_status,uint32_t reference_status,uint32_t passivity_status,uint32_t lead_status,uint32_t inverse_status,uint32_t setpoint_status,uint32_t smooth_status,uint32_t limits_status,uint32_t drive_status,uint32_t gear_status,uint32_t human_status,uint32_t set_rate_status,uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -501,26 +541,30 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     _mav_put_float(buf, 60, damping_Nms_rad);
     _mav_put_float(buf, 64, given_J);
     _mav_put_float(buf, 68, held_J);
-    _mav_put_uint32_t(buf, 72, encoder_motor_status);
-    _mav_put_uint32_t(buf, 76, encoder_load_status);
-    _mav_put_uint32_t(buf, 80, joint_status);
-    _mav_put_uint32_t(buf, 84, velocity_status);
-    _mav_put_uint32_t(buf, 88, sensor_status);
-    _mav_put_uint32_t(buf, 92, motor_rate_status);
-    _mav_put_uint32_t(buf, 96, load_rate_status);
-    _mav_put_uint32_t(buf, 100, encoder_gear_status);
-    _mav_put_uint32_t(buf, 104, reference_status);
-    _mav_put_uint32_t(buf, 108, passivity_status);
-    _mav_put_uint32_t(buf, 112, lead_status);
-    _mav_put_uint32_t(buf, 116, inverse_status);
-    _mav_put_uint32_t(buf, 120, setpoint_status);
-    _mav_put_uint32_t(buf, 124, smooth_status);
-    _mav_put_uint32_t(buf, 128, limits_status);
-    _mav_put_uint32_t(buf, 132, drive_status);
-    _mav_put_uint32_t(buf, 136, gear_status);
-    _mav_put_uint32_t(buf, 140, human_status);
-    _mav_put_uint32_t(buf, 144, set_rate_status);
-    _mav_put_uint32_t(buf, 148, step_ticks);
+    _mav_put_float(buf, 72, adapted_gain);
+    _mav_put_float(buf, 76, adapted_loss);
+    _mav_put_float(buf, 80, adapted_offset_Nm);
+    _mav_put_uint32_t(buf, 84, encoder_motor_status);
+    _mav_put_uint32_t(buf, 88, encoder_load_status);
+    _mav_put_uint32_t(buf, 92, joint_status);
+    _mav_put_uint32_t(buf, 96, velocity_status);
+    _mav_put_uint32_t(buf, 100, sensor_status);
+    _mav_put_uint32_t(buf, 104, motor_rate_status);
+    _mav_put_uint32_t(buf, 108, load_rate_status);
+    _mav_put_uint32_t(buf, 112, encoder_gear_status);
+    _mav_put_uint32_t(buf, 116, adaptation_status);
+    _mav_put_uint32_t(buf, 120, reference_status);
+    _mav_put_uint32_t(buf, 124, passivity_status);
+    _mav_put_uint32_t(buf, 128, lead_status);
+    _mav_put_uint32_t(buf, 132, inverse_status);
+    _mav_put_uint32_t(buf, 136, setpoint_status);
+    _mav_put_uint32_t(buf, 140, smooth_status);
+    _mav_put_uint32_t(buf, 144, limits_status);
+    _mav_put_uint32_t(buf, 148, drive_status);
+    _mav_put_uint32_t(buf, 152, gear_status);
+    _mav_put_uint32_t(buf, 156, human_status);
+    _mav_put_uint32_t(buf, 160, set_rate_status);
+    _mav_put_uint32_t(buf, 164, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -543,6 +587,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.damping_Nms_rad = damping_Nms_rad;
     packet.given_J = given_J;
     packet.held_J = held_J;
+    packet.adapted_gain = adapted_gain;
+    packet.adapted_loss = adapted_loss;
+    packet.adapted_offset_Nm = adapted_offset_Nm;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -551,6 +598,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
+    packet.adaptation_status = adaptation_status;
     packet.reference_status = reference_status;
     packet.passivity_status = passivity_status;
     packet.lead_status = lead_status;
@@ -581,7 +629,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->adapted_gain, esea_sense_out->adapted_loss, esea_sense_out->adapted_offset_Nm, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->adaptation_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -595,7 +643,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->adapted_gain, esea_sense_out->adapted_loss, esea_sense_out->adapted_offset_Nm, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->adaptation_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -609,7 +657,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->adapted_gain, esea_sense_out->adapted_loss, esea_sense_out->adapted_offset_Nm, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->adaptation_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -634,6 +682,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
  * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
+ * @param adapted_gain  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134
+ * @param adapted_loss  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976
+ * @param adapted_offset_Nm  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -642,6 +693,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
+ * @param adaptation_status  what is known of it; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param passivity_status  what is known of this step; bits below
  * @param lead_status  what is known of it; bits below
@@ -657,7 +709,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, float adapted_gain, float adapted_loss, float adapted_offset_Nm, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t adaptation_status, uint32_t reference_status, uint32_t passivity_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -679,26 +731,30 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     _mav_put_float(buf, 60, damping_Nms_rad);
     _mav_put_float(buf, 64, given_J);
     _mav_put_float(buf, 68, held_J);
-    _mav_put_uint32_t(buf, 72, encoder_motor_status);
-    _mav_put_uint32_t(buf, 76, encoder_load_status);
-    _mav_put_uint32_t(buf, 80, joint_status);
-    _mav_put_uint32_t(buf, 84, velocity_status);
-    _mav_put_uint32_t(buf, 88, sensor_status);
-    _mav_put_uint32_t(buf, 92, motor_rate_status);
-    _mav_put_uint32_t(buf, 96, load_rate_status);
-    _mav_put_uint32_t(buf, 100, encoder_gear_status);
-    _mav_put_uint32_t(buf, 104, reference_status);
-    _mav_put_uint32_t(buf, 108, passivity_status);
-    _mav_put_uint32_t(buf, 112, lead_status);
-    _mav_put_uint32_t(buf, 116, inverse_status);
-    _mav_put_uint32_t(buf, 120, setpoint_status);
-    _mav_put_uint32_t(buf, 124, smooth_status);
-    _mav_put_uint32_t(buf, 128, limits_status);
-    _mav_put_uint32_t(buf, 132, drive_status);
-    _mav_put_uint32_t(buf, 136, gear_status);
-    _mav_put_uint32_t(buf, 140, human_status);
-    _mav_put_uint32_t(buf, 144, set_rate_status);
-    _mav_put_uint32_t(buf, 148, step_ticks);
+    _mav_put_float(buf, 72, adapted_gain);
+    _mav_put_float(buf, 76, adapted_loss);
+    _mav_put_float(buf, 80, adapted_offset_Nm);
+    _mav_put_uint32_t(buf, 84, encoder_motor_status);
+    _mav_put_uint32_t(buf, 88, encoder_load_status);
+    _mav_put_uint32_t(buf, 92, joint_status);
+    _mav_put_uint32_t(buf, 96, velocity_status);
+    _mav_put_uint32_t(buf, 100, sensor_status);
+    _mav_put_uint32_t(buf, 104, motor_rate_status);
+    _mav_put_uint32_t(buf, 108, load_rate_status);
+    _mav_put_uint32_t(buf, 112, encoder_gear_status);
+    _mav_put_uint32_t(buf, 116, adaptation_status);
+    _mav_put_uint32_t(buf, 120, reference_status);
+    _mav_put_uint32_t(buf, 124, passivity_status);
+    _mav_put_uint32_t(buf, 128, lead_status);
+    _mav_put_uint32_t(buf, 132, inverse_status);
+    _mav_put_uint32_t(buf, 136, setpoint_status);
+    _mav_put_uint32_t(buf, 140, smooth_status);
+    _mav_put_uint32_t(buf, 144, limits_status);
+    _mav_put_uint32_t(buf, 148, drive_status);
+    _mav_put_uint32_t(buf, 152, gear_status);
+    _mav_put_uint32_t(buf, 156, human_status);
+    _mav_put_uint32_t(buf, 160, set_rate_status);
+    _mav_put_uint32_t(buf, 164, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -721,6 +777,9 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.damping_Nms_rad = damping_Nms_rad;
     packet.given_J = given_J;
     packet.held_J = held_J;
+    packet.adapted_gain = adapted_gain;
+    packet.adapted_loss = adapted_loss;
+    packet.adapted_offset_Nm = adapted_offset_Nm;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -729,6 +788,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
+    packet.adaptation_status = adaptation_status;
     packet.reference_status = reference_status;
     packet.passivity_status = passivity_status;
     packet.lead_status = lead_status;
@@ -754,7 +814,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
 static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan, const mavlink_esea_sense_out_t* esea_sense_out)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
+    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->delta_set_rad, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->adapted_gain, esea_sense_out->adapted_loss, esea_sense_out->adapted_offset_Nm, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->adaptation_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->lead_status, esea_sense_out->inverse_status, esea_sense_out->setpoint_status, esea_sense_out->smooth_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->set_rate_status, esea_sense_out->step_ticks);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)esea_sense_out, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #endif
@@ -768,7 +828,7 @@ static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float delta_set_rad, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, float adapted_gain, float adapted_loss, float adapted_offset_Nm, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t adaptation_status, uint32_t reference_status, uint32_t passivity_status, uint32_t lead_status, uint32_t inverse_status, uint32_t setpoint_status, uint32_t smooth_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t set_rate_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -790,26 +850,30 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     _mav_put_float(buf, 60, damping_Nms_rad);
     _mav_put_float(buf, 64, given_J);
     _mav_put_float(buf, 68, held_J);
-    _mav_put_uint32_t(buf, 72, encoder_motor_status);
-    _mav_put_uint32_t(buf, 76, encoder_load_status);
-    _mav_put_uint32_t(buf, 80, joint_status);
-    _mav_put_uint32_t(buf, 84, velocity_status);
-    _mav_put_uint32_t(buf, 88, sensor_status);
-    _mav_put_uint32_t(buf, 92, motor_rate_status);
-    _mav_put_uint32_t(buf, 96, load_rate_status);
-    _mav_put_uint32_t(buf, 100, encoder_gear_status);
-    _mav_put_uint32_t(buf, 104, reference_status);
-    _mav_put_uint32_t(buf, 108, passivity_status);
-    _mav_put_uint32_t(buf, 112, lead_status);
-    _mav_put_uint32_t(buf, 116, inverse_status);
-    _mav_put_uint32_t(buf, 120, setpoint_status);
-    _mav_put_uint32_t(buf, 124, smooth_status);
-    _mav_put_uint32_t(buf, 128, limits_status);
-    _mav_put_uint32_t(buf, 132, drive_status);
-    _mav_put_uint32_t(buf, 136, gear_status);
-    _mav_put_uint32_t(buf, 140, human_status);
-    _mav_put_uint32_t(buf, 144, set_rate_status);
-    _mav_put_uint32_t(buf, 148, step_ticks);
+    _mav_put_float(buf, 72, adapted_gain);
+    _mav_put_float(buf, 76, adapted_loss);
+    _mav_put_float(buf, 80, adapted_offset_Nm);
+    _mav_put_uint32_t(buf, 84, encoder_motor_status);
+    _mav_put_uint32_t(buf, 88, encoder_load_status);
+    _mav_put_uint32_t(buf, 92, joint_status);
+    _mav_put_uint32_t(buf, 96, velocity_status);
+    _mav_put_uint32_t(buf, 100, sensor_status);
+    _mav_put_uint32_t(buf, 104, motor_rate_status);
+    _mav_put_uint32_t(buf, 108, load_rate_status);
+    _mav_put_uint32_t(buf, 112, encoder_gear_status);
+    _mav_put_uint32_t(buf, 116, adaptation_status);
+    _mav_put_uint32_t(buf, 120, reference_status);
+    _mav_put_uint32_t(buf, 124, passivity_status);
+    _mav_put_uint32_t(buf, 128, lead_status);
+    _mav_put_uint32_t(buf, 132, inverse_status);
+    _mav_put_uint32_t(buf, 136, setpoint_status);
+    _mav_put_uint32_t(buf, 140, smooth_status);
+    _mav_put_uint32_t(buf, 144, limits_status);
+    _mav_put_uint32_t(buf, 148, drive_status);
+    _mav_put_uint32_t(buf, 152, gear_status);
+    _mav_put_uint32_t(buf, 156, human_status);
+    _mav_put_uint32_t(buf, 160, set_rate_status);
+    _mav_put_uint32_t(buf, 164, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -832,6 +896,9 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->damping_Nms_rad = damping_Nms_rad;
     packet->given_J = given_J;
     packet->held_J = held_J;
+    packet->adapted_gain = adapted_gain;
+    packet->adapted_loss = adapted_loss;
+    packet->adapted_offset_Nm = adapted_offset_Nm;
     packet->encoder_motor_status = encoder_motor_status;
     packet->encoder_load_status = encoder_load_status;
     packet->joint_status = joint_status;
@@ -840,6 +907,7 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->motor_rate_status = motor_rate_status;
     packet->load_rate_status = load_rate_status;
     packet->encoder_gear_status = encoder_gear_status;
+    packet->adaptation_status = adaptation_status;
     packet->reference_status = reference_status;
     packet->passivity_status = passivity_status;
     packet->lead_status = lead_status;
@@ -1044,13 +1112,43 @@ static inline float mavlink_msg_esea_sense_out_get_held_J(const mavlink_message_
 }
 
 /**
+ * @brief Get field adapted_gain from esea_sense_out message
+ *
+ * @return  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134
+ */
+static inline float mavlink_msg_esea_sense_out_get_adapted_gain(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  72);
+}
+
+/**
+ * @brief Get field adapted_loss from esea_sense_out message
+ *
+ * @return  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976
+ */
+static inline float mavlink_msg_esea_sense_out_get_adapted_loss(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  76);
+}
+
+/**
+ * @brief Get field adapted_offset_Nm from esea_sense_out message
+ *
+ * @return  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982
+ */
+static inline float mavlink_msg_esea_sense_out_get_adapted_offset_Nm(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  80);
+}
+
+/**
  * @brief Get field encoder_motor_status from esea_sense_out message
  *
  * @return  what is known of this sample; bits below
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_motor_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  72);
+    return _MAV_RETURN_uint32_t(msg,  84);
 }
 
 /**
@@ -1060,7 +1158,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_motor_status(const
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_load_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  76);
+    return _MAV_RETURN_uint32_t(msg,  88);
 }
 
 /**
@@ -1070,7 +1168,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_load_status(const 
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_joint_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  80);
+    return _MAV_RETURN_uint32_t(msg,  92);
 }
 
 /**
@@ -1080,7 +1178,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_joint_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_velocity_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  84);
+    return _MAV_RETURN_uint32_t(msg,  96);
 }
 
 /**
@@ -1090,7 +1188,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_velocity_status(const mavl
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_sensor_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  88);
+    return _MAV_RETURN_uint32_t(msg,  100);
 }
 
 /**
@@ -1100,7 +1198,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_sensor_status(const mavlin
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_motor_rate_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  92);
+    return _MAV_RETURN_uint32_t(msg,  104);
 }
 
 /**
@@ -1110,7 +1208,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_motor_rate_status(const ma
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_load_rate_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  96);
+    return _MAV_RETURN_uint32_t(msg,  108);
 }
 
 /**
@@ -1120,7 +1218,17 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_load_rate_status(const mav
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_gear_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  100);
+    return _MAV_RETURN_uint32_t(msg,  112);
+}
+
+/**
+ * @brief Get field adaptation_status from esea_sense_out message
+ *
+ * @return  what is known of it; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_adaptation_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  116);
 }
 
 /**
@@ -1130,7 +1238,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_gear_status(const 
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  104);
+    return _MAV_RETURN_uint32_t(msg,  120);
 }
 
 /**
@@ -1140,7 +1248,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mav
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_passivity_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  108);
+    return _MAV_RETURN_uint32_t(msg,  124);
 }
 
 /**
@@ -1150,7 +1258,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_passivity_status(const mav
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_lead_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  112);
+    return _MAV_RETURN_uint32_t(msg,  128);
 }
 
 /**
@@ -1160,7 +1268,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_lead_status(const mavlink_
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_inverse_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  116);
+    return _MAV_RETURN_uint32_t(msg,  132);
 }
 
 /**
@@ -1170,7 +1278,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_inverse_status(const mavli
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_setpoint_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  120);
+    return _MAV_RETURN_uint32_t(msg,  136);
 }
 
 /**
@@ -1180,7 +1288,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_setpoint_status(const mavl
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_smooth_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  124);
+    return _MAV_RETURN_uint32_t(msg,  140);
 }
 
 /**
@@ -1190,7 +1298,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_smooth_status(const mavlin
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  128);
+    return _MAV_RETURN_uint32_t(msg,  144);
 }
 
 /**
@@ -1200,7 +1308,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlin
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  132);
+    return _MAV_RETURN_uint32_t(msg,  148);
 }
 
 /**
@@ -1210,7 +1318,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_gear_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  136);
+    return _MAV_RETURN_uint32_t(msg,  152);
 }
 
 /**
@@ -1220,7 +1328,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_gear_status(const mavlink_
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  140);
+    return _MAV_RETURN_uint32_t(msg,  156);
 }
 
 /**
@@ -1230,7 +1338,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_set_rate_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  144);
+    return _MAV_RETURN_uint32_t(msg,  160);
 }
 
 /**
@@ -1240,7 +1348,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_set_rate_status(const mavl
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_step_ticks(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  148);
+    return _MAV_RETURN_uint32_t(msg,  164);
 }
 
 /**
@@ -1270,6 +1378,9 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->damping_Nms_rad = mavlink_msg_esea_sense_out_get_damping_Nms_rad(msg);
     esea_sense_out->given_J = mavlink_msg_esea_sense_out_get_given_J(msg);
     esea_sense_out->held_J = mavlink_msg_esea_sense_out_get_held_J(msg);
+    esea_sense_out->adapted_gain = mavlink_msg_esea_sense_out_get_adapted_gain(msg);
+    esea_sense_out->adapted_loss = mavlink_msg_esea_sense_out_get_adapted_loss(msg);
+    esea_sense_out->adapted_offset_Nm = mavlink_msg_esea_sense_out_get_adapted_offset_Nm(msg);
     esea_sense_out->encoder_motor_status = mavlink_msg_esea_sense_out_get_encoder_motor_status(msg);
     esea_sense_out->encoder_load_status = mavlink_msg_esea_sense_out_get_encoder_load_status(msg);
     esea_sense_out->joint_status = mavlink_msg_esea_sense_out_get_joint_status(msg);
@@ -1278,6 +1389,7 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->motor_rate_status = mavlink_msg_esea_sense_out_get_motor_rate_status(msg);
     esea_sense_out->load_rate_status = mavlink_msg_esea_sense_out_get_load_rate_status(msg);
     esea_sense_out->encoder_gear_status = mavlink_msg_esea_sense_out_get_encoder_gear_status(msg);
+    esea_sense_out->adaptation_status = mavlink_msg_esea_sense_out_get_adaptation_status(msg);
     esea_sense_out->reference_status = mavlink_msg_esea_sense_out_get_reference_status(msg);
     esea_sense_out->passivity_status = mavlink_msg_esea_sense_out_get_passivity_status(msg);
     esea_sense_out->lead_status = mavlink_msg_esea_sense_out_get_lead_status(msg);

@@ -24,6 +24,9 @@ typedef struct __mavlink_esea_sense_out_t {
  float damping_Nms_rad; /*<  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993*/
  float given_J; /*<  energy given beyond the wanted torque's; [J], range 0 to 120.119995*/
  float held_J; /*<  that, and what drive and command may still give; [J], range 0 to 173.559555*/
+ float adapted_gain; /*<  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134*/
+ float adapted_loss; /*<  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976*/
+ float adapted_offset_Nm; /*<  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982*/
  uint32_t encoder_motor_status; /*<  what is known of this sample; bits below*/
  uint32_t encoder_load_status; /*<  what is known of this sample; bits below*/
  uint32_t joint_status; /*<  what is known of this sample; bits below*/
@@ -32,6 +35,7 @@ typedef struct __mavlink_esea_sense_out_t {
  uint32_t motor_rate_status; /*<  what is known of this sample; bits below*/
  uint32_t load_rate_status; /*<  what is known of this sample; bits below*/
  uint32_t encoder_gear_status; /*<  what is known of this sample; bits below*/
+ uint32_t adaptation_status; /*<  what is known of it; bits below*/
  uint32_t reference_status; /*<  what is known of this set torque; bits below*/
  uint32_t passivity_status; /*<  what is known of this step; bits below*/
  uint32_t cable_status; /*<  what is known of this sample; bits below*/
@@ -43,13 +47,13 @@ typedef struct __mavlink_esea_sense_out_t {
  uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
 } mavlink_esea_sense_out_t;
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 136
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 136
-#define MAVLINK_MSG_ID_42602_LEN 136
-#define MAVLINK_MSG_ID_42602_MIN_LEN 136
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 152
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 152
+#define MAVLINK_MSG_ID_42602_LEN 152
+#define MAVLINK_MSG_ID_42602_MIN_LEN 152
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 190
-#define MAVLINK_MSG_ID_42602_CRC 190
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 197
+#define MAVLINK_MSG_ID_42602_CRC 197
 
 
 
@@ -57,7 +61,7 @@ typedef struct __mavlink_esea_sense_out_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     42602, \
     "ESEA_SENSE_OUT", \
-    34, \
+    38, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -75,29 +79,33 @@ typedef struct __mavlink_esea_sense_out_t {
          { "damping_Nms_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 56, offsetof(mavlink_esea_sense_out_t, damping_Nms_rad) }, \
          { "given_J", NULL, MAVLINK_TYPE_FLOAT, 0, 60, offsetof(mavlink_esea_sense_out_t, given_J) }, \
          { "held_J", NULL, MAVLINK_TYPE_FLOAT, 0, 64, offsetof(mavlink_esea_sense_out_t, held_J) }, \
-         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 68, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
-         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 72, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
-         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
-         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
-         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
-         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
-         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
-         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
-         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "passivity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, passivity_status) }, \
-         { "cable_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, cable_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "drive_by_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, drive_by_gear_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "adapted_gain", NULL, MAVLINK_TYPE_FLOAT, 0, 68, offsetof(mavlink_esea_sense_out_t, adapted_gain) }, \
+         { "adapted_loss", NULL, MAVLINK_TYPE_FLOAT, 0, 72, offsetof(mavlink_esea_sense_out_t, adapted_loss) }, \
+         { "adapted_offset_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 76, offsetof(mavlink_esea_sense_out_t, adapted_offset_Nm) }, \
+         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
+         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
+         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
+         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
+         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
+         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
+         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
+         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
+         { "adaptation_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, adaptation_status) }, \
+         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
+         { "passivity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, passivity_status) }, \
+         { "cable_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, cable_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 136, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 140, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "drive_by_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 144, offsetof(mavlink_esea_sense_out_t, drive_by_gear_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 148, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     "ESEA_SENSE_OUT", \
-    34, \
+    38, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "u_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, u_Nm) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
@@ -115,23 +123,27 @@ typedef struct __mavlink_esea_sense_out_t {
          { "damping_Nms_rad", NULL, MAVLINK_TYPE_FLOAT, 0, 56, offsetof(mavlink_esea_sense_out_t, damping_Nms_rad) }, \
          { "given_J", NULL, MAVLINK_TYPE_FLOAT, 0, 60, offsetof(mavlink_esea_sense_out_t, given_J) }, \
          { "held_J", NULL, MAVLINK_TYPE_FLOAT, 0, 64, offsetof(mavlink_esea_sense_out_t, held_J) }, \
-         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 68, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
-         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 72, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
-         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 76, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
-         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
-         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
-         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
-         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
-         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
-         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
-         { "passivity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, passivity_status) }, \
-         { "cable_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, cable_status) }, \
-         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
-         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
-         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
-         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, human_status) }, \
-         { "drive_by_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, drive_by_gear_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "adapted_gain", NULL, MAVLINK_TYPE_FLOAT, 0, 68, offsetof(mavlink_esea_sense_out_t, adapted_gain) }, \
+         { "adapted_loss", NULL, MAVLINK_TYPE_FLOAT, 0, 72, offsetof(mavlink_esea_sense_out_t, adapted_loss) }, \
+         { "adapted_offset_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 76, offsetof(mavlink_esea_sense_out_t, adapted_offset_Nm) }, \
+         { "encoder_motor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 80, offsetof(mavlink_esea_sense_out_t, encoder_motor_status) }, \
+         { "encoder_load_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 84, offsetof(mavlink_esea_sense_out_t, encoder_load_status) }, \
+         { "joint_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 88, offsetof(mavlink_esea_sense_out_t, joint_status) }, \
+         { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 92, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
+         { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 96, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
+         { "motor_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 100, offsetof(mavlink_esea_sense_out_t, motor_rate_status) }, \
+         { "load_rate_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 104, offsetof(mavlink_esea_sense_out_t, load_rate_status) }, \
+         { "encoder_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 108, offsetof(mavlink_esea_sense_out_t, encoder_gear_status) }, \
+         { "adaptation_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 112, offsetof(mavlink_esea_sense_out_t, adaptation_status) }, \
+         { "reference_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 116, offsetof(mavlink_esea_sense_out_t, reference_status) }, \
+         { "passivity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 120, offsetof(mavlink_esea_sense_out_t, passivity_status) }, \
+         { "cable_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 124, offsetof(mavlink_esea_sense_out_t, cable_status) }, \
+         { "limits_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 128, offsetof(mavlink_esea_sense_out_t, limits_status) }, \
+         { "drive_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 132, offsetof(mavlink_esea_sense_out_t, drive_status) }, \
+         { "gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 136, offsetof(mavlink_esea_sense_out_t, gear_status) }, \
+         { "human_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 140, offsetof(mavlink_esea_sense_out_t, human_status) }, \
+         { "drive_by_gear_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 144, offsetof(mavlink_esea_sense_out_t, drive_by_gear_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 148, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #endif
@@ -159,6 +171,9 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
  * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
+ * @param adapted_gain  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134
+ * @param adapted_loss  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976
+ * @param adapted_offset_Nm  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -167,6 +182,7 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
+ * @param adaptation_status  what is known of it; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param passivity_status  what is known of this step; bits below
  * @param cable_status  what is known of this sample; bits below
@@ -179,7 +195,7 @@ typedef struct __mavlink_esea_sense_out_t {
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, float adapted_gain, float adapted_loss, float adapted_offset_Nm, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t adaptation_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -200,23 +216,27 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     _mav_put_float(buf, 56, damping_Nms_rad);
     _mav_put_float(buf, 60, given_J);
     _mav_put_float(buf, 64, held_J);
-    _mav_put_uint32_t(buf, 68, encoder_motor_status);
-    _mav_put_uint32_t(buf, 72, encoder_load_status);
-    _mav_put_uint32_t(buf, 76, joint_status);
-    _mav_put_uint32_t(buf, 80, velocity_status);
-    _mav_put_uint32_t(buf, 84, sensor_status);
-    _mav_put_uint32_t(buf, 88, motor_rate_status);
-    _mav_put_uint32_t(buf, 92, load_rate_status);
-    _mav_put_uint32_t(buf, 96, encoder_gear_status);
-    _mav_put_uint32_t(buf, 100, reference_status);
-    _mav_put_uint32_t(buf, 104, passivity_status);
-    _mav_put_uint32_t(buf, 108, cable_status);
-    _mav_put_uint32_t(buf, 112, limits_status);
-    _mav_put_uint32_t(buf, 116, drive_status);
-    _mav_put_uint32_t(buf, 120, gear_status);
-    _mav_put_uint32_t(buf, 124, human_status);
-    _mav_put_uint32_t(buf, 128, drive_by_gear_status);
-    _mav_put_uint32_t(buf, 132, step_ticks);
+    _mav_put_float(buf, 68, adapted_gain);
+    _mav_put_float(buf, 72, adapted_loss);
+    _mav_put_float(buf, 76, adapted_offset_Nm);
+    _mav_put_uint32_t(buf, 80, encoder_motor_status);
+    _mav_put_uint32_t(buf, 84, encoder_load_status);
+    _mav_put_uint32_t(buf, 88, joint_status);
+    _mav_put_uint32_t(buf, 92, velocity_status);
+    _mav_put_uint32_t(buf, 96, sensor_status);
+    _mav_put_uint32_t(buf, 100, motor_rate_status);
+    _mav_put_uint32_t(buf, 104, load_rate_status);
+    _mav_put_uint32_t(buf, 108, encoder_gear_status);
+    _mav_put_uint32_t(buf, 112, adaptation_status);
+    _mav_put_uint32_t(buf, 116, reference_status);
+    _mav_put_uint32_t(buf, 120, passivity_status);
+    _mav_put_uint32_t(buf, 124, cable_status);
+    _mav_put_uint32_t(buf, 128, limits_status);
+    _mav_put_uint32_t(buf, 132, drive_status);
+    _mav_put_uint32_t(buf, 136, gear_status);
+    _mav_put_uint32_t(buf, 140, human_status);
+    _mav_put_uint32_t(buf, 144, drive_by_gear_status);
+    _mav_put_uint32_t(buf, 148, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -238,6 +258,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.damping_Nms_rad = damping_Nms_rad;
     packet.given_J = given_J;
     packet.held_J = held_J;
+    packet.adapted_gain = adapted_gain;
+    packet.adapted_loss = adapted_loss;
+    packet.adapted_offset_Nm = adapted_offset_Nm;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -246,6 +269,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
+    packet.adaptation_status = adaptation_status;
     packet.reference_status = reference_status;
     packet.passivity_status = passivity_status;
     packet.cable_status = cable_status;
@@ -287,6 +311,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
  * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
+ * @param adapted_gain  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134
+ * @param adapted_loss  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976
+ * @param adapted_offset_Nm  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -295,6 +322,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
+ * @param adaptation_status  what is known of it; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param passivity_status  what is known of this step; bits below
  * @param cable_status  what is known of this sample; bits below
@@ -307,7 +335,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
+                               uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, float adapted_gain, float adapted_loss, float adapted_offset_Nm, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t adaptation_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -328,23 +356,27 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     _mav_put_float(buf, 56, damping_Nms_rad);
     _mav_put_float(buf, 60, given_J);
     _mav_put_float(buf, 64, held_J);
-    _mav_put_uint32_t(buf, 68, encoder_motor_status);
-    _mav_put_uint32_t(buf, 72, encoder_load_status);
-    _mav_put_uint32_t(buf, 76, joint_status);
-    _mav_put_uint32_t(buf, 80, velocity_status);
-    _mav_put_uint32_t(buf, 84, sensor_status);
-    _mav_put_uint32_t(buf, 88, motor_rate_status);
-    _mav_put_uint32_t(buf, 92, load_rate_status);
-    _mav_put_uint32_t(buf, 96, encoder_gear_status);
-    _mav_put_uint32_t(buf, 100, reference_status);
-    _mav_put_uint32_t(buf, 104, passivity_status);
-    _mav_put_uint32_t(buf, 108, cable_status);
-    _mav_put_uint32_t(buf, 112, limits_status);
-    _mav_put_uint32_t(buf, 116, drive_status);
-    _mav_put_uint32_t(buf, 120, gear_status);
-    _mav_put_uint32_t(buf, 124, human_status);
-    _mav_put_uint32_t(buf, 128, drive_by_gear_status);
-    _mav_put_uint32_t(buf, 132, step_ticks);
+    _mav_put_float(buf, 68, adapted_gain);
+    _mav_put_float(buf, 72, adapted_loss);
+    _mav_put_float(buf, 76, adapted_offset_Nm);
+    _mav_put_uint32_t(buf, 80, encoder_motor_status);
+    _mav_put_uint32_t(buf, 84, encoder_load_status);
+    _mav_put_uint32_t(buf, 88, joint_status);
+    _mav_put_uint32_t(buf, 92, velocity_status);
+    _mav_put_uint32_t(buf, 96, sensor_status);
+    _mav_put_uint32_t(buf, 100, motor_rate_status);
+    _mav_put_uint32_t(buf, 104, load_rate_status);
+    _mav_put_uint32_t(buf, 108, encoder_gear_status);
+    _mav_put_uint32_t(buf, 112, adaptation_status);
+    _mav_put_uint32_t(buf, 116, reference_status);
+    _mav_put_uint32_t(buf, 120, passivity_status);
+    _mav_put_uint32_t(buf, 124, cable_status);
+    _mav_put_uint32_t(buf, 128, limits_status);
+    _mav_put_uint32_t(buf, 132, drive_status);
+    _mav_put_uint32_t(buf, 136, gear_status);
+    _mav_put_uint32_t(buf, 140, human_status);
+    _mav_put_uint32_t(buf, 144, drive_by_gear_status);
+    _mav_put_uint32_t(buf, 148, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -366,6 +398,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.damping_Nms_rad = damping_Nms_rad;
     packet.given_J = given_J;
     packet.held_J = held_J;
+    packet.adapted_gain = adapted_gain;
+    packet.adapted_loss = adapted_loss;
+    packet.adapted_offset_Nm = adapted_offset_Nm;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -374,6 +409,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
+    packet.adaptation_status = adaptation_status;
     packet.reference_status = reference_status;
     packet.passivity_status = passivity_status;
     packet.cable_status = cable_status;
@@ -418,6 +454,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
  * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
+ * @param adapted_gain  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134
+ * @param adapted_loss  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976
+ * @param adapted_offset_Nm  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -426,6 +465,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
+ * @param adaptation_status  what is known of it; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param passivity_status  what is known of this step; bits below
  * @param cable_status  what is known of this sample; bits below
@@ -439,7 +479,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,float damping_Nms_rad,float given_J,float held_J,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t encoder_gear_status,uint32_t reference_status,uint32_t passivity_status,uint32_t cable_status,uint32_t limits_status,uint32_t drive_status,uint32_t gear_status,uint32_t human_status,uint32_t drive_by_gear_status,uint32_t step_ticks)
+                                   uint32_t sequence,float u_Nm,float tau_Nm,float tau_set_Nm,float theta_rad,float theta_motor_rad,float theta_load_rad,float omega_motor_rad_s,float omega_load_rad_s,float tau_h_Nm,float d4_rad_s2,float energy_J,float fault,float mode_held,float damping_Nms_rad,float given_J,float held_J,float adapted_gain,float adapted_loss,float adapted_offset_Nm,uint32_t encoder_motor_status,uint32_t encoder_load_status,uint32_t joint_status,uint32_t velocity_status,uint32_t sensor_status,uint32_t motor_rate_status,uint32_t load_rate_status,uint32_t encoder_gear_status,uint32_t adaptation_status,uint32_t reference_status,uint32_t passivity_status,uint32_t cable_status,uint32_t limits_status,uint32_t drive_status,uint32_t gear_status,uint32_t human_status,uint32_t drive_by_gear_status,uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -460,23 +500,27 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     _mav_put_float(buf, 56, damping_Nms_rad);
     _mav_put_float(buf, 60, given_J);
     _mav_put_float(buf, 64, held_J);
-    _mav_put_uint32_t(buf, 68, encoder_motor_status);
-    _mav_put_uint32_t(buf, 72, encoder_load_status);
-    _mav_put_uint32_t(buf, 76, joint_status);
-    _mav_put_uint32_t(buf, 80, velocity_status);
-    _mav_put_uint32_t(buf, 84, sensor_status);
-    _mav_put_uint32_t(buf, 88, motor_rate_status);
-    _mav_put_uint32_t(buf, 92, load_rate_status);
-    _mav_put_uint32_t(buf, 96, encoder_gear_status);
-    _mav_put_uint32_t(buf, 100, reference_status);
-    _mav_put_uint32_t(buf, 104, passivity_status);
-    _mav_put_uint32_t(buf, 108, cable_status);
-    _mav_put_uint32_t(buf, 112, limits_status);
-    _mav_put_uint32_t(buf, 116, drive_status);
-    _mav_put_uint32_t(buf, 120, gear_status);
-    _mav_put_uint32_t(buf, 124, human_status);
-    _mav_put_uint32_t(buf, 128, drive_by_gear_status);
-    _mav_put_uint32_t(buf, 132, step_ticks);
+    _mav_put_float(buf, 68, adapted_gain);
+    _mav_put_float(buf, 72, adapted_loss);
+    _mav_put_float(buf, 76, adapted_offset_Nm);
+    _mav_put_uint32_t(buf, 80, encoder_motor_status);
+    _mav_put_uint32_t(buf, 84, encoder_load_status);
+    _mav_put_uint32_t(buf, 88, joint_status);
+    _mav_put_uint32_t(buf, 92, velocity_status);
+    _mav_put_uint32_t(buf, 96, sensor_status);
+    _mav_put_uint32_t(buf, 100, motor_rate_status);
+    _mav_put_uint32_t(buf, 104, load_rate_status);
+    _mav_put_uint32_t(buf, 108, encoder_gear_status);
+    _mav_put_uint32_t(buf, 112, adaptation_status);
+    _mav_put_uint32_t(buf, 116, reference_status);
+    _mav_put_uint32_t(buf, 120, passivity_status);
+    _mav_put_uint32_t(buf, 124, cable_status);
+    _mav_put_uint32_t(buf, 128, limits_status);
+    _mav_put_uint32_t(buf, 132, drive_status);
+    _mav_put_uint32_t(buf, 136, gear_status);
+    _mav_put_uint32_t(buf, 140, human_status);
+    _mav_put_uint32_t(buf, 144, drive_by_gear_status);
+    _mav_put_uint32_t(buf, 148, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -498,6 +542,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.damping_Nms_rad = damping_Nms_rad;
     packet.given_J = given_J;
     packet.held_J = held_J;
+    packet.adapted_gain = adapted_gain;
+    packet.adapted_loss = adapted_loss;
+    packet.adapted_offset_Nm = adapted_offset_Nm;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -506,6 +553,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
+    packet.adaptation_status = adaptation_status;
     packet.reference_status = reference_status;
     packet.passivity_status = passivity_status;
     packet.cable_status = cable_status;
@@ -533,7 +581,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->adapted_gain, esea_sense_out->adapted_loss, esea_sense_out->adapted_offset_Nm, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->adaptation_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -547,7 +595,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->adapted_gain, esea_sense_out->adapted_loss, esea_sense_out->adapted_offset_Nm, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->adaptation_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -561,7 +609,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->adapted_gain, esea_sense_out->adapted_loss, esea_sense_out->adapted_offset_Nm, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->adaptation_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -585,6 +633,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param damping_Nms_rad  damping added to what is wanted; [Nm s/rad], range 0 to 0.350349993
  * @param given_J  energy given beyond the wanted torque's; [J], range 0 to 120.119995
  * @param held_J  that, and what drive and command may still give; [J], range 0 to 173.559555
+ * @param adapted_gain  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134
+ * @param adapted_loss  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976
+ * @param adapted_offset_Nm  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982
  * @param encoder_motor_status  what is known of this sample; bits below
  * @param encoder_load_status  what is known of this sample; bits below
  * @param joint_status  what is known of this sample; bits below
@@ -593,6 +644,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param motor_rate_status  what is known of this sample; bits below
  * @param load_rate_status  what is known of this sample; bits below
  * @param encoder_gear_status  what is known of this sample; bits below
+ * @param adaptation_status  what is known of it; bits below
  * @param reference_status  what is known of this set torque; bits below
  * @param passivity_status  what is known of this step; bits below
  * @param cable_status  what is known of this sample; bits below
@@ -605,7 +657,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, float adapted_gain, float adapted_loss, float adapted_offset_Nm, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t adaptation_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -626,23 +678,27 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     _mav_put_float(buf, 56, damping_Nms_rad);
     _mav_put_float(buf, 60, given_J);
     _mav_put_float(buf, 64, held_J);
-    _mav_put_uint32_t(buf, 68, encoder_motor_status);
-    _mav_put_uint32_t(buf, 72, encoder_load_status);
-    _mav_put_uint32_t(buf, 76, joint_status);
-    _mav_put_uint32_t(buf, 80, velocity_status);
-    _mav_put_uint32_t(buf, 84, sensor_status);
-    _mav_put_uint32_t(buf, 88, motor_rate_status);
-    _mav_put_uint32_t(buf, 92, load_rate_status);
-    _mav_put_uint32_t(buf, 96, encoder_gear_status);
-    _mav_put_uint32_t(buf, 100, reference_status);
-    _mav_put_uint32_t(buf, 104, passivity_status);
-    _mav_put_uint32_t(buf, 108, cable_status);
-    _mav_put_uint32_t(buf, 112, limits_status);
-    _mav_put_uint32_t(buf, 116, drive_status);
-    _mav_put_uint32_t(buf, 120, gear_status);
-    _mav_put_uint32_t(buf, 124, human_status);
-    _mav_put_uint32_t(buf, 128, drive_by_gear_status);
-    _mav_put_uint32_t(buf, 132, step_ticks);
+    _mav_put_float(buf, 68, adapted_gain);
+    _mav_put_float(buf, 72, adapted_loss);
+    _mav_put_float(buf, 76, adapted_offset_Nm);
+    _mav_put_uint32_t(buf, 80, encoder_motor_status);
+    _mav_put_uint32_t(buf, 84, encoder_load_status);
+    _mav_put_uint32_t(buf, 88, joint_status);
+    _mav_put_uint32_t(buf, 92, velocity_status);
+    _mav_put_uint32_t(buf, 96, sensor_status);
+    _mav_put_uint32_t(buf, 100, motor_rate_status);
+    _mav_put_uint32_t(buf, 104, load_rate_status);
+    _mav_put_uint32_t(buf, 108, encoder_gear_status);
+    _mav_put_uint32_t(buf, 112, adaptation_status);
+    _mav_put_uint32_t(buf, 116, reference_status);
+    _mav_put_uint32_t(buf, 120, passivity_status);
+    _mav_put_uint32_t(buf, 124, cable_status);
+    _mav_put_uint32_t(buf, 128, limits_status);
+    _mav_put_uint32_t(buf, 132, drive_status);
+    _mav_put_uint32_t(buf, 136, gear_status);
+    _mav_put_uint32_t(buf, 140, human_status);
+    _mav_put_uint32_t(buf, 144, drive_by_gear_status);
+    _mav_put_uint32_t(buf, 148, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -664,6 +720,9 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.damping_Nms_rad = damping_Nms_rad;
     packet.given_J = given_J;
     packet.held_J = held_J;
+    packet.adapted_gain = adapted_gain;
+    packet.adapted_loss = adapted_loss;
+    packet.adapted_offset_Nm = adapted_offset_Nm;
     packet.encoder_motor_status = encoder_motor_status;
     packet.encoder_load_status = encoder_load_status;
     packet.joint_status = joint_status;
@@ -672,6 +731,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.motor_rate_status = motor_rate_status;
     packet.load_rate_status = load_rate_status;
     packet.encoder_gear_status = encoder_gear_status;
+    packet.adaptation_status = adaptation_status;
     packet.reference_status = reference_status;
     packet.passivity_status = passivity_status;
     packet.cable_status = cable_status;
@@ -694,7 +754,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
 static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan, const mavlink_esea_sense_out_t* esea_sense_out)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
+    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->u_Nm, esea_sense_out->tau_Nm, esea_sense_out->tau_set_Nm, esea_sense_out->theta_rad, esea_sense_out->theta_motor_rad, esea_sense_out->theta_load_rad, esea_sense_out->omega_motor_rad_s, esea_sense_out->omega_load_rad_s, esea_sense_out->tau_h_Nm, esea_sense_out->d4_rad_s2, esea_sense_out->energy_J, esea_sense_out->fault, esea_sense_out->mode_held, esea_sense_out->damping_Nms_rad, esea_sense_out->given_J, esea_sense_out->held_J, esea_sense_out->adapted_gain, esea_sense_out->adapted_loss, esea_sense_out->adapted_offset_Nm, esea_sense_out->encoder_motor_status, esea_sense_out->encoder_load_status, esea_sense_out->joint_status, esea_sense_out->velocity_status, esea_sense_out->sensor_status, esea_sense_out->motor_rate_status, esea_sense_out->load_rate_status, esea_sense_out->encoder_gear_status, esea_sense_out->adaptation_status, esea_sense_out->reference_status, esea_sense_out->passivity_status, esea_sense_out->cable_status, esea_sense_out->limits_status, esea_sense_out->drive_status, esea_sense_out->gear_status, esea_sense_out->human_status, esea_sense_out->drive_by_gear_status, esea_sense_out->step_ticks);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)esea_sense_out, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #endif
@@ -708,7 +768,7 @@ static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float u_Nm, float tau_Nm, float tau_set_Nm, float theta_rad, float theta_motor_rad, float theta_load_rad, float omega_motor_rad_s, float omega_load_rad_s, float tau_h_Nm, float d4_rad_s2, float energy_J, float fault, float mode_held, float damping_Nms_rad, float given_J, float held_J, float adapted_gain, float adapted_loss, float adapted_offset_Nm, uint32_t encoder_motor_status, uint32_t encoder_load_status, uint32_t joint_status, uint32_t velocity_status, uint32_t sensor_status, uint32_t motor_rate_status, uint32_t load_rate_status, uint32_t encoder_gear_status, uint32_t adaptation_status, uint32_t reference_status, uint32_t passivity_status, uint32_t cable_status, uint32_t limits_status, uint32_t drive_status, uint32_t gear_status, uint32_t human_status, uint32_t drive_by_gear_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -729,23 +789,27 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     _mav_put_float(buf, 56, damping_Nms_rad);
     _mav_put_float(buf, 60, given_J);
     _mav_put_float(buf, 64, held_J);
-    _mav_put_uint32_t(buf, 68, encoder_motor_status);
-    _mav_put_uint32_t(buf, 72, encoder_load_status);
-    _mav_put_uint32_t(buf, 76, joint_status);
-    _mav_put_uint32_t(buf, 80, velocity_status);
-    _mav_put_uint32_t(buf, 84, sensor_status);
-    _mav_put_uint32_t(buf, 88, motor_rate_status);
-    _mav_put_uint32_t(buf, 92, load_rate_status);
-    _mav_put_uint32_t(buf, 96, encoder_gear_status);
-    _mav_put_uint32_t(buf, 100, reference_status);
-    _mav_put_uint32_t(buf, 104, passivity_status);
-    _mav_put_uint32_t(buf, 108, cable_status);
-    _mav_put_uint32_t(buf, 112, limits_status);
-    _mav_put_uint32_t(buf, 116, drive_status);
-    _mav_put_uint32_t(buf, 120, gear_status);
-    _mav_put_uint32_t(buf, 124, human_status);
-    _mav_put_uint32_t(buf, 128, drive_by_gear_status);
-    _mav_put_uint32_t(buf, 132, step_ticks);
+    _mav_put_float(buf, 68, adapted_gain);
+    _mav_put_float(buf, 72, adapted_loss);
+    _mav_put_float(buf, 76, adapted_offset_Nm);
+    _mav_put_uint32_t(buf, 80, encoder_motor_status);
+    _mav_put_uint32_t(buf, 84, encoder_load_status);
+    _mav_put_uint32_t(buf, 88, joint_status);
+    _mav_put_uint32_t(buf, 92, velocity_status);
+    _mav_put_uint32_t(buf, 96, sensor_status);
+    _mav_put_uint32_t(buf, 100, motor_rate_status);
+    _mav_put_uint32_t(buf, 104, load_rate_status);
+    _mav_put_uint32_t(buf, 108, encoder_gear_status);
+    _mav_put_uint32_t(buf, 112, adaptation_status);
+    _mav_put_uint32_t(buf, 116, reference_status);
+    _mav_put_uint32_t(buf, 120, passivity_status);
+    _mav_put_uint32_t(buf, 124, cable_status);
+    _mav_put_uint32_t(buf, 128, limits_status);
+    _mav_put_uint32_t(buf, 132, drive_status);
+    _mav_put_uint32_t(buf, 136, gear_status);
+    _mav_put_uint32_t(buf, 140, human_status);
+    _mav_put_uint32_t(buf, 144, drive_by_gear_status);
+    _mav_put_uint32_t(buf, 148, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -767,6 +831,9 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->damping_Nms_rad = damping_Nms_rad;
     packet->given_J = given_J;
     packet->held_J = held_J;
+    packet->adapted_gain = adapted_gain;
+    packet->adapted_loss = adapted_loss;
+    packet->adapted_offset_Nm = adapted_offset_Nm;
     packet->encoder_motor_status = encoder_motor_status;
     packet->encoder_load_status = encoder_load_status;
     packet->joint_status = joint_status;
@@ -775,6 +842,7 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->motor_rate_status = motor_rate_status;
     packet->load_rate_status = load_rate_status;
     packet->encoder_gear_status = encoder_gear_status;
+    packet->adaptation_status = adaptation_status;
     packet->reference_status = reference_status;
     packet->passivity_status = passivity_status;
     packet->cable_status = cable_status;
@@ -966,13 +1034,43 @@ static inline float mavlink_msg_esea_sense_out_get_held_J(const mavlink_message_
 }
 
 /**
+ * @brief Get field adapted_gain from esea_sense_out message
+ *
+ * @return  model's torque over the true one; [dimensionless], range 0.769230723 to 1.42857134
+ */
+static inline float mavlink_msg_esea_sense_out_get_adapted_gain(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  68);
+}
+
+/**
+ * @brief Get field adapted_loss from esea_sense_out message
+ *
+ * @return  stop operator's share in the model's torque; [dimensionless], range -0.399999976 to 0.399999976
+ */
+static inline float mavlink_msg_esea_sense_out_get_adapted_loss(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  72);
+}
+
+/**
+ * @brief Get field adapted_offset_Nm from esea_sense_out message
+ *
+ * @return  what the model shows without torque; [Nm], range -0.299999982 to 0.299999982
+ */
+static inline float mavlink_msg_esea_sense_out_get_adapted_offset_Nm(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_float(msg,  76);
+}
+
+/**
  * @brief Get field encoder_motor_status from esea_sense_out message
  *
  * @return  what is known of this sample; bits below
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_motor_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  68);
+    return _MAV_RETURN_uint32_t(msg,  80);
 }
 
 /**
@@ -982,7 +1080,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_motor_status(const
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_load_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  72);
+    return _MAV_RETURN_uint32_t(msg,  84);
 }
 
 /**
@@ -992,7 +1090,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_load_status(const 
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_joint_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  76);
+    return _MAV_RETURN_uint32_t(msg,  88);
 }
 
 /**
@@ -1002,7 +1100,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_joint_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_velocity_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  80);
+    return _MAV_RETURN_uint32_t(msg,  92);
 }
 
 /**
@@ -1012,7 +1110,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_velocity_status(const mavl
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_sensor_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  84);
+    return _MAV_RETURN_uint32_t(msg,  96);
 }
 
 /**
@@ -1022,7 +1120,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_sensor_status(const mavlin
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_motor_rate_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  88);
+    return _MAV_RETURN_uint32_t(msg,  100);
 }
 
 /**
@@ -1032,7 +1130,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_motor_rate_status(const ma
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_load_rate_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  92);
+    return _MAV_RETURN_uint32_t(msg,  104);
 }
 
 /**
@@ -1042,7 +1140,17 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_load_rate_status(const mav
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_gear_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  96);
+    return _MAV_RETURN_uint32_t(msg,  108);
+}
+
+/**
+ * @brief Get field adaptation_status from esea_sense_out message
+ *
+ * @return  what is known of it; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_adaptation_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  112);
 }
 
 /**
@@ -1052,7 +1160,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_encoder_gear_status(const 
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  100);
+    return _MAV_RETURN_uint32_t(msg,  116);
 }
 
 /**
@@ -1062,7 +1170,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_reference_status(const mav
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_passivity_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  104);
+    return _MAV_RETURN_uint32_t(msg,  120);
 }
 
 /**
@@ -1072,7 +1180,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_passivity_status(const mav
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_cable_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  108);
+    return _MAV_RETURN_uint32_t(msg,  124);
 }
 
 /**
@@ -1082,7 +1190,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_cable_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  112);
+    return _MAV_RETURN_uint32_t(msg,  128);
 }
 
 /**
@@ -1092,7 +1200,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_limits_status(const mavlin
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  116);
+    return _MAV_RETURN_uint32_t(msg,  132);
 }
 
 /**
@@ -1102,7 +1210,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_drive_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_gear_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  120);
+    return _MAV_RETURN_uint32_t(msg,  136);
 }
 
 /**
@@ -1112,7 +1220,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_gear_status(const mavlink_
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  124);
+    return _MAV_RETURN_uint32_t(msg,  140);
 }
 
 /**
@@ -1122,7 +1230,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_human_status(const mavlink
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_drive_by_gear_status(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  128);
+    return _MAV_RETURN_uint32_t(msg,  144);
 }
 
 /**
@@ -1132,7 +1240,7 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_drive_by_gear_status(const
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_step_ticks(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  132);
+    return _MAV_RETURN_uint32_t(msg,  148);
 }
 
 /**
@@ -1161,6 +1269,9 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->damping_Nms_rad = mavlink_msg_esea_sense_out_get_damping_Nms_rad(msg);
     esea_sense_out->given_J = mavlink_msg_esea_sense_out_get_given_J(msg);
     esea_sense_out->held_J = mavlink_msg_esea_sense_out_get_held_J(msg);
+    esea_sense_out->adapted_gain = mavlink_msg_esea_sense_out_get_adapted_gain(msg);
+    esea_sense_out->adapted_loss = mavlink_msg_esea_sense_out_get_adapted_loss(msg);
+    esea_sense_out->adapted_offset_Nm = mavlink_msg_esea_sense_out_get_adapted_offset_Nm(msg);
     esea_sense_out->encoder_motor_status = mavlink_msg_esea_sense_out_get_encoder_motor_status(msg);
     esea_sense_out->encoder_load_status = mavlink_msg_esea_sense_out_get_encoder_load_status(msg);
     esea_sense_out->joint_status = mavlink_msg_esea_sense_out_get_joint_status(msg);
@@ -1169,6 +1280,7 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->motor_rate_status = mavlink_msg_esea_sense_out_get_motor_rate_status(msg);
     esea_sense_out->load_rate_status = mavlink_msg_esea_sense_out_get_load_rate_status(msg);
     esea_sense_out->encoder_gear_status = mavlink_msg_esea_sense_out_get_encoder_gear_status(msg);
+    esea_sense_out->adaptation_status = mavlink_msg_esea_sense_out_get_adaptation_status(msg);
     esea_sense_out->reference_status = mavlink_msg_esea_sense_out_get_reference_status(msg);
     esea_sense_out->passivity_status = mavlink_msg_esea_sense_out_get_passivity_status(msg);
     esea_sense_out->cable_status = mavlink_msg_esea_sense_out_get_cable_status(msg);

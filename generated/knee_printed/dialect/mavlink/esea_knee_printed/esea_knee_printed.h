@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 #ifndef MAVLINK_MESSAGE_CRCS
-#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {20, 214, 20, 20, 3, 2, 3}, {21, 159, 2, 2, 3, 0, 1}, {22, 220, 25, 25, 0, 0, 0}, {23, 168, 23, 23, 3, 4, 5}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {111, 34, 16, 16, 0, 0, 0}, {253, 83, 51, 54, 0, 0, 0}, {256, 71, 42, 42, 3, 8, 9}, {345, 209, 21, 21, 3, 2, 3}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 118, 8, 8, 0, 0, 0}, {42602, 240, 36, 36, 0, 0, 0}, {42661, 167, 32, 32, 0, 0, 0}, {42662, 182, 67, 67, 0, 0, 0}, {42663, 36, 253, 253, 0, 0, 0}, {42664, 62, 28, 28, 0, 0, 0}, {42665, 247, 244, 244, 0, 0, 0}, {42666, 84, 59, 59, 0, 0, 0}, {42667, 80, 243, 243, 0, 0, 0}}
+#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {20, 214, 20, 20, 3, 2, 3}, {21, 159, 2, 2, 3, 0, 1}, {22, 220, 25, 25, 0, 0, 0}, {23, 168, 23, 23, 3, 4, 5}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {111, 34, 16, 16, 0, 0, 0}, {253, 83, 51, 54, 0, 0, 0}, {256, 71, 42, 42, 3, 8, 9}, {345, 209, 21, 21, 3, 2, 3}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 118, 8, 8, 0, 0, 0}, {42602, 240, 36, 36, 0, 0, 0}, {42661, 167, 32, 32, 0, 0, 0}, {42662, 182, 67, 67, 0, 0, 0}, {42663, 36, 253, 253, 0, 0, 0}, {42664, 62, 28, 28, 0, 0, 0}, {42665, 247, 244, 244, 0, 0, 0}, {42666, 84, 59, 59, 0, 0, 0}, {42667, 80, 243, 243, 0, 0, 0}, {42668, 239, 216, 216, 0, 0, 0}}
 #endif
 
 #include "../protocol.h"
@@ -118,7 +118,7 @@ typedef enum MAV_CMD
    MAV_CMD_PREFLIGHT_STORAGE=245, /* Parameters to or from storage, with the motor off. |0: those that were saved; 1: save what stands; 2: defaults.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_COMPONENT_ARM_DISARM=400, /* Switch the motor on or off. |1 on; anything else off.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_SET_MESSAGE_INTERVAL=511, /* Tell the inputs or outputs of a task's runs on the board's own clock. |Id of the task's message.| Time between two, rounded up to runs of the task; 0 and less: none.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
-   MAV_CMD_REQUEST_MESSAGE=512, /* Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK, ESEA_TRAFFIC or ESEA_KEPT. |Id of the message.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
+   MAV_CMD_REQUEST_MESSAGE=512, /* Send one HEARTBEAT, ESEA_INFO, ESEA_CLOCK, ESEA_TRAFFIC, ESEA_KEPT or ESEA_LIFE. |Id of the message.| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_USER_1=31010, /* Reset: self-test, initial state of every Block, counters to 0. A stop that is held stays. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_USER_2=31011, /* Zero: the joint is at its zero and unloaded; take the encoders' angles. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
    MAV_CMD_USER_3=31012, /* Clear: the fault has been seen to. |Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)| Reserved (default:0)|  */
@@ -285,14 +285,15 @@ typedef enum ESEA_KNEE_PRINTED_VELOCITY_STATUS
 #include "./mavlink_msg_esea_key.h"
 #include "./mavlink_msg_esea_kept.h"
 #include "./mavlink_msg_esea_blackbox.h"
+#include "./mavlink_msg_esea_life.h"
 
 // base include
 
 
 
 #if MAVLINK_ESEA_KNEE_PRINTED_XML_HASH == MAVLINK_PRIMARY_XML_HASH
-# define MAVLINK_MESSAGE_INFO {MAVLINK_MESSAGE_INFO_HEARTBEAT, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_READ, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_LIST, MAVLINK_MESSAGE_INFO_PARAM_VALUE, MAVLINK_MESSAGE_INFO_PARAM_SET, MAVLINK_MESSAGE_INFO_COMMAND_LONG, MAVLINK_MESSAGE_INFO_COMMAND_ACK, MAVLINK_MESSAGE_INFO_TIMESYNC, MAVLINK_MESSAGE_INFO_STATUSTEXT, MAVLINK_MESSAGE_INFO_SETUP_SIGNING, MAVLINK_MESSAGE_INFO_PARAM_ERROR, MAVLINK_MESSAGE_INFO_ESEA_INFO, MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN, MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT, MAVLINK_MESSAGE_INFO_ESEA_CLOCK, MAVLINK_MESSAGE_INFO_ESEA_STREAM, MAVLINK_MESSAGE_INFO_ESEA_DATA, MAVLINK_MESSAGE_INFO_ESEA_TRAFFIC, MAVLINK_MESSAGE_INFO_ESEA_KEY, MAVLINK_MESSAGE_INFO_ESEA_KEPT, MAVLINK_MESSAGE_INFO_ESEA_BLACKBOX}
-# define MAVLINK_MESSAGE_NAMES {{ "COMMAND_ACK", 77 }, { "COMMAND_LONG", 76 }, { "ESEA_BLACKBOX", 42667 }, { "ESEA_CLOCK", 42661 }, { "ESEA_DATA", 42663 }, { "ESEA_INFO", 42600 }, { "ESEA_KEPT", 42666 }, { "ESEA_KEY", 42665 }, { "ESEA_SENSE_IN", 42601 }, { "ESEA_SENSE_OUT", 42602 }, { "ESEA_STREAM", 42662 }, { "ESEA_TRAFFIC", 42664 }, { "HEARTBEAT", 0 }, { "PARAM_ERROR", 345 }, { "PARAM_REQUEST_LIST", 21 }, { "PARAM_REQUEST_READ", 20 }, { "PARAM_SET", 23 }, { "PARAM_VALUE", 22 }, { "SETUP_SIGNING", 256 }, { "STATUSTEXT", 253 }, { "TIMESYNC", 111 }}
+# define MAVLINK_MESSAGE_INFO {MAVLINK_MESSAGE_INFO_HEARTBEAT, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_READ, MAVLINK_MESSAGE_INFO_PARAM_REQUEST_LIST, MAVLINK_MESSAGE_INFO_PARAM_VALUE, MAVLINK_MESSAGE_INFO_PARAM_SET, MAVLINK_MESSAGE_INFO_COMMAND_LONG, MAVLINK_MESSAGE_INFO_COMMAND_ACK, MAVLINK_MESSAGE_INFO_TIMESYNC, MAVLINK_MESSAGE_INFO_STATUSTEXT, MAVLINK_MESSAGE_INFO_SETUP_SIGNING, MAVLINK_MESSAGE_INFO_PARAM_ERROR, MAVLINK_MESSAGE_INFO_ESEA_INFO, MAVLINK_MESSAGE_INFO_ESEA_SENSE_IN, MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT, MAVLINK_MESSAGE_INFO_ESEA_CLOCK, MAVLINK_MESSAGE_INFO_ESEA_STREAM, MAVLINK_MESSAGE_INFO_ESEA_DATA, MAVLINK_MESSAGE_INFO_ESEA_TRAFFIC, MAVLINK_MESSAGE_INFO_ESEA_KEY, MAVLINK_MESSAGE_INFO_ESEA_KEPT, MAVLINK_MESSAGE_INFO_ESEA_BLACKBOX, MAVLINK_MESSAGE_INFO_ESEA_LIFE}
+# define MAVLINK_MESSAGE_NAMES {{ "COMMAND_ACK", 77 }, { "COMMAND_LONG", 76 }, { "ESEA_BLACKBOX", 42667 }, { "ESEA_CLOCK", 42661 }, { "ESEA_DATA", 42663 }, { "ESEA_INFO", 42600 }, { "ESEA_KEPT", 42666 }, { "ESEA_KEY", 42665 }, { "ESEA_LIFE", 42668 }, { "ESEA_SENSE_IN", 42601 }, { "ESEA_SENSE_OUT", 42602 }, { "ESEA_STREAM", 42662 }, { "ESEA_TRAFFIC", 42664 }, { "HEARTBEAT", 0 }, { "PARAM_ERROR", 345 }, { "PARAM_REQUEST_LIST", 21 }, { "PARAM_REQUEST_READ", 20 }, { "PARAM_SET", 23 }, { "PARAM_VALUE", 22 }, { "SETUP_SIGNING", 256 }, { "STATUSTEXT", 253 }, { "TIMESYNC", 111 }}
 # if MAVLINK_COMMAND_24BIT
 #  include "../mavlink_get_info.h"
 # endif
