@@ -25,6 +25,10 @@ ALARMS = {
             2,
             "the lines before leave for NaN and for what is above 1e9; it is above 0",
         ),
+        r"link\.c:\d+ non-finite float value\. .*is_finite\(number\)": (
+            1,
+            "the comparison before it is false for NaN, and then 0 is taken",
+        ),
         r"link\.c:\d+ (non-finite float value|overflow in conv).*command\.param1": (
             3,
             "only where can_be_asked found it equal to one of five numbers",
@@ -117,3 +121,16 @@ def test_a_fault_in_the_c_is_found(drive, part, file, old, new, said):
 
     found = prove_firmware(drive, part, fault)
     assert any(said in words for words in (*found.alarms, *found.unproven)), found
+
+
+def test_a_call_of_what_is_not_there_is_refused(drive):
+    """Else the analysis takes it to change next to nothing, or all it is given a pointer to."""
+    require_tool("frama-c")
+
+    def without(name, text):
+        if name != "eva_link.c":
+            return text
+        return re.sub(r"void esea_send_life\(.*?\n\}\n", "", text, count=1, flags=re.DOTALL)
+
+    with pytest.raises(RuntimeError, match="missing-spec"):
+        prove_firmware(drive, "link", without)

@@ -43,6 +43,12 @@ void esea_send_clock(esea_app_t *app) { (void)app; }
 void esea_send_traffic(esea_app_t *app) { (void)app; }
 void esea_send_kept(esea_app_t *app, uint8_t result) { (void)app; (void)result; }
 void esea_send_blackbox(esea_app_t *app, uint32_t first) { (void)app; (void)first; }
+void esea_send_life(esea_app_t *app, uint32_t number, uint8_t result)
+{
+    (void)app;
+    (void)number;
+    (void)result;
+}
 void esea_send_time(esea_app_t *app, int64_t asked_ns) { (void)app; (void)asked_ns; }
 bool esea_send_runs(esea_app_t *app) { (void)app; return EITHER(); }
 void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result)
@@ -85,6 +91,13 @@ uint8_t esea_keep_may_fit(const esea_app_t *app, const uint32_t *serials)
     /*@ assert serials_there: \initialized(serials + (0 .. ESEA_STORE_ENCODERS - 1)); */
     (void)serials;
     return EITHER() ? (uint8_t)MAV_RESULT_ACCEPTED : ANY8();
+}
+uint8_t esea_keep_coupling(esea_app_t *app, uint32_t coupling, uint32_t serial)
+{
+    (void)app;
+    (void)coupling;
+    (void)serial;
+    return ANY8();
 }
 void esea_keep_fitted(esea_app_t *app, const uint32_t *serials) { (void)app; (void)serials; }
 void esea_keep_up(esea_app_t *app) { (void)app; }
