@@ -108,8 +108,8 @@ def random_inputs(rng, block) -> dict[str, float]:
     return u | {"mode": 1.0}
 
 
-# Slope and lead: as published, ours, and ours while the error swings: 0.6 and 1.6 times as much.
-GAINS = {"printed": (9.0, 1.0), "ours": (15.0, 2.5), "softened": (9.0, 4.0)}
+# Slope and lead: as published, ours, and ours while the error swings: 0.5 and 1.6 times as much.
+GAINS = {"printed": (9.0, 1.0), "ours": (15.0, 2.5), "softened": (7.5, 4.0)}
 
 
 @pytest.mark.parametrize("which", GAINS)

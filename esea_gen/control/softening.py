@@ -21,14 +21,14 @@ from esea_gen.model.symbolic import equation
 
 FROM_HZ = 4.0
 """Two high-passes of first order: wanted torques and what people do is mostly slower."""
-MOST_RAD = 0.008
+MOST_RAD = 0.0065
 """What counts of a swing: a step of the wanted torque is large, but it is over soon."""
-WINDOW_S, BACK_S = 0.5, 20.0
-SEEN_RAD, FULL_RAD = 4.2e-3, 4.6e-3
+WINDOW_S, BACK_S = 0.5, 60.0
+SEEN_RAD, FULL_RAD = 3.5e-3, 3.9e-3
 """RMS from which on the gains soften, and from which on they are all soft.  The shipped drive has
 1 to 2 mrad with a person, up to 4 following a torque; a swing of 0.15 Nm 6 mrad and more."""
-SLOPE_FALLS, LEAD_RISES = 0.4, 0.6
-"""Shares: lambda from 15 to 9 1/s, the lead from 2.5 to 4."""
+SLOPE_FALLS, LEAD_RISES = 0.5, 0.6
+"""Shares: lambda from 15 to 7.5 1/s, the lead from 2.5 to 4."""
 
 
 class SwingSoftening:
