@@ -78,7 +78,7 @@ def test_a_session_is_recorded_whole_and_repeats_to_the_bit(drive, device, tmp_p
         assert first[stream].rows.tobytes() == second[stream].rows.tobytes()
 
 
-def test_other_c_and_other_devices_are_refused_with_the_command_that_helps(device):
+def test_other_c_and_other_devices_are_refused_with_the_command_that_helps(device, drive):
     loaded = device.identity.device
     with pytest.raises(UserError, match=r"00ff.*esea-gen firmware elbow_drive --board sim"):
         check_hash(loaded, "00ff", "sim", 1000)
@@ -95,8 +95,17 @@ def test_other_c_and_other_devices_are_refused_with_the_command_that_helps(devic
         def said(self):
             return ""
 
-    with pytest.raises(LinkError, match="silent"):
+    with pytest.raises(LinkError, match="silent: nothing at the other end speaks"):
         identify(Silent(), "elbow_drive")
+
+    waits = [bytes_of(drive, 5)]
+
+    class Busy(Silent):
+        def read(self, timeout_s):
+            return waits.pop() if waits else super().read(timeout_s)
+
+    with pytest.raises(LinkError, match="silent, though it speaks this tree's dialect"):
+        identify(Busy(), "elbow_drive")
 
 
 @pytest.mark.parametrize("text", ["elbow", "tcp:", "tcp:here", "tcp:here:70000", "udp:a:1"])

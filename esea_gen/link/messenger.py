@@ -165,7 +165,7 @@ class Messenger:
     def _too_late(self, name: str, limit_s: float, frames: int, noise_bytes: int) -> LinkError:
         what = f"no {name} came within {limit_s:g} s"
         if frames:
-            fix = f"{frames} other frames did: does the firmware speak this device's dialect?"
+            fix = f"{frames} others of this dialect did: is the line full, or the device another?"
         elif noise_bytes:
             what += f", but {noise_bytes} bytes that are no frames"
             fix = "Check the baud rate, and that the firmware is this device's."

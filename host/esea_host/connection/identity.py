@@ -107,7 +107,9 @@ def identify(transport: Transport, expected: str | None = None) -> Identity:
     try:
         info = session.info()
     except LinkError as error:
-        what = error.what + ": nothing at the other end speaks this tree's dialect"
+        heard = session.counters.frames
+        told = ", though it speaks" if heard else ": nothing at the other end speaks"
+        what = f"{error.what}{told} this tree's dialect"
         raise LinkError(what, error.fix or _build(device), error.said) from None
     name = _text(info.device)
     if expected is not None and device.name != name:
