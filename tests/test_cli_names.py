@@ -9,15 +9,17 @@ from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
 
+import click
 import pytest
 import typer
 from typer.testing import CliRunner
 
 import esea_gen
+import esea_host
 from esea_gen import load_device
 from esea_gen.analysis.plots import new_figure, save
 from esea_gen.cli import main, names
-from esea_gen.cli.app import HOMES, app
+from esea_gen.cli.app import app
 from esea_gen.devices.file import shipped_controllers, shipped_devices
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import Study, studies
@@ -82,14 +84,17 @@ def test_help_loads_no_engine(args):
     assert loaded_by(HELP.format(args=args)) == []
 
 
-def test_every_command_has_a_home_and_every_file_of_commands_is_in_it():
-    command = typer.main.get_command(app)
-    for path in (names.ROOT / "cli").glob("[a-z]*.py"):
-        import_module(f"esea_gen.cli.{path.stem}")
-    written = {c.name or c.callback.__name__ for c in app.registered_commands}
-    written |= {g.name for g in app.registered_groups}
+@pytest.mark.parametrize("program", [esea_gen, esea_host])
+def test_every_command_has_a_home_and_every_file_of_commands_is_in_it(program):
+    package = f"{program.__name__}.cli"
+    root = import_module(f"{package}.app").app
+    command = typer.main.get_command(root)
+    for path in Path(program.__file__).parent.glob("cli/[a-z]*.py"):
+        import_module(f"{package}.{path.stem}")
+    written = {c.name or c.callback.__name__ for c in root.registered_commands}
+    written |= {g.name for g in root.registered_groups}
     assert written == set(command.commands)
-    assert {n: command.commands[n].name for n in HOMES} == {n: n for n in HOMES}
+    assert all(command.commands[n].name == n for n in written)
 
 
 def test_quiet_and_verbose(capsys, tmp_path, monkeypatch):
@@ -180,3 +185,20 @@ except SystemExit:
     )
     assert done.stdout.split() == ["real", "random"]
     assert done.stderr.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize("program", ["esea_gen", "esea_host"])
+def test_help_says_of_each_command_what_the_command_says(program):
+    """Help takes it from the text of the file, without reading what the command imports."""
+    app = import_module(f"{program}.cli.app").app
+    root = typer.main.get_command(app)
+    told = "".join(root.get_help(click.Context(root, max_content_width=10_000)).split())
+    assert len(root.list_commands(None)) == sum(map(len, root.groups.values())) > 15
+    for name in root.list_commands(None):
+        words = root.commands[name].get_short_help_str(limit=500)
+        assert f"{name}{words}".replace(" ", "") in told, name
+
+
+def test_help_of_the_host_loads_no_engine():
+    code = HELP.format(args=["--help"]).replace("esea_gen", "esea_host")
+    assert loaded_by(code) == ["rich"]  # which prints its tables

@@ -8,16 +8,13 @@ import shlex
 import sys
 import traceback
 import warnings
-from collections.abc import Iterator, MutableMapping, Sequence
-from functools import cache
-from importlib import import_module
-from types import SimpleNamespace
+from collections.abc import Sequence
 from typing import Annotated, Any, NoReturn
 
 import typer
-from typer.core import TyperGroup
 
 from esea_gen import __version__
+from esea_gen.cli.groups import GroupedCommands, take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
 
 # Every command with the file that has it, in the groups that help shows.
@@ -58,52 +55,12 @@ GROUPS = {
         "startup": "startup",
     },
 }
-HOMES = {name: home for group in GROUPS.values() for name, home in group.items()}
 
 
-class _Commands(MutableMapping[str, Any]):
-    # What is typed is loaded, and nothing else: a press of the tab key must answer at once.
-
-    def __getitem__(self, name: str) -> Any:
-        return _command(name, HOMES[name])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(HOMES)
-
-    def __len__(self) -> int:
-        return len(HOMES)
-
-    def __setitem__(self, name: str, command: Any) -> None:
-        raise TypeError(name)
-
-    def __delitem__(self, name: str) -> None:
-        raise TypeError(name)
-
-
-@cache
-def _command(name: str, home: str) -> Any:
-    import_module(f"esea_gen.cli.{home}")
-    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-    alone.callback()(lambda: None)
-    for c in app.registered_commands:
-        if (c.name or getattr(c.callback, "__name__", "")) == name:
-            alone.registered_commands.append(c)
-    alone.registered_groups += [g for g in app.registered_groups if g.name == name]
-    group: Any = typer.main.get_command(alone)
-    return group.commands[name]
-
-
-class Commands(TyperGroup):
+class Commands(GroupedCommands):
     """The commands of :data:`GROUPS`."""
 
-    @property
-    def commands(self) -> MutableMapping[str, Any]:
-        """By name."""
-        return _Commands()
-
-    @commands.setter
-    def commands(self, _: Any) -> None:
-        return
+    package, groups = "esea_gen.cli", GROUPS
 
     def invoke(self, ctx: Any) -> Any:
         """Whoever ends it by Ctrl-C is told how to go on."""
@@ -114,18 +71,6 @@ class Commands(TyperGroup):
             resumable = any(p.name == "resume" for p in chosen.params) if chosen else False
             print(f"\nesea-gen: {stopped(sys.argv[1:], resumable)}", file=sys.stderr)
             raise SystemExit(130) from None
-
-    def list_commands(self, ctx: Any) -> list[str]:
-        """In the order of the groups."""
-        return list(HOMES)
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Each group under its title, the first sentence of each command whole."""
-        for title, group in GROUPS.items():
-            with formatter.section(title):
-                formatter.write_dl(
-                    [(n, self.commands[n].get_short_help_str(limit=200)) for n in group]
-                )
 
 
 def stopped(words: Sequence[str], resumable: bool) -> str:
@@ -204,21 +149,11 @@ REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM)
 COMPLETING = "_ESEA_GEN_COMPLETE"  # the shell's, while a word is completed
 
 
-def _take_values_as_typed() -> None:
-    # typer checks values by pydantic, whose import takes half the time of a press of the tab key.
-    # A typer that does without it has no such name: then nothing is changed.
-    from typer import core
-
-    if hasattr(core, "build_runtime_param"):
-        unchecked = SimpleNamespace(coerce=lambda value, **_: value)
-        vars(core)["build_runtime_param"] = lambda _: unchecked
-
-
 def main() -> None:
     """Entry point: bad input becomes one paragraph and exit code 2."""
     warnings.showwarning = _note
     if COMPLETING in os.environ:
-        _take_values_as_typed()
+        take_values_as_typed()
     try:
         app()
     except UserError as error:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import typer
 
+from esea_gen.cli.groups import WholeSentences
 from esea_host.cli.app import app
 
-analyse = typer.Typer(help="Analyse what was recorded.", no_args_is_help=True)
+analyse = typer.Typer(cls=WholeSentences, help="Analyse what was recorded.", no_args_is_help=True)
 app.add_typer(analyse, name="analyse")

@@ -2,21 +2,58 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 import typer
 from rich.console import Console
 
+from esea_gen.cli.groups import GroupedCommands, take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.link.transport import LinkError
 
+# Every command with the files that have it, in the groups that help shows.
+GROUPS = {
+    "A board, live": {
+        "view": "view",
+        "monitor": "live",
+        "record": "live",
+        "parameters": "live",
+        "sim": "live",
+        "bridge": "bridge",
+        "demo": "demo",
+    },
+    "What a board keeps, and its joint": {
+        "commission": "commission",
+        "kept": "board",
+        "blackbox": "board",
+        "life": "life",
+    },
+    "Recordings": {"show": "logs", "replay": "logs", "export": "logs", "import": "logs"},
+    "People, studies and what comes of them": {
+        "study": "study session virtual",
+        "assess": "assess",
+        "analyse": "analyse wrist interaction virtual",
+        "smoothness": "interaction",
+    },
+}
+
+
+class HostCommands(GroupedCommands):
+    """The commands of :data:`GROUPS`."""
+
+    package, groups = "esea_host.cli", GROUPS
+
+
 app = typer.Typer(
     name="esea-host",
+    cls=HostCommands,
     help="Telemetry of an elastomeric series elastic actuator, and experiments with people.",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
@@ -36,6 +73,8 @@ def told(text: str) -> None:
 
 def main() -> None:
     """Entry point: bad input, or a board that does not answer, is one paragraph and exit code 2."""
+    if "_ESEA_HOST_COMPLETE" in os.environ:
+        take_values_as_typed()
     try:
         app()
     except (UserError, LinkError) as error:
@@ -43,3 +82,10 @@ def main() -> None:
         raise SystemExit(2) from None
     except BrokenPipeError:
         raise SystemExit(1) from None
+    except ModuleNotFoundError as error:
+        if not error.name or error.name.startswith("esea"):
+            raise
+        raise SystemExit(
+            f"esea-host needs {error.name.partition('.')[0]}, which is not installed.\n"
+            "Install it with: pip install 'esea-gen[host]'"
+        ) from None

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from esea_gen.cli.groups import WholeSentences
 from esea_gen.cli.options import JobsOption
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
@@ -17,6 +18,7 @@ from esea_host.cli.app import app, out, told
 from esea_host.cli.view import need_a_screen
 
 assess = typer.Typer(
+    cls=WholeSentences,
     help=f"Knee: movement disorders, and which movement would tell most. {NOTICE}",
     no_args_is_help=True,
 )

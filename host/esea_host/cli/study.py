@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from esea_gen.cli.groups import WholeSentences
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
 from esea_host.cli.options import know_shipped_tasks
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from esea_host.study.session import StudySession
 
 study_app = typer.Typer(
+    cls=WholeSentences,
     help="Studies with people: protocol, sessions, data.",
     no_args_is_help=True,
     rich_markup_mode=None,

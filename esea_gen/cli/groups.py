@@ -1,0 +1,149 @@
+"""Commands in groups: each is read when it is typed, help reads none.
+
+A press of the tab key and a look at the help must answer at once, and what the commands import
+takes seconds.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping, MutableMapping
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import typer
+from typer.core import TyperGroup
+
+
+class WholeSentences(TyperGroup):
+    """Commands with the first sentence of each whole."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Nothing ends in three dots."""
+        with formatter.section("Commands"):
+            helps = ((n, self.commands[n]) for n in self.list_commands(ctx))
+            formatter.write_dl([(n, c.get_short_help_str(limit=200)) for n, c in helps])
+
+
+class GroupedCommands(TyperGroup):
+    """Commands by group, from the files of a package.
+
+    package: dotted name; its ``app.py`` has the application, ``app``.
+    groups: for each title, the commands with their files; several with a space between where a
+        command has commands of its own in them, the first file being the one that has its help.
+    """
+
+    package: ClassVar[str]
+    groups: ClassVar[Mapping[str, Mapping[str, str]]]
+
+    @property
+    def commands(self) -> MutableMapping[str, Any]:
+        """By name."""
+        return _Commands(self.package, self._homes())
+
+    @commands.setter
+    def commands(self, _: Any) -> None:
+        return
+
+    def _homes(self) -> dict[str, str]:
+        return {name: home for group in self.groups.values() for name, home in group.items()}
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """In the order of the groups."""
+        return list(self._homes())
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Each group under its title, the first sentence of each command whole."""
+        for title, group in self.groups.items():
+            with formatter.section(title):
+                formatter.write_dl([(name, self._sentence(name)) for name in group])
+
+    def _sentence(self, name: str) -> str:
+        # From the text of its file; help that is made elsewhere needs the command itself.
+        folder = Path(str(import_module(self.package).__file__)).parent
+        text = (folder / f"{self._homes()[name].split()[0]}.py").read_text(encoding="utf-8")
+        words = _written_helps(text).get(name, "")
+        if not words:
+            return str(self.commands[name].get_short_help_str(limit=200))
+        return " ".join(words.split("\n\n")[0].split()).partition(". ")[0].rstrip(".") + "."
+
+
+class _Commands(MutableMapping[str, Any]):
+    # What is typed is loaded, and nothing else.
+
+    def __init__(self, package: str, homes: Mapping[str, str]) -> None:
+        self._package, self._homes = package, homes
+
+    def __getitem__(self, name: str) -> Any:
+        return _command(self._package, name, self._homes[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._homes)
+
+    def __len__(self) -> int:
+        return len(self._homes)
+
+    def __setitem__(self, name: str, command: Any) -> None:
+        raise TypeError(name)
+
+    def __delitem__(self, name: str) -> None:
+        raise TypeError(name)
+
+
+@cache
+def _command(package: str, name: str, homes: str) -> Any:
+    app = import_module(f"{package}.app").app
+    for home in homes.split():
+        import_module(f"{package}.{home}")
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.callback()(lambda: None)
+    for c in app.registered_commands:
+        if (c.name or getattr(c.callback, "__name__", "")) == name:
+            alone.registered_commands.append(c)
+    alone.registered_groups += [g for g in app.registered_groups if g.name == name]
+    group: Any = typer.main.get_command(alone)
+    return group.commands[name]
+
+
+def _written_helps(text: str) -> dict[str, str]:
+    """Help by command, as a file's text has it: docstrings under ``@app.command``, ``help=``."""
+    found, typers = {}, {}
+    for node in ast.parse(text).body:
+        match node:
+            case ast.FunctionDef(name=own):
+                for by in node.decorator_list:
+                    if isinstance(by, ast.Call) and ast.unparse(by.func) == "app.command":
+                        found[_text(by, "name") or own] = ast.get_docstring(node) or ""
+            case ast.Assign(targets=[ast.Name(own)], value=ast.Call() as made):
+                typers[own] = _text(made, "help")
+            case ast.Expr(ast.Call(ast.Attribute(attr="add_typer"), [added]) as call):
+                made_here = isinstance(added, ast.Call)
+                helps = _text(added, "help") if made_here else typers[ast.unparse(added)]
+                found[_text(call, "name")] = helps
+    return found
+
+
+def _text(call: Any, keyword: str) -> str:
+    # Of an f-string the part before what is put in.
+    for given in (*call.args, *(k.value for k in call.keywords if k.arg == keyword)):
+        first = given.values[0] if isinstance(given, ast.JoinedStr) else given
+        if isinstance(first, ast.Constant):
+            return str(first.value)
+    return ""
+
+
+def take_values_as_typed() -> None:
+    """Leave the values of a word that is being completed unchecked."""
+    # typer checks values by pydantic, whose import takes half the time of a press of the tab key.
+    # A typer that does without it has no such name: then nothing is changed.
+    from typer import core
+
+    if hasattr(core, "build_runtime_param"):
+        unchecked = SimpleNamespace(coerce=lambda value, **_: value)
+        vars(core)["build_runtime_param"] = lambda _: unchecked
+
+
+__all__ = ["GroupedCommands", "WholeSentences", "take_values_as_typed"]
