@@ -54,6 +54,7 @@ GROUPS = {
         "encoder-table": "identification",
         "advise": "identification",
         "reliability": "identification",
+        "specimen": "pages",
         "torque-check": "identification",
         "startup": "startup",
     },
