@@ -80,7 +80,8 @@ def specimen(
     """All that is known of one specimen on one HTML page: loops, intervals, reliability, life."""
     target = page or writable(Path("specimen.html"))
     assert target is not None
-    from esea_gen.report.specimen import gather_specimen, specimen_page
+    from esea_gen.report.specimen import specimen_page
+    from esea_gen.report.specimen_results import gather_specimen
 
     with progress_line() as say:
         found = gather_specimen(
