@@ -7,6 +7,7 @@ errors that it gives, reliability and life by the specimen's name and number in 
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,6 +98,7 @@ KINDS: dict[str, Any] = {
 class SpecimenResults:
     """All that is known of a specimen.
 
+    asked: mapping file and folder of the data, as they are typed.
     identified: content of the identification's JSON.
     verdict: what the device's C makes of the recordings.
     others: content of the other results, by kind.
@@ -104,6 +106,7 @@ class SpecimenResults:
     coupling: this specimen's, of the lives; None where no board told of any.
     """
 
+    asked: str
     source: MappingFile
     recordings: tuple[Recording, ...]
     device: Device
@@ -122,7 +125,7 @@ class SpecimenResults:
     def wanted(self) -> dict[str, str]:
         """What is not known yet, by kind, and the command that would tell."""
         commands = {
-            COMPARED: f"esea-gen identify {self.source.origin} --compare --json compared.json",
+            COMPARED: f"esea-gen identify {self.asked} --compare --json compared.json",
             AGREED: "esea-gen reliability SPECIMENS.toml --json reliability.json",
             LIFE: "esea-host life ADDRESS --json life.json",
         }
@@ -174,8 +177,9 @@ def gather_specimen(
     serial = source.mapping.specimen.serial
     mine = [c for c in others.get(LIFE, {}).get("couplings", ()) if c["serial"] == serial]
     files = {k: str(p) for k, (p, _) in given.items()}
+    asked = shlex.join([str(mapping), *([] if data is None else ["--data", str(data)])])
     return SpecimenResults(
-        source, recordings, device, identified, verdict, others, files, mine[0] if mine else None
+        asked, source, recordings, device, identified, verdict, others, files, mine[0] if mine else None
     )
 
 
