@@ -179,7 +179,15 @@ def gather_specimen(
     files = {k: str(p) for k, (p, _) in given.items()}
     asked = shlex.join([str(mapping), *([] if data is None else ["--data", str(data)])])
     return SpecimenResults(
-        asked, source, recordings, device, identified, verdict, others, files, mine[0] if mine else None
+        asked,
+        source,
+        recordings,
+        device,
+        identified,
+        verdict,
+        others,
+        files,
+        next(iter(mine), None),
     )
 
 
