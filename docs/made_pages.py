@@ -61,7 +61,10 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "identify": (
         "Identification, twin, analysis",
         (
-            *(f"identify.{m}" for m in ("mapping", "replay", "identification", "verdict")),
+            *(
+                f"identify.{m}"
+                for m in ("mapping", "tables", "replay", "identification", "verdict")
+            ),
             "identify.identified",
             "identify.family_identification",
             "identify.compare",

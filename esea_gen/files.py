@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -75,6 +75,30 @@ def result_schema(name: str) -> str:
     known = result_schemas()
     choose("result", name, known)
     return known[name].read_text(encoding="utf-8")
+
+
+def read_result(path: Path, kinds: Collection[str]) -> dict[str, Any]:
+    """A result that :func:`write_json` wrote.
+
+    kinds: schemas that will do.
+    """
+    known, make = " or ".join(kinds), "Give the file that --json wrote."
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UserError(f"{path}: cannot be read as JSON ({reason}).", make) from None
+    kind = content.get("schema") if isinstance(content, dict) else None
+    if kind not in kinds:
+        holds = "no result of this program" if kind is None else f"a result of '{kind}'"
+        raise UserError(f"{path}: holds {holds}; wanted is {known}.", make)
+    if content.get("schema_version") != SCHEMA_VERSION:
+        raise UserError(
+            f"{path}: is of version {content.get('schema_version')} of its schema; read is "
+            f"{SCHEMA_VERSION}.",
+            "Make it again with this version.",
+        )
+    return dict(content)
 
 
 def write_json(path: Path | None, what: str, content: Mapping[str, Any]) -> None:

@@ -96,8 +96,8 @@ def test_the_command_writes_a_device_file_that_has_the_table(tmp_path, monkeypat
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("count,angle\n1,2\n", "no column reference_rad"),
-        ("count,reference_rad\n1,x\n", "no two numbers"),
+        ("count,angle\n1,2\n", "no column 'reference_rad'"),
+        ("count,reference_rad\n1,x\n", "line 2, column 'reference_rad': 'x' is not a number"),
         ("count,reference_rad\n1,nan\n", "not finite"),
         ("count,reference_rad\n16384,0\n", "outside 0 to 16383"),
     ],

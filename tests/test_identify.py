@@ -20,9 +20,9 @@ from esea_gen.hostlib.library import compile_system
 from esea_gen.identify import Identification, identify, load_mapping, load_recordings, parse_mapping
 from esea_gen.identify.cycles import divide, reversals
 from esea_gen.identify.fit import solve_linear
-from esea_gen.identify.mapping import Cycles
 from esea_gen.identify.parameters import bounds_of
 from esea_gen.identify.space import Space, parameters_of
+from esea_gen.identify.tables import Cycles
 from tests.conftest import require_tool
 
 DATA = Path(__file__).parent / "data" / "hdrb"
@@ -334,7 +334,7 @@ def test_mat_files(tmp_path: Path) -> None:
     scipy.io.savemat(tmp_path / "as_text.mat", {"t": t})
     raw = (tmp_path / "as_text.mat").read_bytes()
     error = refused(tmp_path, MAPPING.replace("rig.csv", "rig.mat"), raw, "rig.mat")
-    says(error, "rig.mat: is a MATLAB file, but the mapping reads it as text", "kind = 'mat'")
+    says(error, "rig.mat: is a MATLAB file, but it is read as text", "kind = 'mat'")
     seven = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(400)
     says(refused(tmp_path, mapping, seven, "rig.mat"), "rig.mat: is not an HDF5 file")
 

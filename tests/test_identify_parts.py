@@ -10,7 +10,6 @@ import pytest
 from scipy.optimize import brentq
 
 from esea_gen.identify.cycles import data_sets, divide, reversals
-from esea_gen.identify.mapping import Cycles
 from esea_gen.identify.misfit import Misfit
 from esea_gen.identify.parameters import at_bound, bounds_of, with_values
 from esea_gen.identify.peers import bouc_wen, maxwell_coulomb
@@ -19,6 +18,7 @@ from esea_gen.identify.plays import phi_range, play_at_bound, play_bounds, play_
 from esea_gen.identify.population import finalists, polished, runner_up, sobol_population
 from esea_gen.identify.resampling import FitRows, autocorrelation
 from esea_gen.identify.space import GAIN, Space, edges_of
+from esea_gen.identify.tables import Cycles
 from esea_gen.identify.uncertainty import relative_jacobian, uncertainty
 
 # Search.

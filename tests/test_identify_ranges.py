@@ -10,7 +10,12 @@ from pydantic import ValidationError
 
 from esea_gen.errors import UserError
 from esea_gen.identify.compare import CompareRow, ModelComparison
-from esea_gen.identify.mapping import (
+from esea_gen.identify.peers import PEERS
+from esea_gen.identify.population import polished
+from esea_gen.identify.quality import spikes
+from esea_gen.identify.reading import read_csv
+from esea_gen.identify.recording import _spiked
+from esea_gen.identify.tables import (
     ConditionTable,
     Cycles,
     Deflection,
@@ -21,11 +26,6 @@ from esea_gen.identify.mapping import (
     Search,
     Torque,
 )
-from esea_gen.identify.peers import PEERS
-from esea_gen.identify.population import polished
-from esea_gen.identify.quality import spikes
-from esea_gen.identify.reading import read_csv
-from esea_gen.identify.recording import _spiked
 
 
 def test_peers_are_searched_over_these_ranges():

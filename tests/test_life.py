@@ -345,9 +345,13 @@ def test_the_command_tells_and_warns(board, elbow, monkeypatch, tmp_path):
     content = json.loads(target.read_text())
     held("host-life", content)
     assert content["couplings"][0]["life_used"] is None
+    assert content["fatigue"] is None
     known = with_curve(elbow)
     told = run(known, "--json", str(target))
-    used = json.loads(target.read_text())["couplings"][0]["life_used"]
+    content = json.loads(target.read_text())
+    held("host-life", content)
+    used = content["couplings"][0]["life_used"]
+    assert content["fatigue"] == known.file.fatigue.model_dump()
     cycles = [n for _, _, n, *_ in rainflow.extract_cycles(swings(60))]
     ranges = [r for r, *_ in rainflow.extract_cycles(swings(60))]
     whole = sum(n * (r / 0.3) ** 5 / 100 for r, n in zip(ranges, cycles, strict=True))

@@ -284,7 +284,10 @@ def test_rate_terms_that_do_not_help_are_left_out(tmp_path, monkeypatch):
             return got
         worse = [r.tau_Nm * 0.9 - r.tau_Nm for r in recordings]
         misfits = got[3].misfits.of("Nm", zip(recordings, worse, strict=True))
-        return (*got[:3], identification_file.Verdict(misfits, got[3].torque_Nm, 0.0))
+        return (
+            *got[:3],
+            identification_file.Verdict(misfits, got[3].torque_Nm, got[3].omega_rad_s, 0.0),
+        )
 
     monkeypatch.setattr(identification_file, "fit_split", fit)
     t, x, y = rig(*(0.1,) * 4)

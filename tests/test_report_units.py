@@ -122,6 +122,16 @@ def test_every_axis_runs_from_small_to_large_and_holds_what_is_drawn(shown):
     assert names["a"] > names["b"]
 
 
+def test_a_loop_tells_what_was_held_out_from_what_was_trained(shown):
+    held = np.arange(400) > 300
+    figures.loops(curve(held_out=held, parts=(("all", np.arange(400)),)), "x", 10_000)
+    lines = {line.get_label(): np.asarray(line.get_ydata()) for line in shown[0].axes[0].lines}
+    assert set(lines) == {"measured", "C, float32", "C, float32, held out"}
+    np.testing.assert_array_equal(np.isnan(lines["C, float32"]), held)
+    np.testing.assert_array_equal(np.isnan(lines["C, float32, held out"]), ~held)
+    assert not np.isnan(lines["measured"]).any()
+
+
 def test_two_recordings_of_one_loop_share_a_figure_and_one_stands_alone(shown):
     one, other = curve(), curve(label="b", model_Nm=-2.0 * np.ones(400))
     (alone,) = figures.plots([one], FULL_SCALE_NM, [None])

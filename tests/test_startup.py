@@ -635,7 +635,7 @@ def test_recordings_in_files_give_the_same_numbers(tmp_path, monkeypatch):
     for spoilt, says in (
         ([*lines[:500], *lines[510:]], "does not go on by a tick"),
         ([*lines[:500], "0.5,nan,0,0,0", *lines[501:]], "finite"),
-        (["time,u", *lines[1:]], "columns"),
+        (["time,u", *lines[1:]], "no column 'time_s'"),
     ):
         path.write_text("\n".join(spoilt))
         with pytest.raises(UserError, match=says):

@@ -51,6 +51,7 @@ GROUPS = {
         "encoder-table": "identification",
         "advise": "identification",
         "reliability": "identification",
+        "specimen": "pages",
         "torque-check": "identification",
         "startup": "startup",
     },

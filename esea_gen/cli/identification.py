@@ -11,18 +11,25 @@ import typer
 
 import esea_gen
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import DeviceArgument, FigureOption, JobsOption, JsonOption, writable
+from esea_gen.cli.options import (
+    DataOption,
+    DeviceArgument,
+    FigureOption,
+    JobsOption,
+    JsonOption,
+    MappingArgument,
+    writable,
+)
 from esea_gen.cli.output import picture, progress_line, show
 from esea_gen.cli.studies import StudyCommand
 from esea_gen.errors import UserError, choose
-from esea_gen.files import sample_folder, write_json, write_whole
+from esea_gen.files import write_json, write_whole
 
 if TYPE_CHECKING:
     from esea_gen.identify.search_problem import PresentBest, Searching
 
 PUBLISHED = "published"
 LEAST_BETWEEN_S = 2.0  # two drawings of a search
-SAMPLE = "hdrb"  # a recording of a high-damping rubber that comes along
 
 SearchOption = Annotated[
     str,
@@ -50,27 +57,6 @@ DrawOption = Annotated[
         callback=writable,
         help="Picture of the search and of the best so far, drawn anew as it goes.",
     ),
-]
-
-
-def _mapping(path: Path) -> Path:
-    # The sample by its name, where there is no such file.
-    return (
-        sample_folder() / SAMPLE / f"{SAMPLE}.toml"
-        if str(path) == SAMPLE and not path.exists()
-        else path
-    )
-
-
-MappingArgument = Annotated[
-    Path,
-    typer.Argument(
-        callback=_mapping,
-        help=f"Mapping file of the recording; {SAMPLE}: a rubber's, which comes along.",
-    ),
-]
-DataOption = Annotated[
-    Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
 ]
 
 
@@ -192,7 +178,8 @@ def _identify_model(
         out.print(line)
     out.print(f"device file: {path}")
     out.print(f"report: {page}")
-    write_json(json_file, "identify", content)
+    for file in (path.with_suffix(".json"), json_file):
+        write_json(file, "identify", content)
     out.next("build", str(path))
 
 
@@ -407,7 +394,8 @@ def friction(
     figure: FigureOption = None,
 ) -> None:
     """Friction of a drive from runs at steady speeds: Coulomb, viscous, Stribeck, load."""
-    from esea_gen.identify.friction import fit_friction, friction_figure, read_run
+    from esea_gen.identify.friction import fit_friction, read_run
+    from esea_gen.report.friction_picture import friction_picture
     from esea_gen.studies.startup.device_text import actuator_text, with_actuator
 
     if (device is None) != (folder is None):
@@ -419,7 +407,7 @@ def friction(
     read = [read_run(f, full) for f in files]
     found = fit_friction(read)
     show(found, json_file, "friction")
-    picture(figure, lambda: friction_figure(read, found))
+    picture(figure, lambda: friction_picture(read, found))
     if loaded is not None and folder is not None:
         assert loaded.file.actuator is not None
         numbers = found.at_joint(loaded.file.actuator.gear_ratio.value)

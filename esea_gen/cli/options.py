@@ -12,6 +12,7 @@ import typer
 
 from esea_gen.cli.names import complete_block, completing, configured, shipped
 from esea_gen.errors import UserError, nearest
+from esea_gen.files import sample_folder
 from esea_gen.targets import firmware_boards
 
 if TYPE_CHECKING:
@@ -24,6 +25,30 @@ DeviceArgument = Annotated[
         help="Shipped device (elbow) or path of a device file.",
         autocompletion=completing(shipped),
     ),
+]
+
+
+SAMPLE = "hdrb"  # a recording of a high-damping rubber that comes along
+
+
+def _mapping(path: Path) -> Path:
+    # The sample by its name, where there is no such file.
+    return (
+        sample_folder() / SAMPLE / f"{SAMPLE}.toml"
+        if str(path) == SAMPLE and not path.is_file()
+        else path
+    )
+
+
+MappingArgument = Annotated[
+    Path,
+    typer.Argument(
+        callback=_mapping,
+        help=f"Mapping file of the recording; {SAMPLE}: a rubber's, which comes along.",
+    ),
+]
+DataOption = Annotated[
+    Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
 ]
 
 

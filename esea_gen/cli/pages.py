@@ -1,7 +1,8 @@
-"""Pages to open: ``report``."""
+"""Pages to open: ``report``, ``specimen``."""
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,15 @@ import typer
 
 import esea_gen
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import BoardOption, ControllerOption, DeviceArgument, JsonOption, writable
+from esea_gen.cli.options import (
+    BoardOption,
+    ControllerOption,
+    DataOption,
+    DeviceArgument,
+    JsonOption,
+    MappingArgument,
+    writable,
+)
 from esea_gen.cli.output import progress_line
 from esea_gen.files import write_json, write_whole
 from esea_gen.targets import DEFAULT_BOARD
@@ -21,9 +30,7 @@ def report(
     recording: Annotated[
         Path | None, typer.Option("--recording", metavar="MAPPING", help="Recording to run.")
     ] = None,
-    data: Annotated[
-        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
-    ] = None,
+    data: DataOption = None,
     board: BoardOption = DEFAULT_BOARD,
     page: Annotated[
         Path | None,
@@ -49,3 +56,40 @@ def report(
     write_json(json_file, "report", found.to_dict())
     if not found.passed:
         raise typer.Exit(1)
+
+
+@app.command()
+def specimen(
+    mapping: MappingArgument,
+    results: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="RESULT",
+            help="JSON of identify, identify --compare, reliability, esea-host life; in any order. "
+            "What none of them says is not known, but for the identification: it is made.",
+        ),
+    ] = None,
+    data: DataOption = None,
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE", callback=writable, help="Output; default: specimen.html."
+        ),
+    ] = None,
+) -> None:
+    """All that is known of one specimen on one HTML page: loops, intervals, reliability, life."""
+    target = page or writable(Path("specimen.html"))
+    assert target is not None
+    from esea_gen.report.specimen import specimen_page
+    from esea_gen.report.specimen_results import gather_specimen
+
+    with progress_line() as say:
+        found = gather_specimen(
+            mapping, results or [], data, lambda share, what: say(f"{100 * share:.0f} % {what}")
+        )
+    words = ["esea-gen", "specimen", str(mapping), *map(str, results or [])]
+    words += [] if data is None else ["--data", str(data)]
+    write_whole(target, specimen_page(found, shlex.join(words)))
+    for line in found.summary():
+        out.print(line)
+    out.print(f"page: {target}")

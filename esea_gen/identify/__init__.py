@@ -2,10 +2,11 @@
 
 from esea_gen.identify.cycles import Cycle, DataSet
 from esea_gen.identify.identification import Identification, identify
-from esea_gen.identify.mapping import Mapping, MappingFile, load_mapping, parse_mapping
+from esea_gen.identify.mapping import MappingFile, load_mapping, parse_mapping
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import load_recordings
 from esea_gen.identify.replay import Replay, recorded_deflections, recordings_for
+from esea_gen.identify.tables import Mapping
 from esea_gen.identify.verdict import Verdict, judge
 
 __all__ = [

@@ -32,7 +32,7 @@ from esea_gen.identify.identification import fit_split
 from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.peers import PEERS, fit_peer
-from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recorded import Recording, recording_rows
 from esea_gen.identify.recording import load_recordings
 from esea_gen.identify.search_problem import Searching
 from esea_gen.language.ports import Array
@@ -96,6 +96,8 @@ class ModelComparison:
         By model: the device fitted on the file's own division.
     notes : tuple of str
         What the reader must know.
+    recordings : tuple of Recording
+        Data.
     """
 
     source: MappingFile
@@ -106,6 +108,7 @@ class ModelComparison:
     standard_error: float
     devices: dict[str, Device]
     notes: tuple[str, ...]
+    recordings: tuple[Recording, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Report, JSON-ready and the same for the same input.
@@ -117,6 +120,7 @@ class ModelComparison:
         """
         return {
             "mapping": self.source.origin,
+            "recordings": recording_rows(self.recordings),
             "full_scale_Nm": self.full_scale_Nm,
             "compare": [r.to_dict() for r in self.rows],
             "chosen": self.chosen,
@@ -225,6 +229,7 @@ def compare(
         spread,
         run.devices,
         _notes(timed, splits, able),
+        tuple(recordings),
     )
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from esea_gen.errors import UserError, nearest
 from esea_gen.identify.cycles import DataSet
-from esea_gen.identify.mapping import Cycles
 from esea_gen.identify.recorded import Recording
+from esea_gen.identify.tables import Cycles
 
 # With fewer, leaving one out leaves too little, or one on one side only.
 LEAST_CONDITIONS = 3

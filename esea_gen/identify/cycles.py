@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.identify.mapping import Cycles
+from esea_gen.identify.tables import Cycles
 from esea_gen.language.ports import Array
 
 Role = Literal["lead_in", "transition", "conditioning", "training", "held_out", "rest"]

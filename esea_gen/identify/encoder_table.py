@@ -7,8 +7,6 @@ difference between the ways that it turns, and is fitted beside the table.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +18,7 @@ from esea_gen.device import Device
 from esea_gen.devices.fields import TABLE_SIZES, EncoderSide, field_facts
 from esea_gen.devices.numbers import Quantity, Series
 from esea_gen.errors import UserError
+from esea_gen.identify.reading import read_table
 from esea_gen.identify.regression import Estimate, fit_linear
 from esea_gen.language.ports import Array
 from esea_gen.toml_file import read_text
@@ -96,18 +95,11 @@ class EncoderTable:
 def read_counts(path: Path, full: int) -> tuple[Array, Array]:
     """Counts of the encoder and angles of the reference, a row a sample."""
     text = read_text(path, "Give the recording.")
-    rows = list(csv.DictReader(io.StringIO(text)))
-    missing = [n for n in COLUMNS if not rows or n not in rows[0]]
-    if missing:
-        raise UserError(f"{path}: no column {missing[0]}.", f"It needs {' and '.join(COLUMNS)}.")
-    try:
-        table = np.array([[float(r[n]) for n in COLUMNS] for r in rows])
-    except (TypeError, ValueError):
-        raise UserError(f"{path}: a row holds no two numbers.", "Mend it.") from None
-    count, reference = table.T
-    if not np.all(np.isfinite(table)) or np.any((count < 0) | (count >= full)):
+    advice = f"It needs {' and '.join(COLUMNS)}, a row a sample."
+    count, reference = read_table(path, text, COLUMNS, advice).values()
+    if np.any((count < 0) | (count >= full)):
         raise UserError(
-            f"{path}: a row is not finite, or a count is outside 0 to {full - 1}.",
+            f"{path}: a count is outside 0 to {full - 1}.",
             "Leave it out, or give the device with this encoder's resolution_bits.",
         )
     return count, reference

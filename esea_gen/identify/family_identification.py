@@ -22,6 +22,7 @@ from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import load_recordings
 from esea_gen.identify.resampling import LeftOut
 from esea_gen.identify.verdict import Verdict, judge
+from esea_gen.identify.worth import worth_of
 from esea_gen.model.family import FittedMember, Member
 
 
@@ -37,7 +38,7 @@ class FamilyIdentification(Identified):
         Standard deviations of the weights above 0, by place among the terms.
     spread : LeftOut
         What leaving blocks out says; its band is the torque's.
-    device, source, recordings, verdict, notes, seconds
+    device, source, recordings, verdict, notes, worth, seconds
         As in :class:`~esea_gen.identify.identified.Identified`.
     """
 
@@ -137,6 +138,7 @@ def identify_member(
         recordings=tuple(recordings),
         verdict=verdict,
         notes=notes,
+        worth=worth_of(device, recordings, verdict, spread),
         seconds=time.monotonic() - begun,
         fitted=fitted,
         sigma=sigma,

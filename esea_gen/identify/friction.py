@@ -15,8 +15,6 @@ References
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +25,9 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
+from esea_gen.identify.reading import read_table
 from esea_gen.identify.regression import Estimate, fit_linear, fit_separable
+from esea_gen.identify.tables import FileFormat
 from esea_gen.language.ports import Array
 from esea_gen.toml_file import read_text
 
@@ -139,30 +139,17 @@ def read_run(path: Path, full_Nm: float | None) -> SteadyRun:
     full_Nm: torque that an export means by 100 %.
     """
     text = read_text(path, "Give the recording of one run.")
-    return _epos(path, text, full_Nm) if EPOS in text[:400] else _columns(path, text)
+    if EPOS in text[:400]:
+        omega, tau = _epos(path, text, full_Nm)
+    else:
+        advice = "Give both at the motor shaft, or exports of EPOS Studio."
+        omega, tau = read_table(path, text, ("omega_rad_s", "tau_Nm"), advice).values()
+    if len(tau) < 2:
+        raise UserError(f"{path}: {len(tau)} samples.", "Record the run again.")
+    return SteadyRun(path.name, omega, tau)
 
 
-def _rows(
-    path: Path, rows: Sequence[Sequence[str]], places: tuple[int, int]
-) -> tuple[Array, Array]:
-    found = []
-    for line, row in enumerate(rows, start=1):
-        try:
-            found.append([float(row[p]) for p in places])
-        except (ValueError, IndexError):
-            raise UserError(
-                f"{path}: row {line} behind the head is {','.join(row)!r}: no speed and torque.",
-                "Mend the row, or leave it out.",
-            ) from None
-    table = np.array(found).reshape(-1, 2)
-    if len(table) < 2 or not np.all(np.isfinite(table)):
-        raise UserError(
-            f"{path}: {len(table)} samples, or some are not finite.", "Record the run again."
-        )
-    return table[:, 0], table[:, 1]
-
-
-def _epos(path: Path, text: str, full_Nm: float | None) -> SteadyRun:
+def _epos(path: Path, text: str, full_Nm: float | None) -> tuple[Array, Array]:
     if full_Nm is None:
         raise UserError(
             f"{path}: torques are in % of the nominal torque, and that is not known.",
@@ -176,22 +163,11 @@ def _epos(path: Path, text: str, full_Nm: float | None) -> SteadyRun:
             "Export 'Velocity actual value' and 'Torque actual value', in this order.",
         )
     # What somebody wrote behind a row is a comment.
-    rows = [line.partition(",")[0].split(";") for line in lines[heads[0] + 1 :] if line]
-    rpm, percent = _rows(path, rows, (1, 2))
-    return SteadyRun(path.name, rpm * (2 * math.pi / 60), percent * (full_Nm / 100))
-
-
-def _columns(path: Path, text: str) -> SteadyRun:
-    rows = list(csv.reader(io.StringIO(text)))
-    head = [n.strip() for n in rows[0]] if rows else []
-    missing = [n for n in ("omega_rad_s", "tau_Nm") if n not in head]
-    if missing:
-        raise UserError(
-            f"{path}: there is no column {' and no '.join(missing)}; it has {', '.join(head)}.",
-            "Name them, at the motor shaft; or give exports of EPOS Studio.",
-        )
-    places = head.index("omega_rad_s"), head.index("tau_Nm")
-    return SteadyRun(path.name, *_rows(path, rows[1:], places))
+    rows = [line.partition(",")[0] for line in lines]
+    form = FileFormat(delimiter=";", header_line=heads[0] + 1)
+    advice = "Mend the row, or leave it out."
+    rpm, percent = read_table(path, "\n".join(rows), ("rpm", "%"), advice, form).values()
+    return rpm * (2 * math.pi / 60), percent * (full_Nm / 100)
 
 
 def _near(x: Array) -> npt.NDArray[np.bool_]:
@@ -200,7 +176,7 @@ def _near(x: Array) -> npt.NDArray[np.bool_]:
     return np.asarray(np.abs(x - middle) <= room)
 
 
-def _points(runs: Sequence[SteadyRun]) -> tuple[Array, Array, list[npt.NDArray[np.bool_]]]:
+def run_means(runs: Sequence[SteadyRun]) -> tuple[Array, Array, list[npt.NDArray[np.bool_]]]:
     """Speed and torque of each run, and which of its samples they are of."""
     near = [_near(r.omega_rad_s) & _near(r.tau_Nm) for r in runs]
     # The encoder's counts make a slow speed jump; a run is at its mean, and counts once.
@@ -210,7 +186,7 @@ def _points(runs: Sequence[SteadyRun]) -> tuple[Array, Array, list[npt.NDArray[n
 
 def fit_friction(runs: Sequence[SteadyRun]) -> Friction:
     """Friction of a drive from its runs at steady speeds, both ways."""
-    w, y, near = _points(runs)
+    w, y, near = run_means(runs)
     _enough(w)
     way, size, block = np.sign(w), np.abs(w), np.arange(len(w), dtype=np.float64)
     rest = np.column_stack([np.ones(len(w)), way, w])
@@ -248,28 +224,4 @@ def _enough(speeds: Array) -> None:
         )
 
 
-def friction_figure(runs: Sequence[SteadyRun], found: Friction) -> Any:
-    """Torque over speed: each run's mean, and the model."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    from esea_gen.plotting import MEASURED, MODEL, STYLE
-
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.0, 3.6), layout="constrained")
-        axes = figure.add_subplot()
-        speeds, torques, _ = _points(runs)
-        axes.plot(speeds, 1e3 * torques, "o", color=MEASURED, ms=4, label="recorded, a run each")
-        most = float(np.max(np.abs(speeds)))
-        for k, way in enumerate((-1.0, 1.0)):
-            at = way * np.geomspace(most / 400, most, 200)
-            label = None if k else "model"
-            axes.plot(at, 1e3 * found.torque_Nm(at), color=MODEL, lw=1.4, label=label)
-        axes.set_title("torque that the drive takes at steady speeds")
-        axes.set_xlabel("speed of the motor shaft, rad/s")
-        axes.set_ylabel("mN·m at the motor shaft")
-        axes.legend(loc="upper left")
-        return figure
-
-
-__all__ = ["UNITS", "Friction", "SteadyRun", "fit_friction", "friction_figure", "read_run"]
+__all__ = ["UNITS", "Friction", "SteadyRun", "fit_friction", "read_run", "run_means"]

@@ -24,6 +24,7 @@ from esea_gen.identify.search_problem import Searching
 from esea_gen.identify.space import Space
 from esea_gen.identify.uncertainty import Uncertainty, uncertainty
 from esea_gen.identify.verdict import Verdict, judge
+from esea_gen.identify.worth import worth_of
 from esea_gen.language.ports import unit_of
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
@@ -40,7 +41,7 @@ class Identification(Identified):
         Errors of the best model without Maxwell element, where one was asked for and kept.
     with_rate : Verdict, optional
         Errors of the best model with one, where it was not better on held-out data: left out.
-    device, source, recordings, verdict, notes, seconds
+    device, source, recordings, verdict, notes, worth, seconds
         As in :class:`~esea_gen.identify.identified.Identified`.
     """
 
@@ -170,6 +171,7 @@ def identify(
         without_rate=without,
         with_rate=with_rate,
         notes=notes,
+        worth=worth_of(device, recordings, verdict, spread.resampled, plant.judged),
         seconds=time.monotonic() - begun,
     )
 

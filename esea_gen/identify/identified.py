@@ -11,8 +11,9 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.identify.device_file import marked_toml, write_marked
 from esea_gen.identify.mapping import MappingFile
-from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recorded import Recording, recording_rows
 from esea_gen.identify.verdict import Verdict
+from esea_gen.identify.worth import TorqueWorth, worth_rows
 from esea_gen.language.ports import Array
 
 
@@ -32,6 +33,8 @@ class Identified:
         Errors of the device's C.
     notes : tuple of str
         What the reader must know.
+    worth : tuple of TorqueWorth
+        Errors by class of torque and rate; empty where nothing was free in the fit.
     seconds : float
         Time taken; not part of :meth:`to_dict`, which is the same every time.
     """
@@ -41,6 +44,7 @@ class Identified:
     recordings: tuple[Recording, ...]
     verdict: Verdict
     notes: tuple[str, ...]
+    worth: tuple[TorqueWorth, ...] = ()
     seconds: float = field(compare=False)
 
     @property
@@ -86,19 +90,9 @@ class Identified:
             "domain": {
                 k: q[f"domain.{k}"].value for k in type(self.device.file.domain).model_fields
             },
-            "recordings": [
-                {
-                    "label": r.label,
-                    "file": r.file,
-                    "sha256": r.digest,
-                    "samples": len(r.time_s),
-                    "dropped": r.dropped,
-                    "timed": r.timed,
-                    "duration_s": float(r.time_s[-1]),
-                }
-                for r in self.recordings
-            ],
+            "recordings": recording_rows(self.recordings),
             **self.errors(self.verdict),
+            "worth": worth_rows(self.worth),
             "notes": list(self.notes),
         }
 

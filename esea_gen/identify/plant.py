@@ -133,6 +133,13 @@ class FittedPlant:
         self.measured = np.concatenate(measured)
         self._spring = self._collect([(s.theta_rad, s.theta_rad**3) for s in self.streams])
 
+    @property
+    def judged(self) -> tuple[Array, Array] | None:
+        """Measured torque and rate at the training rows; None where these are the samples."""
+        if self.rate_Hz is None:
+            return None
+        return self.measured, self._collect([(s.omega_rad_s,) for s in self.streams])[:, 0]
+
     def _rows(self, recordings: Sequence[Recording]) -> FitRows:
         ways = [np.sign(np.gradient(s.theta_rad))[at] for s in self.streams for at in s.training]
         sets = [(r, s) for r in recordings for s in r.sets if len(s.training)]

@@ -12,8 +12,8 @@ import scipy.io
 
 from esea_gen.errors import UserError
 from esea_gen.identify.columns import Columns, vectors
-from esea_gen.identify.mapping import FileFormat
 from esea_gen.identify.reading import read_csv
+from esea_gen.identify.tables import FileFormat
 
 
 def read_mat(raw: bytes, name: str, form: FileFormat, wanted: Sequence[str]) -> Columns:

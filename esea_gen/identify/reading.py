@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_gen.identify.columns import LONGEST_SHOWN, missing_column, shortened
-from esea_gen.identify.mapping import FileFormat
+from esea_gen.identify.tables import FileFormat
 from esea_gen.language.ports import Array
 
 # How files that are no text begin: MATLAB of version 5 and 7.3, HDF5, Parquet.
@@ -30,7 +31,7 @@ def read_csv(
         if raw.startswith(start):
             title = "MATLAB" if kind == "mat" else kind
             raise UserError(
-                f"{name}: is a {title} file, but the mapping reads it as text.",
+                f"{name}: is a {title} file, but it is read as text.",
                 f"Set kind = '{kind}' in the mapping's format.",
             )
     try:
@@ -83,6 +84,25 @@ def read_csv(
         )
     table = np.array(values, dtype=np.float64).reshape(len(values), len(wanted))
     return {w: table[:, i] for i, w in enumerate(wanted)}, np.array(rows, dtype=np.intp)
+
+
+def read_table(
+    path: Path, text: str, wanted: Sequence[str], advice: str, form: FileFormat | None = None
+) -> dict[str, Array]:
+    """Columns of finite numbers of a text that no mapping file describes.
+
+    advice: what to do where something is wrong.
+    form: names in the first line, commas and decimal points by default.
+    """
+    try:
+        found, lines = read_csv(text.encode(), str(path), form or FileFormat(), wanted)
+    except UserError as error:
+        raise UserError(error.what, advice) from None
+    for name, values in found.items():
+        for k in np.flatnonzero(~np.isfinite(values)):
+            text = f"{path}: line {lines[k]}, column '{name}': {values[k]:g} is not finite."
+            raise UserError(text, advice)
+    return found
 
 
 def _columns(name: str, header: list[str], wanted: Sequence[str]) -> list[int]:

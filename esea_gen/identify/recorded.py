@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from esea_gen.identify.cycles import Cycle, DataSet
 from esea_gen.identify.quality import Finding
@@ -34,3 +36,19 @@ class Recording:
     sets: tuple[DataSet, ...]
     conditions: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+
+def recording_rows(recordings: Iterable[Recording]) -> list[dict[str, Any]]:
+    """What a result was made of, JSON-ready."""
+    return [
+        {
+            "label": r.label,
+            "file": r.file,
+            "sha256": r.digest,
+            "samples": len(r.time_s),
+            "dropped": r.dropped,
+            "timed": r.timed,
+            "duration_s": float(r.time_s[-1]),
+        }
+        for r in recordings
+    ]

@@ -14,10 +14,11 @@ import numpy.typing as npt
 from esea_gen.errors import UserError
 from esea_gen.identify.conditions import divided
 from esea_gen.identify.cycles import data_sets, divide
-from esea_gen.identify.mapping import TIME, FileFormat, Mapping, MappingFile, RecordingTable
+from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.quality import MOST_SPIKES, Finding, bridged, examined, spikes
 from esea_gen.identify.readers import READERS
 from esea_gen.identify.recorded import Recording
+from esea_gen.identify.tables import TIME, FileFormat, Mapping, RecordingTable
 from esea_gen.language.ports import Array
 
 MIN_SAMPLES = 50

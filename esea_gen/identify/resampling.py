@@ -95,12 +95,16 @@ class LeftOut:
     friction_Nm: Coulomb friction that the residuals show and the model has not; None where they
         show none.
     conditions: how many there are.
+    outside_Nm, weight: error of every row by the fit to the other blocks, measured less modelled,
+        and the row's weight in the fit, shape (rows,).
     """
 
     covariance: Array
     band_Nm: float
     friction_Nm: float | None
     conditions: int
+    outside_Nm: Array
+    weight: Array
 
     @property
     def sigma(self) -> Array:
@@ -146,9 +150,8 @@ def resampled(
         covariance = covariance + np.outer(found[:-1], found[:-1])
     by = rows.condition if whole_conditions and not few else rows.cycle
     outside = _left_out(jacobian, residual, weight, by)
-    return LeftOut(
-        covariance, _quantile(np.abs(outside), weight**2), friction, len(np.unique(names[1]))
-    )
+    band = half_width_Nm(outside, weight)
+    return LeftOut(covariance, band, friction, len(np.unique(names[1])), outside, weight)
 
 
 def _mean_covariance(
@@ -197,9 +200,11 @@ def _left_out(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -
     return out
 
 
-def _quantile(sizes: Array, weight: Array) -> float:
+def half_width_Nm(error_Nm: Array, weight: Array) -> float:
+    """Half width that holds 95 % of errors, each of them as often as its squared weight says."""
+    sizes, often = np.abs(error_Nm), weight**2
     order = np.argsort(sizes)
-    share = np.cumsum(weight[order]) / weight.sum()
+    share = np.cumsum(often[order]) / often.sum()
     return float(sizes[order][min(int(np.searchsorted(share, BAND)), len(sizes) - 1)])
 
 
@@ -213,6 +218,7 @@ __all__ = [
     "LeftOut",
     "autocorrelation",
     "covered",
+    "half_width_Nm",
     "resampled",
     "rows_of",
     "whole_conditions",

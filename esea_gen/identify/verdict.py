@@ -25,14 +25,15 @@ class Verdict:
     ----------
     misfits : Misfits
         Torque errors of every data set, in training and held out.
-    torque_Nm : dict of str to ndarray
-        Model torque at the samples of each recording.
+    torque_Nm, omega_rad_s : dict of str to ndarray
+        Model torque and rate of the deflection at the samples of each recording.
     largest_rate_Nm : float
         Largest |torque| of the Maxwell element.
     """
 
     misfits: Misfits
     torque_Nm: dict[str, Array]
+    omega_rad_s: dict[str, Array]
     largest_rate_Nm: float
 
 
@@ -53,13 +54,16 @@ def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
     """
     system = sensing_system(device, device.velocity, device.sensor)
     task = compile_system(system, "f64").task("sense")
-    errors, torque, largest = [], {}, 0.0
+    errors, largest = [], 0.0
+    torque: dict[str, Array] = {}
+    omega: dict[str, Array] = {}
     for r in recordings:
         grid = np.arange(math.ceil(r.time_s[-1] / device.period_s) + 1) * device.period_s
         task.reset()
         out, _ = task.run({"theta_rad": resample(r.time_s, r.theta_rad, grid)}, trace=False)
-        model = resample(grid, np.asarray(out["tau_Nm"], dtype=np.float64), r.time_s)
-        torque[r.label] = model
+        for found, port in ((torque, "tau_Nm"), (omega, "omega_rad_s")):
+            found[r.label] = resample(grid, np.asarray(out[port], dtype=np.float64), r.time_s)
+        model = torque[r.label]
         largest = max(largest, float(np.abs(out["tau_rate_Nm"]).max()))
         errors.append((r, model - r.tau_Nm))
-    return Verdict(Misfits.of("Nm", errors), torque, largest)
+    return Verdict(Misfits.of("Nm", errors), torque, omega, largest)

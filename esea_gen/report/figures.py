@@ -113,8 +113,14 @@ def _share_loops(traces: Sequence[Curve]) -> Curve | None:
     """
     if len(traces) < 2 or any(len(t.parts) > 1 or t.components for t in traces):
         return None
+    return joined(traces)
+
+
+def joined(traces: Sequence[Curve]) -> Curve:
+    """Recordings as one trace with the parts of all."""
     starts = np.cumsum([0, *(len(t.time_s) for t in traces)])
     measured = [t.measured_Nm for t in traces if t.measured_Nm is not None]
+    held = [t.held_out for t in traces if t.held_out is not None]
     return Curve(
         "every recording",
         np.concatenate([t.time_s for t in traces]),
@@ -122,8 +128,11 @@ def _share_loops(traces: Sequence[Curve]) -> Curve | None:
         np.concatenate([t.model_Nm for t in traces]),
         np.concatenate(measured) if len(measured) == len(traces) else None,
         tuple(
-            (t.parts[0][0], t.parts[0][1] + start) for t, start in zip(traces, starts, strict=False)
+            (title, at + start)
+            for t, start in zip(traces, starts, strict=False)
+            for title, at in t.parts
         ),
+        np.concatenate(held) if len(held) == len(traces) else None,
         model_name=traces[0].model_name,
     )
 
@@ -172,7 +181,14 @@ def loops(trace: Curve, name: str, points: int) -> Markup:
             x = np.degrees(cut(trace.theta_rad))
             if trace.measured_Nm is not None:
                 axes.plot(x, cut(trace.measured_Nm), color=MEASURED, lw=2.2, label="measured")
-            axes.plot(x, cut(trace.model_Nm), color=MODEL, lw=0.9, label=trace.model_name)
+            model = cut(trace.model_Nm)
+            unseen = np.zeros(len(x), dtype=bool)
+            if trace.held_out is not None:
+                unseen = cut(trace.held_out.astype(np.float64)) > 0.5
+            for which, colour, what in ((~unseen, MODEL, ""), (unseen, BOUND, ", held out")):
+                if what == "" or trace.held_out is not None:
+                    shown = np.where(which, model, np.nan)
+                    axes.plot(x, shown, color=colour, lw=0.9, label=trace.model_name + what)
             axes.set_title(title)
             axes.xaxis.set_major_locator(MaxNLocator(5))
         handles, labels = cells[0].get_legend_handles_labels()

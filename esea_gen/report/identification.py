@@ -20,7 +20,7 @@ def identification_page(result: Identified) -> str:
     if "model" in content:
         content["command"] += f' --model "{content["model"]["member"]}"'
     parameters = [
-        {"key": key, "meaning": field_facts(_dotted(key))["text"], **p}
+        {"key": key, "meaning": field_facts(dotted(key))["text"], **p}
         for key, p in content.get("parameters", {}).items()
     ]
     assumed = [(key, q) for key, q in result.device.quantities() if q.status == "assumed"]
@@ -57,7 +57,8 @@ SECTIONS = (
 )
 
 
-def _dotted(key: str) -> str:
+def dotted(key: str) -> str:
+    """A parameter's key in the device file."""
     return f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
 
 

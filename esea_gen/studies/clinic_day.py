@@ -222,13 +222,12 @@ class ClinicDay:
     def figure(self) -> Figure:
         """Stiffness over the day, and the error; what was published beside it."""
         import matplotlib as mpl
-        from matplotlib.figure import Figure
 
+        from esea_gen.analysis.plots import finished, new_figure
         from esea_gen.plotting import INK, MEASURED, MODEL, ROUNDING, STYLE
 
         with mpl.rc_context(STYLE):
-            figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-            left, right = figure.subplots(1, 2)
+            figure, (left, right) = new_figure(9.0, 3.6, ncols=2)
             at = np.arange(1, COUNT + 1)
             looks = (("-", MODEL), ("--", ROUNDING), (":", MEASURED))
             for r, (line, color) in zip(self.rows(), looks, strict=True):
@@ -250,7 +249,7 @@ class ClinicDay:
             right.plot([], [], "x", color=INK, label="published: largest of the day, next morning")
             right.legend(loc="lower right")
             right.set_ylim(bottom=0)
-            return figure
+            return finished(figure)
 
 
 class ClinicDayStudy(Reproduction[ClinicDay]):

@@ -9,6 +9,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
+from esea_gen.identify.reading import read_table
 from esea_gen.studies.startup.watch import DriveRecording
 from esea_gen.toml_file import read_text
 
@@ -31,26 +32,16 @@ def read_recordings(folder: Path, names: Sequence[str], tick_s: float) -> dict[s
 
 
 def _read(path: Path, tick_s: float) -> DriveRecording:
-    head, *lines = read_text(path, "Give the folder that --keep wrote.").splitlines() or [""]
-    if tuple(head.split(",")) != COLUMNS:
-        raise UserError(f"{path}: its columns are {head[:80]}.", f"Give {', '.join(COLUMNS)}.")
-    try:
-        table = np.array([[float(x) for x in line.split(",")] for line in lines])
-    except ValueError:
-        table = np.empty(0)
-    if table.ndim != 2 or table.shape[1] != len(COLUMNS) or not np.all(np.isfinite(table)):
-        raise UserError(
-            f"{path}: {len(lines)} rows; some hold no {len(COLUMNS)} finite numbers.",
-            "Record it again.",
-        )
-    wrong = np.flatnonzero(np.abs(np.diff(table[:, 0]) - tick_s) > 1e-3 * tick_s)
-    if len(wrong) or len(table) < 2:
+    fix = "Give the folder that --keep wrote."
+    time_s, *signals = read_table(path, read_text(path, fix), COLUMNS, fix).values()
+    wrong = np.flatnonzero(np.abs(np.diff(time_s) - tick_s) > 1e-3 * tick_s)
+    if len(wrong) or len(time_s) < 2:
         at = f"row {wrong[0] + 2}" if len(wrong) else "its end"
         raise UserError(
             f"{path}: at {at} the time does not go on by a tick of {1e3 * tick_s:g} ms.",
             "A recording with gaps cannot be used: record it again.",
         )
-    return DriveRecording(tick_s, *(np.ascontiguousarray(c) for c in table.T[1:]))
+    return DriveRecording(tick_s, *(np.ascontiguousarray(c) for c in signals))
 
 
 __all__ = ["COLUMNS", "read_recordings", "write_recordings"]

@@ -15,11 +15,12 @@ from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.plant import tunable_system
+from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.studies.chapter4 import END_S, SIGNALS, evaluation_filter
 from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD, at_rate
-from esea_gen.studies.uncertainty.tally import RATE_EDGES, RATES, TORQUE_EDGES
+from esea_gen.studies.uncertainty.tally import RATES
 
 ELBOW_FULL_SCALE_NM = 4.47  # the published signals are the elbow's; others' are scaled
 CYCLE_S = 100.0  # the slow signals repeat after it

@@ -27,20 +27,13 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
+from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES, label
 from esea_gen.language.ports import Array
 from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD
 from esea_gen.studies.registry import Study
 from esea_gen.studies.uncertainty.motions import Encoders, Motion, compiled_programs, motions
 from esea_gen.studies.uncertainty.spread import Spread, assumed_spread, elastomer_values
-from esea_gen.studies.uncertainty.tally import (
-    RATE_EDGES,
-    RATES,
-    TORQUE_EDGES,
-    TORQUES,
-    Figures,
-    Tally,
-    label,
-)
+from esea_gen.studies.uncertainty.tally import RATES, TORQUES, Figures, Tally
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

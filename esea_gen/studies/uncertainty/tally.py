@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
 from esea_gen.language.ports import Array
 
-TORQUE_EDGES = (0.0, 0.05, 0.25, 0.5, 0.75, 1.0, math.inf)  # of full scale
-RATE_EDGES = (0.0, 0.05, 0.35, 1.0, math.inf)  # of the identified domain's largest rate
 TORQUES, RATES = len(TORQUE_EDGES) - 1, len(RATE_EDGES) - 1
 GROUPS = 10
 # Errors are counted in classes 0.9 % wide above a ten thousandth of full scale.
@@ -103,10 +102,3 @@ class Tally:
             middle = (int(np.searchsorted(share, wanted)) + 0.5) / HALF_CLASSES - 1
             ends.append(math.copysign(self.finest * math.expm1(abs(middle) * self.top), middle))
         return ends[0], ends[1]
-
-
-def label(edges: tuple[float, ...], i: int) -> str:
-    """A class in words."""
-    if math.isinf(edges[i + 1]):
-        return f"> {100 * edges[i]:g} %"
-    return f"{100 * edges[i]:g}-{100 * edges[i + 1]:g} %"

@@ -64,7 +64,9 @@ def life(
     if not lives:
         out.print("The device has no coupling that is counted.")
     rows = [_row(known, one) for one in lives]
-    content = {"device": known.name, "simulated": simulated, "couplings": rows}
+    curve = known.file.fatigue
+    told = None if curve is None else curve.model_dump()
+    content = {"device": known.name, "simulated": simulated, "fatigue": told, "couplings": rows}
     write_json(json_file, "host-life", content)
 
 

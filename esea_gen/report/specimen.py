@@ -1,0 +1,169 @@
+"""One page a specimen: what was measured, how well the model knows it, how far its life is used.
+
+What no result says is not known, and the page names the command that would tell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from esea_gen.devices.fields import field_facts
+from esea_gen.emit.build import device_hash
+from esea_gen.identify import MappingFile
+from esea_gen.identify.compare import THESIS
+from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
+from esea_gen.report import figures
+from esea_gen.report.identification import dotted
+from esea_gen.report.page import PageSection, render
+from esea_gen.report.specimen_results import AGREED, COMPARED, LIFE, NAMES, SpecimenResults
+
+LIKELY = 1.959964  # deviations that hold 95 % of a normal distribution
+
+
+def specimen_page(found: SpecimenResults, command: str) -> str:
+    """The page, one self-contained file.
+
+    command: that makes it again.
+    """
+    content = found.identified | {"command": command, "content_hash": device_hash(found.device)}
+    model = content["model"]["member"] if "model" in content else THESIS
+    shown = {
+        "title": f"Specimen: {found.device.title}",
+        "f": content,
+        "facts": found.source.mapping.specimen,
+        "scales": _scales(found.source),
+        "model": model,
+        "compared": found.others.get(COMPARED),
+        "agreed": found.others.get(AGREED),
+        "lives": found.others.get(LIFE),
+        "names": NAMES,
+        "wanted": found.wanted(),
+    }
+    return render(PageSection("specimen/head"), SECTIONS, found, **shown)
+
+
+def _scales(source: MappingFile) -> list[dict[str, Any]]:
+    m = source.mapping
+    found = (
+        ("deflection", "rad/m", m.deflection.scale_rad_per_m),
+        ("torque", "Nm/N", m.torque.scale_Nm_per_N),
+        ("sampling period", "s", m.sampling.period_s),
+    )
+    return [{"what": w, "unit": u} | q.model_dump() for w, u, q in found if q is not None]
+
+
+def _loops(found: SpecimenResults) -> dict[str, Any]:
+    traces = []
+    for r in found.recordings:
+        held = np.zeros(len(r.time_s), dtype=bool)
+        parts = []
+        for s in r.sets:
+            held[s.held_out] = True
+            used = np.sort(np.concatenate([s.training, s.held_out]))
+            if len(used):
+                parts.append((f"{s.label}, {np.degrees(s.amplitude_rad):.3g}°", used))
+        model = found.verdict.torque_Nm[r.label]
+        traces.append(
+            figures.Curve(
+                r.label, r.time_s, r.theta_rad, model, r.tau_Nm, tuple(parts), held, "model"
+            )
+        )
+    whole = figures.joined(traces)
+    drawn = figures.loops(whole, "loops", figures.POINTS_PER_PAGE // 2)
+    return {"loops": drawn, "panels": len(whole.parts), "most": figures.MOST_PANELS}
+
+
+def _parameters(found: SpecimenResults) -> dict[str, Any]:
+    """Each number of the model with its interval and where it comes from."""
+    known, content = dict(found.device.quantities()), found.identified
+    rows = []
+    for key, p in content.get("parameters", {}).items():
+        place = dotted(key)
+        row = {"name": key, "meaning": field_facts(place)["text"], "unit": p["unit"]}
+        rows.append(row | _interval(p["value"], p["sigma"], p["low"], p["high"], known[place]))
+    for i, t in enumerate(content["model"]["terms"] if "model" in content else ()):
+        least = -math.inf if t["kind"] == "offset" else 0.0
+        q = known[f"family.terms[{i}].weight_Nm"]
+        row = {"name": t["kind"], "meaning": t["term"], "unit": "Nm"}
+        rows.append(row | _interval(t["weight_Nm"], t["sigma_Nm"], least, math.inf, q))
+    return {"parameters": rows}
+
+
+def _interval(
+    value: float, sigma: float | None, low: float, high: float, quantity: Any
+) -> dict[str, Any]:
+    ends = None
+    if sigma is not None:
+        ends = max(value - LIKELY * sigma, low), min(value + LIKELY * sigma, high)
+    source = quantity.source.partition("; standard deviation")[0]
+    return {"value": value, "interval": ends, "status": quantity.status, "source": source}
+
+
+def _models(found: SpecimenResults) -> dict[str, Any]:
+    if COMPARED not in found.others:
+        return {}
+    rows = found.others[COMPARED]["compare"]
+    cells = {(r["model"], r["condition"]): r for r in rows}
+    models = list(dict.fromkeys(r["model"] for r in rows))
+    conditions = list(dict.fromkeys(r["condition"] for r in rows))
+    return {"cells": cells, "models": models, "conditions": conditions}
+
+
+def _worth(found: SpecimenResults) -> dict[str, Any]:
+    content = found.identified
+    cells = {(w["torque"], w["rate"]): w for w in content["worth"]}
+    torques = list(dict.fromkeys(w["torque"] for w in content["worth"]))
+    rates = list(dict.fromkeys(w["rate"] for w in content["worth"]))
+
+    def seen(torque: str | None, rate: str | None) -> bool:
+        cell = cells[torque, rate]
+        return bool(cell["samples"] or cell["held_out"])
+
+    # Classes above what was measured at all are left out; an empty one between stays.
+    torques = _till_last(torques, [seen(t, None) for t in torques])
+    rates = _till_last(rates, [seen(None, r) for r in rates])
+    widest = max((w["band_Nm"] or 0.0 for w in content["worth"]), default=0.0)
+    scale, most = content["full_scale_Nm"], content["domain"]["omega_max_rad_s"]
+    return {
+        "classes": cells,
+        "torques": list(zip(torques, [None, *_spans(TORQUE_EDGES, scale)], strict=False)),
+        "rates": list(zip(rates, [None, *_spans(RATE_EDGES, most)], strict=False)),
+        "widest": widest,
+    }
+
+
+def _till_last(names: list[Any], seen: list[bool]) -> list[Any]:
+    return names[: max((i + 1 for i, x in enumerate(seen) if x), default=0)]
+
+
+def _spans(edges: Sequence[float], scale: float) -> list[tuple[float, float | None]]:
+    ends = [scale * e if math.isfinite(e) else None for e in edges[1:]]
+    return [(scale * a, b) for a, b in zip(edges[:-1], ends, strict=True)]
+
+
+def _lived(found: SpecimenResults) -> dict[str, Any]:
+    one = found.coupling
+    if one is None:
+        return {"one": None}
+    width = one["width_rad"]
+    classes = [(k * width, (k + 1) * width, h / 2) for k, h in enumerate(one["halves"]) if h]
+    return {"one": one, "ranges": classes, "cycles": sum(one["halves"]) / 2}
+
+
+SECTIONS = (
+    PageSection("identification/notes", "Notes"),
+    PageSection("specimen/loops", "Loops", shown=_loops),
+    PageSection("identification/errors", "Errors"),
+    PageSection("specimen/parameters", "Parameters", shown=_parameters),
+    PageSection("specimen/models", "Model choice", shown=_models),
+    PageSection("specimen/worth", "What the torque is worth", shown=_worth),
+    PageSection("specimen/reliability", "Reliability"),
+    PageSection("specimen/life", "Life used", shown=_lived),
+    PageSection("specimen/files", "Files"),
+)
+
+__all__ = ["specimen_page"]
