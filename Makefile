@@ -5,6 +5,10 @@ OUT := out
 TESTS ?= tests
 STAMP := .venv/.stamp
 
+# Python keeps what it has compiled, whatever the environment says: without that every process of a
+# test compiles the package anew, and each worker every assertion, a quarter of the whole.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test search docs bench test-slow test-slow-sample proof style setup clean
 
 run: setup

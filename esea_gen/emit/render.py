@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import jinja2
@@ -22,6 +23,8 @@ from esea_gen.language.ports import Flag, Port
 from esea_gen.language.program import Program
 from esea_gen.language.system import External, Latch, Signal, System
 from esea_gen.language.watch import LATE_FULL, LATE_MOST, LATE_STEP, Watched
+
+Emitted = Mapping[str, EmittedBlock | EmittedProgram]
 
 
 class _Compiled(jinja2.BytecodeCache):
@@ -76,6 +79,17 @@ def emit_block(block: Block | Program, fmt: Format) -> EmittedBlock | EmittedPro
     if block.kind == "program":
         return emit_program(block, fmt)
     return fmt.emit(block)
+
+
+_EMITTED: WeakKeyDictionary[System, dict[Format, Emitted]] = WeakKeyDictionary()
+
+
+def _emitted(system: System, fmt: Format) -> Emitted:
+    # Printed once: for the content hash, and again with it.
+    kept = _EMITTED.setdefault(system, {})
+    if fmt not in kept:
+        kept[fmt] = {b.name: emit_block(b, fmt) for b in system.kinds}
+    return kept[fmt]
 
 
 def content_hash(
@@ -133,7 +147,7 @@ class Renderer:
         self.system = system
         self.fmt = fmt
         self.prefix = f"esea_{system.name}"
-        self.emitted = {b.name: emit_block(b, fmt) for b in system.kinds}
+        self.emitted = _emitted(system, fmt)
         self.identity = identity(self.prefix, fmt, digest)
         self.naming = fmt.naming(system)
         self.env = environment()

@@ -10,6 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 
@@ -107,13 +108,23 @@ class Kernel:
         return "\n".join(lines)
 
 
+_WALKED: WeakKeyDictionary[ca.Function, Kernel] = WeakKeyDictionary()
+
+
 def walk(function: ca.Function) -> Kernel:
-    """Turn a CasADi function into a kernel.
+    """Turn a CasADi function into a kernel, once for every number format.
 
     function: scalar expression graph (SX) with dense arguments and results.
     return: the same operations in the same dependence, so that evaluating them in the same
         arithmetic gives the same bits.
     """
+    found = _WALKED.get(function)
+    if found is None:
+        found = _WALKED[function] = _walked(function)
+    return found
+
+
+def _walked(function: ca.Function) -> Kernel:
     nodes: list[Node] = []
     known: dict[Node, int] = {}
 

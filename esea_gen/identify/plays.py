@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
+import scipy  # its parts are read on first use
 
 from esea_gen.device import Device
 from esea_gen.devices.fields import field_facts
@@ -159,7 +159,7 @@ def phi_range(plant: PlayPlant, best: Array, low: Array, high: Array) -> tuple[f
     """Where the RMS error stays within ``SEEN`` of the least one, kappa and chi refitted."""
 
     def rms(phi: float) -> float:
-        done = minimize_scalar(
+        done = scipy.optimize.minimize_scalar(
             lambda s: float(np.linalg.norm(plant.solve(phi, math.exp(s))[1])),
             bounds=(max(low[1], best[1] - 1.5), min(high[1], best[1] + 1.5)),
             method="bounded",

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.stats import qmc
+import scipy  # its parts are read on first use
 
 from esea_gen.language.ports import Array
 
@@ -16,7 +15,8 @@ Residual = Callable[[Array], Array]
 
 def sobol_points(low: Array, high: Array, count: int, seed: int) -> Array:
     """Points of a Sobol sequence over a box, shape (count, numbers)."""
-    return np.asarray(qmc.scale(qmc.Sobol(len(low), seed=seed).random(count), low, high))
+    sobol = scipy.stats.qmc.Sobol(len(low), seed=seed)
+    return np.asarray(scipy.stats.qmc.scale(sobol.random(count), low, high))
 
 
 def sobol_population(
@@ -61,7 +61,9 @@ def polished(
     """
     width = high - low
     inside = np.clip(start, low + 1e-6 * width, high - 1e-6 * width)
-    done = least_squares(residual, inside, bounds=(low, high), x_scale=width, **settings)
+    done = scipy.optimize.least_squares(
+        residual, inside, bounds=(low, high), x_scale=width, **settings
+    )
     return 2 * float(done.cost), np.asarray(done.x, dtype=np.float64)
 
 

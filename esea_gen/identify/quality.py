@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import scipy.ndimage
+import scipy  # its parts are read on first use
 
 from esea_gen.identify.cycles import Cycle, loop_work_J
 from esea_gen.language.ports import Array

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import scipy.io
+import scipy  # its parts are read on first use
 
 from esea_gen.errors import UserError
 from esea_gen.identify.columns import Columns, vectors

@@ -21,8 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear, nnls
+import scipy  # its parts are read on first use
 
 from esea_gen.identify.plant import FittedPlant
 from esea_gen.identify.population import polished
@@ -78,10 +77,12 @@ def solve_linear(basis: Array, target: Array, low: Array, high: Array) -> Array:
     scaled = basis / size
     gram = scaled.T @ scaled + 1e-13 * np.eye(len(size))
     root = np.linalg.cholesky(gram).T
-    right = solve_triangular(root, scaled.T @ target, trans="T")
-    solution: Array = np.asarray(nnls(root, right)[0] / size, dtype=np.float64)
+    right = scipy.linalg.solve_triangular(root, scaled.T @ target, trans="T")
+    solution: Array = np.asarray(scipy.optimize.nnls(root, right)[0] / size, dtype=np.float64)
     if np.any(solution > high):
-        bounded = lsq_linear(root, right, (low * size, high * size), method="bvls", max_iter=100)
+        bounded = scipy.optimize.lsq_linear(
+            root, right, (low * size, high * size), method="bvls", max_iter=100
+        )
         solution = np.clip(bounded.x / size, low, high)
     return solution
 

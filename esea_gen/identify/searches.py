@@ -20,7 +20,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import differential_evolution
+import scipy  # its parts are read on first use
 
 from esea_gen.errors import UserError, nearest
 from esea_gen.identify.population import finalists, sobol_points
@@ -82,7 +82,7 @@ def _threshold_minima(problem: SearchProblem, best: Array) -> list[Array]:
 
 def evolution(problem: SearchProblem, seed: int, _count: int) -> list[tuple[float, Array]]:
     """Differential evolution, then least squares from its best."""
-    found = differential_evolution(
+    found = scipy.optimize.differential_evolution(
         lambda x: problem.costs(np.ascontiguousarray(x.T)),
         list(zip(problem.low, problem.high, strict=True)),
         seed=seed,

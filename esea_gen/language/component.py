@@ -193,7 +193,7 @@ class Executor(ABC):
         TypeError
             When the names are not the input ports'.
         """
-        if set(inputs) != set(self._u):
+        if inputs.keys() != self._u.keys():
             raise TypeError(f"{self.block.name}.step takes {[*self._u]}, got {sorted(inputs)}")
         for name, value in inputs.items():
             self._u[name][:] = value

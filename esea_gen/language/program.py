@@ -358,23 +358,27 @@ class ProgramSimulator(Executor):
             self._buffers[key] = (a, r, evaluate, hold)
         a, r, go, _ = self._buffers[key]
         tables = self._tables
-        reads = [(x, self._arrays[f.array], f) for x, f in zip(a, s.args, strict=True)]
-        writes = [(x, self._arrays[f.array], f) for x, f in zip(r, s.results, strict=True)]
+        # The arrays stay where they are: the view of a place serves every later step.
+        reads = [(x, f, dict[int, Array]()) for x, f in zip(a, s.args, strict=True) if f.length]
+        writes = [(x, f, dict[int, Array]()) for x, f in zip(r, s.results, strict=True) if f.length]
 
-        def place(f: Ref, env: dict[str, int], size: int) -> slice:
-            if f.length == 0:
-                return slice(0, 0)
-            k = f.start.value(env, tables)
-            last = k + f.stride * (f.length - 1)
-            if not (0 <= k < size and 0 <= last < size):
-                raise ProgramError(f"{s.kernel.name()}: {f.array}[{k}..{last}] of {size}")
-            return slice(k, last + 1, f.stride)
+        def seen(f: Ref, k: int) -> Array:
+            array, last = self._arrays[f.array], k + f.stride * (f.length - 1)
+            if not (0 <= k < len(array) and 0 <= last < len(array)):
+                raise ProgramError(f"{s.kernel.name()}: {f.array}[{k}..{last}] of {len(array)}")
+            return array[k : last + 1 : f.stride]
 
         def call(env: dict[str, int]) -> None:
-            for x, array, f in reads:
-                x[:] = array[place(f, env, len(array))]
+            for x, f, views in reads:
+                k = f.start.value(env, tables)
+                if k not in views:
+                    views[k] = seen(f, k)
+                x[:] = views[k]
             go()
-            for x, array, f in writes:
-                array[place(f, env, len(array))] = x
+            for x, f, views in writes:
+                k = f.start.value(env, tables)
+                if k not in views:
+                    views[k] = seen(f, k)
+                views[k][:] = x
 
         return call

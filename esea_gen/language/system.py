@@ -74,6 +74,8 @@ class System:
         )
         self._check_wires()
         self.latches = self._latches()
+        self._external = {s: x for x in self.inputs for s in x.signals}
+        self._latch = {x.source: x for x in self.latches}
 
     # -- reading the structure -------------------------------------------------------------------
 
@@ -178,7 +180,7 @@ class System:
         Latch
             The latch.
         """
-        return next(x for x in self.latches if x.source == source)
+        return self._latch[source]
 
     def latches_read(self, task: Task) -> tuple[Latch, ...]:
         """Latches that a task reads, each once.
@@ -241,9 +243,9 @@ class System:
         External, Latch, Watched or Signal
             An external input, a latch, a value of the watch, or an output of the same task.
         """
-        for external in self.inputs:
-            if sink in external.signals:
-                return external
+        external = self._external.get(sink)
+        if external is not None:
+            return external
         source = self.wires[sink]
         if source.instance == WATCH:
             return Watched(self._output(source))
@@ -369,6 +371,20 @@ class SystemSimulator:
         self.watch = TaskWatch()
         self.seen = {t.name: self.watch.values() for t in system.tasks}
         self.checked = 0
+        self._steps = {t.name: [(i, self._feeds(i)) for i in t.blocks] for t in system.tasks}
+
+    def _feeds(self, instance: str) -> list[tuple[str, int, Any]]:
+        # Per input port: which of the tables in ``step`` it reads, and under which key.
+        out: list[tuple[str, int, Any]] = []
+        for p in self.system.blocks[instance].inputs:
+            feed = self.system.feed(Signal(instance, p.name))
+            if isinstance(feed, Signal):
+                out.append((p.name, 3, (feed.instance, feed.port)))
+            elif isinstance(feed, Watched):
+                out.append((p.name, 2, feed.port.name))
+            else:
+                out.append((p.name, int(isinstance(feed, Latch)), feed.name))
+        return out
 
     def release(self, tick: int) -> None:
         """Release what is due at a base tick; the tasks that start in it take hold of it.
@@ -410,28 +426,20 @@ class SystemSimulator:
             Its external outputs.
         """
         task = self.system.task(task_name)
-        results: dict[Signal, Any] = {}
-        for instance in task.blocks:
-            values = {}
-            for p in self.system.blocks[instance].inputs:
-                feed = self.system.feed(Signal(instance, p.name))
-                if isinstance(feed, External):
-                    values[p.name] = inputs[feed.name]
-                elif isinstance(feed, Latch):
-                    values[p.name] = self.held[task_name][feed.name]
-                elif isinstance(feed, Watched):
-                    values[p.name] = self.seen[task_name][feed.port.name]
-                else:
-                    values[p.name] = results[feed]
+        results: dict[tuple[str, str], Any] = {}
+        tables = inputs, self.held[task_name], self.seen[task_name], results
+        for instance, feeds in self._steps[task_name]:
+            values = {name: tables[k][key] for name, k, key in feeds}
             for port, value in self.blocks[instance].step(**values).items():
-                results[Signal(instance, port)] = value
+                results[instance, port] = value
         for latch in self.system.latches:
             if latch.writer == task_name:
-                self.pending[latch.name] = results[latch.source]
+                self.pending[latch.name] = results[latch.source.instance, latch.source.port]
         self.watch.end(task_name)
         if task_name == self.system.checker:
             self.checked = 1
-        return {x.name: results[x.signals[0]] for x in self.system.task_outputs(task)}
+        signals = ((x.name, x.signals[0]) for x in self.system.task_outputs(task))
+        return {name: results[s.instance, s.port] for name, s in signals}
 
 
 __all__ = ["External", "Latch", "Signal", "System", "SystemSimulator", "Task"]

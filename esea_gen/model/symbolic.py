@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from keyword import iskeyword
 from typing import Any
 
@@ -48,6 +49,13 @@ def to_casadi(expression: sp.Expr, values: Mapping[sp.Symbol, Any]) -> ca.SX:
     missing = sorted(str(s) for s in expression.free_symbols if s not in values)
     if missing:
         raise ValueError(f"no value for the symbols {missing} of {expression}")
+    symbols, function = _lambdified(expression)
+    return ca.SX(function(*[values[s] for s in symbols]))
+
+
+@cache
+def _lambdified(expression: sp.Expr) -> tuple[list[sp.Symbol], Callable[..., Any]]:
+    # Its symbols, and a function of them.
     symbols = sorted(expression.free_symbols, key=str)
     # A name that is none in Python, such as lambda or e', lambdify replaces by one with the number
     # of a counter of the process, and sorts products by it: the C would depend on what ran before.
@@ -57,9 +65,10 @@ def to_casadi(expression: sp.Expr, values: Mapping[sp.Symbol, Any]) -> ca.SX:
     }
     arguments = [plain[s] for s in symbols]
     function = sp.lambdify(arguments, expression.xreplace(plain), modules=[_CASADI], cse=False)
-    return ca.SX(function(*[values[s] for s in symbols]))
+    return symbols, function
 
 
+@cache
 def equation(number: str, left: sp.Expr | str, right: sp.Expr, text: str) -> Equation:
     """An equation for documents, printed from the expression that is evaluated.
 

@@ -7,8 +7,10 @@ over every bit pattern of the inputs and states, so that nothing can overflow, c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import Any
 
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.elementary import Elementary
@@ -27,8 +29,26 @@ from esea_gen.emit.local_names import unused
 from esea_gen.emit.walker import Kernel, Node
 
 
+@dataclass
+class Kept:
+    """What nodes of one kernel were lowered to, with different sets of wide values.
+
+    values: by node, its width, and the marks of its operands.
+    marks: a number for every way in which a node came out.
+    """
+
+    values: dict[tuple[int, ...], Value | None] = field(default_factory=dict)
+    marks: dict[Hashable, int] = field(default_factory=dict)
+
+
 class Lowering(Elementary):
     """The walk over a kernel."""
+
+    kept: Kept | None = None
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.marks: list[int] = []
 
     def _lower(self, i: int) -> Value | None:
         n = self.kernel.nodes[i]
@@ -90,7 +110,7 @@ class Lowering(Elementary):
         self._cap(targets)
         for i in range(len(self.kernel.nodes)):
             self.checking = i in self.checks
-            self.values.append(self._named(i, self._lower(i)))
+            self.values.append(self._once(i))
         self.checking = False
         saturations: list[str] = []
         results, errors = [], []
@@ -106,6 +126,24 @@ class Lowering(Elementary):
             tuple(errors),
             tuple(saturations),
         )
+
+    def _once(self, i: int) -> Value | None:
+        # A search lowers one kernel again and again.  What a node was lowered to comes out the same
+        # while it and all that it is made of have the same width and the same name.
+        n = self.kernel.nodes[i]
+        if self.kept is None or i in self.words or n.op in ("input", "const") or i in self.parts:
+            v = self._named(i, self._lower(i))
+            held = self.unchecked.get(i)
+            key: Hashable = (i, v and v.expr, held and held.expr)
+        else:
+            made = (i, i in self.wide, *(self.marks[a] for a in n.args))
+            if made not in self.kept.values:
+                self.kept.values[made] = self._lower(i)
+            v = self._named(i, self.kept.values[made])
+            key = (made, v and v.expr.name)
+        if self.kept is not None:
+            self.marks.append(self.kept.marks.setdefault(key, len(self.kept.marks)))
+        return v
 
     def _cap(self, targets: Sequence[Sequence[Target]]) -> None:
         # A state that is only chosen or clipped passes through unrounded: nothing on its way is
@@ -209,13 +247,16 @@ def lower(
     checks: Collection[int] = (),
     block: str = "",
     others: Mapping[int, str] | None = None,
+    kept: Kept | None = None,
 ) -> LoweredKernel:
     """Lower a kernel to whole numbers.
 
     source: ``source(argument, element)`` gives what an input is.
     checks: nodes by which the step checks its own coefficients.
     others: names of values without a label.
+    kept: of earlier calls that differ from this one in ``wide`` alone.
     """
     known = labels or {}, facts or {}
     lowering = Lowering(kernel, source, *known, wide, words, checks, block, others or {})
+    lowering.kept = kept
     return lowering.run(targets)

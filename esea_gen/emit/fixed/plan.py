@@ -12,7 +12,7 @@ import numpy as np
 
 from esea_gen.emit.checks import coefficient_checks
 from esea_gen.emit.fixed import expression as ex
-from esea_gen.emit.fixed.lowering import lower, rewrite
+from esea_gen.emit.fixed.lowering import Kept, lower, rewrite
 from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
 from esea_gen.emit.local_names import meanings
 from esea_gen.emit.walker import Kernel, fuse_selects, labelled_kernel, walk
@@ -194,6 +194,7 @@ class Planner:
         self.block = block
         fused, facts, labels = _labelled(block)
         self.kernel, self.facts, self.labels = _rewritten(fused, facts, labels)
+        self.kept = Kept()
         self.others = meanings(block, "step", self.kernel, self.labels, stem)
         count = len(block.state)
         switches = {p.name: _is_switch(p, self.kernel, k) for k, p in enumerate(block.state)}
@@ -232,6 +233,7 @@ class Planner:
             checks=self.checks,
             block=self.block.name,
             others=self.others,
+            kept=self.kept,
         )
         return BlockPlan(
             self.block,

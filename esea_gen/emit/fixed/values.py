@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cache, cached_property
 
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
@@ -58,12 +59,12 @@ class Value:
     relative: float = 0.0
     constants: Mapping[int, float] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def low(self) -> Fraction:
         """Least value."""
         return Fraction(self.expr.low) * two(-self.fraction)
 
-    @property
+    @cached_property
     def high(self) -> Fraction:
         """Largest value."""
         return Fraction(self.expr.high) * two(-self.fraction)
@@ -114,9 +115,15 @@ class Target:
     word: bool = False
 
 
+@cache
 def two(power: int) -> Fraction:
     """Two to a power, exact."""
     return Fraction(1 << power) if power >= 0 else Fraction(1, 1 << -power)
+
+
+@cache
+def _exact(value: float) -> Fraction:
+    return Fraction(value)
 
 
 def _fits(x: Fraction, f: int, most: int) -> bool:
@@ -235,7 +242,7 @@ class LoweringBase:
         if i == ZERO:
             return Fraction(0)
         n = self.kernel.nodes[i]
-        return Fraction(n.value) if n.op == "const" else None
+        return _exact(n.value) if n.op == "const" else None
 
     def _value(self, i: int) -> Value:
         v = self.unchecked.get(i) if self.checking else None

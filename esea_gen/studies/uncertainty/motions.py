@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy  # its parts are read on first use
 
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_device, compile_system
@@ -97,7 +97,9 @@ def motions(
         programs.inverse.reset()
         y, _ = programs.inverse.run({"tau_Nm": wanted}, trace=False)
         t = np.arange(len(wanted)) * h
-        path = CubicSpline(t, evaluation_filter(np.asarray(y["theta_rad"]), rate_Hz))
+        path = scipy.interpolate.CubicSpline(
+            t, evaluation_filter(np.asarray(y["theta_rad"]), rate_Hz)
+        )
         torque = continuous_torque(programs.fine, path, len(t), programs.dense, h)
         omega = np.asarray(path(t - 0.5 * h, 1))
         omega[0] = 0.0
@@ -113,7 +115,7 @@ def motions(
 
 
 def continuous_torque(
-    sensor: CRunner, path: CubicSpline, steps: int, dense: int, h: float
+    sensor: CRunner, path: scipy.interpolate.CubicSpline, steps: int, dense: int, h: float
 ) -> Array:
     # The sensor at a rate at which its step no longer matters, with the true rate.
     sensor.reset()
