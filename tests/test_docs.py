@@ -19,6 +19,7 @@ import esea_gen
 from esea_gen.hostlib.library import compile_system
 
 from .conftest import ROOT, require_module, require_tool
+from .typed import typed
 
 DOCS = ROOT / "docs"
 SNIPPET = re.compile(r'^--8<-- "(.+?)(?::(\w+))?"$', re.MULTILINE)
@@ -168,8 +169,7 @@ def test_the_page_on_laws_followed_literally_touches_one_file(tmp_path):
     assert {line[1] for line in lines} == {"simulate", "build", "verify", "coverage"}
     before = package_files()
     for line in lines:
-        command = [sys.executable, "-m", "esea_gen.cli", *line[1:]]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        done = typed(*line[1:], cwd=tmp_path)
         assert done.returncode == 0, (line, done.stdout, done.stderr)
     written = [p for p in tmp_path.rglob("*") if p.is_file() and "out" not in p.parts]
     touched = [p for p in written if "__pycache__" not in p.parts]
