@@ -9,7 +9,7 @@ import pytest
 from scipy import signal
 
 from esea_gen.control import sliding_mode as law
-from esea_gen.control.linear_loop import LEAST_DAMPING, least_damped
+from esea_gen.control.linear_loop import LEAST_DAMPING, least_damped, low_pass
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.observe.disturbance import drive_observer
@@ -138,3 +138,10 @@ def test_what_swings_is_refused_and_the_fix_is_taken(changes):
 def test_where_no_slope_helps_it_says_so():
     with pytest.raises(UserError, match="No slope from 1 1/s on is damped"):
         law.sliding_mode(variant(sliding_mode__phi_rad_s=0.001))
+
+
+@pytest.mark.parametrize(("cutoff_Hz", "h"), [(30.0, 1e-3), (10.0, 5e-3), (60.0, 1e-3)])
+def test_the_filter_of_the_rates_is_scipys(cutoff_Hz, h):
+    expected = signal.tf2ss(*signal.butter(4, cutoff_Hz, fs=1 / h))
+    for found, known in zip(low_pass(cutoff_Hz, h), expected, strict=True):
+        np.testing.assert_allclose(found, known, atol=1e-13)
