@@ -28,7 +28,7 @@ from esea_gen.verify.unreachable import imply
 
 from .conftest import require_tool
 
-BLOCKS = ["velocity", "sensor"]
+BLOCKS = ["velocity", "smoothing", "sensor"]
 
 
 def block_of(device, name):
