@@ -110,7 +110,7 @@ def test_the_deflection_is_never_more_than_a_count_behind(elbow_f64):
     assert got == pytest.approx(filtered(theta, COUNT[12]), abs=1e-7)
     apart = np.abs(got - theta)
     assert np.max(apart) == pytest.approx(COUNT[12], rel=1e-6)  # the limit acts, and holds
-    assert 0 < np.median(apart[:200]) < 0.1 * COUNT[12]  # it is a filter, no copy
+    assert 0 < np.median(apart[:200]) < 0.25 * COUNT[12]  # it is a filter, no copy
 
 
 def test_the_worst_of_a_search_is_found_again(elbow, elbow_f64, elbow_f32):
