@@ -351,7 +351,7 @@ def test_wrist_is_two_elbows_and_says_so(elbow):
         assert q.value == numbers[key]
         assert q.status == "assumed"
         assert "nothing is published for the wrist" in q.source
-    assert [b.name for b in wrist.system.kinds] == ["velocity", "sensor"]
+    assert [b.name for b in wrist.system.kinds] == ["velocity", "smoothing", "sensor"]
     assert walk(wrist.sensor.step).listing() == walk(elbow.sensor.step).listing()
 
 

@@ -210,7 +210,7 @@ def test_the_files_that_the_page_names_are_there():
     for real in ("f64", "f32"):
         for path in (ROOT / "generated" / "elbow" / real).iterdir():
             name = path.name
-            for block in ("sensor", "velocity"):
+            for block in ("sensor", "smoothing", "velocity"):
                 name = name.replace(f"_{block}.", "_<block>.")
             name = name.replace("esea_elbow", "esea_<device>")
             name = re.sub(r"^esea_f32(_tables)?\.h$", r"\1.h", name)

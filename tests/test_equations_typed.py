@@ -39,6 +39,7 @@ from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.joint import deflection
 from esea_gen.model.published_inverse import published_inverse
+from esea_gen.model.smoothing import smoothed_deflection
 from esea_gen.model.velocity_properties import velocity_properties
 from esea_gen.observe.cable import cable_observer
 from esea_gen.observe.disturbance import drive_observer
@@ -89,6 +90,8 @@ TYPED = {
     "[obs 1]": "v + h * a + beta * e",
     "[obs 2]": "v + a * h / 2",
     "[obs 3]": "1.5 * q**2 * (1 + p) / h",
+    "[ahead]": "theta_s_k_1 + h * omega_m",
+    "[near]": "clip(theta_a + kappa * (theta_k - theta_a), theta_k - q_c, theta_k + q_c)",
     "[obs 4]": "2 * pi * f * h",
     "[obs 5]": "h * W**2 * (1 + p) * (1 + 5 * p + 10 * p**2) / (4 * (1 - p)**3)",
     "[obs 6]": "h / 2 + h * W**2 * (1 + p)**3 / (1 - p)**3",
@@ -256,6 +259,7 @@ SHOWN = {
     "published inverse": (lambda: published_inverse(drive()).equations, ""),
     "with its observer": (lambda: published_inverse(drive(), "a").equations, ""),
     "rate of the deflection": (lambda: tracking_observer(drive()).equations, ""),
+    "smoothed deflection": (lambda: smoothed_deflection(device("elbow")).equations, ""),
     "its numbers": (lambda: velocity_properties(drive()).equations, ""),
     "rate of a side": (lambda: motor_rate(drive()).equations, ""),
     "encoder": (lambda: encoder(drive(), "motor").equations, " encoder"),
@@ -288,7 +292,7 @@ SHOWN = {
 
 
 # Widths, lengths and limits.
-POSITIVE = {"F", "U", "W", "m", "n", "N", "theta_dz"}
+POSITIVE = {"q_c", "F", "U", "W", "m", "n", "N", "theta_dz"}
 
 
 def identifier(name: str) -> str:

@@ -41,7 +41,7 @@ def test_everything_agrees(verified):
 
 def test_f64_is_casadis_own_c_bit_for_bit(verified):
     double = [c for c in verified.comparisons if c.real == "f64"]
-    assert len(double) == 20
+    assert len(double) == 30
     assert all(c.bit_identical for c in double)
     for c in double:
         for name, error in c.errors.items():
@@ -174,9 +174,9 @@ def test_the_task_is_its_blocks_wired(elbow, elbow_f64, elbow_f32, real):
     task = library.task("sense")
     got, _ = task.run({"theta_rad": theta})
     rates, _ = library.block("velocity").run({"theta_rad": theta})
-    torque, _ = library.block("sensor").run(
-        {"theta_rad": theta, "omega_rad_s": rates["omega_mid_rad_s"]}
-    )
+    given = {"theta_rad": theta, "omega_rad_s": rates["omega_mid_rad_s"]}
+    smooth, _ = library.block("smoothing").run(given)
+    torque, _ = library.block("sensor").run(given | {"theta_rad": smooth["theta_smooth_rad"]})
     assert got["tau_Nm"].tobytes() == torque["tau_Nm"].tobytes()
     assert got["sensor_status"].tobytes() == torque["status"].tobytes()
     if real == "f64":

@@ -229,13 +229,13 @@ def test_the_c_caller_gives_the_host_librarys_bits(made, elbow, elbow_f32, tmp_p
     run("g++", "-fsyntax-only", "-x", "c++", folder / "esea_elbow_caller.h")
     ffi = cffi.FFI()
     ffi.cdef(
-        "uint32_t esea_elbow_caller(double, const double in[1], const double t[1], double out[7]);"
+        "uint32_t esea_elbow_caller(double, const double in[1], const double t[1], double out[8]);"
     )
     call = ffi.dlopen(str(built)).esea_elbow_caller
     theta_rad = 0.1 * np.sin(0.05 * np.arange(300))
     expected = run_schedule(elbow_f32.board(), {"sense": {"theta_rad": theta_rad}})["sense"]
     ((_, bandwidth),) = elbow.system.tunables
-    out, tunables = ffi.new("double[7]"), [bandwidth.default]
+    out, tunables = ffi.new("double[8]"), [bandwidth.default]
 
     def once(theta, restart=0.0):
         refused = call(restart, [float(theta)], tunables, out)

@@ -64,7 +64,7 @@ def test_the_command_compares_bits_signals_and_says_what_fails(tmp_path, monkeyp
     assert done.exit_code == 0, done.output
     said = json.loads(content.read_text())
     assert said["passed"]
-    assert {b["block"] for b in said["blocks"]} == {"velocity", "sensor"}
+    assert {b["block"] for b in said["blocks"]} == {"velocity", "smoothing", "sensor"}
     for b in said["blocks"]:
         assert 0 < b["measured"] <= b["proven"] < 5e-5
         assert b["proven_for"] == "all time"

@@ -291,7 +291,7 @@ def test_ranges_names_what_cannot_be_lowered_and_draws(tmp_path):
     )
     assert done.exit_code == 0, done.output
     found = json.loads(content.read_text())["blocks"]
-    assert set(found) == {"velocity", "sensor"}
+    assert set(found) == {"velocity", "smoothing", "sensor"}
     rows = {r["name"]: r for r in found["velocity"]["values"]}
     # 0.35 rad in units of 2^-31 rad, inwards.
     limit = math.floor(float(np.float32(0.35)) * 2**31)

@@ -286,12 +286,16 @@ def test_torque_rises_strictly_with_deflection():
 
 
 def test_sensor_with_the_same_bandwidth_agrees_through_its_own_rate(elbow):
-    # The whole measuring task, its own observer included, on a coupling that follows exactly.
+    # Its own observer included, on a coupling that follows exactly.  A device that only measures
+    # smooths the deflection before: with a count of nothing that changes nothing.
     bandwidth = elbow.file.velocity.bandwidth_Hz.value
     pair = Pair(elbow, "f64", exact_inverse(elbow, bandwidth_Hz=bandwidth))
     request = SIGNALS[3].sample(1000.0)[-4000:]
     y, _, _, _ = pair.run(request)
-    sensed, _ = compile_device(elbow, "f64").task("sense").run({"theta_rad": y["theta_rad"]})
+    library = compile_device(elbow, "f64")
+    rates, _ = library.block("velocity").run({"theta_rad": y["theta_rad"]})
+    given = {"theta_rad": y["theta_rad"], "omega_rad_s": rates["omega_mid_rad_s"]}
+    sensed, _ = library.block("sensor").run(given)
     assert sensed["tau_Nm"] == pytest.approx(request, abs=1e-9)
 
 

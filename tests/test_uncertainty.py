@@ -43,6 +43,7 @@ from esea_gen.studies.uncertainty.study import (
 from esea_gen.studies.uncertainty.tally import RATES, TORQUES, Tally
 
 from .conftest import require_tool
+from .observed import filtered
 
 DATA = Path(__file__).parent / "data" / "hdrb"
 SHORT_S = 6.0
@@ -71,30 +72,41 @@ def slope(theta: np.ndarray) -> np.ndarray:
 
 def test_quantisation_of_a_spring_is_first_order(cubic):
     require_tool("gcc")
-    found = torque_uncertainty(cubic, 12, spread=Spread((), np.zeros((0, 0)), "none"), limit_s=30.0)
+    found = torque_uncertainty(cubic, 24, spread=Spread((), np.zeros((0, 0)), "none"), limit_s=30.0)
     count = 2 * np.pi / 2**12
     moves = motions(cubic, 30.0)
-    cells = np.concatenate([m.cell for m in moves])
-    steep = np.concatenate([slope(m.theta_rad[m.kept]) for m in moves])
+    cells = np.concatenate([m.cell for m in moves] * 16)
+    rng = np.random.default_rng(5)
+    errors = []
+    for _ in range(16):
+        for m in moves:
+            t = np.arange(len(m.theta_rad)) * 1e-3
+            start, phase = rng.uniform(0, 2 * np.pi, 2)
+            load = start + np.deg2rad(45) * np.cos(2 * np.pi * 0.2 * t + phase)
+            counts = (np.round((load + m.theta_rad) / count) - np.round(load / count)) * count
+            # What the sensor would make of the true deflection is what the command compares with.
+            error = filtered(counts, count) - filtered(m.theta_rad, count)
+            errors.append((slope(m.theta_rad) * error)[m.kept] * m.sign)
+    error = np.concatenate(errors)
     tried = []
     for i in range(TORQUES):
         here = (cells // RATES) == i
-        if here.sum() < 1000:  # too few for the share that is asked for
+        if here.sum() < 16000:  # too few for the share that is asked for
             continue
         tried.append(i)
-        # Two independent uniform errors of one count each.
-        expected = np.sqrt(np.mean(steep[here] ** 2) * count**2 / 6)
         f = found.cells[QUANTISATION][i, None]
-        assert f.sigma_Nm == pytest.approx(expected, rel=0.04), i
-        # The sum of two uniform errors is a triangle: 95 % lie within 0.776 counts.
-        if i == 0:
-            flat = 9.39 * count * (1 - np.sqrt(0.05))
-            assert f.half_width_Nm == pytest.approx(flat, rel=0.06)
+        assert f.sigma_Nm == pytest.approx(np.std(error[here]), rel=0.06), i
+        ends = np.abs(np.quantile(error[here], [0.025, 0.975]))
+        assert f.half_width_Nm == pytest.approx(np.max(ends), rel=0.06), i
         assert abs(f.bias_Nm) < 4 * f.bias_error_Nm + 0.02 * f.sigma_Nm
     # All classes of torque but the last, beyond the full scale, where the motions hardly come.
     assert tried == [0, 1, 2, 3, 4]
-    # No Maxwell element: nothing depends on the rate, and f32 rounding is all that is left.
-    assert found.overall(RATE).half_width_Nm < 1e-5
+    # No Maxwell element: nothing depends on the rate.  What is left is what the filter lags, and
+    # f32 rounding.
+    lag = [slope(m.theta_rad) * (filtered(m.theta_rad, count) - m.theta_rad) for m in moves]
+    kept = np.concatenate([x[m.kept] * m.sign for x, m in zip(lag, moves, strict=True)])
+    half = np.max(np.abs(np.quantile(kept, [0.025, 0.975])))
+    assert abs(found.overall(RATE).half_width_Nm - half) < 1e-5
     assert found.overall(PARAMETERS).sigma_Nm == 0
 
 

@@ -29,6 +29,17 @@ if TYPE_CHECKING:
     from esea_gen.device import Device
 
 
+SearchOption = Annotated[
+    int,
+    typer.Option(
+        "--search",
+        min=0,
+        metavar="N",
+        help="Also search N motions for the worst torque of rate and sensor together.",
+    ),
+]
+
+
 @app.command()
 def verify(
     device: DeviceArgument,
@@ -42,18 +53,26 @@ def verify(
     ] = None,
     block: BlockOption = None,
     controller: ControllerOption = None,
+    search: SearchOption = 0,
     json_file: JsonOption = None,
 ) -> None:
     """Compare the generated C, compiled for this machine, with the symbolic model."""
+    from esea_gen.verify.chain import search_chain
     from esea_gen.verify.equivalence import verify as compare_c
 
     loaded = esea_gen.load_device(device, controller)
     recorded = recorded_streams(loaded, recording, data)
     with progress_line() as say:
-        result = compare_c(loaded, chosen_formats(real), recorded, progress=say, blocks=block)
+        formats = chosen_formats(real)
+        result = compare_c(loaded, formats, recorded, progress=say, blocks=block)
+        others = [f for f in formats if f != "f64"]
+        chain = search_chain(loaded, others, search, say=say) if search else None
     _print_verification(loaded, result)
-    write_json(json_file, "verify", result.to_dict())
-    if not result.passed:
+    for line in chain.table() if chain else []:
+        out.print(line)
+    more = {"chain": chain.to_dict()} if chain else {}
+    write_json(json_file, "verify", result.to_dict() | more)
+    if not (result.passed and (chain is None or chain.passed)):
         raise typer.Exit(1)
     out.next("emulate", device, *(("--controller", controller) if controller else ()))
 
@@ -345,6 +364,7 @@ def fixed(
         bool,
         typer.Option("--prove", help="Also run Frama-C's value analysis; lists its assumptions."),
     ] = False,
+    search: SearchOption = 0,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -354,7 +374,7 @@ def fixed(
     loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         deflections = read_recorded(loaded, recording, data)
-        result = check_fixed(loaded, minutes, deflections, cores, prove, say)
+        result = check_fixed(loaded, minutes, deflections, cores, prove, search, say)
     show(result, json_file, "fixed")
     if not result.passed:
         raise typer.Exit(1)

@@ -185,6 +185,8 @@ class Port:
         Outputs that are status words: the bits, least significant first.
     codes : tuple of Code
         Outputs that are one of several numbered reasons: what each number means.
+    finer : float
+        Outputs: fixed point is planned for a proven error so many times below its general aim.
     """
 
     name: str
@@ -198,6 +200,7 @@ class Port:
     repair: Literal["init", "block"] = "init"
     flags: tuple[Flag, ...] = ()
     codes: tuple[Code, ...] = ()
+    finer: float = 1.0
 
     def __post_init__(self) -> None:
         if not self.low < self.high:

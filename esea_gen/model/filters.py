@@ -42,6 +42,9 @@ def _status(omega_lim: float, what: str) -> tuple[Flag, ...]:
 
 
 BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 2.0, 100.0
+# The viscosity is steepest at rate zero: with the general aim q31's rate comes to rest 3e-5 rad/s
+# off and its torque errs by 0.06 % of full scale, with this one by 0.02 %.
+FINER = 25.0
 
 
 def tracking_observer(
@@ -216,6 +219,7 @@ class _TrackingObserver:
                 "omega_mid_rad_s",
                 self.omega_lim,
                 f"{self.what} rate predicted for the middle of this step from past samples",
+                finer=FINER,
             ),
             Port(
                 "status",

@@ -1,4 +1,4 @@
-"""The measuring System: velocity estimate and torque sensor of every axis."""
+"""The measuring System: rate, smoothed deflection and torque of every axis."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.language.system import System, Task
+from esea_gen.model.smoothing import smoothed_deflection
 
 
 def of_axis(name: str, axis: str) -> str:
@@ -29,10 +30,10 @@ def of_axis(name: str, axis: str) -> str:
 
 
 def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System:
-    """The measuring System: velocity estimate and torque sensor in one task.
+    """The measuring System: velocity estimate, smoothed deflection and torque sensor in one task.
 
-    A device with several axes has an instance of both Blocks for each, all in the same task; the
-    names of instances, inputs and outputs then carry the axis (``sensor_flexion``,
+    A device with several axes has an instance of each Block for each axis, all in the same task;
+    the names of instances, inputs and outputs then carry the axis (``sensor_flexion``,
     ``theta_flexion_rad``, ``sensor_flexion_status``).
 
     Parameters
@@ -48,7 +49,22 @@ def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System
         Task ``sense``: deflection in; torque, its parts, rates and status words out.
     """
     blocks, wires, inputs, outputs = sensing_parts(device, velocity, sensor)
-    task = Task("sense", tuple(blocks))
+    order = list(blocks)
+    # Not where a loop closes over the torque: it gains nothing, and limp hands were driven into a
+    # swing by the filter within a count (docs/sensor.md).
+    smoothing = smoothed_deflection(device)
+    for axis in device.axes if device.file.joint is None else ():
+        rate, smooth, torque = (
+            f"{b.name}_{axis}" if axis else b.name for b in (velocity, smoothing, sensor)
+        )
+        blocks[smooth] = smoothing
+        order.insert(order.index(torque), smooth)
+        wires[f"{smooth}.omega_rad_s"] = f"{rate}.omega_mid_rad_s"
+        wires[f"{torque}.theta_rad"] = f"{smooth}.theta_smooth_rad"
+        inputs[of_axis("theta_rad", axis)] = (f"{rate}.theta_rad", f"{smooth}.theta_rad")
+        outputs[f"{smooth}_status"] = f"{smooth}.status"
+    blocks = {n: blocks[n] for n in order}
+    task = Task("sense", tuple(order))
     return System(device.name, device.period_s, blocks, (task,), wires, inputs, outputs)
 
 

@@ -21,14 +21,12 @@ from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.verify.assumed import UNTRIED
 from esea_gen.verify.bare import BARE_BOARDS, BareResult, run_bare, run_bare_system
+from esea_gen.verify.chain import AIM_SHARE, ChainReport, search_chain
 from esea_gen.verify.fixed import bounds_of, compare_fixed
 from esea_gen.verify.proof import EvaResult, prove_block
 from esea_gen.verify.streams import domain_chirp, streams
 
 Array = npt.NDArray[np.float64]
-AIM_SHARE = 0.0005
-"""Aim: torque within this share of full scale of the double-precision C."""
-
 CORE_STEPS = 200
 CHIRP_S = 60.0
 STREAM_STEPS = 300
@@ -74,6 +72,7 @@ class FixedReport:
 
     signals: empty for a System that does not start with a deflection.
     proofs: of the value analysis, one a Block; empty when not asked for.
+    chain: the worst motion found for the sensing task, when asked for.
     """
 
     device: str
@@ -81,6 +80,7 @@ class FixedReport:
     signals: list[SignalResult] = field(default_factory=list)
     cores: list[BareResult] = field(default_factory=list)
     proofs: list[EvaResult] = field(default_factory=list)
+    chain: ChainReport | None = None
 
     @property
     def passed(self) -> bool:
@@ -90,6 +90,7 @@ class FixedReport:
             and all(s.share <= AIM_SHARE for s in self.signals)
             and all(c.identical for c in self.cores)
             and all(p.proven for p in self.proofs)
+            and (self.chain is None or self.chain.passed)
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -102,6 +103,7 @@ class FixedReport:
             "signals": [asdict(s) for s in self.signals],
             "cores": [asdict(c) for c in self.cores],
             "proofs": [asdict(p) for p in self.proofs],
+            "chain": self.chain and self.chain.to_dict(),
         }
 
     def table(self) -> list[str]:
@@ -121,6 +123,7 @@ class FixedReport:
             f"last minute {100 * s.last_minute:.2g}%"
             for s in self.signals
         ]
+        lines += self.chain.table() if self.chain else []
         if self.cores:
             lines.append("instructions a step (not cycles), bytes")
             lines.append(
@@ -248,12 +251,14 @@ def check_fixed(
     recorded: Mapping[str, Array] | None = None,
     cores: bool = False,
     prove: bool = False,
+    search: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> FixedReport:
     """Compare a device's q31 C with everything there is to compare it with.
 
     minutes: length of the chirps inside the domain, run one after the other.
     prove: whether to have Frama-C's value analysis look at every file, too.
+    search: how many motions to search for the sensing task's worst error, f32 beside.
     """
     say = progress or (lambda text: None)
     library = compile_device(device, "q31")
@@ -265,6 +270,8 @@ def check_fixed(
         for name, theta in [*signals, *(recorded or {}).items()]:
             say(name)
             report.signals.append(compare_signal(device, name, theta))
+    if search:
+        report.chain = search_chain(device, trials=search, say=say)
     if cores:
         report.cores = _cores(device, say)
     if prove:

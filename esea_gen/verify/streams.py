@@ -253,12 +253,18 @@ def recorded_stream(device: Device, theta_rad: Array, name: str = "recorded") ->
     """
     theta = single(theta_rad)
     rates, _ = device.velocity.simulator().run({"theta_rad": theta})
-    return {
+    given = {"theta_rad": theta, "omega_rad_s": single(rates["omega_mid_rad_s"])}
+    found = {
         "velocity": Stream(name, {"theta_rad": theta}),
-        "sensor": Stream(
-            name, {"theta_rad": theta, "omega_rad_s": single(rates["omega_mid_rad_s"])}
-        ),
+        "sensor": Stream(name, given),
     }
+    for block in device.system.kinds:
+        if block.name == "smoothing":
+            smooth, _ = block.simulator().run(given)
+            found["smoothing"] = Stream(name, given)
+            theta = single(smooth["theta_smooth_rad"])
+            found["sensor"] = Stream(name, given | {"theta_rad": theta})
+    return found
 
 
 def deflection_inputs(system: System, theta_rad: npt.ArrayLike) -> dict[str, Array]:

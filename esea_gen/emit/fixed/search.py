@@ -30,8 +30,8 @@ from esea_gen.emit.walker import Kernel
 from esea_gen.language.block import Block
 
 AIM = 5e-5
-"""Aim of the plan: proven error of an output over the larger end of its port's range."""
-
+"""Aim of the plan: proven error of an output over the larger end of its port's range, unless the
+port asks for a finer one."""
 
 SIGNIFICANT_BITS = 28
 """What a value that stays away from zero keeps at its small end, of 31, or is held in 64 bits."""
@@ -41,7 +41,7 @@ def _shortfall(block: Block, outputs: Mapping[str, float]) -> float:
     # How far the worst output is above the aim; at most 1 when the aim is met.
     return max(
         (
-            outputs[p.name] / (AIM * max(abs(p.low), abs(p.high)))
+            outputs[p.name] * p.finer / (AIM * max(abs(p.low), abs(p.high)))
             for p in block.outputs
             if not p.flags
         ),

@@ -18,6 +18,7 @@ from esea_gen.identify.plant import tunable_system
 from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.sensing import sensing_system
 from esea_gen.studies.chapter4 import END_S, SIGNALS, evaluation_filter
 from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD, at_rate
 from esea_gen.studies.uncertainty.tally import RATES
@@ -57,8 +58,7 @@ class Programs:
     inverse: CRunner
     fine: CRunner
     dense: int
-    velocity: CRunner
-    sensor: CRunner
+    sensing: CRunner
     trial: CRunner
 
 
@@ -67,13 +67,12 @@ def compiled_programs(device: Device) -> Programs:
     block = exact_inverse(device)
     dense = max(1, round(FINE_HZ * device.period_s))
     finer = at_rate(device, dense / device.period_s)
-    shipped = compile_device(device, "f32")
+    sensing = sensing_system(device, device.velocity, device.sensor)
     return Programs(
         compile_system(inverse_system(device, block), "f64").block(block.name),
         compile_device(finer, "f64").block("sensor"),
         dense,
-        shipped.block("velocity"),
-        shipped.block("sensor"),
+        compile_system(sensing, "f32").task("sense"),
         compile_system(tunable_system(device), "f64").block("sensor"),
     )
 

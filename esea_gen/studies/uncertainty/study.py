@@ -29,6 +29,7 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES, label
 from esea_gen.language.ports import Array
+from esea_gen.model.sensing import of_axis
 from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD
 from esea_gen.studies.registry import Study
 from esea_gen.studies.uncertainty.motions import Encoders, Motion, compiled_programs, motions
@@ -226,12 +227,11 @@ class _Bench:
         self.known = [self.rubber(nominal, m) for m in moves]
 
     def sensed(self, theta: Array) -> Array:
-        velocity, sensor = self.programs.velocity, self.programs.sensor
-        velocity.reset()
-        sensor.reset()
-        rates, _ = velocity.run({"theta_rad": theta}, trace=False)
-        inputs = {"theta_rad": theta, "omega_rad_s": rates["omega_mid_rad_s"]}
-        return np.asarray(sensor.run(inputs, trace=False)[0]["tau_Nm"], dtype=np.float64)
+        task = self.programs.sensing
+        task.reset()
+        inputs = dict.fromkeys((of_axis("theta_rad", a) for a in self.device.axes), theta)
+        out, _ = task.run(inputs, trace=False)
+        return np.asarray(out[of_axis("tau_Nm", self.device.axes[0])], dtype=np.float64)
 
     def rubber(self, values: Mapping[str, float], move: Motion) -> Array:
         trial = self.programs.trial

@@ -34,6 +34,8 @@ extern "C" {
 #define casadi_f2 CASADI_PREFIX(f2)
 #define casadi_f3 CASADI_PREFIX(f3)
 #define casadi_f4 CASADI_PREFIX(f4)
+#define casadi_f5 CASADI_PREFIX(f5)
+#define casadi_f6 CASADI_PREFIX(f6)
 #define casadi_fabs CASADI_PREFIX(fabs)
 #define casadi_fmax CASADI_PREFIX(fmax)
 #define casadi_fmin CASADI_PREFIX(fmin)
@@ -495,8 +497,246 @@ CASADI_SYMBOL_EXPORT int esea_elbow_casadi_velocity_step_work_bytes(casadi_int *
   return 0;
 }
 
-/* esea_elbow_casadi_sensor_init:()->(primed_0,theta_prev_rad_0,tau_r_Nm_0,play_rad_0[10]) */
+/* esea_elbow_casadi_smoothing_init:()->(primed_0,theta_last_rad_0) */
 static int casadi_f3(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[1]!=0) res[1][0]=a0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_casadi_smoothing_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f3(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_casadi_smoothing_init_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_casadi_smoothing_init_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_casadi_smoothing_init_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_casadi_smoothing_init_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_casadi_smoothing_init_n_in(void) { return 0;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_casadi_smoothing_init_n_out(void) { return 2;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_casadi_smoothing_init_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_casadi_smoothing_init_name_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_casadi_smoothing_init_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "primed_0";
+    case 1: return "theta_last_rad_0";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_casadi_smoothing_init_sparsity_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_casadi_smoothing_init_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_casadi_smoothing_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0;
+  if (sz_res) *sz_res = 2;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_casadi_smoothing_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 0*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 2*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_casadi_smoothing_step:(s_primed,s_theta_last_rad,u_theta_rad,u_omega_rad_s)->(next_primed,next_theta_last_rad,y_theta_smooth_rad,y_status) */
+static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12;
+  a00=arg[0]? arg[0][0] : 0;
+  a01=1.;
+  a02=(a00<=a01);
+  a03=0.;
+  a03=(a03<=a00);
+  a02=(a02&&a03);
+  a03=arg[1]? arg[1][0] : 0;
+  a04=3.5306793451309204e-01;
+  a04=(a03<=a04);
+  a05=-3.5306793451309204e-01;
+  a05=(a05<=a03);
+  a04=(a04&&a05);
+  a02=(a02&&a04);
+  a00=(a02?a00:0);
+  a04=arg[2]? arg[2][0] : 0;
+  a05=3.4999999403953552e-01;
+  a06=(a04<=a05);
+  a07=-3.4999999403953552e-01;
+  a08=(a07<=a04);
+  a06=(a06&&a08);
+  a08=arg[3]? arg[3][0] : 0;
+  a09=25.;
+  a09=(a08<=a09);
+  a10=-25.;
+  a10=(a10<=a08);
+  a09=(a09&&a10);
+  a10=(a06&&a09);
+  a11=(a00||a10);
+  if (res[0]!=0) res[0][0]=a11;
+  a11=9.5097692329431494e-01;
+  a03=(a02?a03:0);
+  a12=1.0000000000000000e-03;
+  a12=(a12*a08);
+  a09=(a09?a12:0);
+  a09=(a03+a09);
+  a09=(a00?a09:0);
+  a00=(!a00);
+  a12=(a06?a04:0);
+  a00=(a00?a12:0);
+  a09=(a09+a00);
+  a11=(a11*a09);
+  a09=4.9023076705685065e-02;
+  a09=(a09*a04);
+  a06=(a06?a09:0);
+  a11=(a11+a06);
+  a06=1.5339807141572237e-03;
+  a09=(a12+a06);
+  a11=casadi_fmin(a11,a09);
+  a12=(a12-a06);
+  a11=casadi_fmax(a11,a12);
+  a12=(a10?a11:0);
+  a06=(!a10);
+  a03=(a06?a03:0);
+  a12=(a12+a03);
+  if (res[1]!=0) res[1][0]=a12;
+  a11=casadi_fmin(a11,a05);
+  a11=casadi_fmax(a11,a07);
+  a10=(a10?a11:0);
+  a11=6.9999998807907104e-01;
+  a11=(a06?a11:0);
+  a10=(a10+a11);
+  if (res[2]!=0) res[2][0]=a10;
+  a06=(a06?a01:0);
+  a02=(!a02);
+  a01=2.;
+  a02=(a02?a01:0);
+  a06=(a06+a02);
+  if (res[3]!=0) res[3][0]=a06;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_casadi_smoothing_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
+  return casadi_f4(arg, res, iw, w, mem);
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_casadi_smoothing_step_checkout(void) {
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_casadi_smoothing_step_release(int mem) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_casadi_smoothing_step_incref(void) {
+}
+
+CASADI_SYMBOL_EXPORT void esea_elbow_casadi_smoothing_step_decref(void) {
+}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_casadi_smoothing_step_n_in(void) { return 4;}
+
+CASADI_SYMBOL_EXPORT casadi_int esea_elbow_casadi_smoothing_step_n_out(void) { return 4;}
+
+CASADI_SYMBOL_EXPORT casadi_real esea_elbow_casadi_smoothing_step_default_in(casadi_int i) {
+  switch (i) {
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_casadi_smoothing_step_name_in(casadi_int i) {
+  switch (i) {
+    case 0: return "s_primed";
+    case 1: return "s_theta_last_rad";
+    case 2: return "u_theta_rad";
+    case 3: return "u_omega_rad_s";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const char* esea_elbow_casadi_smoothing_step_name_out(casadi_int i) {
+  switch (i) {
+    case 0: return "next_primed";
+    case 1: return "next_theta_last_rad";
+    case 2: return "y_theta_smooth_rad";
+    case 3: return "y_status";
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_casadi_smoothing_step_sparsity_in(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT const casadi_int* esea_elbow_casadi_smoothing_step_sparsity_out(casadi_int i) {
+  switch (i) {
+    case 0: return casadi_s0;
+    case 1: return casadi_s0;
+    case 2: return casadi_s0;
+    case 3: return casadi_s0;
+    default: return 0;
+  }
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_casadi_smoothing_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 4;
+  if (sz_res) *sz_res = 4;
+  if (sz_iw) *sz_iw = 0;
+  if (sz_w) *sz_w = 0;
+  return 0;
+}
+
+CASADI_SYMBOL_EXPORT int esea_elbow_casadi_smoothing_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w) {
+  if (sz_arg) *sz_arg = 4*sizeof(const casadi_real*);
+  if (sz_res) *sz_res = 4*sizeof(casadi_real*);
+  if (sz_iw) *sz_iw = 0*sizeof(casadi_int);
+  if (sz_w) *sz_w = 0*sizeof(casadi_real);
+  return 0;
+}
+
+/* esea_elbow_casadi_sensor_init:()->(primed_0,theta_prev_rad_0,tau_r_Nm_0,play_rad_0[10]) */
+static int casadi_f5(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0;
   a0=0.;
   if (res[0]!=0) res[0][0]=a0;
@@ -516,7 +756,7 @@ static int casadi_f3(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_casadi_sensor_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f3(arg, res, iw, w, mem);
+  return casadi_f5(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_casadi_sensor_init_checkout(void) {
@@ -591,7 +831,7 @@ CASADI_SYMBOL_EXPORT int esea_elbow_casadi_sensor_init_work_bytes(casadi_int *sz
 }
 
 /* esea_elbow_casadi_sensor_step:(s_primed,s_theta_prev_rad,s_tau_r_Nm,s_play_rad[10],u_theta_rad,u_omega_rad_s)->(next_primed,next_theta_prev_rad,next_tau_r_Nm,next_play_rad[10],y_tau_Nm,y_tau_spring_Nm,y_tau_rate_Nm,y_tau_hysteresis_Nm,y_status) */
-static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f6(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26;
@@ -892,7 +1132,7 @@ static int casadi_f4(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_casadi_sensor_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem){
-  return casadi_f4(arg, res, iw, w, mem);
+  return casadi_f6(arg, res, iw, w, mem);
 }
 
 CASADI_SYMBOL_EXPORT int esea_elbow_casadi_sensor_step_checkout(void) {

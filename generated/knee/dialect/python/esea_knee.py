@@ -679,6 +679,16 @@ enums["ESEA_KNEE_VELOCITY_STATUS"][4] = EnumEntry("ESEA_KNEE_VELOCITY_STATUS_RAT
 ESEA_KNEE_VELOCITY_STATUS_ENUM_END = 5
 enums["ESEA_KNEE_VELOCITY_STATUS"][5] = EnumEntry("ESEA_KNEE_VELOCITY_STATUS_ENUM_END", """""")
 
+# ESEA_KNEE_SMOOTHING_STATUS
+enums["ESEA_KNEE_SMOOTHING_STATUS"] = Enum()
+enums["ESEA_KNEE_SMOOTHING_STATUS"].bitmask = True
+ESEA_KNEE_SMOOTHING_STATUS_INPUT_INVALID = 1
+enums["ESEA_KNEE_SMOOTHING_STATUS"][1] = EnumEntry("ESEA_KNEE_SMOOTHING_STATUS_INPUT_INVALID", """deflection or rate was NaN or outside its range; the last one is held""")
+ESEA_KNEE_SMOOTHING_STATUS_STATE_REPAIRED = 2
+enums["ESEA_KNEE_SMOOTHING_STATUS"][2] = EnumEntry("ESEA_KNEE_SMOOTHING_STATUS_STATE_REPAIRED", """the state was corrupt; it was started afresh""")
+ESEA_KNEE_SMOOTHING_STATUS_ENUM_END = 3
+enums["ESEA_KNEE_SMOOTHING_STATUS"][3] = EnumEntry("ESEA_KNEE_SMOOTHING_STATUS_ENUM_END", """""")
+
 # message IDs
 MAVLINK_MSG_ID_BAD_DATA = -1
 MAVLINK_MSG_ID_UNKNOWN = -2
@@ -1278,22 +1288,22 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_SENSE_OUT
     msgname = "ESEA_SENSE_OUT"
-    fieldnames = ["sequence", "tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm", "omega_rad_s", "sensor_status", "velocity_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm", "omega_rad_s", "sensor_status", "velocity_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t"]
-    fielddisplays_by_name: Dict[str, str] = {"sensor_status": "bitmask", "velocity_status": "bitmask"}
-    fieldenums_by_name: Dict[str, str] = {"sensor_status": "ESEA_KNEE_SENSOR_STATUS", "velocity_status": "ESEA_KNEE_VELOCITY_STATUS"}
+    fieldnames = ["sequence", "tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm", "omega_rad_s", "sensor_status", "velocity_status", "smoothing_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm", "omega_rad_s", "sensor_status", "velocity_status", "smoothing_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {"sensor_status": "bitmask", "velocity_status": "bitmask", "smoothing_status": "bitmask"}
+    fieldenums_by_name: Dict[str, str] = {"sensor_status": "ESEA_KNEE_SENSOR_STATUS", "velocity_status": "ESEA_KNEE_VELOCITY_STATUS", "smoothing_status": "ESEA_KNEE_SMOOTHING_STATUS"}
     fieldunits_by_name: Dict[str, str] = {"omega_rad_s": "rad/s"}
-    native_format = bytearray(b"<IfffffIII")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 240
-    unpacker = struct.Struct("<IfffffIII")
+    native_format = bytearray(b"<IfffffIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 129
+    unpacker = struct.Struct("<IfffffIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, tau_Nm: float, tau_spring_Nm: float, tau_rate_Nm: float, tau_hysteresis_Nm: float, omega_rad_s: float, sensor_status: int, velocity_status: int, step_ticks: int):
+    def __init__(self, sequence: int, tau_Nm: float, tau_spring_Nm: float, tau_rate_Nm: float, tau_hysteresis_Nm: float, omega_rad_s: float, sensor_status: int, velocity_status: int, smoothing_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_sense_out_message.id, MAVLink_esea_sense_out_message.msgname)
         self._fieldnames = MAVLink_esea_sense_out_message.fieldnames
         self._instance_field = MAVLink_esea_sense_out_message.instance_field
@@ -1306,10 +1316,11 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.omega_rad_s = omega_rad_s
         self.sensor_status = sensor_status
         self.velocity_status = velocity_status
+        self.smoothing_status = smoothing_status
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.tau_Nm, self.tau_spring_Nm, self.tau_rate_Nm, self.tau_hysteresis_Nm, self.omega_rad_s, self.sensor_status, self.velocity_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.tau_Nm, self.tau_spring_Nm, self.tau_rate_Nm, self.tau_hysteresis_Nm, self.omega_rad_s, self.sensor_status, self.velocity_status, self.smoothing_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -2460,7 +2471,7 @@ class MAVLink(object):
         """
         self.send(self.esea_sense_in_encode(sequence, theta_rad), force_mavlink1=force_mavlink1)
 
-    def esea_sense_out_encode(self, sequence: int, tau_Nm: float, tau_spring_Nm: float, tau_rate_Nm: float, tau_hysteresis_Nm: float, omega_rad_s: float, sensor_status: int, velocity_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
+    def esea_sense_out_encode(self, sequence: int, tau_Nm: float, tau_spring_Nm: float, tau_rate_Nm: float, tau_hysteresis_Nm: float, omega_rad_s: float, sensor_status: int, velocity_status: int, smoothing_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
         """
         Output of one run of task sense.
 
@@ -2472,12 +2483,13 @@ class MAVLink(object):
         omega_rad_s               : deflection rate at this sample; [rad/s], range -25 to 25 [rad/s] (type:float)
         sensor_status             : what is known of this sample; bits below (type:uint32_t, values:ESEA_KNEE_SENSOR_STATUS)
         velocity_status           : what is known of this sample; bits below (type:uint32_t, values:ESEA_KNEE_VELOCITY_STATUS)
+        smoothing_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_KNEE_SMOOTHING_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_sense_out_message(sequence, tau_Nm, tau_spring_Nm, tau_rate_Nm, tau_hysteresis_Nm, omega_rad_s, sensor_status, velocity_status, step_ticks)
+        return MAVLink_esea_sense_out_message(sequence, tau_Nm, tau_spring_Nm, tau_rate_Nm, tau_hysteresis_Nm, omega_rad_s, sensor_status, velocity_status, smoothing_status, step_ticks)
 
-    def esea_sense_out_send(self, sequence: int, tau_Nm: float, tau_spring_Nm: float, tau_rate_Nm: float, tau_hysteresis_Nm: float, omega_rad_s: float, sensor_status: int, velocity_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_sense_out_send(self, sequence: int, tau_Nm: float, tau_spring_Nm: float, tau_rate_Nm: float, tau_hysteresis_Nm: float, omega_rad_s: float, sensor_status: int, velocity_status: int, smoothing_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task sense.
 
@@ -2489,10 +2501,11 @@ class MAVLink(object):
         omega_rad_s               : deflection rate at this sample; [rad/s], range -25 to 25 [rad/s] (type:float)
         sensor_status             : what is known of this sample; bits below (type:uint32_t, values:ESEA_KNEE_SENSOR_STATUS)
         velocity_status           : what is known of this sample; bits below (type:uint32_t, values:ESEA_KNEE_VELOCITY_STATUS)
+        smoothing_status          : what is known of this sample; bits below (type:uint32_t, values:ESEA_KNEE_SMOOTHING_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_sense_out_encode(sequence, tau_Nm, tau_spring_Nm, tau_rate_Nm, tau_hysteresis_Nm, omega_rad_s, sensor_status, velocity_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_sense_out_encode(sequence, tau_Nm, tau_spring_Nm, tau_rate_Nm, tau_hysteresis_Nm, omega_rad_s, sensor_status, velocity_status, smoothing_status, step_ticks), force_mavlink1=force_mavlink1)
 
     def esea_clock_encode(self, tick: int, lost_ticks: int, missed_runs: int, late_runs: int, dropped: int, refused: int, deadline_left: int, state: int) -> MAVLink_esea_clock_message:
         """

@@ -71,6 +71,42 @@ int esea_knee_casadi_velocity_step_work_bytes(casadi_int *sz_arg, casadi_int* sz
 #define esea_knee_casadi_velocity_step_SZ_RES 7
 #define esea_knee_casadi_velocity_step_SZ_IW 0
 #define esea_knee_casadi_velocity_step_SZ_W 0
+int esea_knee_casadi_smoothing_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_knee_casadi_smoothing_init_checkout(void);
+void esea_knee_casadi_smoothing_init_release(int mem);
+void esea_knee_casadi_smoothing_init_incref(void);
+void esea_knee_casadi_smoothing_init_decref(void);
+casadi_int esea_knee_casadi_smoothing_init_n_in(void);
+casadi_int esea_knee_casadi_smoothing_init_n_out(void);
+casadi_real esea_knee_casadi_smoothing_init_default_in(casadi_int i);
+const char* esea_knee_casadi_smoothing_init_name_in(casadi_int i);
+const char* esea_knee_casadi_smoothing_init_name_out(casadi_int i);
+const casadi_int* esea_knee_casadi_smoothing_init_sparsity_in(casadi_int i);
+const casadi_int* esea_knee_casadi_smoothing_init_sparsity_out(casadi_int i);
+int esea_knee_casadi_smoothing_init_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_knee_casadi_smoothing_init_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_knee_casadi_smoothing_init_SZ_ARG 0
+#define esea_knee_casadi_smoothing_init_SZ_RES 2
+#define esea_knee_casadi_smoothing_init_SZ_IW 0
+#define esea_knee_casadi_smoothing_init_SZ_W 0
+int esea_knee_casadi_smoothing_step(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
+int esea_knee_casadi_smoothing_step_checkout(void);
+void esea_knee_casadi_smoothing_step_release(int mem);
+void esea_knee_casadi_smoothing_step_incref(void);
+void esea_knee_casadi_smoothing_step_decref(void);
+casadi_int esea_knee_casadi_smoothing_step_n_in(void);
+casadi_int esea_knee_casadi_smoothing_step_n_out(void);
+casadi_real esea_knee_casadi_smoothing_step_default_in(casadi_int i);
+const char* esea_knee_casadi_smoothing_step_name_in(casadi_int i);
+const char* esea_knee_casadi_smoothing_step_name_out(casadi_int i);
+const casadi_int* esea_knee_casadi_smoothing_step_sparsity_in(casadi_int i);
+const casadi_int* esea_knee_casadi_smoothing_step_sparsity_out(casadi_int i);
+int esea_knee_casadi_smoothing_step_work(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+int esea_knee_casadi_smoothing_step_work_bytes(casadi_int *sz_arg, casadi_int* sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+#define esea_knee_casadi_smoothing_step_SZ_ARG 4
+#define esea_knee_casadi_smoothing_step_SZ_RES 4
+#define esea_knee_casadi_smoothing_step_SZ_IW 0
+#define esea_knee_casadi_smoothing_step_SZ_W 0
 int esea_knee_casadi_sensor_init(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem);
 int esea_knee_casadi_sensor_init_checkout(void);
 void esea_knee_casadi_sensor_init_release(int mem);

@@ -720,6 +720,26 @@ enums["ESEA_WRIST_VELOCITY_DEVIATION_STATUS"][4] = EnumEntry("ESEA_WRIST_VELOCIT
 ESEA_WRIST_VELOCITY_DEVIATION_STATUS_ENUM_END = 5
 enums["ESEA_WRIST_VELOCITY_DEVIATION_STATUS"][5] = EnumEntry("ESEA_WRIST_VELOCITY_DEVIATION_STATUS_ENUM_END", """""")
 
+# ESEA_WRIST_SMOOTHING_FLEXION_STATUS
+enums["ESEA_WRIST_SMOOTHING_FLEXION_STATUS"] = Enum()
+enums["ESEA_WRIST_SMOOTHING_FLEXION_STATUS"].bitmask = True
+ESEA_WRIST_SMOOTHING_FLEXION_STATUS_INPUT_INVALID = 1
+enums["ESEA_WRIST_SMOOTHING_FLEXION_STATUS"][1] = EnumEntry("ESEA_WRIST_SMOOTHING_FLEXION_STATUS_INPUT_INVALID", """deflection or rate was NaN or outside its range; the last one is held""")
+ESEA_WRIST_SMOOTHING_FLEXION_STATUS_STATE_REPAIRED = 2
+enums["ESEA_WRIST_SMOOTHING_FLEXION_STATUS"][2] = EnumEntry("ESEA_WRIST_SMOOTHING_FLEXION_STATUS_STATE_REPAIRED", """the state was corrupt; it was started afresh""")
+ESEA_WRIST_SMOOTHING_FLEXION_STATUS_ENUM_END = 3
+enums["ESEA_WRIST_SMOOTHING_FLEXION_STATUS"][3] = EnumEntry("ESEA_WRIST_SMOOTHING_FLEXION_STATUS_ENUM_END", """""")
+
+# ESEA_WRIST_SMOOTHING_DEVIATION_STATUS
+enums["ESEA_WRIST_SMOOTHING_DEVIATION_STATUS"] = Enum()
+enums["ESEA_WRIST_SMOOTHING_DEVIATION_STATUS"].bitmask = True
+ESEA_WRIST_SMOOTHING_DEVIATION_STATUS_INPUT_INVALID = 1
+enums["ESEA_WRIST_SMOOTHING_DEVIATION_STATUS"][1] = EnumEntry("ESEA_WRIST_SMOOTHING_DEVIATION_STATUS_INPUT_INVALID", """deflection or rate was NaN or outside its range; the last one is held""")
+ESEA_WRIST_SMOOTHING_DEVIATION_STATUS_STATE_REPAIRED = 2
+enums["ESEA_WRIST_SMOOTHING_DEVIATION_STATUS"][2] = EnumEntry("ESEA_WRIST_SMOOTHING_DEVIATION_STATUS_STATE_REPAIRED", """the state was corrupt; it was started afresh""")
+ESEA_WRIST_SMOOTHING_DEVIATION_STATUS_ENUM_END = 3
+enums["ESEA_WRIST_SMOOTHING_DEVIATION_STATUS"][3] = EnumEntry("ESEA_WRIST_SMOOTHING_DEVIATION_STATUS_ENUM_END", """""")
+
 # message IDs
 MAVLINK_MSG_ID_BAD_DATA = -1
 MAVLINK_MSG_ID_UNKNOWN = -2
@@ -1320,22 +1340,22 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_SENSE_OUT
     msgname = "ESEA_SENSE_OUT"
-    fieldnames = ["sequence", "tau_flexion_Nm", "tau_spring_flexion_Nm", "tau_rate_flexion_Nm", "tau_hysteresis_flexion_Nm", "omega_flexion_rad_s", "sensor_flexion_status", "velocity_flexion_status", "tau_deviation_Nm", "tau_spring_deviation_Nm", "tau_rate_deviation_Nm", "tau_hysteresis_deviation_Nm", "omega_deviation_rad_s", "sensor_deviation_status", "velocity_deviation_status", "step_ticks"]
-    ordered_fieldnames = ["sequence", "tau_flexion_Nm", "tau_spring_flexion_Nm", "tau_rate_flexion_Nm", "tau_hysteresis_flexion_Nm", "omega_flexion_rad_s", "sensor_flexion_status", "velocity_flexion_status", "tau_deviation_Nm", "tau_spring_deviation_Nm", "tau_rate_deviation_Nm", "tau_hysteresis_deviation_Nm", "omega_deviation_rad_s", "sensor_deviation_status", "velocity_deviation_status", "step_ticks"]
-    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t"]
-    fielddisplays_by_name: Dict[str, str] = {"sensor_flexion_status": "bitmask", "velocity_flexion_status": "bitmask", "sensor_deviation_status": "bitmask", "velocity_deviation_status": "bitmask"}
-    fieldenums_by_name: Dict[str, str] = {"sensor_flexion_status": "ESEA_WRIST_SENSOR_FLEXION_STATUS", "velocity_flexion_status": "ESEA_WRIST_VELOCITY_FLEXION_STATUS", "sensor_deviation_status": "ESEA_WRIST_SENSOR_DEVIATION_STATUS", "velocity_deviation_status": "ESEA_WRIST_VELOCITY_DEVIATION_STATUS"}
+    fieldnames = ["sequence", "tau_flexion_Nm", "tau_spring_flexion_Nm", "tau_rate_flexion_Nm", "tau_hysteresis_flexion_Nm", "omega_flexion_rad_s", "sensor_flexion_status", "velocity_flexion_status", "tau_deviation_Nm", "tau_spring_deviation_Nm", "tau_rate_deviation_Nm", "tau_hysteresis_deviation_Nm", "omega_deviation_rad_s", "sensor_deviation_status", "velocity_deviation_status", "smoothing_flexion_status", "smoothing_deviation_status", "step_ticks"]
+    ordered_fieldnames = ["sequence", "tau_flexion_Nm", "tau_spring_flexion_Nm", "tau_rate_flexion_Nm", "tau_hysteresis_flexion_Nm", "omega_flexion_rad_s", "sensor_flexion_status", "velocity_flexion_status", "tau_deviation_Nm", "tau_spring_deviation_Nm", "tau_rate_deviation_Nm", "tau_hysteresis_deviation_Nm", "omega_deviation_rad_s", "sensor_deviation_status", "velocity_deviation_status", "smoothing_flexion_status", "smoothing_deviation_status", "step_ticks"]
+    fieldtypes = ["uint32_t", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {"sensor_flexion_status": "bitmask", "velocity_flexion_status": "bitmask", "sensor_deviation_status": "bitmask", "velocity_deviation_status": "bitmask", "smoothing_flexion_status": "bitmask", "smoothing_deviation_status": "bitmask"}
+    fieldenums_by_name: Dict[str, str] = {"sensor_flexion_status": "ESEA_WRIST_SENSOR_FLEXION_STATUS", "velocity_flexion_status": "ESEA_WRIST_VELOCITY_FLEXION_STATUS", "sensor_deviation_status": "ESEA_WRIST_SENSOR_DEVIATION_STATUS", "velocity_deviation_status": "ESEA_WRIST_VELOCITY_DEVIATION_STATUS", "smoothing_flexion_status": "ESEA_WRIST_SMOOTHING_FLEXION_STATUS", "smoothing_deviation_status": "ESEA_WRIST_SMOOTHING_DEVIATION_STATUS"}
     fieldunits_by_name: Dict[str, str] = {"omega_flexion_rad_s": "rad/s", "omega_deviation_rad_s": "rad/s"}
-    native_format = bytearray(b"<IfffffIIfffffIII")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 19
-    unpacker = struct.Struct("<IfffffIIfffffIII")
+    native_format = bytearray(b"<IfffffIIfffffIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 198
+    unpacker = struct.Struct("<IfffffIIfffffIIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, sequence: int, tau_flexion_Nm: float, tau_spring_flexion_Nm: float, tau_rate_flexion_Nm: float, tau_hysteresis_flexion_Nm: float, omega_flexion_rad_s: float, sensor_flexion_status: int, velocity_flexion_status: int, tau_deviation_Nm: float, tau_spring_deviation_Nm: float, tau_rate_deviation_Nm: float, tau_hysteresis_deviation_Nm: float, omega_deviation_rad_s: float, sensor_deviation_status: int, velocity_deviation_status: int, step_ticks: int):
+    def __init__(self, sequence: int, tau_flexion_Nm: float, tau_spring_flexion_Nm: float, tau_rate_flexion_Nm: float, tau_hysteresis_flexion_Nm: float, omega_flexion_rad_s: float, sensor_flexion_status: int, velocity_flexion_status: int, tau_deviation_Nm: float, tau_spring_deviation_Nm: float, tau_rate_deviation_Nm: float, tau_hysteresis_deviation_Nm: float, omega_deviation_rad_s: float, sensor_deviation_status: int, velocity_deviation_status: int, smoothing_flexion_status: int, smoothing_deviation_status: int, step_ticks: int):
         MAVLink_message.__init__(self, MAVLink_esea_sense_out_message.id, MAVLink_esea_sense_out_message.msgname)
         self._fieldnames = MAVLink_esea_sense_out_message.fieldnames
         self._instance_field = MAVLink_esea_sense_out_message.instance_field
@@ -1355,10 +1375,12 @@ class MAVLink_esea_sense_out_message(MAVLink_message):
         self.omega_deviation_rad_s = omega_deviation_rad_s
         self.sensor_deviation_status = sensor_deviation_status
         self.velocity_deviation_status = velocity_deviation_status
+        self.smoothing_flexion_status = smoothing_flexion_status
+        self.smoothing_deviation_status = smoothing_deviation_status
         self.step_ticks = step_ticks
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.tau_flexion_Nm, self.tau_spring_flexion_Nm, self.tau_rate_flexion_Nm, self.tau_hysteresis_flexion_Nm, self.omega_flexion_rad_s, self.sensor_flexion_status, self.velocity_flexion_status, self.tau_deviation_Nm, self.tau_spring_deviation_Nm, self.tau_rate_deviation_Nm, self.tau_hysteresis_deviation_Nm, self.omega_deviation_rad_s, self.sensor_deviation_status, self.velocity_deviation_status, self.step_ticks), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.sequence, self.tau_flexion_Nm, self.tau_spring_flexion_Nm, self.tau_rate_flexion_Nm, self.tau_hysteresis_flexion_Nm, self.omega_flexion_rad_s, self.sensor_flexion_status, self.velocity_flexion_status, self.tau_deviation_Nm, self.tau_spring_deviation_Nm, self.tau_rate_deviation_Nm, self.tau_hysteresis_deviation_Nm, self.omega_deviation_rad_s, self.sensor_deviation_status, self.velocity_deviation_status, self.smoothing_flexion_status, self.smoothing_deviation_status, self.step_ticks), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -2511,7 +2533,7 @@ class MAVLink(object):
         """
         self.send(self.esea_sense_in_encode(sequence, theta_flexion_rad, theta_deviation_rad), force_mavlink1=force_mavlink1)
 
-    def esea_sense_out_encode(self, sequence: int, tau_flexion_Nm: float, tau_spring_flexion_Nm: float, tau_rate_flexion_Nm: float, tau_hysteresis_flexion_Nm: float, omega_flexion_rad_s: float, sensor_flexion_status: int, velocity_flexion_status: int, tau_deviation_Nm: float, tau_spring_deviation_Nm: float, tau_rate_deviation_Nm: float, tau_hysteresis_deviation_Nm: float, omega_deviation_rad_s: float, sensor_deviation_status: int, velocity_deviation_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
+    def esea_sense_out_encode(self, sequence: int, tau_flexion_Nm: float, tau_spring_flexion_Nm: float, tau_rate_flexion_Nm: float, tau_hysteresis_flexion_Nm: float, omega_flexion_rad_s: float, sensor_flexion_status: int, velocity_flexion_status: int, tau_deviation_Nm: float, tau_spring_deviation_Nm: float, tau_rate_deviation_Nm: float, tau_hysteresis_deviation_Nm: float, omega_deviation_rad_s: float, sensor_deviation_status: int, velocity_deviation_status: int, smoothing_flexion_status: int, smoothing_deviation_status: int, step_ticks: int) -> MAVLink_esea_sense_out_message:
         """
         Output of one run of task sense.
 
@@ -2530,12 +2552,14 @@ class MAVLink(object):
         omega_deviation_rad_s        : deflection rate at this sample; [rad/s], range -25 to 25 [rad/s] (type:float)
         sensor_deviation_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_WRIST_SENSOR_DEVIATION_STATUS)
         velocity_deviation_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_WRIST_VELOCITY_DEVIATION_STATUS)
+        smoothing_flexion_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_WRIST_SMOOTHING_FLEXION_STATUS)
+        smoothing_deviation_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_WRIST_SMOOTHING_DEVIATION_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        return MAVLink_esea_sense_out_message(sequence, tau_flexion_Nm, tau_spring_flexion_Nm, tau_rate_flexion_Nm, tau_hysteresis_flexion_Nm, omega_flexion_rad_s, sensor_flexion_status, velocity_flexion_status, tau_deviation_Nm, tau_spring_deviation_Nm, tau_rate_deviation_Nm, tau_hysteresis_deviation_Nm, omega_deviation_rad_s, sensor_deviation_status, velocity_deviation_status, step_ticks)
+        return MAVLink_esea_sense_out_message(sequence, tau_flexion_Nm, tau_spring_flexion_Nm, tau_rate_flexion_Nm, tau_hysteresis_flexion_Nm, omega_flexion_rad_s, sensor_flexion_status, velocity_flexion_status, tau_deviation_Nm, tau_spring_deviation_Nm, tau_rate_deviation_Nm, tau_hysteresis_deviation_Nm, omega_deviation_rad_s, sensor_deviation_status, velocity_deviation_status, smoothing_flexion_status, smoothing_deviation_status, step_ticks)
 
-    def esea_sense_out_send(self, sequence: int, tau_flexion_Nm: float, tau_spring_flexion_Nm: float, tau_rate_flexion_Nm: float, tau_hysteresis_flexion_Nm: float, omega_flexion_rad_s: float, sensor_flexion_status: int, velocity_flexion_status: int, tau_deviation_Nm: float, tau_spring_deviation_Nm: float, tau_rate_deviation_Nm: float, tau_hysteresis_deviation_Nm: float, omega_deviation_rad_s: float, sensor_deviation_status: int, velocity_deviation_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
+    def esea_sense_out_send(self, sequence: int, tau_flexion_Nm: float, tau_spring_flexion_Nm: float, tau_rate_flexion_Nm: float, tau_hysteresis_flexion_Nm: float, omega_flexion_rad_s: float, sensor_flexion_status: int, velocity_flexion_status: int, tau_deviation_Nm: float, tau_spring_deviation_Nm: float, tau_rate_deviation_Nm: float, tau_hysteresis_deviation_Nm: float, omega_deviation_rad_s: float, sensor_deviation_status: int, velocity_deviation_status: int, smoothing_flexion_status: int, smoothing_deviation_status: int, step_ticks: int, force_mavlink1: bool = False) -> None:
         """
         Output of one run of task sense.
 
@@ -2554,10 +2578,12 @@ class MAVLink(object):
         omega_deviation_rad_s        : deflection rate at this sample; [rad/s], range -25 to 25 [rad/s] (type:float)
         sensor_deviation_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_WRIST_SENSOR_DEVIATION_STATUS)
         velocity_deviation_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_WRIST_VELOCITY_DEVIATION_STATUS)
+        smoothing_flexion_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_WRIST_SMOOTHING_FLEXION_STATUS)
+        smoothing_deviation_status        : what is known of this sample; bits below (type:uint32_t, values:ESEA_WRIST_SMOOTHING_DEVIATION_STATUS)
         step_ticks                : Timer ticks of the step, measuring included (empty_ticks). (type:uint32_t)
 
         """
-        self.send(self.esea_sense_out_encode(sequence, tau_flexion_Nm, tau_spring_flexion_Nm, tau_rate_flexion_Nm, tau_hysteresis_flexion_Nm, omega_flexion_rad_s, sensor_flexion_status, velocity_flexion_status, tau_deviation_Nm, tau_spring_deviation_Nm, tau_rate_deviation_Nm, tau_hysteresis_deviation_Nm, omega_deviation_rad_s, sensor_deviation_status, velocity_deviation_status, step_ticks), force_mavlink1=force_mavlink1)
+        self.send(self.esea_sense_out_encode(sequence, tau_flexion_Nm, tau_spring_flexion_Nm, tau_rate_flexion_Nm, tau_hysteresis_flexion_Nm, omega_flexion_rad_s, sensor_flexion_status, velocity_flexion_status, tau_deviation_Nm, tau_spring_deviation_Nm, tau_rate_deviation_Nm, tau_hysteresis_deviation_Nm, omega_deviation_rad_s, sensor_deviation_status, velocity_deviation_status, smoothing_flexion_status, smoothing_deviation_status, step_ticks), force_mavlink1=force_mavlink1)
 
     def esea_clock_encode(self, tick: int, lost_ticks: int, missed_runs: int, late_runs: int, dropped: int, refused: int, deadline_left: int, state: int) -> MAVLink_esea_clock_message:
         """

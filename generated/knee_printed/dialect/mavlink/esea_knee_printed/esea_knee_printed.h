@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 #ifndef MAVLINK_MESSAGE_CRCS
-#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {20, 214, 20, 20, 3, 2, 3}, {21, 159, 2, 2, 3, 0, 1}, {22, 220, 25, 25, 0, 0, 0}, {23, 168, 23, 23, 3, 4, 5}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {111, 34, 16, 16, 0, 0, 0}, {253, 83, 51, 54, 0, 0, 0}, {256, 71, 42, 42, 3, 8, 9}, {345, 209, 21, 21, 3, 2, 3}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 118, 8, 8, 0, 0, 0}, {42602, 240, 36, 36, 0, 0, 0}, {42661, 167, 32, 32, 0, 0, 0}, {42662, 182, 67, 67, 0, 0, 0}, {42663, 36, 253, 253, 0, 0, 0}, {42664, 62, 28, 28, 0, 0, 0}, {42665, 247, 244, 244, 0, 0, 0}, {42666, 84, 59, 59, 0, 0, 0}, {42667, 80, 243, 243, 0, 0, 0}, {42668, 239, 216, 216, 0, 0, 0}}
+#define MAVLINK_MESSAGE_CRCS {{0, 50, 9, 9, 0, 0, 0}, {20, 214, 20, 20, 3, 2, 3}, {21, 159, 2, 2, 3, 0, 1}, {22, 220, 25, 25, 0, 0, 0}, {23, 168, 23, 23, 3, 4, 5}, {76, 152, 33, 33, 3, 30, 31}, {77, 143, 3, 10, 3, 8, 9}, {111, 34, 16, 16, 0, 0, 0}, {253, 83, 51, 54, 0, 0, 0}, {256, 71, 42, 42, 3, 8, 9}, {345, 209, 21, 21, 3, 2, 3}, {42600, 248, 92, 92, 0, 0, 0}, {42601, 118, 8, 8, 0, 0, 0}, {42602, 129, 40, 40, 0, 0, 0}, {42661, 167, 32, 32, 0, 0, 0}, {42662, 182, 67, 67, 0, 0, 0}, {42663, 36, 253, 253, 0, 0, 0}, {42664, 62, 28, 28, 0, 0, 0}, {42665, 247, 244, 244, 0, 0, 0}, {42666, 84, 59, 59, 0, 0, 0}, {42667, 80, 243, 243, 0, 0, 0}, {42668, 239, 216, 216, 0, 0, 0}}
 #endif
 
 #include "../protocol.h"
@@ -250,6 +250,17 @@ typedef enum ESEA_KNEE_PRINTED_VELOCITY_STATUS
    ESEA_KNEE_PRINTED_VELOCITY_STATUS_RATE_CLIPPED=4, /* the estimate was clipped at the rate's physical range | */
    ESEA_KNEE_PRINTED_VELOCITY_STATUS_ENUM_END=5, /*  | */
 } ESEA_KNEE_PRINTED_VELOCITY_STATUS;
+#endif
+
+/** @brief what is known of this sample */
+#ifndef HAVE_ENUM_ESEA_KNEE_PRINTED_SMOOTHING_STATUS
+#define HAVE_ENUM_ESEA_KNEE_PRINTED_SMOOTHING_STATUS
+typedef enum ESEA_KNEE_PRINTED_SMOOTHING_STATUS
+{
+   ESEA_KNEE_PRINTED_SMOOTHING_STATUS_INPUT_INVALID=1, /* deflection or rate was NaN or outside its range; the last one is held | */
+   ESEA_KNEE_PRINTED_SMOOTHING_STATUS_STATE_REPAIRED=2, /* the state was corrupt; it was started afresh | */
+   ESEA_KNEE_PRINTED_SMOOTHING_STATUS_ENUM_END=3, /*  | */
+} ESEA_KNEE_PRINTED_SMOOTHING_STATUS;
 #endif
 
 // MAVLINK VERSION

@@ -15,16 +15,17 @@ typedef struct __mavlink_esea_sense_out_t {
  float omega_rad_s; /*< [rad/s] deflection rate at this sample; [rad/s], range -25 to 25*/
  uint32_t sensor_status; /*<  what is known of this sample; bits below*/
  uint32_t velocity_status; /*<  what is known of this sample; bits below*/
+ uint32_t smoothing_status; /*<  what is known of this sample; bits below*/
  uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
 } mavlink_esea_sense_out_t;
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 36
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 36
-#define MAVLINK_MSG_ID_42602_LEN 36
-#define MAVLINK_MSG_ID_42602_MIN_LEN 36
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 40
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 40
+#define MAVLINK_MSG_ID_42602_LEN 40
+#define MAVLINK_MSG_ID_42602_MIN_LEN 40
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 240
-#define MAVLINK_MSG_ID_42602_CRC 240
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 129
+#define MAVLINK_MSG_ID_42602_CRC 129
 
 
 
@@ -32,7 +33,7 @@ typedef struct __mavlink_esea_sense_out_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     42602, \
     "ESEA_SENSE_OUT", \
-    9, \
+    10, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
          { "tau_spring_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_spring_Nm) }, \
@@ -41,13 +42,14 @@ typedef struct __mavlink_esea_sense_out_t {
          { "omega_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 20, offsetof(mavlink_esea_sense_out_t, omega_rad_s) }, \
          { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 24, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
          { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 28, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "smoothing_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_sense_out_t, smoothing_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 36, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     "ESEA_SENSE_OUT", \
-    9, \
+    10, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "tau_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, tau_Nm) }, \
          { "tau_spring_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_spring_Nm) }, \
@@ -56,7 +58,8 @@ typedef struct __mavlink_esea_sense_out_t {
          { "omega_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 20, offsetof(mavlink_esea_sense_out_t, omega_rad_s) }, \
          { "sensor_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 24, offsetof(mavlink_esea_sense_out_t, sensor_status) }, \
          { "velocity_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 28, offsetof(mavlink_esea_sense_out_t, velocity_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "smoothing_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 32, offsetof(mavlink_esea_sense_out_t, smoothing_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 36, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #endif
@@ -75,11 +78,12 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param omega_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_status  what is known of this sample; bits below
  * @param velocity_status  what is known of this sample; bits below
+ * @param smoothing_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float tau_Nm, float tau_spring_Nm, float tau_rate_Nm, float tau_hysteresis_Nm, float omega_rad_s, uint32_t sensor_status, uint32_t velocity_status, uint32_t step_ticks)
+                               uint32_t sequence, float tau_Nm, float tau_spring_Nm, float tau_rate_Nm, float tau_hysteresis_Nm, float omega_rad_s, uint32_t sensor_status, uint32_t velocity_status, uint32_t smoothing_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -91,7 +95,8 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     _mav_put_float(buf, 20, omega_rad_s);
     _mav_put_uint32_t(buf, 24, sensor_status);
     _mav_put_uint32_t(buf, 28, velocity_status);
-    _mav_put_uint32_t(buf, 32, step_ticks);
+    _mav_put_uint32_t(buf, 32, smoothing_status);
+    _mav_put_uint32_t(buf, 36, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -104,6 +109,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.omega_rad_s = omega_rad_s;
     packet.sensor_status = sensor_status;
     packet.velocity_status = velocity_status;
+    packet.smoothing_status = smoothing_status;
     packet.step_ticks = step_ticks;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
@@ -128,11 +134,12 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param omega_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_status  what is known of this sample; bits below
  * @param velocity_status  what is known of this sample; bits below
+ * @param smoothing_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float tau_Nm, float tau_spring_Nm, float tau_rate_Nm, float tau_hysteresis_Nm, float omega_rad_s, uint32_t sensor_status, uint32_t velocity_status, uint32_t step_ticks)
+                               uint32_t sequence, float tau_Nm, float tau_spring_Nm, float tau_rate_Nm, float tau_hysteresis_Nm, float omega_rad_s, uint32_t sensor_status, uint32_t velocity_status, uint32_t smoothing_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -144,7 +151,8 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     _mav_put_float(buf, 20, omega_rad_s);
     _mav_put_uint32_t(buf, 24, sensor_status);
     _mav_put_uint32_t(buf, 28, velocity_status);
-    _mav_put_uint32_t(buf, 32, step_ticks);
+    _mav_put_uint32_t(buf, 32, smoothing_status);
+    _mav_put_uint32_t(buf, 36, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -157,6 +165,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.omega_rad_s = omega_rad_s;
     packet.sensor_status = sensor_status;
     packet.velocity_status = velocity_status;
+    packet.smoothing_status = smoothing_status;
     packet.step_ticks = step_ticks;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
@@ -184,12 +193,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param omega_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_status  what is known of this sample; bits below
  * @param velocity_status  what is known of this sample; bits below
+ * @param smoothing_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float tau_Nm,float tau_spring_Nm,float tau_rate_Nm,float tau_hysteresis_Nm,float omega_rad_s,uint32_t sensor_status,uint32_t velocity_status,uint32_t step_ticks)
+                                   uint32_t sequence,float tau_Nm,float tau_spring_Nm,float tau_rate_Nm,float tau_hysteresis_Nm,float omega_rad_s,uint32_t sensor_status,uint32_t velocity_status,uint32_t smoothing_status,uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -201,7 +211,8 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     _mav_put_float(buf, 20, omega_rad_s);
     _mav_put_uint32_t(buf, 24, sensor_status);
     _mav_put_uint32_t(buf, 28, velocity_status);
-    _mav_put_uint32_t(buf, 32, step_ticks);
+    _mav_put_uint32_t(buf, 32, smoothing_status);
+    _mav_put_uint32_t(buf, 36, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -214,6 +225,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.omega_rad_s = omega_rad_s;
     packet.sensor_status = sensor_status;
     packet.velocity_status = velocity_status;
+    packet.smoothing_status = smoothing_status;
     packet.step_ticks = step_ticks;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
@@ -233,7 +245,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->tau_Nm, esea_sense_out->tau_spring_Nm, esea_sense_out->tau_rate_Nm, esea_sense_out->tau_hysteresis_Nm, esea_sense_out->omega_rad_s, esea_sense_out->sensor_status, esea_sense_out->velocity_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->tau_Nm, esea_sense_out->tau_spring_Nm, esea_sense_out->tau_rate_Nm, esea_sense_out->tau_hysteresis_Nm, esea_sense_out->omega_rad_s, esea_sense_out->sensor_status, esea_sense_out->velocity_status, esea_sense_out->smoothing_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -247,7 +259,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->tau_Nm, esea_sense_out->tau_spring_Nm, esea_sense_out->tau_rate_Nm, esea_sense_out->tau_hysteresis_Nm, esea_sense_out->omega_rad_s, esea_sense_out->sensor_status, esea_sense_out->velocity_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->tau_Nm, esea_sense_out->tau_spring_Nm, esea_sense_out->tau_rate_Nm, esea_sense_out->tau_hysteresis_Nm, esea_sense_out->omega_rad_s, esea_sense_out->sensor_status, esea_sense_out->velocity_status, esea_sense_out->smoothing_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -261,7 +273,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->tau_Nm, esea_sense_out->tau_spring_Nm, esea_sense_out->tau_rate_Nm, esea_sense_out->tau_hysteresis_Nm, esea_sense_out->omega_rad_s, esea_sense_out->sensor_status, esea_sense_out->velocity_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->tau_Nm, esea_sense_out->tau_spring_Nm, esea_sense_out->tau_rate_Nm, esea_sense_out->tau_hysteresis_Nm, esea_sense_out->omega_rad_s, esea_sense_out->sensor_status, esea_sense_out->velocity_status, esea_sense_out->smoothing_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -276,11 +288,12 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param omega_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_status  what is known of this sample; bits below
  * @param velocity_status  what is known of this sample; bits below
+ * @param smoothing_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float tau_Nm, float tau_spring_Nm, float tau_rate_Nm, float tau_hysteresis_Nm, float omega_rad_s, uint32_t sensor_status, uint32_t velocity_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float tau_Nm, float tau_spring_Nm, float tau_rate_Nm, float tau_hysteresis_Nm, float omega_rad_s, uint32_t sensor_status, uint32_t velocity_status, uint32_t smoothing_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -292,7 +305,8 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     _mav_put_float(buf, 20, omega_rad_s);
     _mav_put_uint32_t(buf, 24, sensor_status);
     _mav_put_uint32_t(buf, 28, velocity_status);
-    _mav_put_uint32_t(buf, 32, step_ticks);
+    _mav_put_uint32_t(buf, 32, smoothing_status);
+    _mav_put_uint32_t(buf, 36, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -305,6 +319,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.omega_rad_s = omega_rad_s;
     packet.sensor_status = sensor_status;
     packet.velocity_status = velocity_status;
+    packet.smoothing_status = smoothing_status;
     packet.step_ticks = step_ticks;
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)&packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
@@ -319,7 +334,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
 static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan, const mavlink_esea_sense_out_t* esea_sense_out)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->tau_Nm, esea_sense_out->tau_spring_Nm, esea_sense_out->tau_rate_Nm, esea_sense_out->tau_hysteresis_Nm, esea_sense_out->omega_rad_s, esea_sense_out->sensor_status, esea_sense_out->velocity_status, esea_sense_out->step_ticks);
+    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->tau_Nm, esea_sense_out->tau_spring_Nm, esea_sense_out->tau_rate_Nm, esea_sense_out->tau_hysteresis_Nm, esea_sense_out->omega_rad_s, esea_sense_out->sensor_status, esea_sense_out->velocity_status, esea_sense_out->smoothing_status, esea_sense_out->step_ticks);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)esea_sense_out, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #endif
@@ -333,7 +348,7 @@ static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float tau_Nm, float tau_spring_Nm, float tau_rate_Nm, float tau_hysteresis_Nm, float omega_rad_s, uint32_t sensor_status, uint32_t velocity_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float tau_Nm, float tau_spring_Nm, float tau_rate_Nm, float tau_hysteresis_Nm, float omega_rad_s, uint32_t sensor_status, uint32_t velocity_status, uint32_t smoothing_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -345,7 +360,8 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     _mav_put_float(buf, 20, omega_rad_s);
     _mav_put_uint32_t(buf, 24, sensor_status);
     _mav_put_uint32_t(buf, 28, velocity_status);
-    _mav_put_uint32_t(buf, 32, step_ticks);
+    _mav_put_uint32_t(buf, 32, smoothing_status);
+    _mav_put_uint32_t(buf, 36, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -358,6 +374,7 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->omega_rad_s = omega_rad_s;
     packet->sensor_status = sensor_status;
     packet->velocity_status = velocity_status;
+    packet->smoothing_status = smoothing_status;
     packet->step_ticks = step_ticks;
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
@@ -451,13 +468,23 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_velocity_status(const mavl
 }
 
 /**
+ * @brief Get field smoothing_status from esea_sense_out message
+ *
+ * @return  what is known of this sample; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_smoothing_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  32);
+}
+
+/**
  * @brief Get field step_ticks from esea_sense_out message
  *
  * @return  Timer ticks of the step, measuring included (empty_ticks).
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_step_ticks(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  32);
+    return _MAV_RETURN_uint32_t(msg,  36);
 }
 
 /**
@@ -477,6 +504,7 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->omega_rad_s = mavlink_msg_esea_sense_out_get_omega_rad_s(msg);
     esea_sense_out->sensor_status = mavlink_msg_esea_sense_out_get_sensor_status(msg);
     esea_sense_out->velocity_status = mavlink_msg_esea_sense_out_get_velocity_status(msg);
+    esea_sense_out->smoothing_status = mavlink_msg_esea_sense_out_get_smoothing_status(msg);
     esea_sense_out->step_ticks = mavlink_msg_esea_sense_out_get_step_ticks(msg);
 #else
         uint8_t len = msg->len < MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN? msg->len : MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN;

@@ -22,16 +22,18 @@ typedef struct __mavlink_esea_sense_out_t {
  float omega_deviation_rad_s; /*< [rad/s] deflection rate at this sample; [rad/s], range -25 to 25*/
  uint32_t sensor_deviation_status; /*<  what is known of this sample; bits below*/
  uint32_t velocity_deviation_status; /*<  what is known of this sample; bits below*/
+ uint32_t smoothing_flexion_status; /*<  what is known of this sample; bits below*/
+ uint32_t smoothing_deviation_status; /*<  what is known of this sample; bits below*/
  uint32_t step_ticks; /*<  Timer ticks of the step, measuring included (empty_ticks).*/
 } mavlink_esea_sense_out_t;
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 64
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 64
-#define MAVLINK_MSG_ID_42602_LEN 64
-#define MAVLINK_MSG_ID_42602_MIN_LEN 64
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN 72
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN 72
+#define MAVLINK_MSG_ID_42602_LEN 72
+#define MAVLINK_MSG_ID_42602_MIN_LEN 72
 
-#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 19
-#define MAVLINK_MSG_ID_42602_CRC 19
+#define MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC 198
+#define MAVLINK_MSG_ID_42602_CRC 198
 
 
 
@@ -39,7 +41,7 @@ typedef struct __mavlink_esea_sense_out_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     42602, \
     "ESEA_SENSE_OUT", \
-    16, \
+    18, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "tau_flexion_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, tau_flexion_Nm) }, \
          { "tau_spring_flexion_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_spring_flexion_Nm) }, \
@@ -55,13 +57,15 @@ typedef struct __mavlink_esea_sense_out_t {
          { "omega_deviation_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 48, offsetof(mavlink_esea_sense_out_t, omega_deviation_rad_s) }, \
          { "sensor_deviation_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 52, offsetof(mavlink_esea_sense_out_t, sensor_deviation_status) }, \
          { "velocity_deviation_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 56, offsetof(mavlink_esea_sense_out_t, velocity_deviation_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 60, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "smoothing_flexion_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 60, offsetof(mavlink_esea_sense_out_t, smoothing_flexion_status) }, \
+         { "smoothing_deviation_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 64, offsetof(mavlink_esea_sense_out_t, smoothing_deviation_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 68, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_SENSE_OUT { \
     "ESEA_SENSE_OUT", \
-    16, \
+    18, \
     {  { "sequence", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_sense_out_t, sequence) }, \
          { "tau_flexion_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 4, offsetof(mavlink_esea_sense_out_t, tau_flexion_Nm) }, \
          { "tau_spring_flexion_Nm", NULL, MAVLINK_TYPE_FLOAT, 0, 8, offsetof(mavlink_esea_sense_out_t, tau_spring_flexion_Nm) }, \
@@ -77,7 +81,9 @@ typedef struct __mavlink_esea_sense_out_t {
          { "omega_deviation_rad_s", NULL, MAVLINK_TYPE_FLOAT, 0, 48, offsetof(mavlink_esea_sense_out_t, omega_deviation_rad_s) }, \
          { "sensor_deviation_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 52, offsetof(mavlink_esea_sense_out_t, sensor_deviation_status) }, \
          { "velocity_deviation_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 56, offsetof(mavlink_esea_sense_out_t, velocity_deviation_status) }, \
-         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 60, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
+         { "smoothing_flexion_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 60, offsetof(mavlink_esea_sense_out_t, smoothing_flexion_status) }, \
+         { "smoothing_deviation_status", NULL, MAVLINK_TYPE_UINT32_T, 0, 64, offsetof(mavlink_esea_sense_out_t, smoothing_deviation_status) }, \
+         { "step_ticks", NULL, MAVLINK_TYPE_UINT32_T, 0, 68, offsetof(mavlink_esea_sense_out_t, step_ticks) }, \
          } \
 }
 #endif
@@ -103,11 +109,13 @@ typedef struct __mavlink_esea_sense_out_t {
  * @param omega_deviation_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_deviation_status  what is known of this sample; bits below
  * @param velocity_deviation_status  what is known of this sample; bits below
+ * @param smoothing_flexion_status  what is known of this sample; bits below
+ * @param smoothing_deviation_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t sequence, float tau_flexion_Nm, float tau_spring_flexion_Nm, float tau_rate_flexion_Nm, float tau_hysteresis_flexion_Nm, float omega_flexion_rad_s, uint32_t sensor_flexion_status, uint32_t velocity_flexion_status, float tau_deviation_Nm, float tau_spring_deviation_Nm, float tau_rate_deviation_Nm, float tau_hysteresis_deviation_Nm, float omega_deviation_rad_s, uint32_t sensor_deviation_status, uint32_t velocity_deviation_status, uint32_t step_ticks)
+                               uint32_t sequence, float tau_flexion_Nm, float tau_spring_flexion_Nm, float tau_rate_flexion_Nm, float tau_hysteresis_flexion_Nm, float omega_flexion_rad_s, uint32_t sensor_flexion_status, uint32_t velocity_flexion_status, float tau_deviation_Nm, float tau_spring_deviation_Nm, float tau_rate_deviation_Nm, float tau_hysteresis_deviation_Nm, float omega_deviation_rad_s, uint32_t sensor_deviation_status, uint32_t velocity_deviation_status, uint32_t smoothing_flexion_status, uint32_t smoothing_deviation_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -126,7 +134,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     _mav_put_float(buf, 48, omega_deviation_rad_s);
     _mav_put_uint32_t(buf, 52, sensor_deviation_status);
     _mav_put_uint32_t(buf, 56, velocity_deviation_status);
-    _mav_put_uint32_t(buf, 60, step_ticks);
+    _mav_put_uint32_t(buf, 60, smoothing_flexion_status);
+    _mav_put_uint32_t(buf, 64, smoothing_deviation_status);
+    _mav_put_uint32_t(buf, 68, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -146,6 +156,8 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
     packet.omega_deviation_rad_s = omega_deviation_rad_s;
     packet.sensor_deviation_status = sensor_deviation_status;
     packet.velocity_deviation_status = velocity_deviation_status;
+    packet.smoothing_flexion_status = smoothing_flexion_status;
+    packet.smoothing_deviation_status = smoothing_deviation_status;
     packet.step_ticks = step_ticks;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
@@ -177,11 +189,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack(uint8_t system_id, uint8_
  * @param omega_deviation_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_deviation_status  what is known of this sample; bits below
  * @param velocity_deviation_status  what is known of this sample; bits below
+ * @param smoothing_flexion_status  what is known of this sample; bits below
+ * @param smoothing_deviation_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t sequence, float tau_flexion_Nm, float tau_spring_flexion_Nm, float tau_rate_flexion_Nm, float tau_hysteresis_flexion_Nm, float omega_flexion_rad_s, uint32_t sensor_flexion_status, uint32_t velocity_flexion_status, float tau_deviation_Nm, float tau_spring_deviation_Nm, float tau_rate_deviation_Nm, float tau_hysteresis_deviation_Nm, float omega_deviation_rad_s, uint32_t sensor_deviation_status, uint32_t velocity_deviation_status, uint32_t step_ticks)
+                               uint32_t sequence, float tau_flexion_Nm, float tau_spring_flexion_Nm, float tau_rate_flexion_Nm, float tau_hysteresis_flexion_Nm, float omega_flexion_rad_s, uint32_t sensor_flexion_status, uint32_t velocity_flexion_status, float tau_deviation_Nm, float tau_spring_deviation_Nm, float tau_rate_deviation_Nm, float tau_hysteresis_deviation_Nm, float omega_deviation_rad_s, uint32_t sensor_deviation_status, uint32_t velocity_deviation_status, uint32_t smoothing_flexion_status, uint32_t smoothing_deviation_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -200,7 +214,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     _mav_put_float(buf, 48, omega_deviation_rad_s);
     _mav_put_uint32_t(buf, 52, sensor_deviation_status);
     _mav_put_uint32_t(buf, 56, velocity_deviation_status);
-    _mav_put_uint32_t(buf, 60, step_ticks);
+    _mav_put_uint32_t(buf, 60, smoothing_flexion_status);
+    _mav_put_uint32_t(buf, 64, smoothing_deviation_status);
+    _mav_put_uint32_t(buf, 68, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -220,6 +236,8 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
     packet.omega_deviation_rad_s = omega_deviation_rad_s;
     packet.sensor_deviation_status = sensor_deviation_status;
     packet.velocity_deviation_status = velocity_deviation_status;
+    packet.smoothing_flexion_status = smoothing_flexion_status;
+    packet.smoothing_deviation_status = smoothing_deviation_status;
     packet.step_ticks = step_ticks;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
@@ -254,12 +272,14 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_status(uint8_t system_id,
  * @param omega_deviation_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_deviation_status  what is known of this sample; bits below
  * @param velocity_deviation_status  what is known of this sample; bits below
+ * @param smoothing_flexion_status  what is known of this sample; bits below
+ * @param smoothing_deviation_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t sequence,float tau_flexion_Nm,float tau_spring_flexion_Nm,float tau_rate_flexion_Nm,float tau_hysteresis_flexion_Nm,float omega_flexion_rad_s,uint32_t sensor_flexion_status,uint32_t velocity_flexion_status,float tau_deviation_Nm,float tau_spring_deviation_Nm,float tau_rate_deviation_Nm,float tau_hysteresis_deviation_Nm,float omega_deviation_rad_s,uint32_t sensor_deviation_status,uint32_t velocity_deviation_status,uint32_t step_ticks)
+                                   uint32_t sequence,float tau_flexion_Nm,float tau_spring_flexion_Nm,float tau_rate_flexion_Nm,float tau_hysteresis_flexion_Nm,float omega_flexion_rad_s,uint32_t sensor_flexion_status,uint32_t velocity_flexion_status,float tau_deviation_Nm,float tau_spring_deviation_Nm,float tau_rate_deviation_Nm,float tau_hysteresis_deviation_Nm,float omega_deviation_rad_s,uint32_t sensor_deviation_status,uint32_t velocity_deviation_status,uint32_t smoothing_flexion_status,uint32_t smoothing_deviation_status,uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -278,7 +298,9 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     _mav_put_float(buf, 48, omega_deviation_rad_s);
     _mav_put_uint32_t(buf, 52, sensor_deviation_status);
     _mav_put_uint32_t(buf, 56, velocity_deviation_status);
-    _mav_put_uint32_t(buf, 60, step_ticks);
+    _mav_put_uint32_t(buf, 60, smoothing_flexion_status);
+    _mav_put_uint32_t(buf, 64, smoothing_deviation_status);
+    _mav_put_uint32_t(buf, 68, step_ticks);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
 #else
@@ -298,6 +320,8 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
     packet.omega_deviation_rad_s = omega_deviation_rad_s;
     packet.sensor_deviation_status = sensor_deviation_status;
     packet.velocity_deviation_status = velocity_deviation_status;
+    packet.smoothing_flexion_status = smoothing_flexion_status;
+    packet.smoothing_deviation_status = smoothing_deviation_status;
     packet.step_ticks = step_ticks;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN);
@@ -317,7 +341,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_pack_chan(uint8_t system_id, u
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->tau_flexion_Nm, esea_sense_out->tau_spring_flexion_Nm, esea_sense_out->tau_rate_flexion_Nm, esea_sense_out->tau_hysteresis_flexion_Nm, esea_sense_out->omega_flexion_rad_s, esea_sense_out->sensor_flexion_status, esea_sense_out->velocity_flexion_status, esea_sense_out->tau_deviation_Nm, esea_sense_out->tau_spring_deviation_Nm, esea_sense_out->tau_rate_deviation_Nm, esea_sense_out->tau_hysteresis_deviation_Nm, esea_sense_out->omega_deviation_rad_s, esea_sense_out->sensor_deviation_status, esea_sense_out->velocity_deviation_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack(system_id, component_id, msg, esea_sense_out->sequence, esea_sense_out->tau_flexion_Nm, esea_sense_out->tau_spring_flexion_Nm, esea_sense_out->tau_rate_flexion_Nm, esea_sense_out->tau_hysteresis_flexion_Nm, esea_sense_out->omega_flexion_rad_s, esea_sense_out->sensor_flexion_status, esea_sense_out->velocity_flexion_status, esea_sense_out->tau_deviation_Nm, esea_sense_out->tau_spring_deviation_Nm, esea_sense_out->tau_rate_deviation_Nm, esea_sense_out->tau_hysteresis_deviation_Nm, esea_sense_out->omega_deviation_rad_s, esea_sense_out->sensor_deviation_status, esea_sense_out->velocity_deviation_status, esea_sense_out->smoothing_flexion_status, esea_sense_out->smoothing_deviation_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -331,7 +355,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode(uint8_t system_id, uint
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->tau_flexion_Nm, esea_sense_out->tau_spring_flexion_Nm, esea_sense_out->tau_rate_flexion_Nm, esea_sense_out->tau_hysteresis_flexion_Nm, esea_sense_out->omega_flexion_rad_s, esea_sense_out->sensor_flexion_status, esea_sense_out->velocity_flexion_status, esea_sense_out->tau_deviation_Nm, esea_sense_out->tau_spring_deviation_Nm, esea_sense_out->tau_rate_deviation_Nm, esea_sense_out->tau_hysteresis_deviation_Nm, esea_sense_out->omega_deviation_rad_s, esea_sense_out->sensor_deviation_status, esea_sense_out->velocity_deviation_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_chan(system_id, component_id, chan, msg, esea_sense_out->sequence, esea_sense_out->tau_flexion_Nm, esea_sense_out->tau_spring_flexion_Nm, esea_sense_out->tau_rate_flexion_Nm, esea_sense_out->tau_hysteresis_flexion_Nm, esea_sense_out->omega_flexion_rad_s, esea_sense_out->sensor_flexion_status, esea_sense_out->velocity_flexion_status, esea_sense_out->tau_deviation_Nm, esea_sense_out->tau_spring_deviation_Nm, esea_sense_out->tau_rate_deviation_Nm, esea_sense_out->tau_hysteresis_deviation_Nm, esea_sense_out->omega_deviation_rad_s, esea_sense_out->sensor_deviation_status, esea_sense_out->velocity_deviation_status, esea_sense_out->smoothing_flexion_status, esea_sense_out->smoothing_deviation_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -345,7 +369,7 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_chan(uint8_t system_id,
  */
 static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_sense_out_t* esea_sense_out)
 {
-    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->tau_flexion_Nm, esea_sense_out->tau_spring_flexion_Nm, esea_sense_out->tau_rate_flexion_Nm, esea_sense_out->tau_hysteresis_flexion_Nm, esea_sense_out->omega_flexion_rad_s, esea_sense_out->sensor_flexion_status, esea_sense_out->velocity_flexion_status, esea_sense_out->tau_deviation_Nm, esea_sense_out->tau_spring_deviation_Nm, esea_sense_out->tau_rate_deviation_Nm, esea_sense_out->tau_hysteresis_deviation_Nm, esea_sense_out->omega_deviation_rad_s, esea_sense_out->sensor_deviation_status, esea_sense_out->velocity_deviation_status, esea_sense_out->step_ticks);
+    return mavlink_msg_esea_sense_out_pack_status(system_id, component_id, _status, msg,  esea_sense_out->sequence, esea_sense_out->tau_flexion_Nm, esea_sense_out->tau_spring_flexion_Nm, esea_sense_out->tau_rate_flexion_Nm, esea_sense_out->tau_hysteresis_flexion_Nm, esea_sense_out->omega_flexion_rad_s, esea_sense_out->sensor_flexion_status, esea_sense_out->velocity_flexion_status, esea_sense_out->tau_deviation_Nm, esea_sense_out->tau_spring_deviation_Nm, esea_sense_out->tau_rate_deviation_Nm, esea_sense_out->tau_hysteresis_deviation_Nm, esea_sense_out->omega_deviation_rad_s, esea_sense_out->sensor_deviation_status, esea_sense_out->velocity_deviation_status, esea_sense_out->smoothing_flexion_status, esea_sense_out->smoothing_deviation_status, esea_sense_out->step_ticks);
 }
 
 /**
@@ -367,11 +391,13 @@ static inline uint16_t mavlink_msg_esea_sense_out_encode_status(uint8_t system_i
  * @param omega_deviation_rad_s [rad/s] deflection rate at this sample; [rad/s], range -25 to 25
  * @param sensor_deviation_status  what is known of this sample; bits below
  * @param velocity_deviation_status  what is known of this sample; bits below
+ * @param smoothing_flexion_status  what is known of this sample; bits below
+ * @param smoothing_deviation_status  what is known of this sample; bits below
  * @param step_ticks  Timer ticks of the step, measuring included (empty_ticks).
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float tau_flexion_Nm, float tau_spring_flexion_Nm, float tau_rate_flexion_Nm, float tau_hysteresis_flexion_Nm, float omega_flexion_rad_s, uint32_t sensor_flexion_status, uint32_t velocity_flexion_status, float tau_deviation_Nm, float tau_spring_deviation_Nm, float tau_rate_deviation_Nm, float tau_hysteresis_deviation_Nm, float omega_deviation_rad_s, uint32_t sensor_deviation_status, uint32_t velocity_deviation_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint32_t sequence, float tau_flexion_Nm, float tau_spring_flexion_Nm, float tau_rate_flexion_Nm, float tau_hysteresis_flexion_Nm, float omega_flexion_rad_s, uint32_t sensor_flexion_status, uint32_t velocity_flexion_status, float tau_deviation_Nm, float tau_spring_deviation_Nm, float tau_rate_deviation_Nm, float tau_hysteresis_deviation_Nm, float omega_deviation_rad_s, uint32_t sensor_deviation_status, uint32_t velocity_deviation_status, uint32_t smoothing_flexion_status, uint32_t smoothing_deviation_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN];
@@ -390,7 +416,9 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     _mav_put_float(buf, 48, omega_deviation_rad_s);
     _mav_put_uint32_t(buf, 52, sensor_deviation_status);
     _mav_put_uint32_t(buf, 56, velocity_deviation_status);
-    _mav_put_uint32_t(buf, 60, step_ticks);
+    _mav_put_uint32_t(buf, 60, smoothing_flexion_status);
+    _mav_put_uint32_t(buf, 64, smoothing_deviation_status);
+    _mav_put_uint32_t(buf, 68, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -410,6 +438,8 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
     packet.omega_deviation_rad_s = omega_deviation_rad_s;
     packet.sensor_deviation_status = sensor_deviation_status;
     packet.velocity_deviation_status = velocity_deviation_status;
+    packet.smoothing_flexion_status = smoothing_flexion_status;
+    packet.smoothing_deviation_status = smoothing_deviation_status;
     packet.step_ticks = step_ticks;
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)&packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
@@ -424,7 +454,7 @@ static inline void mavlink_msg_esea_sense_out_send(mavlink_channel_t chan, uint3
 static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan, const mavlink_esea_sense_out_t* esea_sense_out)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->tau_flexion_Nm, esea_sense_out->tau_spring_flexion_Nm, esea_sense_out->tau_rate_flexion_Nm, esea_sense_out->tau_hysteresis_flexion_Nm, esea_sense_out->omega_flexion_rad_s, esea_sense_out->sensor_flexion_status, esea_sense_out->velocity_flexion_status, esea_sense_out->tau_deviation_Nm, esea_sense_out->tau_spring_deviation_Nm, esea_sense_out->tau_rate_deviation_Nm, esea_sense_out->tau_hysteresis_deviation_Nm, esea_sense_out->omega_deviation_rad_s, esea_sense_out->sensor_deviation_status, esea_sense_out->velocity_deviation_status, esea_sense_out->step_ticks);
+    mavlink_msg_esea_sense_out_send(chan, esea_sense_out->sequence, esea_sense_out->tau_flexion_Nm, esea_sense_out->tau_spring_flexion_Nm, esea_sense_out->tau_rate_flexion_Nm, esea_sense_out->tau_hysteresis_flexion_Nm, esea_sense_out->omega_flexion_rad_s, esea_sense_out->sensor_flexion_status, esea_sense_out->velocity_flexion_status, esea_sense_out->tau_deviation_Nm, esea_sense_out->tau_spring_deviation_Nm, esea_sense_out->tau_rate_deviation_Nm, esea_sense_out->tau_hysteresis_deviation_Nm, esea_sense_out->omega_deviation_rad_s, esea_sense_out->sensor_deviation_status, esea_sense_out->velocity_deviation_status, esea_sense_out->smoothing_flexion_status, esea_sense_out->smoothing_deviation_status, esea_sense_out->step_ticks);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)esea_sense_out, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #endif
@@ -438,7 +468,7 @@ static inline void mavlink_msg_esea_sense_out_send_struct(mavlink_channel_t chan
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float tau_flexion_Nm, float tau_spring_flexion_Nm, float tau_rate_flexion_Nm, float tau_hysteresis_flexion_Nm, float omega_flexion_rad_s, uint32_t sensor_flexion_status, uint32_t velocity_flexion_status, float tau_deviation_Nm, float tau_spring_deviation_Nm, float tau_rate_deviation_Nm, float tau_hysteresis_deviation_Nm, float omega_deviation_rad_s, uint32_t sensor_deviation_status, uint32_t velocity_deviation_status, uint32_t step_ticks)
+static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t sequence, float tau_flexion_Nm, float tau_spring_flexion_Nm, float tau_rate_flexion_Nm, float tau_hysteresis_flexion_Nm, float omega_flexion_rad_s, uint32_t sensor_flexion_status, uint32_t velocity_flexion_status, float tau_deviation_Nm, float tau_spring_deviation_Nm, float tau_rate_deviation_Nm, float tau_hysteresis_deviation_Nm, float omega_deviation_rad_s, uint32_t sensor_deviation_status, uint32_t velocity_deviation_status, uint32_t smoothing_flexion_status, uint32_t smoothing_deviation_status, uint32_t step_ticks)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -457,7 +487,9 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     _mav_put_float(buf, 48, omega_deviation_rad_s);
     _mav_put_uint32_t(buf, 52, sensor_deviation_status);
     _mav_put_uint32_t(buf, 56, velocity_deviation_status);
-    _mav_put_uint32_t(buf, 60, step_ticks);
+    _mav_put_uint32_t(buf, 60, smoothing_flexion_status);
+    _mav_put_uint32_t(buf, 64, smoothing_deviation_status);
+    _mav_put_uint32_t(buf, 68, step_ticks);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, buf, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
 #else
@@ -477,6 +509,8 @@ static inline void mavlink_msg_esea_sense_out_send_buf(mavlink_message_t *msgbuf
     packet->omega_deviation_rad_s = omega_deviation_rad_s;
     packet->sensor_deviation_status = sensor_deviation_status;
     packet->velocity_deviation_status = velocity_deviation_status;
+    packet->smoothing_flexion_status = smoothing_flexion_status;
+    packet->smoothing_deviation_status = smoothing_deviation_status;
     packet->step_ticks = step_ticks;
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_SENSE_OUT, (const char *)packet, MAVLINK_MSG_ID_ESEA_SENSE_OUT_MIN_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN, MAVLINK_MSG_ID_ESEA_SENSE_OUT_CRC);
@@ -640,13 +674,33 @@ static inline uint32_t mavlink_msg_esea_sense_out_get_velocity_deviation_status(
 }
 
 /**
+ * @brief Get field smoothing_flexion_status from esea_sense_out message
+ *
+ * @return  what is known of this sample; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_smoothing_flexion_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  60);
+}
+
+/**
+ * @brief Get field smoothing_deviation_status from esea_sense_out message
+ *
+ * @return  what is known of this sample; bits below
+ */
+static inline uint32_t mavlink_msg_esea_sense_out_get_smoothing_deviation_status(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  64);
+}
+
+/**
  * @brief Get field step_ticks from esea_sense_out message
  *
  * @return  Timer ticks of the step, measuring included (empty_ticks).
  */
 static inline uint32_t mavlink_msg_esea_sense_out_get_step_ticks(const mavlink_message_t* msg)
 {
-    return _MAV_RETURN_uint32_t(msg,  60);
+    return _MAV_RETURN_uint32_t(msg,  68);
 }
 
 /**
@@ -673,6 +727,8 @@ static inline void mavlink_msg_esea_sense_out_decode(const mavlink_message_t* ms
     esea_sense_out->omega_deviation_rad_s = mavlink_msg_esea_sense_out_get_omega_deviation_rad_s(msg);
     esea_sense_out->sensor_deviation_status = mavlink_msg_esea_sense_out_get_sensor_deviation_status(msg);
     esea_sense_out->velocity_deviation_status = mavlink_msg_esea_sense_out_get_velocity_deviation_status(msg);
+    esea_sense_out->smoothing_flexion_status = mavlink_msg_esea_sense_out_get_smoothing_flexion_status(msg);
+    esea_sense_out->smoothing_deviation_status = mavlink_msg_esea_sense_out_get_smoothing_deviation_status(msg);
     esea_sense_out->step_ticks = mavlink_msg_esea_sense_out_get_step_ticks(msg);
 #else
         uint8_t len = msg->len < MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN? msg->len : MAVLINK_MSG_ID_ESEA_SENSE_OUT_LEN;

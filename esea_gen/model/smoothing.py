@@ -1,0 +1,117 @@
+"""The deflection between the encoders' counts, for the torque sensor of a device that measures."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
+from esea_gen.model.symbolic import equation
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+
+# How fast what the rate predicts is corrected by the counts.  From 2 to 15 Hz the torque's error
+# changes by a fifth (docs/sensor.md): lower is better for sweeps, higher for reaches.
+CORNER_HZ = 8.0
+
+
+def smoothed_deflection(device: DeviceData) -> Block:
+    """Deflection moved on by its rate, corrected by the counts, within one count of them.
+
+    Quantised counts cost the torque two to three times the error.  Each of the two encoders is off
+    by half a count at most, so a deflection farther than a count from theirs would be wrong: it is
+    held within that, lags by no more, and follows a jump at once.  With fine encoders it is the
+    measured one.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Rate, resolution, range of the deflection.
+
+    Returns
+    -------
+    Block
+        Inputs ``theta_rad`` and ``omega_rad_s``, the rate over the step that ends here; outputs
+        ``theta_smooth_rad``, which lies outside the sensor's range while the input is invalid, so
+        that the sensor says so itself, and a status word.
+    """
+    h, limit = device.period_s, threshold(device.file.limits.theta_rad.value)
+    fastest = threshold(device.file.limits.omega_rad_s.value)
+    count = threshold(2 * math.pi / 2**device.file.encoder.resolution_bits.value)
+    gain = 1 - math.exp(-2 * math.pi * h * CORNER_HZ)
+
+    def step(
+        c: Any, s: Any, u: Any, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        ahead = s.theta_last_rad + h * u.omega_rad_s
+        ahead = label("ahead_rad", ca.if_else(s.primed, ahead, u.theta_rad), "[ahead]")
+        # Written so that intervals see it forget: its errors have a bound for all time.
+        smooth = (1 - gain) * ahead + gain * u.theta_rad
+        near = label("near_rad", clip(smooth, u.theta_rad - count, u.theta_rad + count), "[near]")
+        ok = guard.inputs_ok
+        next_state = {
+            "primed": ca.logic_or(s.primed, ok),
+            "theta_last_rad": ca.if_else(ok, near, s.theta_last_rad),
+        }
+        outputs = {
+            "theta_smooth_rad": ca.if_else(ok, clip(near, -limit, limit), 2 * limit),
+            "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok)]),
+        }
+        return next_state, outputs
+
+    return Block.define(
+        "smoothing",
+        "Deflection between the encoders' counts",
+        period_s=h,
+        constants=device.constants("timing"),
+        state=(
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            around("theta_last_rad", limit + 2 * count, "smoothed deflection of the last step"),
+        ),
+        inputs=(
+            around("theta_rad", limit, "deflection: motor-side minus load-side angle"),
+            around("omega_rad_s", fastest, "deflection rate over the step that ends here"),
+        ),
+        outputs=_outputs(limit),
+        equations=_equations(),
+        step=step,
+    )
+
+
+def _outputs(limit: float) -> tuple[Port, ...]:
+    held = "deflection or rate was NaN or outside its range; the last one is held"
+    return (
+        around(
+            "theta_smooth_rad",
+            2 * limit,
+            "deflection within one count of the measured one; outside the sensor's range while "
+            "that one is invalid",
+            equation="[near]",
+        ),
+        Port(
+            "status",
+            0,
+            3,
+            "what is known of this sample",
+            flags=(
+                Flag("INPUT_INVALID", held, True),
+                Flag("STATE_REPAIRED", "the state was corrupt; it was started afresh", True),
+            ),
+        ),
+    )
+
+
+def _equations() -> tuple[Equation, ...]:
+    theta, ahead, count, gain = sp.symbols("theta_k theta_a q_c kappa")
+    moved = sp.Symbol("theta_s,k-1") + sp.Symbol("h") * sp.Symbol("omega_m")
+    corrected = ahead + gain * (theta - ahead)
+    near = sp.Max(theta - count, sp.Min(corrected, theta + count))
+    return (
+        equation("[ahead]", "theta_a", moved, "moved on by the rate"),
+        equation("[near]", "theta_s", near, "corrected, within a count of the encoders'"),
+    )

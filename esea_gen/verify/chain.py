@@ -1,0 +1,171 @@
+"""The sensing task as a whole, rate and torque together, in one format against f64.
+
+No bound worth the name is proven for the two Blocks together, so the worst is searched for: the
+viscosity has an infinite slope at rate zero, and what errs most is a rate that has nearly come to
+rest.  Smooth reaches with rests between them, drawn first, then bettered step by step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_device
+from esea_gen.language.ports import Array
+from esea_gen.studies.chain import reaches
+
+REACHES = 4
+LONGEST_S, SHORTEST_S = 1.5, 0.05
+AIM_RMS_SHARE = 0.0002
+"""Aim: the whole task's torque within this share of full scale of f64's, RMS over a motion."""
+
+AIM_SHARE = 0.0005
+"""The same for the largest difference."""
+
+DRAWN_SHARE = 0.5  # of the trials; the others change the worst found so far
+CHANGE = 0.15
+
+
+@dataclass(frozen=True)
+class ChainError:
+    """The worst motion found for one format.
+
+    error_Nm, rms_Nm: largest and RMS difference of the torque from f64's on that motion.
+    ends_rad, lasting_s: where its reaches end and how long each takes.
+    bits: of the encoders that it was read by; 0 for ideal ones.
+    """
+
+    real: str
+    error_Nm: float
+    rms_Nm: float
+    ends_rad: tuple[float, ...]
+    lasting_s: tuple[float, ...]
+    bits: int
+
+
+@dataclass(frozen=True)
+class ChainReport:
+    """The search's result.
+
+    errors: one a format.
+    """
+
+    device: str
+    full_scale_Nm: float
+    trials: int
+    errors: tuple[ChainError, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every format stays within both aims on its worst motion."""
+        full = self.full_scale_Nm
+        return all(
+            e.rms_Nm <= AIM_RMS_SHARE * full and e.error_Nm <= AIM_SHARE * full for e in self.errors
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready content."""
+        return asdict(self)
+
+    def table(self) -> list[str]:
+        """Lines of text."""
+        lines = [
+            f"sensing task against f64, worst of {self.trials} searched motions (reach and rest); "
+            f"searched, not proven; "
+            f"aims {100 * AIM_SHARE:g} %, RMS {100 * AIM_RMS_SHARE:g} %"
+        ]
+        for e in self.errors:
+            shares = [100 * x / self.full_scale_Nm for x in (e.error_Nm, e.rms_Nm)]
+            lines.append(
+                f"{e.real:4} {e.error_Nm:9.2g} Nm, {shares[0]:.2g} % of full scale; RMS "
+                f"{shares[1]:.2g} %; encoders {f'{e.bits} bit' if e.bits else 'ideal'}"
+            )
+        return lines
+
+
+def search_chain(
+    device: Device,
+    formats: Sequence[str] = ("f32", "q31"),
+    trials: int = 60,
+    seed: int = 0,
+    say: Callable[[str], None] | None = None,
+) -> ChainReport:
+    """Search for the motion on which the whole sensing task is farthest from f64.
+
+    formats: each has a search of its own, half with ideal encoders and half with the device's.
+    trials: motions a format; half are drawn, half change the worst so far.
+
+    Raises
+    ------
+    UserError
+        For a device with a drive, whose deflection comes from counts.
+    """
+    if device.file.joint is not None:
+        raise UserError(
+            f"{device.origin}: the search needs a measuring device; this one reads counts.",
+            "Give the device that it extends, as elbow for elbow_drive: the Blocks are the same.",
+        )
+    task = device.system.tasks[0]
+    names = [x.name for x in device.system.task_inputs(task)]
+    exact = compile_device(device, "f64").task(task.name)
+    bits = int(device.file.encoder.resolution_bits.value)
+    most = device.file.domain.theta_max_rad.value
+    found = []
+    for real in formats:
+        if say is not None:
+            say(f"search, {real}")
+        runner = compile_device(device, real).task(task.name)
+
+        def tried(ends: Array, lasting: Array, bits: int, runner: Any = runner) -> Array:
+            theta = reaches(ends, lasting, device.period_s)
+            if bits:
+                count = 2 * np.pi / 2**bits
+                theta = np.round(theta / count) * count
+            # Numbers that the format of a board can be given.
+            inputs = dict.fromkeys(names, np.float32(theta).astype(float))
+            for x in (runner, exact):
+                x.reset()
+            got, true = (x.run(inputs, trace=False)[0] for x in (runner, exact))
+            taus = [n for n in true if n.startswith("tau_")]
+            apart = [np.abs(np.asarray(got[n], float) - true[n]) for n in taus]
+            return np.asarray(np.max(apart, axis=0))
+
+        found.append(_worst(real, tried, most, bits, trials, np.random.default_rng(seed)))
+    return ChainReport(device.name, device.tau_full_scale_Nm, trials, tuple(found))
+
+
+def _worst(
+    real: str,
+    tried: Callable[[Array, Array, int], Array],
+    most: float,
+    bits: int,
+    trials: int,
+    rng: np.random.Generator,
+) -> ChainError:
+    best = ChainError(real, -1.0, 0.0, (), (), 0)
+    low, high = np.log(SHORTEST_S), np.log(LONGEST_S)
+    for k in range(trials):
+        if k < max(1, round(DRAWN_SHARE * trials)):
+            ends = rng.uniform(-most, most, REACHES)
+            lasting = np.exp(rng.uniform(low, high, REACHES))
+            counts = bits * (k % 2)
+        else:
+            ends = np.array(best.ends_rad) + rng.normal(0, CHANGE * most, REACHES)
+            ends = np.clip(ends, -most, most)
+            lasting = np.array(best.lasting_s) * np.exp(rng.normal(0, CHANGE, REACHES))
+            lasting = np.clip(lasting, SHORTEST_S, LONGEST_S)
+            counts = best.bits
+        error = tried(ends, lasting, counts)
+        if error.max() > best.error_Nm:
+            rms = float(np.sqrt(np.mean(error**2)))
+            shape = tuple(map(float, ends)), tuple(map(float, lasting))
+            best = ChainError(real, float(error.max()), rms, *shape, counts)
+    return best
+
+
+__all__ = ["AIM_RMS_SHARE", "AIM_SHARE", "ChainError", "ChainReport", "search_chain"]
