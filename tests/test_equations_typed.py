@@ -162,7 +162,7 @@ TYPED = {
     "[lead]": "u_a + kappa * (u - u_a)",
     "[soft 1]": "max(sigma_1 * clip((q_2 - q_seen**2) / (q_full**2 - q_seen**2), 0, 1),"
     " sigma_k_1 / exp(h / T_s))",
-    "[soft 2]": "0.6 * lambda_0 + 0.4 * lambda_0 * (1 - sigma_k_1)",
+    "[soft 2]": "0.5 * lambda_0 + 0.5 * lambda_0 * (1 - sigma_k_1)",
     "[soft 3]": "kappa_0 + 0.6 * sigma_k_1 * kappa_0",
     "[law]": "v_k + o_k",
     "[law 1]": "u_k_1 - v_k",

@@ -24,6 +24,7 @@ from esea_gen.identify.resampling import FitRows
 from esea_gen.identify.uncertainty import uncertainty
 from esea_gen.model.inverse import inverse_system
 from esea_gen.model.published_inverse import published_inverse
+from esea_gen.model.sensing import sensing_system
 
 from .conftest import require_tool
 
@@ -243,7 +244,8 @@ def test_every_recording_weighs_the_same_however_long_it_is(tmp_path):
 
 def replayed(device: Device, theta_rad: np.ndarray) -> Recording:
     """A recording of the device's own C at its own rate, every sample training."""
-    task = compile_system(device.system, "f64").task("sense")
+    system = sensing_system(device, device.velocity, device.sensor, counts=False)
+    task = compile_system(system, "f64").task("sense")
     tau = task.run({"theta_rad": theta_rad}, trace=False)[0]["tau_Nm"]
     at = np.arange(len(theta_rad))
     whole = DataSet("own", 0.1, at, at[:0], {}, None, None, None)

@@ -38,7 +38,10 @@ class Verdict:
 
 
 def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
-    """Run the device's C, as it ships, over recordings and compare at their own samples.
+    """Run the device's C over recordings and compare at their own samples.
+
+    The sensor is given the deflection as it was recorded, as in the fit: it does not come in
+    counts of the device's encoders, and is not smoothed.
 
     Parameters
     ----------
@@ -52,7 +55,7 @@ def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
     Verdict
         Errors by data set, model torque by recording.
     """
-    system = sensing_system(device, device.velocity, device.sensor)
+    system = sensing_system(device, device.velocity, device.sensor, counts=False)
     task = compile_system(system, "f64").task("sense")
     errors, largest = [], 0.0
     torque: dict[str, Array] = {}

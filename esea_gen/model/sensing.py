@@ -29,7 +29,9 @@ def of_axis(name: str, axis: str) -> str:
     return f"{name.removesuffix(unit)}_{axis}{unit}"
 
 
-def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System:
+def sensing_system(
+    device: DeviceData, velocity: Block, sensor: Block, *, counts: bool = True
+) -> System:
     """The measuring System: velocity estimate, smoothed deflection and torque sensor in one task.
 
     A device with several axes has an instance of each Block for each axis, all in the same task;
@@ -42,6 +44,8 @@ def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System
         What to build for.
     velocity, sensor : Block
         Velocity estimate and torque sensor.
+    counts : bool
+        Whether the deflection comes in counts of encoders; else there is nothing to smooth.
 
     Returns
     -------
@@ -53,7 +57,7 @@ def sensing_system(device: DeviceData, velocity: Block, sensor: Block) -> System
     # Not where a loop closes over the torque: it gains nothing, and limp hands were driven into a
     # swing by the filter within a count (docs/sensor.md).
     smoothing = smoothed_deflection(device)
-    for axis in device.axes if device.file.joint is None else ():
+    for axis in device.axes if counts and device.file.joint is None else ():
         rate, smooth, torque = (
             f"{b.name}_{axis}" if axis else b.name for b in (velocity, smoothing, sensor)
         )

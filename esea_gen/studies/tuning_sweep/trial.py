@@ -19,6 +19,7 @@ from esea_gen.twin.judge import ENDED, judge
 from esea_gen.twin.run import run_case
 
 PHI, LAMBDA = "smc.phi_rad_s", "smc.lambda_1_s"
+SOFTENING = "smc.softening"
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,10 @@ def run_trial(
 
     return: fields of :class:`Trial`, and 1 or 0 for ``unstable``, ``tripped`` and ``fault``.
     """
+    # Gains that swing are to be seen doing it, not softened.
+    unsoftened = {SOFTENING: 0.0} if SOFTENING in tunables_of(controller) else {}
     tunables: dict[str, dict[str, float]] = {}
-    for name, x in {**held, parameter: value}.items():
+    for name, x in {**unsoftened, **held, parameter: value}.items():
         instance, _, key = name.partition(".")
         tunables.setdefault(instance, {})[key] = x
     device = controller_device(controller)
