@@ -109,7 +109,7 @@ def test_build_gives_the_committed_bytes(installed, tmp_path):
 def test_the_first_minute_needs_no_file_of_ones_own(installed, tmp_path):
     """The recording that comes along is found from any folder."""
     program = (
-        "from pathlib import Path; from esea_gen.cli.identification import _mapping; "
+        "from pathlib import Path; from esea_gen.cli.options import _mapping; "
         "found = _mapping(Path('hdrb')); print(found.is_file(), found)"
     )
     there, path = call(installed / "python", "-c", program, cwd=tmp_path).split()

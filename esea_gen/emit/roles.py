@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from esea_gen.language.system import External, Signal, System
 
@@ -94,6 +96,16 @@ def board_roles(system: System) -> BoardRoles:
     )
 
 
+def _told(system: System, theta: Any, outputs: Mapping[Signal, External]) -> Any:
+    # A deflection that is smoothed on its way is not told: the one it is made from is.
+    while isinstance(theta, Signal) and theta not in outputs:
+        sink = Signal(theta.instance, "theta_rad")
+        if sink.port not in (p.name for p in system.blocks[sink.instance].inputs):
+            break
+        theta = system.feed(sink)
+    return theta
+
+
 _NOT_BELIEVED = ("INPUT_INVALID", "ENCODER_UNUSABLE")
 
 
@@ -105,7 +117,7 @@ def _couplings(system: System) -> tuple[CountedCoupling, ...]:
         sink, tau = Signal(name, "theta_rad"), outputs.get(Signal(name, "tau_Nm"))
         if tau is None or sink.port not in (p.name for p in system.blocks[name].inputs):
             continue
-        theta = system.feed(sink)
+        theta = _told(system, system.feed(sink), outputs)
         side = "in" if isinstance(theta, External) else "out"
         told = outputs.get(theta) if isinstance(theta, Signal) else theta
         speaks = theta.instance if isinstance(theta, Signal) else name

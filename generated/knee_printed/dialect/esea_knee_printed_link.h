@@ -324,10 +324,10 @@ static inline esea_link_outcome_t esea_link_outcome(const esea_link_out_t *out)
 /* The couplings whose life is counted: largest deflection, and what the first task's run says of
  * one.  False
  * where that is not to be believed. */
-#define ESEA_LINK_COUPLINGS 0u
+#define ESEA_LINK_COUPLINGS 1u
 static inline float esea_link_coupling_rad(uint32_t coupling)
 {
-    static const float most_rad[ESEA_LINK_COUPLINGS + 1u] = { 1.0f };
+    static const float most_rad[ESEA_LINK_COUPLINGS + 1u] = { 0.399999976f, 1.0f };
 
     return most_rad[coupling < ESEA_LINK_COUPLINGS + 1u ? coupling : ESEA_LINK_COUPLINGS];
 }
@@ -339,6 +339,11 @@ static inline bool esea_link_coupling(uint32_t coupling, const esea_link_in_t *i
     (void)in;
     (void)out;
     switch (coupling) {
+    case 0u:
+        *theta_rad = in->sense.theta_rad;
+        *tau_Nm = out->sense.tau_Nm;
+        return (out->sense.sensor_status & ((uint32_t)ESEA_KNEE_PRINTED_SENSOR_INPUT_INVALID))
+                == 0u;
     default:
         *theta_rad = *tau_Nm = 0.0f;
         return false;
