@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import struct
 import subprocess
 from dataclasses import dataclass
@@ -196,6 +197,17 @@ def test_no_bytes_are_taken_for_a_frame_that_is_none(link_fuzzer):
     # Armed: signatures are not looked at.
     blind = fuzzer(target, *link_fuzzer.flags, "-DMAVLINK_NO_SIGNATURE_CHECK", parser)
     assert "it failed" in fuzz(blind, 20000, 64)
+
+
+def test_the_parsers_fuzzer_finds_a_frame_taken_twice(link_fuzzer, tmp_path):
+    parser = ROOT / "tests" / "fuzz" / "parser.c"
+    header = (link_fuzzer.folder / "mavlink" / "mavlink_helpers.h").read_text()
+    check = "if (tstamp.t64 <= last_tstamp.t64) {"
+    assert header.count(check) == 1
+    copied = shutil.copytree(link_fuzzer.folder / "mavlink", tmp_path / "mavlink")
+    (copied / "mavlink_helpers.h").write_text(header.replace(check, "if (false) {"))
+    forgetful = fuzzer(tmp_path / "parser", f"-isystem{copied}", *link_fuzzer.flags, parser)
+    assert "it failed" in fuzz(forgetful, 20000, 64)
 
 
 @pytest.mark.parametrize(

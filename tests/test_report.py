@@ -212,16 +212,17 @@ def test_another_specimens_torque_is_not_compared(recorded: Report) -> None:
 def test_the_fit_is_that_of_the_identification(
     recorded: Report, identification: Identification
 ) -> None:
-    # Two ways to one number: the report's own run of the C, and the identification's.
+    # Two ways to one number: the report's own run of the C, and the identification's.  The report's
+    # is the device whole, which smooths the deflection within a count of its encoders.
     fit = recorded.to_dict()["fit"]
     assert fit is not None
     content = identification.to_dict()
     for ours, theirs in zip(fit["sets"], content["sets"], strict=True):
         for role in ("training", "held_out"):
-            assert ours[role]["rms_Nm"] == pytest.approx(theirs[role]["rms_Nm"], rel=1e-4)
+            assert ours[role]["rms_Nm"] == pytest.approx(theirs[role]["rms_Nm"], rel=2e-3)
     for role in ("training", "held_out"):
         expected = content["mean_rms"][f"{role}_percent"]
-        assert fit["mean_rms_percent"][role] == pytest.approx(expected, rel=1e-4)
+        assert fit["mean_rms_percent"][role] == pytest.approx(expected, rel=2e-3)
 
 
 def test_hostile_text_is_escaped(chirped: Report) -> None:

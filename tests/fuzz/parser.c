@@ -1,8 +1,9 @@
 /* libFuzzer on what stands between the line and the application: MAVLink's parser as the firmware uses it, and the
  * decoders of the device's binding.  Bytes, whole frames of every message, frames with bits turned, cut off or
  * with something before them, to a board that is paired and one that is not.  Whatever is taken is a frame that
- * stood in the bytes with the checksum that X.25 says, computed here bit by bit; when paired, the one that was
- * signed last, not before and with a later time.
+ * stood in the bytes with the checksum that X.25 says, computed here bit by bit; when paired, one signed with the
+ * key and with a later time than all of its sender before.  (Who signed it is not asked: libFuzzer sees what a
+ * signature is compared with, and forges one.)
  *
  * License: MIT. */
 #include ESEA_LINK_HEADER
@@ -24,10 +25,10 @@ static mavlink_signing_t key;
 static mavlink_signing_streams_t streams;
 
 static struct {
-    uint8_t bytes[MAVLINK_MAX_PACKET_LEN];
-    uint16_t length;
-    uint64_t time, taken; /* its own, and that of the last one that was taken */
-} last_signed;
+    uint8_t sender[3]; /* system, component, link */
+    uint64_t time;     /* of the last frame that was taken */
+} senders[MAVLINK_MAX_SIGNING_STREAMS];
+static size_t known; /* senders */
 
 static void must(bool holds)
 {
@@ -77,14 +78,42 @@ static void check_frame(void)
     must(frame[length - tail - 2u] == (crc & 0xFFu) && frame[length - tail - 1u] == crc >> 8);
 }
 
+/* MAVLink's signature: of the key, the frame, the link's number and a time, six bytes of SHA-256. */
+static void signature_of(const uint8_t *frame, size_t length, uint8_t *signature)
+{
+    mavlink_sha256_ctx hash;
+
+    mavlink_sha256_init(&hash);
+    mavlink_sha256_update(&hash, key.secret_key, sizeof key.secret_key);
+    mavlink_sha256_update(&hash, frame, (uint32_t)length - 6u);
+    mavlink_sha256_final_48(&hash, signature);
+}
+
+/* The frame that has just been taken was signed with the key, and is not an old one again. */
 static void check_signed(void)
 {
-    const size_t length = last_signed.length;
+    const size_t length = 10u + received.len + 2u + MAVLINK_SIGNATURE_BLOCK_LEN;
+    const uint8_t *const frame = line + count - length;
+    const uint8_t *const block = frame + length - MAVLINK_SIGNATURE_BLOCK_LEN;
+    const uint8_t sender[3] = {frame[5], frame[6], block[0]};
+    uint8_t signature[6], i;
+    uint64_t time = 0u;
+    size_t at;
 
-    must(length > 0u && length <= count && memcmp(line + count - length, last_signed.bytes, length) == 0);
-    must(last_signed.time > last_signed.taken);
-    last_signed.taken = last_signed.time;
-    last_signed.length = 0u;
+    must((received.incompat_flags & MAVLINK_IFLAG_SIGNED) != 0u);
+    signature_of(frame, length, signature);
+    must(memcmp(block + 7, signature, sizeof signature) == 0);
+    for (i = 6u; i > 0u; --i)
+        time = time << 8 | block[i];
+    for (at = 0u; at < known && memcmp(senders[at].sender, sender, sizeof sender) != 0; ++at)
+        ;
+    if (at == known) {
+        must(known < MAVLINK_MAX_SIGNING_STREAMS);
+        memcpy(senders[known++].sender, sender, sizeof sender);
+    } else {
+        must(time > senders[at].time);
+    }
+    senders[at].time = time;
 }
 
 /* What the application's decoders make of it; addresses and lengths are the sanitizers' to look at. */
@@ -122,24 +151,16 @@ static void receive(uint8_t byte)
     }
 }
 
-/* MAVLink's signature: of the key, the frame, the link's number and a time, six bytes of SHA-256. */
 static void sign(uint8_t *frame, uint16_t length)
 {
     uint8_t *const block = frame + length - MAVLINK_SIGNATURE_BLOCK_LEN;
-    mavlink_sha256_ctx hash;
     uint8_t i;
 
     memset(block, 0, MAVLINK_SIGNATURE_BLOCK_LEN);
     if (receiving.signing == NULL)
         return;
-    last_signed.time = 1u + next() / 2u;
-    block[1] = (uint8_t)last_signed.time;
-    mavlink_sha256_init(&hash);
-    mavlink_sha256_update(&hash, key.secret_key, sizeof key.secret_key);
-    mavlink_sha256_update(&hash, frame, (uint32_t)length - 6u);
-    mavlink_sha256_final_48(&hash, block + 7);
-    memcpy(last_signed.bytes, frame, length);
-    last_signed.length = length;
+    block[1] = (uint8_t)(1u + next() / 2u);
+    signature_of(frame, length, block + 7);
     for (i = 0u; i < 4u && next() > 250u; ++i)
         block[next() % MAVLINK_SIGNATURE_BLOCK_LEN] ^= next();
 }
@@ -197,7 +218,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     count = 0u;
     memset(&receiving, 0, sizeof receiving);
     memset(&key, 0, sizeof key);
-    memset(&last_signed, 0, sizeof last_signed);
+    memset(senders, 0, sizeof senders);
+    known = 0u;
     streams.num_signing_streams = 0u;
     memset(&received, 0x5A, sizeof received); /* of an earlier frame */
     paired = next() % 4u == 0u;
