@@ -51,27 +51,17 @@ def stop_operator(x: np.ndarray, r: float) -> np.ndarray:
     """By its definition (3.5 to 3.7): sums of increments, clipped."""
     e = np.zeros_like(x)
     for k in range(1, len(x)):
-        e[k] = np.clip(x[k] - x[k - 1] + e[k - 1], -r, r)
+        e[k] = min(max(x[k] - x[k - 1] + e[k - 1], -r), r)
     return e
 
 
 def run(block, tau: np.ndarray, angle: np.ndarray, rate: np.ndarray, tunables, **more):
-    """Outputs by name, step by step; the simulator, which holds the state."""
-    simulator, out = block.simulator(tunables), []
-    for k in range(len(tau)):
-        given = {n: float(np.broadcast_to(v, tau.shape)[k]) for n, v in more.items()}
-        out.append(
-            simulator.step(
-                **{"tau_desired_Nm": 0.0, "sensing_ok": 1.0}
-                | given
-                | {
-                    "tau_Nm": float(tau[k]),
-                    "theta_load_rad": float(angle[k]),
-                    "omega_load_rad_s": float(rate[k]),
-                }
-            )
-        )
-    return {n: np.array([float(np.squeeze(y[n])) for y in out]) for n in out[0]}, simulator
+    """Outputs by name, of every step; the simulator, which holds the state."""
+    given = {"tau_desired_Nm": 0.0, "sensing_ok": 1.0} | more
+    given |= {"tau_Nm": tau, "theta_load_rad": angle, "omega_load_rad_s": rate}
+    simulator = block.simulator(tunables)
+    y, _ = simulator.run({n: np.broadcast_to(v, tau.shape) for n, v in given.items()})
+    return y, simulator
 
 
 def test_a_spring_off_by_its_scale_is_found(block):

@@ -19,8 +19,10 @@ def texts(elbow):
 
 
 def broken(files, old, new, name="esea_elbow_sensor.c"):
+    """The objects alone are asked: without the example, which has tests of its own."""
     assert old in files[name]
-    return files | {name: files[name].replace(old, new, 1)}
+    rest = {n: text for n, text in files.items() if n != "main.c"}
+    return rest | {name: files[name].replace(old, new, 1)}
 
 
 @pytest.mark.parametrize("target", sorted(TARGETS))

@@ -46,7 +46,7 @@ def test_no_undefined_behaviour(elbow, real):
 )
 def test_undefined_behaviour_is_seen(elbow, files, old, new, said):
     require_tool("gcc")
-    found = undefined_behaviour(elbow, "f32", broken(files, old, new), steps=200)
+    found = undefined_behaviour(elbow, "f32", broken(files, old, new), 200, ["sensor"])
     assert any(said in text for text in found.reports), found.reports
     assert not found.passed
 
@@ -80,7 +80,7 @@ def test_no_stray_access_and_the_same_bits(elbow, real):
 )
 def test_a_stray_access_is_seen(elbow, files, old, new, said):
     require_tool("gcc")
-    found = replay_device(elbow, "f32", "address", broken(files, old, new), steps=200)
+    found = replay_device(elbow, "f32", "address", broken(files, old, new), 200, ["sensor"])
     assert any(said in text for text in found.reports), found.reports
 
 
@@ -93,14 +93,14 @@ def test_a_stray_access_is_seen(elbow, files, old, new, said):
 )
 def test_memory_that_nobody_wrote_is_seen(elbow, files, old, new):
     require_tool("gcc")
-    found = replay_device(elbow, "f32", "address", broken(files, old, new), steps=200)
+    found = replay_device(elbow, "f32", "address", broken(files, old, new), 200, ["sensor"])
     assert found.differences
 
 
-def memory_run(elbow, files=None, steps=1500):
+def memory_run(elbow, files=None, steps=1500, blocks=None):
     require_tool("clang")
     try:
-        return replay_device(elbow, "f32", "memory", files, steps)
+        return replay_device(elbow, "f32", "memory", files, steps, blocks)
     except UserError as error:
         if os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
             pytest.fail(str(error))
@@ -113,5 +113,6 @@ def test_no_uninitialised_memory(elbow):
 
 
 def test_uninitialised_memory_is_seen(elbow, files):
-    found = memory_run(elbow, broken(files, "    out->tau_rate_Nm = tau_r_Nm;\n", ""), 200)
+    faulty = broken(files, "    out->tau_rate_Nm = tau_r_Nm;\n", "")
+    found = memory_run(elbow, faulty, 200, ["sensor"])
     assert any("uninitialized" in text for text in found.reports), found
