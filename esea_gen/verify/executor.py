@@ -27,6 +27,7 @@ from esea_gen.language.stream import Stream
 from esea_gen.verify.runs import CasadiOracle, run_c
 
 UINT32_MAX = 2**32 - 1
+BOOL = np.dtype(np.bool_)
 
 
 @cache
@@ -54,25 +55,34 @@ def emitted_kernel(block: Block, fmt: Format) -> tuple[Kernel, dict[int, tuple[s
     return kernel, {node: (name, comment) for node, name, comment in labels}
 
 
-def evaluate(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Array]:
+def evaluate(
+    kernel: Kernel,
+    fmt: Format,
+    arguments: Sequence[Array],
+    known: Mapping[int, Array] | None = None,
+) -> list[Array]:
     """Evaluate a kernel over many argument sets at once.
 
     arguments: per argument, shape (sets, elements).
+    known: values of nodes that need not be computed again.
     return: per node, shape (sets,): bool for booleans, else the format's type.
     """
     count = len(arguments[0]) if arguments else 1
     dtype = fmt.dtype.type
+    known = known or {}
     values: list[Array] = []
     with np.errstate(all="ignore"):
-        for node in kernel.nodes:
-            if node.op == "const":
+        for i, node in enumerate(kernel.nodes):
+            if i in known:
+                values.append(known[i])
+            elif node.op == "const":
                 values.append(np.full(count, dtype(node.value)))
             elif node.op == "input":
                 argument, element = node.source
                 values.append(np.asarray(arguments[argument][:, element], fmt.dtype))
             else:
                 result = _apply(node, [values[a] for a in node.args], fmt, kernel)
-                expected = np.dtype(np.bool_) if node.boolean else fmt.dtype
+                expected = BOOL if node.boolean else fmt.dtype
                 if result.dtype != expected:  # a promotion would hide rounding
                     raise TypeError(f"{kernel.name}: {node.op} gave {result.dtype}")
                 values.append(result)
@@ -80,11 +90,36 @@ def evaluate(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Ar
 
 
 def _truth(x: Array) -> Array:
-    return x if x.dtype == np.bool_ else x != 0
+    return x if x.dtype == BOOL else x != 0
 
 
 def _choose(condition: Array, x: Array, y: Array | np.floating[Any]) -> Array:
     return np.asarray(np.where(condition, x, y))
+
+
+_RULES: dict[str, Callable[..., Array]] = {
+    "add": lambda x, y: x + y,
+    "sub": lambda x, y: x - y,
+    "mul": lambda x, y: x * y,
+    "div": lambda x, y: x / y,
+    "neg": lambda x: -x,
+    "sq": lambda x: x * x,
+    "twice": lambda x: x.dtype.type(2) * x,
+    "inv": lambda x: x.dtype.type(1) / x,
+    "fabs": np.abs,
+    "sign": lambda x: (x > 0).astype(x.dtype) - (x < 0).astype(x.dtype),
+    "lt": lambda x, y: x < y,
+    "le": lambda x, y: x <= y,
+    "eq": lambda x, y: x == y,
+    "ne": lambda x, y: x != y,
+    "fmin": lambda x, y: _choose(y < x, y, x),
+    "fmax": lambda x, y: _choose(y > x, y, x),
+}
+# Of two equal zeros f64 takes the second, as CasADi does; f32 the first.
+_SECOND = _RULES | {
+    "fmin": lambda x, y: _choose(x < y, x, y),
+    "fmax": lambda x, y: _choose(x > y, x, y),
+}
 
 
 def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
@@ -94,10 +129,9 @@ def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
     if op in ("and", "or"):
         x, y = map(_truth, args)
         return x & y if op == "and" else x | y
-    numbers = [a.astype(fmt.dtype) if a.dtype == np.bool_ else a for a in args]
-    zero, one, two = (fmt.dtype.type(v) for v in (0, 1, 2))
+    numbers = [a.astype(fmt.dtype) if a.dtype == BOOL else a for a in args]
     if op in ("if_else_zero", "select"):
-        other = numbers[2] if op == "select" else zero
+        other = numbers[2] if op == "select" else fmt.dtype.type(0)
         return _choose(_truth(args[0]), numbers[1], other)
     if op == "pow":
         return _power(node, numbers, fmt, kernel)
@@ -105,28 +139,7 @@ def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
         if fmt.needs_libm:
             return np.asarray(getattr(np, op)(numbers[0]))
         return _call(op, numbers[0])
-    second = (
-        fmt.needs_libm
-    )  # of two equal zeros f64 takes the second, as CasADi does; f32 the first
-    rules: dict[str, Callable[..., Array]] = {
-        "add": lambda x, y: x + y,
-        "sub": lambda x, y: x - y,
-        "mul": lambda x, y: x * y,
-        "div": lambda x, y: x / y,
-        "neg": lambda x: -x,
-        "sq": lambda x: x * x,
-        "twice": lambda x: two * x,
-        "inv": lambda x: one / x,
-        "fabs": np.abs,
-        "sign": lambda x: (x > 0).astype(x.dtype) - (x < 0).astype(x.dtype),
-        "lt": lambda x, y: x < y,
-        "le": lambda x, y: x <= y,
-        "eq": lambda x, y: x == y,
-        "ne": lambda x, y: x != y,
-        "fmin": lambda x, y: _choose(x < y, x, y) if second else _choose(y < x, y, x),
-        "fmax": lambda x, y: _choose(x > y, x, y) if second else _choose(y > x, y, x),
-    }
-    return rules[op](*numbers)
+    return (_SECOND if fmt.needs_libm else _RULES)[op](*numbers)
 
 
 def _power(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
