@@ -372,6 +372,21 @@ class SystemSimulator:
         self.seen = {t.name: self.watch.values() for t in system.tasks}
         self.checked = 0
         self._steps = {t.name: [(i, self._feeds(i)) for i in t.blocks] for t in system.tasks}
+        self._told = {
+            t.name: [
+                (x.name, (x.signals[0].instance, x.signals[0].port)) for x in system.task_outputs(t)
+            ]
+            for t in system.tasks
+        }
+        self._latched = {
+            t.name: [
+                (x.name, (x.source.instance, x.source.port))
+                for x in system.latches
+                if x.writer == t.name
+            ]
+            for t in system.tasks
+        }
+        self._checker = system.checker
 
     def _feeds(self, instance: str) -> list[tuple[str, int, Any]]:
         # Per input port: which of the tables in ``step`` it reads, and under which key.
@@ -399,10 +414,9 @@ class SystemSimulator:
             since = tick - task.phase - task.release_ticks
             if since >= 0 and since % task.every == 0:
                 self.watch.due(task.name)
-                for latch in self.system.latches:
-                    if latch.writer == task.name:
-                        self.visible[latch.name] = self.pending[latch.name]
-                if task.name == self.system.checker:
+                for name, _ in self._latched[task.name]:
+                    self.visible[name] = self.pending[name]
+                if task.name == self._checker:
                     self.watch.coeffs_ok = self.checked
         for task in self.system.tasks:
             if tick >= task.phase and (tick - task.phase) % task.every == 0:
@@ -425,21 +439,18 @@ class SystemSimulator:
         dict
             Its external outputs.
         """
-        task = self.system.task(task_name)
         results: dict[tuple[str, str], Any] = {}
         tables = inputs, self.held[task_name], self.seen[task_name], results
         for instance, feeds in self._steps[task_name]:
             values = {name: tables[k][key] for name, k, key in feeds}
             for port, value in self.blocks[instance].step(**values).items():
                 results[instance, port] = value
-        for latch in self.system.latches:
-            if latch.writer == task_name:
-                self.pending[latch.name] = results[latch.source.instance, latch.source.port]
+        for name, source in self._latched[task_name]:
+            self.pending[name] = results[source]
         self.watch.end(task_name)
-        if task_name == self.system.checker:
+        if task_name == self._checker:
             self.checked = 1
-        signals = ((x.name, x.signals[0]) for x in self.system.task_outputs(task))
-        return {name: results[s.instance, s.port] for name, s in signals}
+        return {name: results[source] for name, source in self._told[task_name]}
 
 
 __all__ = ["External", "Latch", "Signal", "System", "SystemSimulator", "Task"]

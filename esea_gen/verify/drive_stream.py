@@ -58,6 +58,7 @@ def drive_stream(
     numbers = {c.name: c.value for c in device.constants("actuator")}
     drive = NominalDrive(numbers, system.base_period_s, float(load[0]))
     simulator = system.simulator()
+    inputs = {t.name: system.task_inputs(t) for t in system.tasks}
     command, torque = (
         next(x.name for x in system.outputs if _without_axis(x.name, device.axes) == name)
         for name in ("u_Nm", "tau_Nm")
@@ -78,7 +79,7 @@ def drive_stream(
         for task in system.tasks:
             if k < task.phase or (k - task.phase) % task.every:
                 continue
-            out = simulator.step(task.name, **task_inputs_at(stream, system.task_inputs(task), k))
+            out = simulator.step(task.name, **task_inputs_at(stream, inputs[task.name], k))
             if told is not None:
                 told(k, task.name, out)
             if command in out and not held:

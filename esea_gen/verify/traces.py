@@ -128,11 +128,12 @@ def trace_stream(device: Device, told: Told | None = None) -> dict[str, Array]:
 
 def _run(device: Device, stream: dict[str, Array], told: Told) -> None:
     system, simulator = device.system, device.system.simulator()
+    inputs = {t.name: system.task_inputs(t) for t in system.tasks}
     for k in range(len(next(iter(stream.values())))):
         simulator.release(k)
         for task in system.tasks:
             if k >= task.phase and (k - task.phase) % task.every == 0:
-                given = task_inputs_at(stream, system.task_inputs(task), k)
+                given = task_inputs_at(stream, inputs[task.name], k)
                 told(k, task.name, simulator.step(task.name, **given))
 
 
@@ -168,11 +169,19 @@ def run_trace(device: Device) -> Trace:
     system = device.system
     columns = scalars(system.outputs)
     flags = {n: tuple(f.name for f in x.port.flags) for n, x, _ in columns if x.port.flags}
-    outputs = {t.name: scalars(system.task_outputs(t)) for t in system.tasks}
+    outputs = {
+        t.name: [
+            (n, x.name, i if x.port.size > 1 else None)
+            for n, x, i in scalars(system.task_outputs(t))
+        ]
+        for t in system.tasks
+    }
     runs: list[tuple[int, dict[str, float]]] = []
 
     def told(k: int, task: str, made: Mapping[str, Any]) -> None:
-        runs.append((k, {n: np.atleast_1d(made[x.name])[i] for n, x, i in outputs[task]}))
+        runs.append(
+            (k, {n: made[name] if i is None else made[name][i] for n, name, i in outputs[task]})
+        )
 
     stream = trace_stream(device, told)
     rows: Any = np.arange(EVERY - 1, len(next(iter(stream.values()))), EVERY)
