@@ -154,9 +154,16 @@ def test_the_example_compiles_strictly_and_agrees(device, real, tmp_path):
     assert "12 of 12 samples agree" in done.stdout
 
 
-# The elbow: test_equivalence.  The wrist's f32 has the elbow's bits: below.
+# The elbow: test_equivalence.  The wrist's f32 has the elbow's bits: below.  As printed the knee is
+# the same C with two other constants: in f32 it takes as long, and the same kind of fault shows.
 @pytest.mark.parametrize(
-    ("name", "reals"), [("knee", "f64 f32"), ("knee_printed", "f64 f32"), ("wrist", "f64")]
+    ("name", "reals"),
+    [
+        ("knee", "f64 f32"),
+        ("knee_printed", "f64"),
+        pytest.param("knee_printed", "f32", marks=pytest.mark.slow),
+        ("wrist", "f64"),
+    ],
 )
 def test_its_c_equals_its_model(name, reals):
     require_tool("gcc")

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from esea_gen import load_device
 from esea_gen.cli import app
+from esea_gen.plotting import svg
 from esea_gen.report import builder, drive
 from esea_gen.report.board import BoardRun, run_board
 from esea_gen.report.builder import gather
@@ -40,8 +41,28 @@ def findings():
 
 
 @pytest.fixture(scope="module")
-def html(findings) -> str:
-    return findings.html()
+def page(findings):
+    """Its text, and the figures of its experiments by name."""
+    drawn = {}
+
+    def kept(figure, name, title):
+        drawn[name] = svg(figure, name, title)
+        return drawn[name]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drive, "svg", kept)
+        return findings.html(), drawn
+
+
+@pytest.fixture(scope="module")
+def html(page) -> str:
+    return page[0]
+
+
+@pytest.fixture
+def figures_kept(monkeypatch, page):
+    """No experiment's figure is drawn again where only what stands round it is looked at."""
+    monkeypatch.setattr(drive, "svg", lambda figure, name, title: page[1][name])
 
 
 def test_the_page_is_self_contained_and_well_formed(html):
@@ -91,6 +112,7 @@ def test_every_block_parameter_and_task_is_there(findings, html):
     assert all(c["steps"] > 100 and c["bits_equal"] and c["passed"] for c in checks.values())
 
 
+@pytest.mark.usefixtures("figures_kept")
 def test_per_cent_of_its_tables(findings, html):
     checks = table_of(html, "Block", "error", "% FS")
     scales = findings.verification.full_scales
@@ -132,6 +154,7 @@ def test_it_passes_and_says_that_no_board_ran(findings, html):
     assert any("skipped: no tool" in line for line in findings.summary())
 
 
+@pytest.mark.usefixtures("figures_kept")
 @pytest.mark.parametrize("how", ["comparison", "unstable", "tripped", "fault", "board", "silent"])
 def test_a_failure_turns_the_banner(findings, how):
     if how == "comparison":
@@ -183,7 +206,7 @@ def test_a_recording_is_refused_for_a_drive(tmp_path: Path):
     assert not (tmp_path / "r.html").exists()
 
 
-def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, monkeypatch):
+def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, findings, monkeypatch):
     # A stiffer coupling; the yardstick in a second way: the same device under that controller.
     head = 'schema = 1\nextends = "elbow_drive"\nname = "stiff"\ntitle = "Stiff"\n'
     stiff = '[elastomer]\nk1_Nm_rad = { value = 12.0, status = "assumed", source = "a test" }\n'
@@ -195,7 +218,7 @@ def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, monkeypatch):
     _, yardsticks = drive.close_loop(load_device(own), lambda _: None)
     (case,) = yardsticks["tuning"].cases()
     (expected,) = simulate("tuning", Setting(str(printed))).cases()
-    (elbows,) = simulate("tuning", Setting("smc-published")).cases()
+    (elbows,) = findings.yardsticks["tuning"].cases()
     assert case["rms_true_Nm"] == expected["rms_true_Nm"] != elbows["rms_true_Nm"]
 
 

@@ -17,7 +17,6 @@ from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.language.block import Block
 from esea_gen.language.stream import SPECIAL, Stream
-from esea_gen.verify.bounds import derive_bounds
 from esea_gen.verify.compare import compare
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
@@ -109,6 +108,7 @@ def test_the_comparison_sees_a_fault(elbow, verified, real, old, new):
 
 
 TRIED: dict[tuple[str, ...], str] = {}
+EXPECTED: dict[tuple[str, str, str, int], np.ndarray] = {}
 
 
 def written(block: Block) -> tuple[str, ...]:
@@ -127,6 +127,7 @@ def test_nan_and_infinity_into_every_input_and_state(name, real):
     blocks = [b for b in blocks if TRIED.setdefault((real, *written(b)), name) == name]
     library = compile_device(device, real) if blocks else None
     for block, value in product(blocks, SPECIAL):
+        runner = library.block(block.name)
         quiet = {p.name: np.full((6, p.size) if p.size > 1 else 6, 0.01) for p in block.inputs}
         cases = []
         for p in block.inputs:
@@ -139,14 +140,17 @@ def test_nan_and_infinity_into_every_input_and_state(name, real):
                 state[element] = value
                 cases.append((Stream("state", quiet, {3: {p.name: state}}), "STATE_REPAIRED"))
         names = [f.name for f in block.status_port.flags]
-        for stream, flag in cases:
-            runner = library.block(block.name)
+        for k, (stream, flag) in enumerate(cases):
+            runner.reset()
             y, s = run_c(runner, stream)
-            expected, _ = run_symbolic(block, stream)
+            said = EXPECTED.get((name, block.name, repr(value), k))
+            if said is None:  # the symbols know no number format
+                said = run_symbolic(block, stream)[0]["status"].astype(np.uint32)
+                EXPECTED[name, block.name, repr(value), k] = said
             for a in (*y.values(), *s.values()):
                 assert np.all(np.isfinite(a))
             assert int(y["status"][3]) >> names.index(flag) & 1
-            assert np.array_equal(y["status"], expected["status"].astype(np.uint32))
+            assert np.array_equal(y["status"], said)
             # The counter in the state saw the same steps.
             counted = runner.state[f"n_{flag.lower()}"][0]
             assert counted == np.sum(y["status"].astype(int) >> names.index(flag) & 1)
@@ -197,9 +201,9 @@ def test_tunables_are_checked_and_work(elbow, elbow_f64):
     assert got["omega_rad_s"] == pytest.approx(expected, abs=1e-12)
 
 
-def test_bounds_exist_for_every_block(elbow):
-    for block in elbow.system.kinds:
-        bounds = derive_bounds(elbow, block)
+def test_bounds_exist_for_every_block(elbow, verified):
+    assert verified.bounds.keys() == {b.name for b in elbow.system.kinds}
+    for bounds in verified.bounds.values():
         narrow, wide = bounds["identified domain"], bounds["port ranges"]
         for name, value in wide.outputs.items():
             assert 0 < value < np.inf or name == "status"

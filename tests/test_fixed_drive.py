@@ -32,7 +32,8 @@ from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.recorded import record_drive
 from esea_gen.twin.run import run_case
-from esea_gen.verify.bare import run_bare_system
+from esea_gen.verify import bare
+from esea_gen.verify.bare import emulate, run_bare_system
 from esea_gen.verify.fixed import bounds_of, compare_fixed, single_steps, states_before
 from esea_gen.verify.fixed_report import AIM_SHARE, compare_signal, published_motions
 from esea_gen.verify.runs import run_c
@@ -233,6 +234,16 @@ def test_both_tasks_on_a_board_bit_for_bit(drive, monkeypatch):
         require_tool(tool)
     recorded = record_drive(drive, 60)
     inputs = {t: {n: a for n, a in v.items() if n} for t, v in recorded.inputs.items()}
+    ran = {}
+
+    def content(files, board):
+        return board.machine, *sorted(files.items())
+
+    def kept(files, board):
+        ran[content(files, board)] = emulate(files, board)
+        return ran[content(files, board)]
+
+    monkeypatch.setattr(bare, "emulate", kept)
     found = run_bare_system(drive, "q31", "m0", inputs)
     assert found.identical, found.first_difference
     assert found.steps == 60
@@ -250,6 +261,8 @@ def test_both_tasks_on_a_board_bit_for_bit(drive, monkeypatch):
         return honest(self, task_name, **given)
 
     monkeypatch.setattr(CBoard, "step", other)
+    # The board's side is as before: the very files that it ran.
+    monkeypatch.setattr(bare, "emulate", lambda files, board: ran[content(files, board)])
     changed = run_bare_system(drive, "q31", "m0", inputs)
     assert not changed.identical
     assert "at step 39" in changed.first_difference

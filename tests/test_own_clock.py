@@ -112,9 +112,9 @@ def test_every_tick_of_a_sensor_on_its_own_clock_is_told_and_is_the_hosts(tmp_pa
 
 
 @pytest.mark.parametrize("name", [BOARD, "mps2-an385"])
-def test_both_tasks_of_a_drive_run_by_themselves(elbow_drive, tmp_path, name):
+def test_both_tasks_of_a_drive_run_by_themselves(elbow_drive, drive_image, tmp_path, name):
     """There is no driver: what they make of no measurement at all, at 1 kHz and 200 Hz."""
-    image = build_firmware(elbow_drive, name, tmp_path)
+    image = drive_image if name == BOARD else build_firmware(elbow_drive, name, tmp_path)
     with RunningBoard(elbow_drive, image) as board:
         assert board.state() == "UNREFERENCED"
         for task in ("SENSE", "CONTROL"):
@@ -180,12 +180,16 @@ def functions(device) -> list[str]:
     return [f"esea_{device.name}_{task.name}_step", *blocks, "esea_f32_tanh", "exp2_biased"]
 
 
-def swept(device, folder, step: int, ticks: int, each: int = 1) -> PreemptionResult:
-    image = build_firmware(device, BOARD, folder)
-    inputs = record_drive(device, ticks).inputs
+def swept(device, image, inputs, step: int, each: int = 1) -> PreemptionResult:
     return preempt_everywhere(
         device, image, inputs, instructions_of(image, functions(device))[::step], each
     )
+
+
+@pytest.fixture(scope="module")
+def given(elbow_drive):
+    """What its tasks are given for 160 ticks: 16 of every second run of control."""
+    return record_drive(elbow_drive, 160).inputs
 
 
 @pytest.fixture(scope="module")
@@ -197,7 +201,8 @@ def later(tmp_path_factory):
 
 def test_sensing_before_any_instruction_of_control_changes_no_bit(later, tmp_path):
     """Every ninetieth one; outputs of each run, and the whole state where none is under way."""
-    found = swept(later, tmp_path, 90, 300)
+    image = build_firmware(later, BOARD, tmp_path)
+    found = swept(later, image, record_drive(later, 300).inputs, 90)
     assert found.differences == ()
     assert len(found.preemptions) >= 12
     assert len({p.where for p in found.preemptions}) == len(found.preemptions)
@@ -207,36 +212,38 @@ def test_sensing_before_any_instruction_of_control_changes_no_bit(later, tmp_pat
 @pytest.mark.slow
 def test_sensing_before_every_instruction_of_control_changes_no_bit(later, tmp_path):
     """Those that are not reached stand behind a branch that the recorded run does not take."""
-    found = swept(later, tmp_path, 1, 30000)
+    image = build_firmware(later, BOARD, tmp_path)
+    found = swept(later, image, record_drive(later, 30000).inputs, 1)
     assert found.differences == ()
     assert not any(p.late for p in found.preemptions)
     assert len(found.preemptions) > 0.6 * found.instructions
 
 
-def test_a_run_that_is_late_by_it_shows_a_period_later_and_no_bit_differs(elbow_drive, tmp_path):
-    """As shipped a control run must end before the next tick: every fourth run is made late."""
-    found = swept(elbow_drive, tmp_path, 200, 240, each=4)
+def test_a_run_that_is_late_by_it_shows_a_period_later_and_no_bit_differs(
+    elbow_drive, drive_image, given
+):
+    """As shipped a control run must end before the next tick: every second run is made late."""
+    found = swept(elbow_drive, drive_image, given, 200, each=2)
     assert found.differences == ()
     assert len(found.preemptions) >= 5
     assert all(p.late for p in found.preemptions)
 
 
 @pytest.mark.parametrize("watched", [True, False], ids=["as emitted", "armed"])
-def test_a_tick_among_the_marks_of_a_runs_end(elbow_drive, tmp_path, watched):
+def test_a_tick_among_the_marks_of_a_runs_end(elbow_drive, drive_image, given, tmp_path, watched):
     """Its last instructions: until the last mark is set the run is late, and counts as late.
 
     Armed: a watch that asks for one of the two marks only.
     """
-    files = dict(render_device(elbow_drive, ["f32"])[0].files)
-    name = "esea_elbow_drive.c"
+    image = drive_image
     if not watched:
+        files = dict(render_device(elbow_drive, ["f32"])[0].files)
+        name = "esea_elbow_drive.c"
         assert files[name].count("running == 0u && ") == 2
         files[name] = files[name].replace("running == 0u && ", "")
-    image = build_firmware(elbow_drive, BOARD, tmp_path, files)
+        image = build_firmware(elbow_drive, BOARD, tmp_path, files)
     last = instructions_of(image, functions(elbow_drive)[:1])[-14:]
-    found = preempt_everywhere(
-        elbow_drive, image, record_drive(elbow_drive, 320).inputs, last, each=4
-    )
+    found = preempt_everywhere(elbow_drive, image, given, last, each=2)
     assert len(found.preemptions) >= 12
     assert {p.late for p in found.preemptions} == {True, False}
     assert (found.differences == ()) == watched

@@ -7,6 +7,7 @@ were recorded in closed loop, so that a real command reaches the motor.
 import re
 import shutil
 import subprocess
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,6 +25,12 @@ AT = 201  # the command is large here, and no fault
 @pytest.fixture(scope="module")
 def given(drive):
     return record_drive(drive, 1000).inputs
+
+
+@pytest.fixture(scope="module")
+def library(drive):
+    """The drive's C by number format, each compiled once; every board has a state of its own."""
+    return cache(lambda real: compile_device(drive, real))
 
 
 class Run:
@@ -59,11 +66,11 @@ class Run:
 
 
 @pytest.fixture(params=["f64", "f32", "q31", "symbols"])
-def run(request, drive, given):
+def run(request, drive, library, given):
     if request.param == "symbols":
         return Run(drive.system.simulator(), given)
     require_tool("gcc")
-    return Run(compile_device(drive, request.param).board(), given)
+    return Run(library(request.param).board(), given)
 
 
 # -- time ------------------------------------------------------------------------------------------
@@ -112,9 +119,9 @@ def test_late_runs_now_and_then(run, every, latches):
     assert found[:1].tolist() == ([19 * every + 1] if latches else [])
 
 
-def test_the_watch_counts(drive, given):
+def test_the_watch_counts(library, given):
     require_tool("gcc")
-    board = compile_device(drive, "f32").board()
+    board = library("f32").board()
     run = Run(board, given).until(200)
     run.tick(203, data=200)  # three lost
     for tick in (204, 206, 207):
@@ -151,9 +158,9 @@ def test_times_stand_in_the_header(drive):
 
 
 @pytest.mark.parametrize("ticks", [1, 2, 50])
-def test_a_state_that_is_put_back_does_not_undo_a_stop(drive, given, ticks):
+def test_a_state_that_is_put_back_does_not_undo_a_stop(library, given, ticks):
     require_tool("gcc")
-    board = compile_device(drive, "f32").board()
+    board = library("f32").board()
     run = Run(board, given).until(AT)
     memory = board.library.ffi.buffer(board._state)
     kept = bytes(memory)
@@ -167,9 +174,9 @@ def test_a_state_that_is_put_back_does_not_undo_a_stop(drive, given, ticks):
 
 
 @pytest.mark.parametrize("real", ["f32", "q31"])
-def test_resume_starts_latched_and_keeps_the_estimates(drive, given, real):
+def test_resume_starts_latched_and_keeps_the_estimates(library, given, real):
     require_tool("gcc")
-    board = compile_device(drive, real).board()
+    board = library(real).board()
     run = Run(board, given).until(AT)
     kept = bytes(board.library.ffi.buffer(board._state))
     velocity = board.library.ffi.buffer(board.library.ffi.addressof(board._state, "velocity"))
@@ -188,10 +195,10 @@ def test_resume_starts_latched_and_keeps_the_estimates(drive, given, real):
 
 
 @pytest.mark.parametrize("real", ["f32", "f64", "q31"])
-def test_a_changed_word_of_the_coefficients_latches(drive, given, real):
+def test_a_changed_word_of_the_coefficients_latches(library, given, real):
     """Every word of them, by every byte: seen by the next control run, 4 ticks on, and released."""
     require_tool("gcc")
-    board = compile_device(drive, real).board()
+    board = library(real).board()
     run = Run(board, given).until(AT)
     ffi = board.library.ffi
     (coeffs,) = board._coeffs
@@ -211,9 +218,9 @@ def test_a_changed_word_of_the_coefficients_latches(drive, given, real):
             assert fault != 0, (name, at)
 
 
-def test_a_change_that_no_block_notices_has_a_name(drive, given):
+def test_a_change_that_no_block_notices_has_a_name(library, given):
     require_tool("gcc")
-    board = compile_device(drive, "f32").board()
+    board = library("f32").board()
     run = Run(board, given).until(AT)
     # The checksum itself: nothing else reads it.
     board._coeffs[0].check ^= 1
@@ -357,9 +364,9 @@ int main(void)
 """
 
 
-def threaded(drive, given, folder, *flags):
+def threaded(drive, library, given, folder, *flags):
     source = written(drive, "f32", folder)
-    board = compile_device(drive, "f32").board()
+    board = library("f32").board()
     packed = board.library.task("sense").pack({n: v[:400] for n, v in given["sense"].items()})
     rows = ["{ " + ", ".join(f"{float(v).hex()}f" for v in row) + " }," for row in packed]
     (source / "stream.h").write_text("\n".join(rows) + "\n")
@@ -377,8 +384,8 @@ def threaded(drive, given, folder, *flags):
     )
 
 
-def sequential(drive, given):
-    run = Run(compile_device(drive, "f32").board(), given)
+def sequential(library, given):
+    run = Run(library("f32").board(), given)
     for tick in range(400):
         run.tick(tick)
     return [f"{u.hex()} {f}" for u, f in zip(run.u, run.fault, strict=True)]
@@ -392,16 +399,16 @@ def same(lines, expected):
 
 
 @pytest.mark.parametrize("flags", [(), ("-fsanitize=thread", "-g")], ids=["lto", "lto, tsan"])
-def test_tasks_in_threads_give_the_same_bits_and_no_race(drive, given, tmp_path, flags):
+def test_tasks_in_threads_give_the_same_bits_and_no_race(drive, library, given, tmp_path, flags):
     require_tool("gcc")
-    done = threaded(drive, given, tmp_path / "c", *flags)
+    done = threaded(drive, library, given, tmp_path / "c", *flags)
     assert done.returncode == 0, done.stderr[:2000]
     assert "WARNING: ThreadSanitizer" not in done.stderr
-    assert same(done.stdout.splitlines(), sequential(drive, given))
+    assert same(done.stdout.splitlines(), sequential(library, given))
 
 
-def test_without_its_marks_the_race_is_found(drive, given, tmp_path):
+def test_without_its_marks_the_race_is_found(drive, library, given, tmp_path):
     require_tool("gcc")
     flags = ("-fsanitize=thread", "-g", "-DESEA_FENCE()=(void)0")
-    done = threaded(drive, given, tmp_path / "c", *flags)
+    done = threaded(drive, library, given, tmp_path / "c", *flags)
     assert "WARNING: ThreadSanitizer: data race" in done.stderr

@@ -78,15 +78,17 @@ def test_quantisation_of_a_spring_is_first_order(cubic):
     cells = np.concatenate([m.cell for m in moves] * 16)
     rng = np.random.default_rng(5)
     errors = []
+    slopes = [slope(m.theta_rad) for m in moves]
+    true = [filtered(m.theta_rad, count) for m in moves]
     for _ in range(16):
-        for m in moves:
+        for m, steep, smooth in zip(moves, slopes, true, strict=True):
             t = np.arange(len(m.theta_rad)) * 1e-3
             start, phase = rng.uniform(0, 2 * np.pi, 2)
             load = start + np.deg2rad(45) * np.cos(2 * np.pi * 0.2 * t + phase)
             counts = (np.round((load + m.theta_rad) / count) - np.round(load / count)) * count
             # What the sensor would make of the true deflection is what the command compares with.
-            error = filtered(counts, count) - filtered(m.theta_rad, count)
-            errors.append((slope(m.theta_rad) * error)[m.kept] * m.sign)
+            error = filtered(counts, count) - smooth
+            errors.append((steep * error)[m.kept] * m.sign)
     error = np.concatenate(errors)
     tried = []
     for i in range(TORQUES):
@@ -103,7 +105,7 @@ def test_quantisation_of_a_spring_is_first_order(cubic):
     assert tried == [0, 1, 2, 3, 4]
     # No Maxwell element: nothing depends on the rate.  What is left is what the filter lags, and
     # f32 rounding.
-    lag = [slope(m.theta_rad) * (filtered(m.theta_rad, count) - m.theta_rad) for m in moves]
+    lag = [g * (x - m.theta_rad) for g, x, m in zip(slopes, true, moves, strict=True)]
     kept = np.concatenate([x[m.kept] * m.sign for x, m in zip(lag, moves, strict=True)])
     half = np.max(np.abs(np.quantile(kept, [0.025, 0.975])))
     assert abs(found.overall(RATE).half_width_Nm - half) < 1e-5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
@@ -10,6 +11,8 @@ from esea_gen.devices.fields import DeviceFile, models_of
 from esea_gen.devices.file import TORQUE_MODELS, shipped_controllers, shipped_devices
 from esea_gen.devices.numbers import Quantity, Section, Series
 from esea_gen.language.ports import unit_of
+
+LEFT_OUT = ("title", "default")  # of what pydantic says of a key
 
 
 def json_schema() -> dict[str, Any]:
@@ -64,6 +67,13 @@ def _is_row(annotation: Any) -> bool:
     return get_origin(annotation) is tuple
 
 
+@cache
+def _plain_keys(model: type[BaseModel]) -> dict[str, Any]:
+    # As pydantic describes them, all in one go: to be asked for one of them takes as long.
+    found: dict[str, Any] = model.model_json_schema(by_alias=True)["properties"]
+    return found
+
+
 def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
     properties = {}
     for name, f in model.model_fields.items():
@@ -79,9 +89,7 @@ def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
         elif Quantity in models_of(f.annotation):
             about = _quantity_schema(key, f.json_schema_extra)
         else:
-            about = model.model_json_schema(by_alias=True)["properties"][key]
-            about.pop("title", None)
-            about.pop("default", None)
+            about = {k: v for k, v in _plain_keys(model)[key].items() if k not in LEFT_OUT}
         properties[key] = about | ({"description": f.description} if f.description else {})
     return {
         "type": "object",

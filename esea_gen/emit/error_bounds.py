@@ -98,6 +98,7 @@ class _Step:
             {k: (a - room * (b - a), b + room * (b - a)) for k, (a, b) in self.limits.items()},
         )
         self.zero = [[0.0] * p.size for p in block.state]
+        self._found: dict[tuple[tuple[float, ...], ...] | None, Analysis] = {}
         self.whole = {f"u_{p.name}" for p in block.inputs if counts(p)}
         self.whole |= {f"s_{p.name}" for p in block.state if counts(p)}
         # The states are whole if, all of them taken as whole, one step leaves them whole; drop
@@ -112,6 +113,7 @@ class _Step:
             if not lost:
                 break
             self.whole -= lost
+            self._found.clear()
         self.assumptions = tuple(
             f"{block.name}: {p.name} is a whole number"
             for p in block.inputs
@@ -120,6 +122,9 @@ class _Step:
 
     def __call__(self, errors: Errors, kernel: Kernel | None = None) -> Analysis:
         """Errors of the results of one step from errors of the states, the worst of all boxes."""
+        key = tuple(map(tuple, errors)) if kernel is None else None
+        if key in self._found:  # a search for a fixed point comes by the same errors again
+            return self._found[key]
         parts = []
         for box in self.boxes:
             state = [
@@ -130,7 +135,10 @@ class _Step:
             arguments = [*self.coefficients, *state, *inputs]
             flags = self.block.flag_results if kernel is None else ()
             parts.append(analyse(kernel or self.kernel, self.fmt, arguments, flags, self.facts))
-        return _worst(parts)
+        worst = _worst(parts)
+        if key is not None:
+            self._found[key] = worst
+        return worst
 
     def _input(self, box: Mapping[str, tuple[float, float]], name: str) -> RangeValue:
         low, high = box[name]

@@ -10,7 +10,10 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
+
+import cffi
 
 from esea_gen.cache import cache_folder
 from esea_gen.errors import UserError
@@ -72,8 +75,12 @@ def compile_sources(
     return target
 
 
-def declarations(text: str) -> str:
-    """cffi declarations, types and prototypes, of C text whose only includes are standard ones."""
+@lru_cache(maxsize=16)
+def declared(text: str) -> cffi.FFI:
+    """What cffi makes of C text, types and prototypes, whose only includes are standard ones.
+
+    return: one for all libraries of the same text: to read a drive's takes half a second.
+    """
     gcc = find_compiler(HOST_GCC.compiler, HOST_GCC.package)
     bare = re.sub(r"^\s*#\s*include.*$", "", text, flags=re.MULTILINE)
     done = subprocess.run(
@@ -83,4 +90,6 @@ def declarations(text: str) -> str:
         text=True,
         check=True,
     )
-    return done.stdout
+    ffi = cffi.FFI()
+    ffi.cdef(done.stdout, override=True)
+    return ffi

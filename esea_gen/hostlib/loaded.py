@@ -6,12 +6,11 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-import cffi
 import numpy as np
 
 from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.codec import Codec
-from esea_gen.hostlib.compiler import compile_sources, declarations
+from esea_gen.hostlib.compiler import compile_sources, declared
 from esea_gen.language.system import System
 
 
@@ -38,10 +37,9 @@ class LoadedC:
         files = {n: t for n, t in self.files.items() if not n.startswith("reference/")}
         link = ("-lm",) if renderer.fmt.needs_libm else ()
         self.path = compile_sources(files | {"driver.c": driver}, flags, link)
-        self.ffi = cffi.FFI()
         # The driver's loops are declared by their own text: bodies are cut at the first brace.
         prototypes = re.sub(r"\)\s*\n\{.*?\n\}", ");", driver, flags=re.DOTALL)
-        self.ffi.cdef(declarations(self.files[f"{self.prefix}.h"] + prototypes), override=True)
+        self.ffi = declared(self.files[f"{self.prefix}.h"] + prototypes)
         self.lib: Any = self.ffi.dlopen(str(self.path))
         self._dtypes: dict[str, np.dtype[Any]] = {}
         self._init = renderer.init_name

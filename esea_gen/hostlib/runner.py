@@ -283,7 +283,7 @@ class CBoard:
             Its external outputs: float, int for a status word, ndarray for a vector.
         """
         taken, given_back = self._fields[task_name]
-        given = {f.c_name: f.encode(np.asarray(inputs[f.name], np.float64)).tolist() for f in taken}
+        given = {f.c_name: _held(f, inputs[f.name]) for f in taken}
         out = self._new(f"{task_name}_out")
         values = self._new(f"{task_name}_in", given)
         self._call(f"{task_name}_step", *self._coeffs, self._state, values, out)
@@ -292,6 +292,13 @@ class CBoard:
             held = getattr(out, f.c_name)
             found[f.name] = f.decode(held if f.port.size == 1 else np.array(list(held)))
         return found
+
+
+def _held(f: Field, value: Any) -> Any:
+    # What the C holds for a number or several, in units whatever their type.
+    if np.ndim(value) == 0:
+        return float(value) if f.fraction is None else f.encode(float(value))
+    return f.encode(np.asarray(value, np.float64)).tolist()
 
 
 def run_schedule(

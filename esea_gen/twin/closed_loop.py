@@ -14,14 +14,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import cffi
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.compiler import compile_sources, declarations
+from esea_gen.hostlib.compiler import compile_sources, declared
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System
 from esea_gen.twin.encoders import ENCODERS
@@ -264,11 +263,10 @@ class ClosedLoop:
         )
         self.files = files | parts | {"closed_loop.c": loop}
         self.path = compile_sources(self.files, link=("-lm",))
-        self.ffi = cffi.FFI()
         text = loop[loop.index("typedef struct {\n    unsigned kind") :]
         prototype = re.sub(r"\)\s*\n\{.*?\n\}", ");", text, flags=re.DOTALL)
         headers = files[f"{self._prefix}.h"] + parts[f"{self._plant_prefix}.h"]
-        self.ffi.cdef(declarations(headers + prototype), override=True)
+        self.ffi = declared(headers + prototype)
         self._lib: Any = self.ffi.dlopen(str(self.path))
 
     def _encoders(self) -> list[tuple[str, str, str, str]]:

@@ -20,7 +20,7 @@ from esea_gen.emit.elementary import exponent_q27, source_paths
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.walker import Kernel, Node, labelled_kernel, walk
 from esea_gen.hostlib.codec import Array
-from esea_gen.hostlib.compiler import compile_sources, declarations
+from esea_gen.hostlib.compiler import compile_sources, declared
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.stream import Stream
@@ -34,9 +34,8 @@ BOOL = np.dtype(np.bool_)
 def _elementary() -> tuple[cffi.FFI, Any]:
     # The functions as compiled from the files that travel with the emitted C.
     texts = {path.name: path.read_text() for path in source_paths()}
-    ffi = cffi.FFI()
     header = next(t for n, t in texts.items() if n.endswith(".h") and "tables" not in n)
-    ffi.cdef(declarations(header))
+    ffi = declared(header)
     return ffi, ffi.dlopen(str(compile_sources(texts)))
 
 

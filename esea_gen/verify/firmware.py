@@ -42,7 +42,7 @@ _ALLOWED = re.compile(
     r"|__(asan|ubsan)_\w+"
 )
 # Helpers of double arithmetic, in a linked image: __aeabi_dadd, __aeabi_f2d, __adddf3 ...
-_DOUBLE = re.compile(r"__aeabi_(d\w+|cd\w+|[a-z]+2d)|__\w*df\w*")
+DOUBLE_HELPER = re.compile(r"__aeabi_(d\w+|cd\w+|[a-z]+2d)|__\w*df\w*")
 
 
 @dataclass(frozen=True)
@@ -78,30 +78,31 @@ class FirmwareImage:
         return asdict(self) | {"elf": self.elf.name}
 
 
+def symbols(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[tuple[str, str, str]]:
+    """What stands in the symbol tables of objects or an image, by one call of ``nm`` for all.
+
+    return: file name, symbol and kind, one letter as ``nm`` has it.
+    """
+    tool = find_compiler(*toolchain.tool("nm"))
+    done = subprocess.run([tool, "-A", "-P", *objects], capture_output=True, text=True, check=True)
+    lines = (line.rpartition(": ") for line in done.stdout.splitlines())
+    return [(Path(file).name, *rest.split()[:2]) for file, _, rest in lines]
+
+
 def double_arithmetic(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[str]:
     """What float-only objects ask for and must not: double arithmetic, libm, heap, stdio.
 
     return: ``"esea_elbow_sensor.o: __aeabi_dmul"``; empty when the objects need only each other.
     """
-    tool = find_compiler(*toolchain.tool("nm"))
-    defined, wanted = set(), []
-    for path in objects:
-        done = subprocess.run([tool, "-P", path], capture_output=True, text=True, check=True)
-        for line in done.stdout.splitlines():
-            symbol, kind = line.split()[:2]
-            if kind in "Uw":
-                wanted.append((path.name, symbol))
-            else:
-                defined.add(symbol)
+    found = symbols(objects, toolchain)
+    defined = {symbol for _, symbol, kind in found if kind not in "Uw"}
+    wanted = [(o, s) for o, s, kind in found if kind in "Uw"]
     return [f"{o}: {s}" for o, s in wanted if s not in defined and not _ALLOWED.fullmatch(s)]
 
 
 def double_helpers(elf: Path, toolchain: Toolchain = ARM_GCC) -> list[str]:
     """Helpers of double arithmetic that have been linked into an image."""
-    tool = find_compiler(*toolchain.tool("nm"))
-    done = subprocess.run([tool, "-P", elf], capture_output=True, text=True, check=True)
-    names = {line.split()[0] for line in done.stdout.splitlines()}
-    return sorted(n for n in names if _DOUBLE.fullmatch(n))
+    return sorted({n for _, n, _ in symbols([elf], toolchain) if DOUBLE_HELPER.fullmatch(n)})
 
 
 def _run(command: Sequence[str | Path], folder: Path, what: str) -> None:

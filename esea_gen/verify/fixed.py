@@ -19,6 +19,7 @@ from esea_gen.emit.fixed.plan import (
     BlockPlan,
     FieldPlan,
     coefficients_raw,
+    defined,
     lowered_values,
     raw_places,
     run_lowered,
@@ -87,8 +88,14 @@ class RawExecutor:
 
         states, inputs: raw numbers per port, shape (steps,) or (steps, size).
         """
+        return self.stepped(*self.places(states, inputs))
+
+    def stepped(
+        self, places: Mapping[str, ex.Array], count: int
+    ) -> tuple[dict[str, Raw], dict[str, Raw]]:
+        """As :meth:`steps`, from what :meth:`places` gives."""
         fields = self.plan.fields
-        results = run_lowered(self.plan.step, *self.places(states, inputs))
+        results = run_lowered(self.plan.step, places, count)
         split = len(fields["state"])
         return _columns(fields["out"], results[split:]), _columns(fields["state"], results[:split])
 
@@ -164,8 +171,18 @@ class SingleSteps:
     unexplained: Raw
 
 
-def single_steps(plan: BlockPlan, stream: Stream, before: Mapping[str, Raw]) -> SingleSteps:
-    """Evaluate every step of a recorded run in exact arithmetic."""
+def single_steps(
+    plan: BlockPlan,
+    stream: Stream,
+    before: Mapping[str, Raw],
+    computed: Mapping[str, ex.Array] | None = None,
+) -> SingleSteps:
+    """Evaluate every step of a recorded run in exact arithmetic.
+
+    computed: names of the same steps as the C defines them, where they are known already.
+    """
+    if computed is None:
+        computed, _ = RawExecutor(plan).places(before, raw_stream(plan, stream))
     block, kernel = plan.block, plan.step.kernel
     seen = seen_stream(plan, stream)
     arguments = [
@@ -181,7 +198,8 @@ def single_steps(plan: BlockPlan, stream: Stream, before: Mapping[str, Raw]) -> 
     flat = [c[:, 0] if c.shape[1] == 1 else c for c in columns]
     names = [p.name for p in block.state], [p.name for p in block.outputs]
     split = len(names[0])
-    turned, unexplained = _turned(plan, arguments, before, raw_stream(plan, stream), kernel)
+    values = lowered_values(plan.step, computed, stream.steps)
+    turned, unexplained = _turned(plan, arguments, values, stream.steps, kernel)
     return SingleSteps(
         dict(zip(names[1], flat[split:], strict=True)),
         dict(zip(names[0], flat[:split], strict=True)),
@@ -193,15 +211,13 @@ def single_steps(plan: BlockPlan, stream: Stream, before: Mapping[str, Raw]) -> 
 def _turned(
     plan: BlockPlan,
     arguments: Sequence[Array],
-    before: Mapping[str, Raw],
-    inputs: Mapping[str, Raw],
+    computed: Mapping[int, ex.Array],
+    count: int,
     kernel: Kernel,
 ) -> tuple[Raw, Raw]:
     # Decisions that exact and computed arithmetic take differently.  One is explained when, among
     # the comparisons that it is made of, one differs whose values are closer than their errors.
     exact = evaluate(kernel, FORMATS["f64"], arguments)
-    places, count = RawExecutor(plan).places(before, inputs)
-    computed = lowered_values(plan.step, places, count)
     step = Propagation(plan, {}, {}, BEYOND)
     errors, followed = step.node_errors(step.zero), step.followed
     turned: Raw = np.zeros(count, dtype=bool)
@@ -237,16 +253,20 @@ def _turned(
 
 def first_difference(
     plan: BlockPlan, runner: CRunner, stream: Stream
-) -> tuple[str, dict[str, Raw], dict[str, Raw]]:
+) -> tuple[str, dict[str, Raw], dict[str, Raw], dict[str, ex.Array]]:
     """Where the compiled Block first differs from the executor in any bit.
 
     Each step is evaluated from the state that the C recorded before it: when all steps agree, so
     does, by induction, the whole run.
+
+    return: the difference, outputs and states of the C, and every name that the executor's defines.
     """
     executor = RawExecutor(plan)
     outputs, states = run_c(runner, stream, raw=True)
     before = states_before(plan, stream, states)
-    expected_y, expected_s = executor.steps(before, raw_stream(plan, stream))
+    places, count = executor.places(before, raw_stream(plan, stream))
+    computed = defined(plan.step, places, count)
+    expected_y, expected_s = executor.stepped(computed, count)
     expected_s |= expected_counters(plan.block, stream, expected_y)
     found = []
     for kind, mine, other in (("output", expected_y, outputs), ("state", expected_s, states)):
@@ -256,7 +276,7 @@ def first_difference(
             if wrong.any():
                 k = int(np.argmax(wrong))
                 found.append((k, f"{stream.name}: {kind} {name} at step {k}: {b[k]} not {a[k]}"))
-    return (min(found)[1] if found else ""), outputs, states
+    return (min(found)[1] if found else ""), outputs, states, computed
 
 
 @dataclass
@@ -299,7 +319,7 @@ def compare_fixed(
     """
     block = plan.block
     runner.reset()
-    difference, raw_y, raw_s = first_difference(plan, runner, stream)
+    difference, raw_y, raw_s, computed = first_difference(plan, runner, stream)
     counted: Raw = np.ones(stream.steps, dtype=bool)
     beyond, claimed = 0, bound
     if math.isinf(bound.steps):
@@ -310,7 +330,7 @@ def compare_fixed(
             bound = step_bound(plan)
     limits = bound.states | bound.outputs
     if not math.isinf(bound.steps):
-        steps = single_steps(plan, stream, states_before(plan, stream, raw_s))
+        steps = single_steps(plan, stream, states_before(plan, stream, raw_s), computed)
         expected_y, expected_s, counted = steps.outputs, steps.states, ~steps.turned
     result = FixedComparison(block.name, stream.name, stream.steps, {}, limits, beyond=beyond)
     if beyond and not stream.rough:

@@ -23,7 +23,7 @@ from esea_gen.errors import UserError, nearest
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
 from esea_gen.verify.example import run_example
-from esea_gen.verify.firmware import double_arithmetic, double_helpers
+from esea_gen.verify.firmware import DOUBLE_HELPER, double_arithmetic, symbols
 from esea_gen.verify.stack import deepest_stack
 
 # Single-precision helpers of a processor without an FPU: the compiler's, not libm's.
@@ -115,7 +115,6 @@ def _output(*command: str | Path) -> str:
 def _unwanted(objects: Sequence[Path], target: Processor, libm: bool) -> list[str]:
     found = []
     tools = target.toolchain
-    helpers = {} if libm else {o.name: double_helpers(o, tools) for o in objects}
     for item in double_arithmetic(objects, tools):
         file, symbol = item.split(": ")
         if not target.fpu and _SOFT_SINGLE.fullmatch(symbol):
@@ -126,7 +125,7 @@ def _unwanted(objects: Sequence[Path], target: Processor, libm: bool) -> list[st
             rule = "heap"
         elif _STDIO.fullmatch(symbol):
             rule = "input and output"
-        elif symbol in helpers.get(file, ()):
+        elif not libm and DOUBLE_HELPER.fullmatch(symbol):
             rule = "double arithmetic"
         else:
             rule = "a library function"
@@ -136,14 +135,11 @@ def _unwanted(objects: Sequence[Path], target: Processor, libm: bool) -> list[st
 
 def _symbols(objects: Sequence[Path], target: Processor) -> list[str]:
     found = []
-    nm = find_compiler(*target.toolchain.tool("nm"))
-    for path in objects:
-        for line in _output(nm, "-P", path).splitlines():
-            symbol, kind = line.split()[:2]
-            if kind in "DdBbCGgSs":
-                found.append(f"{path.name}: {symbol}: writable data")
-            if kind in "TDBRCVWGSi" and not symbol.startswith("esea_"):
-                found.append(f"{path.name}: {symbol}: an export without the prefix esea_")
+    for file, symbol, kind in symbols(objects, target.toolchain):
+        if kind in "DdBbCGgSs":
+            found.append(f"{file}: {symbol}: writable data")
+        if kind in "TDBRCVWGSi" and not symbol.startswith("esea_"):
+            found.append(f"{file}: {symbol}: an export without the prefix esea_")
     return found
 
 

@@ -278,7 +278,7 @@ def run_lowered(
 
     places: raw numbers by the C expression that reads them: Python integers, shape (count,).
     """
-    values = _defined(lowered, places, count)
+    values = defined(lowered, places, count)
     return [[ex.evaluate(e, values, count) for e in r] for r in lowered.results]
 
 
@@ -286,7 +286,7 @@ def lowered_values(
     lowered: LoweredKernel, places: Mapping[str, ex.Array], count: int
 ) -> dict[int, ex.Array]:
     """Raw number of every value of a lowered kernel that its results need."""
-    values = _defined(lowered, places, count)
+    values = defined(lowered, places, count)
     return {
         i: ex.evaluate(v.expr, values, count)
         for i, v in enumerate(lowered.values)
@@ -294,12 +294,17 @@ def lowered_values(
     }
 
 
-def _defined(
+def defined(
     lowered: LoweredKernel, places: Mapping[str, ex.Array], count: int
 ) -> dict[str, ex.Array]:
+    """``places`` with every name that the C of a lowered kernel defines.
+
+    return: may stand for ``places`` of the same kernel again: nothing is then evaluated twice.
+    """
     values = dict(places)
     for s in lowered.steps:
-        values[s.name] = ex.evaluate(s.expr, values, count)
+        if s.name not in values:
+            values[s.name] = ex.evaluate(s.expr, values, count)
     return values
 
 

@@ -20,6 +20,7 @@ from esea_gen.emit.fixed.plan import (
     BlockPlan,
     Planner,
     coefficients_raw,
+    defined,
     lowered_values,
     raw_places,
     run_lowered,
@@ -272,6 +273,7 @@ def _probe(plan: BlockPlan) -> float:
                 strict=True,
             )
         )
+        here = defined(plan.step, here, 1)
         values = lowered_values(plan.step, here, 1)
         for s in block.solved.values():
             if abs(float(solution[f"label_{s.residual}"])) > 1e-6 * s.most:
