@@ -71,12 +71,33 @@ def evaluate(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Ar
                 argument, element = node.source
                 values.append(np.asarray(arguments[argument][:, element], fmt.dtype))
             else:
-                result = _apply(node, [values[a] for a in node.args], fmt, kernel)
-                expected = np.dtype(np.bool_) if node.boolean else fmt.dtype
-                if result.dtype != expected:  # a promotion would hide rounding
-                    raise TypeError(f"{kernel.name}: {node.op} gave {result.dtype}")
-                values.append(result)
+                values.append(_value(node, values, fmt, kernel))
     return values
+
+
+def told_otherwise(
+    kernel: Kernel, fmt: Format, values: Sequence[Array], node: int, told: Array
+) -> list[Array]:
+    """Values of a kernel's nodes where one of them is told from outside.
+
+    values: as :func:`evaluate` gives them; only what depends on the node is evaluated again.
+    """
+    out, changed = [*values], {node}
+    out[node] = told
+    with np.errstate(all="ignore"):
+        for i in range(node + 1, len(kernel.nodes)):
+            if not changed.isdisjoint(kernel.nodes[i].args):
+                out[i] = _value(kernel.nodes[i], out, fmt, kernel)
+                changed.add(i)
+    return out
+
+
+def _value(node: Node, values: Sequence[Array], fmt: Format, kernel: Kernel) -> Array:
+    result = _apply(node, [values[a] for a in node.args], fmt, kernel)
+    expected = np.dtype(np.bool_) if node.boolean else fmt.dtype
+    if result.dtype != expected:  # a promotion would hide rounding
+        raise TypeError(f"{kernel.name}: {node.op} gave {result.dtype}")
+    return result
 
 
 def _truth(x: Array) -> Array:
@@ -95,9 +116,8 @@ def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
         x, y = map(_truth, args)
         return x & y if op == "and" else x | y
     numbers = [a.astype(fmt.dtype) if a.dtype == np.bool_ else a for a in args]
-    zero, one, two = (fmt.dtype.type(v) for v in (0, 1, 2))
     if op in ("if_else_zero", "select"):
-        other = numbers[2] if op == "select" else zero
+        other = numbers[2] if op == "select" else fmt.dtype.type(0)
         return _choose(_truth(args[0]), numbers[1], other)
     if op == "pow":
         return _power(node, numbers, fmt, kernel)
@@ -105,10 +125,15 @@ def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
         if fmt.needs_libm:
             return np.asarray(getattr(np, op)(numbers[0]))
         return _call(op, numbers[0])
-    second = (
-        fmt.needs_libm
-    )  # of two equal zeros f64 takes the second, as CasADi does; f32 the first
-    rules: dict[str, Callable[..., Array]] = {
+    return _rules(fmt)[op](*numbers)
+
+
+@cache
+def _rules(fmt: Format) -> dict[str, Callable[..., Array]]:
+    one, two = (fmt.dtype.type(v) for v in (1, 2))
+    # Of two equal zeros f64 takes the second, as CasADi does; f32 the first.
+    second = fmt.needs_libm
+    return {
         "add": lambda x, y: x + y,
         "sub": lambda x, y: x - y,
         "mul": lambda x, y: x * y,
@@ -126,7 +151,6 @@ def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
         "fmin": lambda x, y: _choose(x < y, x, y) if second else _choose(y < x, y, x),
         "fmax": lambda x, y: _choose(x > y, x, y) if second else _choose(y > x, y, x),
     }
-    return rules[op](*numbers)
 
 
 def _power(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.emit.formats import FORMATS, Format
-from esea_gen.emit.walker import Kernel, Node
+from esea_gen.emit.walker import Kernel
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream, single
@@ -27,6 +27,7 @@ from esea_gen.verify.executor import (
     evaluate,
     initial_state,
     step_arguments,
+    told_otherwise,
 )
 from esea_gen.verify.runs import run_symbolic
 
@@ -109,18 +110,10 @@ class _Aim:
     def ports(self) -> tuple[Port, ...]:
         return (*self.block.state, *self.block.inputs)
 
-    def nodes(
-        self, arguments: Sequence[Array], kernel: Kernel | None = None, own: bool = False
-    ) -> list[Array]:
+    def nodes(self, arguments: Sequence[Array], own: bool = False) -> list[Array]:
         # Every value, in float64 or in the format's own arithmetic.
         full = [np.tile(c, (len(arguments[0]), 1)) for c in self.coefficients] + [*arguments]
-        return evaluate(kernel or self.kernel, self.fmt if own else FORMATS["f64"], full)
-
-    def told(self, i: int, replacement: Node) -> Kernel:
-        # The kernel with one node decided from outside.
-        nodes = [*self.kernel.nodes]
-        nodes[i] = replacement
-        return Kernel(self.kernel.name, tuple(nodes), self.kernel.results)
+        return evaluate(self.kernel, self.fmt if own else FORMATS["f64"], full)
 
 
 def _pool(aim: _Aim, tried: Sequence[Stream], rng: np.random.Generator) -> list[Array]:
@@ -219,19 +212,22 @@ class _Search:
 
     def shows(self) -> npt.NDArray[np.bool_]:
         # Whether the step gives another result when the decision is the other one.
+        kernel = self.aim.kernel
+        aimed = {i: np.flatnonzero(self.aims == i) for i in self.aim.decisions}
+        moved = self.at.copy()
+        for i, rows in aimed.items():
+            if not kernel.nodes[i].boolean:  # at the tie a minimum is either operand
+                moved[rows] = self.beside(rows, self.rng.choice([-1.0, 1.0], len(rows)))
+        nodes = self.aim.nodes(self.arguments(moved, np.arange(len(moved))))
         out = np.zeros(len(self.aims), dtype=bool)
-        for i in self.aim.decisions:
-            rows = np.flatnonzero(self.aims == i)
-            n = self.aim.kernel.nodes[i]
-            if n.boolean:
-                values = self.at[rows]
-                ways = [Node("const", value=v) for v in (0.0, 1.0)]
-            else:  # at the tie a minimum is either operand
-                values = self.beside(rows, self.rng.choice([-1.0, 1.0], len(rows)))
-                ways = [Node(n.op, (a, a)) for a in n.args]
-            arguments = self.arguments(values, rows)
-            one, other = (self.aim.nodes(arguments, self.aim.told(i, w)) for w in ways)
-            for k in (k for r in self.aim.kernel.results for k in r):
+        for i, rows in aimed.items():
+            own = [v[rows] for v in nodes]
+            if kernel.nodes[i].boolean:
+                ways = [np.zeros(len(rows)), np.ones(len(rows))]
+            else:
+                ways = [own[a] for a in kernel.nodes[i].args]
+            one, other = (told_otherwise(kernel, FORMATS["f64"], own, i, w) for w in ways)
+            for k in (k for r in kernel.results for k in r):
                 out[rows] |= one[k].astype(float) != other[k].astype(float)
         return out
 
@@ -242,17 +238,18 @@ class _Search:
         doubling = 1 << np.arange(3, 20 if kind.itemsize == 4 else 48)
         offsets = np.array([0, *range(1, 8), *doubling])
         best = {s: (np.full(len(rows), np.inf), self.at[rows]) for s in (-1, 0, 1)}
-        for offset in np.concatenate([offsets, -offsets[1:]]):
-            values = _number(tie + offset, kind).astype(float)
-            inside = (values >= self.low[rows]) & (values <= self.high[rows])
-            values = np.where(inside, values, self.at[rows].astype(kind))
-            a, b = self.operands(values, rows, own=True)
-            apart = _ordered(a) - _ordered(b)
+        offsets = np.concatenate([offsets, -offsets[1:]])
+        values = _number(tie + offsets[:, None], kind).astype(float)
+        inside = (values >= self.low[rows]) & (values <= self.high[rows])
+        values = np.where(inside, values, self.at[rows].astype(kind))
+        a, b = self.operands(values.ravel(), np.tile(rows, len(offsets)), own=True)
+        apart = (_ordered(a) - _ordered(b)).reshape(values.shape)
+        for value, within, distance in zip(values, inside, apart, strict=True):
             for side, (least, held) in best.items():
-                closer = inside & (np.sign(apart) == side) & (np.abs(apart) < least)
+                closer = within & (np.sign(distance) == side) & (np.abs(distance) < least)
                 best[side] = (
-                    np.where(closer, np.abs(apart), least),
-                    np.where(closer, values, held),
+                    np.where(closer, np.abs(distance), least),
+                    np.where(closer, value, held),
                 )
         either = self.rng.choice([-1.0, 1.0], len(rows))
         columns = [held for _, held in best.values()] + [self.beside(rows, either)]
