@@ -1,5 +1,6 @@
 """esea-gen: from a model of an elastomeric series elastic actuator to verified firmware."""
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,11 @@ if TYPE_CHECKING:
     from esea_gen.language.system import System, Task
 
 __version__ = "0.1.0"
+
+# Before NumPy reads it.  The matrices here are small: an OpenBLAS with threads takes 7 ms for the
+# exponential of a 4 by 4 one, 300 times as long as with one thread, and its sums depend on the
+# machine's cores.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 __all__ = ["Block", "Device", "Port", "System", "Task", "Tunable", "UserError", "load_device"]
 

@@ -43,6 +43,11 @@ def drive():
     return esea_gen.load_device("elbow_drive")
 
 
+@pytest.fixture(scope="module")
+def library(drive):
+    return compile_device(drive, "f32")
+
+
 def tried(drive, block, dtype, memories=True):
     recorded = recorded_stream(drive, domain_chirp(drive, 2.0))
     found = [*streams(block), at_the_limits(block, dtype)]
@@ -72,8 +77,8 @@ def check(drive, name, real, library):
 
 
 @pytest.mark.parametrize("name", BLOCKS)
-def test_both_sides_of_every_decision_are_taken_in_f32(drive, name):
-    found = check(drive, name, "f32", compile_device(drive, "f32"))
+def test_both_sides_of_every_decision_are_taken_in_f32(drive, library, name):
+    found = check(drive, name, "f32", library)
     assert len(found.excluded) == IMPOSSIBLE.get(name, 0), found.excluded
 
 
@@ -83,11 +88,11 @@ def test_both_sides_of_every_decision_are_taken_in_f64(drive, name):
     check(drive, name, "f64", None)
 
 
-def test_without_its_own_streams_a_latch_stays_closed(drive):
+def test_without_its_own_streams_a_latch_stays_closed(drive, library):
     """Armed: random inputs alone leave sides of the limits open, and none is called impossible."""
     block = block_of(drive, "limits")
     plain = [s for s in streams(block) if s.name in ("random walk", "noise over the range")]
-    found = branch_coverage(block, plain, compile_device(drive, "f32"))
+    found = branch_coverage(block, plain, library)
     assert found.ratio < 0.9
     assert any("u_followed_Nm" in text for text in found.uncovered)
     # Nothing is called impossible that the limits check themselves, coefficients in memory too.
@@ -116,10 +121,10 @@ def wild(block: Block, dtype, seed: int, count: int) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("real", ["f32", "f64"])
 @pytest.mark.parametrize("name", sorted(IMPOSSIBLE))
-def test_what_is_proven_impossible_never_happens(drive, name, real):
+def test_what_is_proven_impossible_never_happens(drive, library, name, real):
     """The proofs against arithmetic: arguments from anywhere, which no stream was needed for."""
     block, fmt = block_of(drive, name), FORMATS[real]
-    found = branch_coverage(block, [], compile_device(drive, "f32") if real == "f32" else None)
+    found = branch_coverage(block, [], library if real == "f32" else None)
     proven = [(d, side) for d in found.decisions for side in d.proofs]
     assert len(proven) >= IMPOSSIBLE[name]
     kernel, _ = emitted_kernel(block, fmt)

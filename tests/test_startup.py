@@ -181,10 +181,15 @@ def test_firmware_that_believes_in_another_inertia_is_told_from_one_built_anew()
     assert content["margins_of_firmware_as_it_is"]["allowed"] is False
 
 
+@lru_cache(maxsize=1)
+def blind_start_up() -> tuple[Startup, Wrapped]:
+    """Of the standard plant, through a machine that keeps what went in and out."""
+    machine = Wrapped(SteppedPlant(real_plant(DEVICE, "uncertain", 0)))
+    return start_up(DEVICE, machine, "test"), machine
+
+
 def test_estimates_know_nothing_of_the_truth():
-    blind = start_up(
-        DEVICE, SimulatedMachine(SteppedPlant(real_plant(DEVICE, "uncertain", 0))), "test"
-    )
+    blind, _ = blind_start_up()
     for name in NUMBERS:
         assert getattr(blind.model, name) == getattr(started().model, name), name
     assert "simulated_truth" not in blind.to_dict()
@@ -303,10 +308,8 @@ def test_an_encoder_that_says_the_other_way_from_a_zero_nearby_is_found_by_the_s
 
 
 def test_every_command_is_within_the_limits_and_every_count_is_whole():
-    machine = Wrapped(SteppedPlant(real_plant(DEVICE, seed=0)))
-    watched = WatchedMachine(machine, DEVICE)
-    for p in PROCEDURES:
-        run_procedure(watched, DEVICE, p, 0)
+    _, machine = blind_start_up()
+    assert len(machine.commands) == len(PROCEDURES)
     e = Envelope.of(DEVICE)
     safety = DEVICE.file.safety
     for row in machine.commands:

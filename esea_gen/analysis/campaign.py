@@ -147,7 +147,8 @@ def run_cases(
     Notes
     -----
     A case's numbers may differ in the last bits between one worker and several where it uses a BLAS
-    with threads, since workers have one thread each; generated C has none.
+    with threads, since workers have one thread each; so has this package where it sets OpenBLAS up,
+    before NumPy is imported; generated C has none.
 
     When a worker dies, its cases run again.  One that a worker dies of even when it runs alone has
     failed; with one process there is no worker, and this process dies.

@@ -67,9 +67,13 @@ class SteppedPlant:
         self.turned = frozenset(reversed_encoders)
         self.library = _compiled(variant.device, variant.cable, STEP_S)
         self.system = self.library.system
-        self._substeps = round(TICK_S / STEP_S)
-        blocks = self.system.blocks["encoders"]
-        self._full = {p.name: round(p.high) + 1 for p in blocks.outputs}
+        self._times_s = [j * STEP_S for j in range(1, round(TICK_S / STEP_S) + 1)]
+        full = {p.name: round(p.high) + 1 for p in self.system.blocks["encoders"].outputs}
+        # Angle, count, and of an encoder that counts the other way its counts a turn.
+        self._read_out = [
+            (angle, f"count_{side}", full[f"count_{side}"] if side in self.turned else 0)
+            for side, angle in ENCODERS.items()
+        ]
 
     def start(
         self, start_rad: float, *, clamped: bool, person: Person = EMPTY
@@ -122,14 +126,19 @@ class SteppedPlant:
         """Hold a command for a tick; the counts at its end."""
         wanted = self.gain * u_Nm
         push, plant, line = self._push, self._plant, self._under_way
+        coeffs, state, move = self._coeffs, self._state, self._move
         theta, omega, alpha = self._intended
-        for j in range(1, self._substeps + 1):
-            t = j * STEP_S
-            push.omega_p_rad_s = omega + t * alpha
-            push.theta_p_rad = theta + t * (omega + 0.5 * t * alpha)
-            line.append(wanted)
-            push.u_Nm = line.popleft()
-            self._move(self._coeffs, self._state, push, plant)
+        # Written once where neither an intent moves nor a command waits.
+        moves = omega != 0 or alpha != 0
+        push.omega_p_rad_s, push.theta_p_rad, push.u_Nm = omega, theta, wanted
+        for t in self._times_s:
+            if moves:
+                push.omega_p_rad_s = omega + t * alpha
+                push.theta_p_rad = theta + t * (omega + 0.5 * t * alpha)
+            if line:
+                line.append(wanted)
+                push.u_Nm = line.popleft()
+            move(coeffs, state, push, plant)
         return self._read()
 
     def intend(self, path: Mapping[str, float]) -> None:
@@ -155,16 +164,15 @@ class SteppedPlant:
         return self.system.blocks["plant"].outputs
 
     def _read(self) -> tuple[int, int, int]:
-        angles, plant = self._angles, self._plant
-        for angle in ENCODERS.values():
+        angles, plant, counts = self._angles, self._plant, self._counts
+        for angle, _, _ in self._read_out:
             setattr(angles, angle, getattr(plant, angle))
-        self._encode(self._coeffs, self._state, angles, self._counts)
-        found = []
-        for side in ENCODERS:
-            name = f"count_{side}"
-            count = int(getattr(self._counts, name))
-            found.append(-count % self._full[name] if side in self.turned else count)
-        return found[0], found[1], found[2]
+        self._encode(self._coeffs, self._state, angles, counts)
+        motor, load, gear = [
+            -int(getattr(counts, name)) % turned if turned else int(getattr(counts, name))
+            for _, name, turned in self._read_out
+        ]
+        return motor, load, gear
 
 
 __all__ = ["EMPTY", "MOST_DELAY_S", "SteppedPlant"]

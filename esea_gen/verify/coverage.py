@@ -147,14 +147,21 @@ class Coverage:
         }
 
 
-def _where(block: Block, kernel: Kernel, names: dict[int, tuple[str, str]], node: int) -> str:
-    # The nearest labelled value or result that needs the node: breadth first along its uses.
-    ports = (*block.state, *block.outputs)
-    final = {i: p.name for p, r in zip(ports, kernel.results, strict=True) for i in r}
+def _users(kernel: Kernel) -> dict[int, list[int]]:
     users: dict[int, list[int]] = {}
     for i, n in enumerate(kernel.nodes):
         for a in n.args:
             users.setdefault(a, []).append(i)
+    return users
+
+
+def _where(
+    final: Mapping[int, str],
+    users: Mapping[int, Sequence[int]],
+    names: dict[int, tuple[str, str]],
+    node: int,
+) -> str:
+    # The nearest labelled value or result that needs the node: breadth first along its uses.
     own = names[node][0] if node in names else f"v{node}"
     front, seen = [node], {node}
     while front:
@@ -202,8 +209,11 @@ def branch_coverage(
     kernel, names = emitted_kernel(block, fmt)
     coefficients = coefficients_of(block, fmt, {})
     initial = initial_state(block, fmt, coefficients)
+    ports = (*block.state, *block.outputs)
+    final = {i: p.name for p, r in zip(ports, kernel.results, strict=True) for i in r}
+    users = _users(kernel)
     decisions = [
-        Decision(i, n.op, _where(block, kernel, names, i), dict.fromkeys(SIDES[n.op], 0))
+        Decision(i, n.op, _where(final, users, names, i), dict.fromkeys(SIDES[n.op], 0))
         for i, n in enumerate(kernel.nodes)
         if n.op in SIDES
     ]

@@ -27,7 +27,6 @@ from esea_gen.language.stream import Stream
 from esea_gen.verify.runs import CasadiOracle, run_c
 
 UINT32_MAX = 2**32 - 1
-BOOL = np.dtype(np.bool_)
 
 
 @cache
@@ -58,67 +57,58 @@ def evaluate(
     kernel: Kernel,
     fmt: Format,
     arguments: Sequence[Array],
-    known: Mapping[int, Array] | None = None,
 ) -> list[Array]:
     """Evaluate a kernel over many argument sets at once.
 
     arguments: per argument, shape (sets, elements).
-    known: values of nodes that need not be computed again.
     return: per node, shape (sets,): bool for booleans, else the format's type.
     """
     count = len(arguments[0]) if arguments else 1
     dtype = fmt.dtype.type
-    known = known or {}
     values: list[Array] = []
     with np.errstate(all="ignore"):
-        for i, node in enumerate(kernel.nodes):
-            if i in known:
-                values.append(known[i])
-            elif node.op == "const":
+        for node in kernel.nodes:
+            if node.op == "const":
                 values.append(np.full(count, dtype(node.value)))
             elif node.op == "input":
                 argument, element = node.source
                 values.append(np.asarray(arguments[argument][:, element], fmt.dtype))
             else:
-                result = _apply(node, [values[a] for a in node.args], fmt, kernel)
-                expected = BOOL if node.boolean else fmt.dtype
-                if result.dtype != expected:  # a promotion would hide rounding
-                    raise TypeError(f"{kernel.name}: {node.op} gave {result.dtype}")
-                values.append(result)
+                values.append(_value(node, values, fmt, kernel))
     return values
 
 
+def told_otherwise(
+    kernel: Kernel, fmt: Format, values: Sequence[Array], node: int, told: Array
+) -> list[Array]:
+    """Values of a kernel's nodes where one of them is told from outside.
+
+    values: as :func:`evaluate` gives them; only what depends on the node is evaluated again.
+    """
+    out, changed = [*values], {node}
+    out[node] = told
+    with np.errstate(all="ignore"):
+        for i in range(node + 1, len(kernel.nodes)):
+            if not changed.isdisjoint(kernel.nodes[i].args):
+                out[i] = _value(kernel.nodes[i], out, fmt, kernel)
+                changed.add(i)
+    return out
+
+
+def _value(node: Node, values: Sequence[Array], fmt: Format, kernel: Kernel) -> Array:
+    result = _apply(node, [values[a] for a in node.args], fmt, kernel)
+    expected = np.dtype(np.bool_) if node.boolean else fmt.dtype
+    if result.dtype != expected:  # a promotion would hide rounding
+        raise TypeError(f"{kernel.name}: {node.op} gave {result.dtype}")
+    return result
+
+
 def _truth(x: Array) -> Array:
-    return x if x.dtype == BOOL else x != 0
+    return x if x.dtype == np.bool_ else x != 0
 
 
 def _choose(condition: Array, x: Array, y: Array | np.floating[Any]) -> Array:
     return np.asarray(np.where(condition, x, y))
-
-
-_RULES: dict[str, Callable[..., Array]] = {
-    "add": lambda x, y: x + y,
-    "sub": lambda x, y: x - y,
-    "mul": lambda x, y: x * y,
-    "div": lambda x, y: x / y,
-    "neg": lambda x: -x,
-    "sq": lambda x: x * x,
-    "twice": lambda x: x.dtype.type(2) * x,
-    "inv": lambda x: x.dtype.type(1) / x,
-    "fabs": np.abs,
-    "sign": lambda x: (x > 0).astype(x.dtype) - (x < 0).astype(x.dtype),
-    "lt": lambda x, y: x < y,
-    "le": lambda x, y: x <= y,
-    "eq": lambda x, y: x == y,
-    "ne": lambda x, y: x != y,
-    "fmin": lambda x, y: _choose(y < x, y, x),
-    "fmax": lambda x, y: _choose(y > x, y, x),
-}
-# Of two equal zeros f64 takes the second, as CasADi does; f32 the first.
-_SECOND = _RULES | {
-    "fmin": lambda x, y: _choose(x < y, x, y),
-    "fmax": lambda x, y: _choose(x > y, x, y),
-}
 
 
 def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
@@ -128,7 +118,7 @@ def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
     if op in ("and", "or"):
         x, y = map(_truth, args)
         return x & y if op == "and" else x | y
-    numbers = [a.astype(fmt.dtype) if a.dtype == BOOL else a for a in args]
+    numbers = [a.astype(fmt.dtype) if a.dtype == np.bool_ else a for a in args]
     if op in ("if_else_zero", "select"):
         other = numbers[2] if op == "select" else fmt.dtype.type(0)
         return _choose(_truth(args[0]), numbers[1], other)
@@ -138,7 +128,32 @@ def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
         if fmt.needs_libm:
             return np.asarray(getattr(np, op)(numbers[0]))
         return _call(op, numbers[0])
-    return (_SECOND if fmt.needs_libm else _RULES)[op](*numbers)
+    return _rules(fmt)[op](*numbers)
+
+
+@cache
+def _rules(fmt: Format) -> dict[str, Callable[..., Array]]:
+    one, two = (fmt.dtype.type(v) for v in (1, 2))
+    # Of two equal zeros f64 takes the second, as CasADi does; f32 the first.
+    second = fmt.needs_libm
+    return {
+        "add": lambda x, y: x + y,
+        "sub": lambda x, y: x - y,
+        "mul": lambda x, y: x * y,
+        "div": lambda x, y: x / y,
+        "neg": lambda x: -x,
+        "sq": lambda x: x * x,
+        "twice": lambda x: two * x,
+        "inv": lambda x: one / x,
+        "fabs": np.abs,
+        "sign": lambda x: (x > 0).astype(x.dtype) - (x < 0).astype(x.dtype),
+        "lt": lambda x, y: x < y,
+        "le": lambda x, y: x <= y,
+        "eq": lambda x, y: x == y,
+        "ne": lambda x, y: x != y,
+        "fmin": lambda x, y: _choose(x < y, x, y) if second else _choose(y < x, y, x),
+        "fmax": lambda x, y: _choose(x > y, x, y) if second else _choose(y > x, y, x),
+    }
 
 
 def _power(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:

@@ -85,8 +85,12 @@ def symbols(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[tup
     """
     tool = find_compiler(*toolchain.tool("nm"))
     done = subprocess.run([tool, "-A", "-P", *objects], capture_output=True, text=True, check=True)
-    lines = (line.rpartition(": ") for line in done.stdout.splitlines())
-    return [(Path(file).name, *rest.split()[:2]) for file, _, rest in lines]
+    found = []
+    for line in done.stdout.splitlines():
+        file, _, rest = line.rpartition(": ")
+        symbol, kind, *_ = rest.split()
+        found.append((Path(file).name, symbol, kind))
+    return found
 
 
 def double_arithmetic(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[str]:

@@ -10,7 +10,7 @@ whose operands are equal, or one unit in the last place apart, and one within a 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.emit.formats import FORMATS, Format
-from esea_gen.emit.walker import Kernel, Node
+from esea_gen.emit.walker import Kernel
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream, single
@@ -28,6 +28,7 @@ from esea_gen.verify.executor import (
     evaluate,
     initial_state,
     step_arguments,
+    told_otherwise,
 )
 from esea_gen.verify.runs import run_symbolic
 
@@ -135,22 +136,10 @@ class _Aim:
     def ports(self) -> tuple[Port, ...]:
         return (*self.block.state, *self.block.inputs)
 
-    def nodes(
-        self,
-        arguments: Sequence[Array],
-        kernel: Kernel | None = None,
-        own: bool = False,
-        known: Mapping[int, Array] | None = None,
-    ) -> list[Array]:
+    def nodes(self, arguments: Sequence[Array], own: bool = False) -> list[Array]:
         # Every value, in float64 or in the format's own arithmetic.
         full = [np.tile(c, (len(arguments[0]), 1)) for c in self.coefficients] + [*arguments]
-        return evaluate(kernel or self.kernel, self.fmt if own else FORMATS["f64"], full, known)
-
-    def told(self, i: int, replacement: Node) -> Kernel:
-        # The kernel with one node decided from outside.
-        nodes = [*self.kernel.nodes]
-        nodes[i] = replacement
-        return Kernel(self.kernel.name, tuple(nodes), self.kernel.results)
+        return evaluate(self.kernel, self.fmt if own else FORMATS["f64"], full)
 
 
 def _pool(aim: _Aim, tried: Sequence[Stream], rng: np.random.Generator) -> list[Array]:
@@ -249,26 +238,22 @@ class _Search:
 
     def shows(self) -> npt.NDArray[np.bool_]:
         # Whether the step gives another result when the decision is the other one.
+        kernel = self.aim.kernel
+        aimed = {i: np.flatnonzero(self.aims == i) for i in self.aim.decisions}
+        moved = self.at.copy()
+        for i, rows in aimed.items():
+            if not kernel.nodes[i].boolean:  # at the tie a minimum is either operand
+                moved[rows] = self.beside(rows, self.rng.choice([-1.0, 1.0], len(rows)))
+        nodes = self.aim.nodes(self.arguments(moved, np.arange(len(moved))))
         out = np.zeros(len(self.aims), dtype=bool)
-        nodes, at = self.aim.kernel.nodes, self.at.copy()
-        for i in self.aim.decisions:
-            if not nodes[i].boolean:  # at the tie a minimum is either operand
-                rows = np.flatnonzero(self.aims == i)
-                at[rows] = self.beside(rows, self.rng.choice([-1.0, 1.0], len(rows)))
-        every = np.arange(len(self.aims))
-        plain = self.aim.nodes(self.arguments(at, every))
-        for i in self.aim.decisions:
-            rows, n = np.flatnonzero(self.aims == i), nodes[i]
-            if n.boolean:
-                ways = [Node("const", value=v) for v in (0.0, 1.0)]
+        for i, rows in aimed.items():
+            own = [v[rows] for v in nodes]
+            if kernel.nodes[i].boolean:
+                ways = [np.zeros(len(rows)), np.ones(len(rows))]
             else:
-                ways = [Node(n.op, (a, a)) for a in n.args]
-            # The decision alone is another one: what does not follow from it is as it was.
-            follows = _following(self.aim.kernel, i)
-            known = {k: plain[k][rows] for k in range(len(nodes)) if k not in follows}
-            arguments = self.arguments(at[rows], rows)
-            one, other = (self.aim.nodes(arguments, self.aim.told(i, w), known=known) for w in ways)
-            for k in (k for r in self.aim.kernel.results for k in r):
+                ways = [own[a] for a in kernel.nodes[i].args]
+            one, other = (told_otherwise(kernel, FORMATS["f64"], own, i, w) for w in ways)
+            for k in (k for r in kernel.results for k in r):
                 out[rows] |= one[k].astype(float) != other[k].astype(float)
         return out
 
@@ -279,18 +264,18 @@ class _Search:
         doubling = 1 << np.arange(3, 20 if kind.itemsize == 4 else 48)
         offsets = np.array([0, *range(1, 8), *doubling])
         best = {s: (np.full(len(rows), np.inf), self.at[rows]) for s in (-1, 0, 1)}
-        tried = np.concatenate([offsets, -offsets[1:]])[:, None]
-        numbers = _number(tie + tried, kind).astype(float)
-        fits = (numbers >= self.low[rows]) & (numbers <= self.high[rows])
-        numbers = np.where(fits, numbers, self.at[rows].astype(kind))
-        pair = self.operands(numbers.ravel(), np.tile(rows, len(tried)), own=True)
-        first, second = (_ordered(x).reshape(numbers.shape) for x in pair)
-        for values, inside, apart in zip(numbers, fits, first - second, strict=True):
+        offsets = np.concatenate([offsets, -offsets[1:]])
+        values = _number(tie + offsets[:, None], kind).astype(float)
+        inside = (values >= self.low[rows]) & (values <= self.high[rows])
+        values = np.where(inside, values, self.at[rows].astype(kind))
+        a, b = self.operands(values.ravel(), np.tile(rows, len(offsets)), own=True)
+        apart = (_ordered(a) - _ordered(b)).reshape(values.shape)
+        for value, within, distance in zip(values, inside, apart, strict=True):
             for side, (least, held) in best.items():
-                closer = inside & (np.sign(apart) == side) & (np.abs(apart) < least)
+                closer = within & (np.sign(distance) == side) & (np.abs(distance) < least)
                 best[side] = (
-                    np.where(closer, np.abs(apart), least),
-                    np.where(closer, values, held),
+                    np.where(closer, np.abs(distance), least),
+                    np.where(closer, value, held),
                 )
         either = self.rng.choice([-1.0, 1.0], len(rows))
         columns = [held for _, held in best.values()] + [self.beside(rows, either)]
@@ -327,15 +312,6 @@ def _cones(kernel: Kernel, first: int) -> list[frozenset[tuple[int, int]]]:
             moving = n.args[1:] if n.op in ("if_else_zero", "select") else n.args
             out.append(frozenset().union(*(out[a] for a in moving)))
     return out
-
-
-def _following(kernel: Kernel, i: int) -> frozenset[int]:
-    # The node and all that is computed from it.
-    found = {i}
-    for k in range(i + 1, len(kernel.nodes)):
-        if not found.isdisjoint(kernel.nodes[k].args):
-            found.add(k)
-    return frozenset(found)
 
 
 def _pick(

@@ -75,7 +75,13 @@ class Steering:
     ) -> None:
         a = device.file.actuator
         assert a is not None
-        self.path, self.added = path, added_Nm
+        # Lists: a number is taken out of an array far more slowly, and once a tick.
+        self.path = path
+        columns = path.theta_rad, path.omega_rad_s, path.alpha_rad_s2
+        self.rows: list[tuple[float, float, float]] = list(
+            zip(*(c.tolist() for c in columns), strict=True)
+        )
+        self.added: list[float] | None = None if added_Nm is None else added_Nm.tolist()
         self.n, self.j = a.gear_ratio.value, a.J_kgm2.value
         self.fv, self.fc = a.fv_Nms_rad.value, a.fc_Nm.value
         self.device, self.coupling = device, coupling
@@ -83,12 +89,12 @@ class Steering:
         self.start = 0.0
 
     def __call__(self, seen: Seen) -> float | None:
-        k, path = self.k, self.path
-        if k >= len(path):
+        k = self.k
+        if k >= len(self.rows):
             return None
         if k == 0:
             self.start = seen.gear_rad
-        theta, omega = float(path.theta_rad[k]), float(path.omega_rad_s[k])
+        theta, omega, alpha = self.rows[k]
         off = theta - (seen.gear_rad - self.start)
         if abs(off) > MOST_OFF_RAD:
             raise StoppedError(
@@ -98,15 +104,13 @@ class Steering:
                 "drive's size.",
             )
         wanted = self.j * (
-            float(path.alpha_rad_s2[k])
-            + 2 * STEER_DAMPING * STEER_1_S * (omega - seen.omega_rad_s)
-            + STEER_1_S**2 * off
+            alpha + 2 * STEER_DAMPING * STEER_1_S * (omega - seen.omega_rad_s) + STEER_1_S**2 * off
         )
         wanted += self.fv * omega + (math.copysign(self.fc, omega) if omega else 0.0)
         if self.coupling:
             wanted += math.copysign(static_torque_Nm(self.device, 0.9 * abs(theta)), theta)
         self.k = k + 1
-        return wanted / self.n + (float(self.added[k]) if self.added is not None else 0.0)
+        return wanted / self.n + (self.added[k] if self.added is not None else 0.0)
 
 
 class Feel:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from esea_gen.devices.fields import EncoderSide
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
-from esea_gen.studies.startup.machine import Counts, Machine, Output
+from esea_gen.studies.startup.machine import Machine, Output
 
 # Shares of the device's own limits: a start-up has no reason to come near to them.
 COMMAND_SHARE, DEFLECTION_SHARE, SPEED_SHARE = 0.8, 0.8, 0.5
@@ -64,8 +65,7 @@ class Envelope:
         )
 
 
-@dataclass(frozen=True)
-class Seen:
+class Seen(NamedTuple):
     """One tick, in angles: what a procedure steers by.
 
     gear_rad, omega_rad_s: by what the drive has turned the joint, and its rate.
@@ -154,12 +154,13 @@ class WatchedMachine:
         command: motor torque from what was seen, once a tick.
         """
         counts = self.machine.begin(output, at_rad)
-        motor, load = (s.angle(c) for s, c in zip(self._sides, _joint(counts), strict=True))
+        motor_rad, load_rad = self._sides[0].angle, self._sides[1].angle
+        motor, load = motor_rad(counts.motor), load_rad(counts.load)
         self._check_setup(at_rad, motor, load)
         last, gear = counts.gear, self._start(counts.gear, motor)
         behind = [gear] * RATE_TICKS
         u, tick = 0.0, 0
-        most = self.envelope.u_rate_Nm_s * self.tick_s
+        limit, most = self.envelope.u_Nm, self.envelope.u_rate_Nm_s * self.tick_s
         columns: list[tuple[float, float, float, float]] = []
         try:
             while True:
@@ -169,7 +170,6 @@ class WatchedMachine:
                 wanted = command(Seen(tick * self.tick_s, gear, rate, motor, load))
                 if wanted is None:
                     break
-                limit = self.envelope.u_Nm
                 u += min(max(min(max(wanted, -limit), limit) - u, -most), most)
                 columns.append((u, gear, motor, load))
                 counts = self.machine.step(tick, u)
@@ -177,12 +177,11 @@ class WatchedMachine:
                 moved = counts.gear - last
                 moved -= self._full * math.floor(moved / self._full + 0.5)
                 last, gear = counts.gear, gear + moved * self._gear_rad
-                motor, load = (s.angle(c) for s, c in zip(self._sides, _joint(counts), strict=True))
+                motor, load = motor_rad(counts.motor), load_rad(counts.load)
         finally:
             self.machine.step(tick, 0.0)
             self.total_s += tick * self.tick_s
-        u_Nm, gear_rad, motor_rad, load_rad = np.array(columns).T
-        return DriveRecording(self.tick_s, u_Nm, gear_rad, motor_rad, load_rad)
+        return DriveRecording(self.tick_s, *np.array(columns).T)
 
     def _start(self, count: int, motor_rad: float) -> float:
         # Which of its turns the shaft is in, the joint's encoder tells; where its zero is, the
@@ -213,26 +212,25 @@ class WatchedMachine:
 
     def _check(self, rate: float, motor: float, load: float, tick: int) -> None:
         e = self.envelope
-        at = f"{tick * self.tick_s:.3f} s after the start"
         if abs(motor - load) > e.deflection_rad:
             raise StoppedError(
                 f"the coupling is deflected by {motor - load:+.3f} rad, more than "
-                f"{e.deflection_rad:g} rad, {at}",
+                f"{e.deflection_rad:g} rad, {self._at(tick)}",
                 "Look for what holds the output or pulls at it, and whether both joint encoders "
                 "are zeroed.",
             )
         if abs(rate) > e.omega_rad_s:
             raise StoppedError(
-                f"the drive turns at {rate:+.2f} rad/s, faster than {e.omega_rad_s:g} rad/s, {at}",
+                f"the drive turns at {rate:+.2f} rad/s, faster than {e.omega_rad_s:g} rad/s, "
+                f"{self._at(tick)}",
                 "Check that gear_ratio, encoder_bits and the motor's torque constant are right.",
             )
         if not (e.low_rad <= load <= e.high_rad and e.low_rad <= motor <= e.high_rad):
             raise StoppedError(
                 f"the joint is at {load:.3f} rad (motor side {motor:.3f} rad), outside of "
-                f"{e.low_rad:g} to {e.high_rad:g} rad, {at}",
+                f"{e.low_rad:g} to {e.high_rad:g} rad, {self._at(tick)}",
                 "Look for what moves the joint, or a slipping cable.",
             )
 
-
-def _joint(counts: Counts) -> tuple[int, int]:
-    return counts.motor, counts.load
+    def _at(self, tick: int) -> str:
+        return f"{tick * self.tick_s:.3f} s after the start"
