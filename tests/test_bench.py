@@ -121,14 +121,19 @@ def test_instructions_on_this_machine(elbow, monkeypatch):
     assert row.ratio > 1
 
 
+@pytest.fixture(scope="module")
+def aimed(elbow):
+    """The Blocks whose count has an aim, with 40 steps each."""
+    return [s for s in subjects(elbow, 40) if s.name in AIMS]
+
+
 @pytest.mark.parametrize("board", BOARDS, ids=lambda b: b.processor.name)
-def test_steps_on_boards_are_counted_and_compute_the_hosts_bits(elbow, board):
+def test_steps_on_boards_are_counted_and_compute_the_hosts_bits(elbow, aimed, board):
     for tool in ("gcc", "arm-none-eabi-gcc", "qemu-system-arm"):
         require_tool(tool)
     steps = 40
-    for subject in subjects(elbow, steps):
-        if subject.name not in AIMS:
-            continue
+    assert {s.name for s in aimed} == set(AIMS)
+    for subject in aimed:
         block, system = subject.block, subject.system
         sources = peer_sources(elbow, block, subject.stream, system)["f32"]
         here = CompiledPeer(sources, block, subject.stream)
@@ -234,8 +239,8 @@ RUNS = 24
 
 
 @pytest.fixture(scope="module")
-def elbow_drive():
-    return load_device("elbow_drive")
+def elbow_drive(drive):
+    return drive
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -107,6 +108,7 @@ def test_the_comparison_sees_a_fault(elbow, verified, real, old, new):
     assert not all(r.passed for r in results)
 
 
+loaded = cache(load_device)
 TRIED: dict[tuple[str, ...], str] = {}
 EXPECTED: dict[tuple[str, str, str, int], np.ndarray] = {}
 
@@ -120,7 +122,7 @@ def written(block: Block) -> tuple[str, ...]:
 @pytest.mark.parametrize("name", sorted(shipped_devices()))
 def test_nan_and_infinity_into_every_input_and_state(name, real):
     require_tool("gcc")
-    device = load_device(name)
+    device = loaded(name)
     # A Program's own tests do the same: what of its state carries nothing is not looked at.
     blocks = [b for b in device.system.kinds if b.kind == "block"]
     # Devices have Blocks in common, to the last number: each is tried in the first that has it.

@@ -139,29 +139,35 @@ def both():
     return load_device("elbow_drive", "smc,mpc")
 
 
-def tuning(device, law):
+@pytest.fixture(scope="module")
+def loop(both):
+    """Its loop with the real plant."""
+    require_tool("gcc")
+    variant = real_plant(both, seed=0).having(PEOPLE["none"], clamped=1.0)
+    return ClosedLoop(both.system, variant, "f32")
+
+
+def tuning(device, loop, law):
     """The tuning case on the real plant, laws changed at given times."""
     (case,) = load_study("tuning", ClosedLoopStudy).cases()
-    variant = real_plant(device, seed=0).having(PEOPLE["none"], clamped=1.0)
-    loop = ClosedLoop(device.system, variant, "f32")
-    run = loop.run
+    variant = loop.variant
 
     def with_law(signals, *rest, **more):
         n = len(signals["mode"])
-        return run(signals | {"law": np.broadcast_to(law, n).astype(float)}, *rest, **more)
+        told = signals | {"law": np.broadcast_to(law, n).astype(float)}
+        return ClosedLoop.run(loop, told, *rest, **more)
 
     loop.run = with_law
     setting = Setting("smc,mpc", "real", "none", "f32")
     return case, run_on(loop, device, variant, case, setting, 0)
 
 
-def test_two_laws_in_one_system_change_without_a_bump(both, tmp_path):
-    require_tool("gcc")
+def test_two_laws_in_one_system_change_without_a_bump(both, loop, tmp_path):
     assert [law.name for law in both.laws] == ["sliding_mode", "predictive"]
     (case,) = load_study("tuning", ClosedLoopStudy).cases()
     t = np.arange(len(case.trajectory.tau_desired_Nm)) * 1e-3
     law = ((t >= CHANGE_S[0]) & (t < CHANGE_S[1])).astype(float)
-    case, run = tuning(both, law)
+    case, run = tuning(both, loop, law)
     held = run.controller["law_held"]
     assert set(held.tolist()) == {0.0, 1.0}
     u, window = (
@@ -176,7 +182,7 @@ def test_two_laws_in_one_system_change_without_a_bump(both, tmp_path):
     assert jumps[near].max() <= np.quantile(jumps[window][~near[window]], 0.999)
     # Armed: the laws themselves are further apart than that at the change.
     first = int(1e3 * CHANGE_S[0]) + 10
-    alone = tuning(both, 1.0)[1].controller["u_Nm"]
+    alone = tuning(both, loop, 1.0)[1].controller["u_Nm"]
     assert abs(alone[first] - u[first - 12]) > 1.5 * jumps[near].max()
     # Until the first change it is the sliding mode alone, to the bit; the torque follows always.
     # Alone it would be released after 1 ms; predictive control beside it asks for 2.

@@ -58,8 +58,8 @@ def tools():
 
 
 @pytest.fixture(scope="module")
-def elbow_drive():
-    return load_device("elbow_drive")
+def elbow_drive(drive):
+    return drive
 
 
 @pytest.fixture(scope="module")

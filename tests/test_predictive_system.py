@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from esea_gen.control.ahead import ahead
 from esea_gen.control.horizon import Horizon
-from esea_gen.device import load_device, parse_device
+from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.fixed.report import range_report
 from esea_gen.emit.formats import FORMATS
@@ -343,7 +343,7 @@ def test_predictive_control_as_printed_stands_as_in_the_thesis():
 # -- the device file -------------------------------------------------------------------------------
 
 
-def test_a_device_file_chooses_the_law(small):
+def test_a_device_file_chooses_the_law(small, drive):
     assert [t.blocks for t in small.system.tasks][1] == (
         "ahead",
         "predictive",
@@ -351,7 +351,7 @@ def test_a_device_file_chooses_the_law(small):
         "stamp",
     )
     assert "smc" not in small.system.blocks
-    assert load_device("elbow_drive").system.blocks.keys() >= {"smc"}
+    assert drive.system.blocks.keys() >= {"smc"}
     two = 'person = "parabola"\nimpedance = "cascade"\n'
     assert device(two).system.tasks[1].blocks == (
         ("parabola", "trend", "ahead", "predictive", "redundancy", "stamp")
@@ -359,7 +359,7 @@ def test_a_device_file_chooses_the_law(small):
     held = device(two + 'future = "held"\n').system.tasks[1].blocks
     assert held == ("parabola", "predictive", "redundancy", "stamp")
     # No key of the section changes what another device is.
-    assert '"predictive":' not in load_device("elbow_drive").canonical()
+    assert '"predictive":' not in drive.canonical()
 
 
 @pytest.mark.parametrize(
@@ -382,12 +382,12 @@ def test_the_section_needs_a_drive():
         device(base="elbow")
 
 
-def test_the_emitted_device_is_whole_and_says_what_it_is(small, tmp_path):
+def test_the_emitted_device_is_whole_and_says_what_it_is(small, elbow, tmp_path):
     gcc = require_tool("gcc")
     files = render_device(small, ["f32"])[0].files
     assert "straight-line code" not in files["esea_small.h"]
     assert "loops of bounded trip count" in files["esea_small.h"]
-    plain = render_device(load_device("elbow"), ["f32"])[0].files
+    plain = render_device(elbow, ["f32"])[0].files
     assert "straight-line code" in plain["esea_elbow.h"]
     for name, text in files.items():
         (tmp_path / name).write_text(text)
