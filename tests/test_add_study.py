@@ -24,6 +24,7 @@ from esea_gen.twin.case import Setting
 from esea_gen.twin.closed_loop import RanAwayError
 
 from .conftest import require_tool
+from .result_schemas import held
 
 PAGE = Path(__file__).parents[1] / "docs" / "experiments.md"
 PACKAGE = Path(esea_gen.__file__).parent
@@ -123,6 +124,7 @@ def test_workers_run_it_and_a_failure_is_no_instability(tmp_path):
         said, error = running.communicate(timeout=600)
     assert running.returncode == 0, error
     content = json.loads((tmp_path / "out.json").read_text())
+    held("simulate", content)
     good = [c for c in content["cases"] if c["name"] != "broken"]
     lost = [c for c in content["cases"] if c["name"] == "broken"]
     processes = {c["process"] for c in good}
@@ -154,6 +156,8 @@ def test_a_plant_that_runs_away_is_unstable(monkeypatch):
     assert "1 UNSTABLE, 1 left the plant's ranges" in "\n".join(done.table())
     assert done.figure() is not None
     json.dumps(done.to_dict(), allow_nan=False)
+    head = {"schema": "simulate", "schema_version": 1, "tool_version": "0.1.0"}
+    held("simulate", head | done.to_dict())
 
 
 @pytest.mark.parametrize(
