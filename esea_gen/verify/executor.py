@@ -53,11 +53,7 @@ def emitted_kernel(block: Block, fmt: Format) -> tuple[Kernel, dict[int, tuple[s
     return kernel, {node: (name, comment) for node, name, comment in labels}
 
 
-def evaluate(
-    kernel: Kernel,
-    fmt: Format,
-    arguments: Sequence[Array],
-) -> list[Array]:
+def evaluate(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Array]:
     """Evaluate a kernel over many argument sets at once.
 
     arguments: per argument, shape (sets, elements).
