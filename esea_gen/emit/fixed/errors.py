@@ -20,7 +20,7 @@ from esea_gen.emit.error_bounds import (
     linear_bound,
     pieces,
 )
-from esea_gen.emit.fixed.bound import Array, Span, analyse, numeric_nodes, span
+from esea_gen.emit.fixed.bound import Array, Known, Span, analyse, numeric_nodes, span
 from esea_gen.emit.fixed.plan import BlockPlan, coefficients_raw
 from esea_gen.emit.ranges import Analysis, RangeError
 from esea_gen.emit.ranges import RangeValue as FloatValue
@@ -54,6 +54,7 @@ class Propagation:
     input_errors: largest error of an input; 0 for those not named.
     room: share of each range that inputs and states may lie beyond it: the guard's own comparisons
         then stay undecided, and what follows an invalid input or a corrupt state counts as well.
+    known: of other plans of the same Planner, with the same ranges and room.
     """
 
     def __init__(
@@ -62,8 +63,9 @@ class Propagation:
         ranges: Mapping[str, tuple[float, float]],
         input_errors: Mapping[str, float],
         room: float = 0.0,
+        known: Known | None = None,
     ) -> None:
-        self.plan, self.block = plan, plan.block
+        self.plan, self.block, self.known = plan, plan.block, known or Known()
         self.limits = limits_of(self.block, ranges)
         self.boxes, self.facts = self._boxes(
             {k: (a - room * (b - a), b + room * (b - a)) for k, (a, b) in self.limits.items()}
@@ -148,6 +150,7 @@ class Propagation:
                 self.facts,
                 self.count,
                 solved,
+                self.known,
             )
 
         if not self.solved:
@@ -199,6 +202,7 @@ def block_bound(
     plan: BlockPlan,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     input_errors: Mapping[str, float] | None = None,
+    known: Known | None = None,
 ) -> Bound:
     """Worst-case error of a Block in q31 against exact arithmetic, for any number of steps.
 
@@ -206,7 +210,7 @@ def block_bound(
         instead of their ports'.
     """
     block = plan.block
-    step = Propagation(plan, ranges or {}, input_errors or {})
+    step = Propagation(plan, ranges or {}, input_errors or {}, known=known)
     method, extra = "fixed point", tuple[str, ...]()
     solved = fixed_point(step.once, step.state_errors, step.zero)
     idle = solved is not None and any(
@@ -229,7 +233,11 @@ def block_bound(
     )
 
 
-def step_bound(plan: BlockPlan, ranges: Mapping[str, tuple[float, float]] | None = None) -> Bound:
+def step_bound(
+    plan: BlockPlan,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+    known: Known | None = None,
+) -> Bound:
     """Worst-case error that one step adds, from the same memory.
 
     For a Block that :func:`block_bound` refuses: an integral, or a limit on the rate of change,
@@ -238,7 +246,7 @@ def step_bound(plan: BlockPlan, ranges: Mapping[str, tuple[float, float]] | None
     return: with ``steps`` 1: of the outputs, and of the states after the step. It holds for corrupt
         states and invalid inputs too.
     """
-    step = Propagation(plan, ranges or {}, {}, BEYOND)
+    step = Propagation(plan, ranges or {}, {}, BEYOND, known)
     final = step.once(step.zero)
     states = step.state_errors(final)
     return Bound(
@@ -251,9 +259,13 @@ def step_bound(plan: BlockPlan, ranges: Mapping[str, tuple[float, float]] | None
     )
 
 
-def any_bound(plan: BlockPlan) -> Bound:
-    """The bound for all time where the Block forgets its errors, else the one for a step."""
+def any_bound(plan: BlockPlan, known: Mapping[float, Known] | None = None) -> Bound:
+    """The bound for all time where the Block forgets its errors, else the one for a step.
+
+    known: by the room of :class:`Propagation`, of other plans of the same Planner.
+    """
+    known = known or {}
     try:
-        return block_bound(plan)
+        return block_bound(plan, known=known.get(0.0))
     except RangeError:
-        return step_bound(plan)
+        return step_bound(plan, known=known.get(BEYOND))
