@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,9 @@ from esea_gen.emit.ranges import RangeError
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # not frozen, for some 10^5 are made in a search
 class Span:
-    """Interval of the exact value and error model, one entry a box.
+    """Interval of the exact value and error model, one entry a box; it is never changed.
 
     low, high: interval, shape (boxes,).
     a, r: ``|computed - exact| <= a + r |exact|``, shape (boxes,).
@@ -39,12 +39,12 @@ class Span:
     r: Array
     held: bool = False
 
-    @property
+    @cached_property
     def magnitude(self) -> Array:
         """Largest |exact value|."""
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
-    @property
+    @cached_property
     def error(self) -> Array:
         """Largest |computed - exact|."""
         return np.asarray(self.a + self.r * self.magnitude)
@@ -73,11 +73,13 @@ class Known:
     All analyses that share it have the same boxes and facts.
 
     results: per node, with the assumption that a comparison is; the latest last.
-    given: the one Span of some content, per argument and node: what follows is told by identity.
+    given: per node, the one Span of some content: what follows is told by identity.
+    points: per node that is a constant, or that nothing follows from.
     """
 
     results: dict[int, dict[Hashable, tuple[Span, str]]] = field(default_factory=dict)
     given: dict[int, dict[Hashable, Span]] = field(default_factory=dict)
+    points: dict[int, Span] = field(default_factory=dict)
 
     def one(self, where: int, x: Span) -> Span:
         """The Span known of a node with the same content, or this one."""
@@ -367,8 +369,10 @@ def analyse(
             continue
         if n.op == "const" or own is None or (solved and i not in numeric):
             # Of what is a part of a status word, or not followed, nothing is known.
-            value = n.value if n.op == "const" else 0.0
-            values.append(known.one(i, span(value, value, 0.0, boxes)))
+            if i not in known.points:
+                value = n.value if n.op == "const" else 0.0
+                known.points[i] = span(value, value, 0.0, boxes)
+            values.append(known.points[i])
             continue
         if i in solved:
             low, high = (np.broadcast_to(e, (boxes,)) for e in facts[i])
