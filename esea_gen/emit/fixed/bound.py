@@ -75,11 +75,15 @@ class Known:
     results: per node, with the assumption that a comparison is; the latest last.
     given: per node, the one Span of some content: what follows is told by identity.
     points: per node that is a constant, or that nothing follows from.
+    ends: per state and input, its range in every box.
+    setting: what else the analyses share, made by the first.
     """
 
     results: dict[int, dict[Hashable, tuple[Span, str]]] = field(default_factory=dict)
     given: dict[int, dict[Hashable, Span]] = field(default_factory=dict)
     points: dict[int, Span] = field(default_factory=dict)
+    ends: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    setting: Any = None
 
     def one(self, where: int, x: Span) -> Span:
         """The Span known of a node with the same content, or this one."""

@@ -67,28 +67,35 @@ class Propagation:
     ) -> None:
         self.plan, self.block, self.known = plan, plan.block, known or Known()
         self.limits = limits_of(self.block, ranges)
-        self.boxes, self.facts = self._boxes(
-            {k: (a - room * (b - a), b + room * (b - a)) for k, (a, b) in self.limits.items()}
-        )
+        if self.known.setting is None:
+            self.known.setting = self._setting(room)
+        self.boxes, self.facts, self.coefficients = self.known.setting
         self.count = len(self.boxes)
         node = {name: i for i, (name, _) in plan.labels.items()}
         self.solved = {node[k]: (s, node[s.residual]) for k, s in self.block.solved.items()}
-        self.coefficients = [
-            [
-                _point(float(x), abs(r * f.lsb - float(x)), self.count)
-                for x, r in zip(exact, raw, strict=True)
-            ]
-            for exact, raw, f in zip(
-                _exact_coefficients(self.block),
-                coefficients_raw(plan),
-                plan.fields["coeffs"],
-                strict=True,
-            )
-        ]
         self.inputs = [
             [self._held(f"u_{p.name}", input_errors.get(p.name, 0.0))] * p.size
             for p in self.block.inputs
         ]
+
+    def _setting(self, room: float) -> tuple[Any, Any, list[list[Span]]]:
+        # Boxes, facts in them, and coefficients: no plan of a Planner has others.
+        boxes, facts = self._boxes(
+            {k: (a - room * (b - a), b + room * (b - a)) for k, (a, b) in self.limits.items()}
+        )
+        coefficients = [
+            [
+                _point(float(x), abs(r * f.lsb - float(x)), len(boxes))
+                for x, r in zip(exact, raw, strict=True)
+            ]
+            for exact, raw, f in zip(
+                _exact_coefficients(self.block),
+                coefficients_raw(self.plan),
+                self.plan.fields["coeffs"],
+                strict=True,
+            )
+        ]
+        return boxes, facts, coefficients
 
     def _boxes(
         self, limits: Mapping[str, tuple[float, float]]
@@ -115,7 +122,10 @@ class Propagation:
         return [[0.0] * p.size for p in self.block.state]
 
     def _held(self, name: str, error: float) -> Span:
-        low, high = (np.array([box[name][end] for box in self.boxes]) for end in (0, 1))
+        if name not in self.known.ends:
+            low, high = (np.array([box[name][end] for box in self.boxes]) for end in (0, 1))
+            self.known.ends[name] = low, high
+        low, high = self.known.ends[name]
         return Span(low, high, np.full(self.count, error), np.zeros(self.count), True)
 
     def once(self, errors: Errors) -> Analysis:

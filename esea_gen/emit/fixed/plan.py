@@ -293,10 +293,11 @@ def lowered_values(
 ) -> dict[int, ex.Array]:
     """Raw number of every value of a lowered kernel that its results need."""
     values = defined(lowered, places, count)
+    there = values.keys()
     return {
         i: ex.evaluate(v.expr, values, count)
         for i, v in enumerate(lowered.values)
-        if v is not None and ex.names(v.expr) <= set(values)
+        if v is not None and ex.names(v.expr) <= there
     }
 
 
