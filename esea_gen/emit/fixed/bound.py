@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from esea_gen.emit.fixed.values import COMPARES, ZERO, LoweredKernel, Value
 from esea_gen.emit.ranges import RangeError
 
 Array = npt.NDArray[np.float64]
+T = TypeVar("T")
 
 
 @dataclass(eq=False)  # not frozen, for some 10^5 are made in a search
@@ -101,7 +102,7 @@ class Known:
         return _latest(self.results.setdefault(i, {}), key, made)
 
 
-def _latest(known: dict[Hashable, Any], key: Hashable, make: Callable[[], Any]) -> Any:
+def _latest(known: dict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T:
     # What is asked for moves to the end; of too many the one that was asked for longest ago goes.
     found = known.pop(key) if key in known else make()
     known[key] = found
@@ -374,8 +375,8 @@ def analyse(
         if n.op == "const" or own is None or (solved and i not in numeric):
             # Of what is a part of a status word, or not followed, nothing is known.
             if i not in known.points:
-                value = n.value if n.op == "const" else 0.0
-                known.points[i] = span(value, value, 0.0, boxes)
+                number = n.value if n.op == "const" else 0.0
+                known.points[i] = span(number, number, 0.0, boxes)
             values.append(known.points[i])
             continue
         if i in solved:
