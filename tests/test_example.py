@@ -27,7 +27,6 @@ from esea_gen.verify.gates import check_objects
 from .conftest import require_tool
 
 REALS = ("f64", "f32", "q31")
-QUICK = "-O0"  # the bits are the same, and the compiler is done sooner
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +62,7 @@ def test_the_drives_example_agrees_at_every_tick_and_its_latch_holds(texts, rows
 def test_the_example_of_predictive_control_agrees():
     require_tool("gcc")
     device = esea_gen.load_device("elbow_mpc")
-    run = run_example(render_device(device, ["f32"])[0].files, "f32", QUICK)
+    run = run_example(render_device(device, ["f32"])[0].files, "f32", quick=True)
     assert run.problems == (), run.said
     assert run.checked >= 100
     assert run.asked == 8
@@ -71,7 +70,7 @@ def test_the_example_of_predictive_control_agrees():
 
 def test_the_example_in_whole_numbers_of_a_device_that_measures(elbow):
     require_tool("gcc")
-    run = run_example(render_device(elbow, ["q31"])[0].files, "q31", QUICK)
+    run = run_example(render_device(elbow, ["q31"])[0].files, "q31", quick=True)
     assert (run.problems, run.checked, run.asked) == ((), 12, 0)
 
 
@@ -90,7 +89,7 @@ OTHERS = {
 def test_the_example_of_another_drive(title):
     require_tool("gcc")
     device = parse_device(OTHERS[title], "mine.toml")
-    run = run_example(render_device(device, ["f32"])[0].files, "f32", QUICK)
+    run = run_example(render_device(device, ["f32"])[0].files, "f32", quick=True)
     assert run.problems == (), run.said
     assert run.checked >= 100
     assert example(device.system).driven
@@ -101,7 +100,7 @@ def test_encoders_that_nobody_has_calibrated_are_calibrated_by_the_example(drive
     text = re.sub(r"(?m)^zero_rad = .*$", "", drive.toml())
     files = render_device(parse_device(text, "new.toml"), ["f32"])[0].files
     assert "params.encoder_motor.zeroed = 1.0f; /* as a calibration would */" in files["main.c"]
-    assert run_example(files, "f32", QUICK).problems == ()
+    assert run_example(files, "f32", quick=True).problems == ()
 
 
 def test_the_examples_encoders_have_the_counts_of_the_device_file(drive):
@@ -202,7 +201,7 @@ FAULTS = {
 )  # fmt: skip
 def test_a_fault_in_the_c_is_seen(texts, title, real):
     name, find, put, seen = FAULTS[title]
-    run = run_example(faulty(texts[real], name, find, put), real, QUICK)
+    run = run_example(faulty(texts[real], name, find, put), real, quick=True)
     assert run.checked > 0, run.problems  # it compiled
     assert any(seen in p for p in run.problems), run.said
     assert any("exit code is 1" in p for p in run.problems)
@@ -211,7 +210,7 @@ def test_a_fault_in_the_c_is_seen(texts, title, real):
 def test_a_fault_of_the_latch_alone_leaves_the_samples_right(texts):
     """So the trial of the latch is no second look at the same numbers."""
     name, find, put, _ = FAULTS["the latch forgets"]
-    run = run_example(faulty(texts["f32"], name, find, put), "f32", QUICK)
+    run = run_example(faulty(texts["f32"], name, find, put), "f32", quick=True)
     assert run.agree == run.checked > 0
     assert "latch: it stays there when the stop is over  WRONG" in run.said
 
@@ -226,7 +225,7 @@ def test_the_program_itself_fails_when_it_compared_nothing(elbow, texts):
         (faulty(small, "main.c", r"samples\[next\]\.step == k", "samples[next].step < 0"), "12"),
         (faulty(texts["f32"], "main.c", r"k < TICKS", "k < 0u"), "TICKS"),
     ):
-        run = run_example(files, "f32", QUICK)
+        run = run_example(files, "f32", quick=True)
         assert "0 of 0 samples agree" in run.said, find
         assert any("compares nothing" in p for p in run.problems)
         assert any("exit code is 1" in p for p in run.problems)
@@ -307,7 +306,7 @@ def test_any_range_that_holds_more_than_a_value_gets_its_triangle(low, high):
 def test_a_triangle_that_does_not_start_at_zero_runs(real):
     require_tool("gcc")
     renderer = Renderer(one_block(3.0, 4.0), FORMATS[real], "-", "-", "Small")
-    run = run_example(renderer.folder(), real, QUICK)
+    run = run_example(renderer.folder(), real, quick=True)
     assert (run.problems, run.checked) == ((), 12), run.said
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from esea_gen.emit.formats import FORMATS
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.targets import HOST_GCC
+from esea_gen.verify.firmware import compile_objects
 
 _SAMPLES = re.compile(r"^(\d+) of (\d+) samples agree$", re.M)
 _LATCH = re.compile(r"^latch: (\d+) of (\d+) hold$", re.M)
@@ -35,22 +36,23 @@ class ExampleRun:
     said: str
 
 
-def run_example(files: Mapping[str, str], real: str, optimise: str = "-O2") -> ExampleRun:
-    """Compile an output folder's C into its example program, and run it.
+def run_example(files: Mapping[str, str], real: str, quick: bool = False) -> ExampleRun:
+    """Compile an output folder's C into its example program, by its header's line, and run it.
 
     files: the folder's files by name; tests put a fault into one.
-    optimise: compiler flag; the bits are the same with any.
+    quick: each file by itself, once for a given content and not optimised: the bits are the same.
     """
     fmt = FORMATS[real]
     gcc = find_compiler(*HOST_GCC.gcc)
-    flags = ["-std=c99", optimise, *fmt.compiler_flags.split()]
+    flags = ["-std=c99", "-O0" if quick else "-O2", *fmt.compiler_flags.split()]
     with tempfile.TemporaryDirectory(prefix="esea-example-") as scratch:
         folder = Path(scratch)
         here = {n: t for n, t in files.items() if "/" not in n}
         for name, text in here.items():
             (folder / name).write_text(text, encoding="utf-8")
         sources = sorted(n for n in here if n.endswith(".c"))
-        command = [gcc, *flags, *sources, "-o", "example", *fmt.libraries.split()]
+        parts = compile_objects(folder, HOST_GCC, flags, sources) if quick else sources
+        command = [gcc, *flags, *map(str, parts), "-o", "example", *fmt.libraries.split()]
         made = _run(command, folder)
         if made.returncode != 0:
             return ExampleRun(0, 0, 0, 0, ("main.c: the example does not compile",), made.stderr)

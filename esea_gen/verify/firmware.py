@@ -226,7 +226,7 @@ def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list
     # Objects of the control code; with call graphs, and nothing in them but its own arithmetic.
     toolchain = board.processor.toolchain
     flags = (*board.compile_flags, *SECTION_FLAGS, *CONTROL_FLAGS, "-fcallgraph-info=su")
-    made = _objects(folder, toolchain, flags, sources)
+    made = compile_objects(folder, toolchain, flags, sources)
     foreign = board.processor.toolchain is not HOST_GCC
     found = double_arithmetic(made, toolchain) if foreign else []
     if found:
@@ -234,10 +234,14 @@ def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list
     return made
 
 
-def _objects(
+def compile_objects(
     folder: Path, toolchain: Toolchain, flags: Sequence[str], sources: Sequence[str]
 ) -> list[Path]:
-    # Each is compiled once for a given content of it and of all headers, and kept beside its calls.
+    """Compile the C files of a folder, each once for a given content of it and of all headers.
+
+    sources: relative to the folder; what they include stands in it, or is the compiler's.
+    return: objects beside the sources; each with its call graph where the flags ask for it.
+    """
     gcc = find_compiler(*toolchain.gcc)
     common = hashlib.sha256("\0".join([_version(gcc), *flags]).encode())
     for header in sorted(folder.rglob("*.h")):
@@ -282,7 +286,7 @@ def _compile_app(folder: Path, board: Board, defined: Sequence[str]) -> list[Pat
     parts = ("app", "drivers", board.folder, *(["port"] if bare else []))
     sources = (p for part in parts for p in sorted((folder / part).glob("*.c")))
     names = [p.relative_to(folder).as_posix() for p in sources]
-    return _objects(folder, board.processor.toolchain, flags, names)
+    return compile_objects(folder, board.processor.toolchain, flags, names)
 
 
 def _hash_in(header: str) -> str:

@@ -8,23 +8,25 @@ boxes of a Block's split ranges go through at once.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.emit.fixed.elementary import EXPONENT_ERROR
-from esea_gen.emit.fixed.values import ZERO, LoweredKernel, Value
+from esea_gen.emit.fixed.values import COMPARES, ZERO, LoweredKernel, Value
 from esea_gen.emit.ranges import RangeError
 
 Array = npt.NDArray[np.float64]
+T = TypeVar("T")
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)  # not frozen, for some 10^5 are made in a search
 class Span:
-    """Interval of the exact value and error model, one entry a box.
+    """Interval of the exact value and error model, one entry a box; it is never changed.
 
     low, high: interval, shape (boxes,).
     a, r: ``|computed - exact| <= a + r |exact|``, shape (boxes,).
@@ -38,12 +40,12 @@ class Span:
     r: Array
     held: bool = False
 
-    @property
+    @cached_property
     def magnitude(self) -> Array:
         """Largest |exact value|."""
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
-    @property
+    @cached_property
     def error(self) -> Array:
         """Largest |computed - exact|."""
         return np.asarray(self.a + self.r * self.magnitude)
@@ -52,6 +54,61 @@ class Span:
     def exact(self) -> bool:
         """Whether the computed value is the exact one in every box."""
         return not np.any(self.a) and not np.any(self.r)
+
+    @property
+    def content(self) -> Hashable:
+        """Every bit of it."""
+        arrays = (self.low, self.high, self.a, self.r)
+        return (*(x.tobytes() for x in arrays), self.held)
+
+
+MOST_KNOWN = 6
+"""Results of one node that are remembered."""
+
+
+@dataclass
+class Known:
+    """Results of a kernel's nodes, by all that they follow from: a search asks again and again.
+
+    Of a Block's plans most values are the same, and of one plan's analyses what no state leads to.
+    All analyses that share it have the same boxes and facts.
+
+    results: per node, with the assumption that a comparison is; the latest last.
+    given: per node, the one Span of some content: what follows is told by identity.
+    points: per node that is a constant, or that nothing follows from.
+    ends: per state and input, its range in every box.
+    setting: what else the analyses share, made by the first.
+    """
+
+    results: dict[int, dict[Hashable, tuple[Span, str]]] = field(default_factory=dict)
+    given: dict[int, dict[Hashable, Span]] = field(default_factory=dict)
+    points: dict[int, Span] = field(default_factory=dict)
+    ends: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    setting: Any = None
+
+    def one(self, where: int, x: Span) -> Span:
+        """The Span known of a node with the same content, or this one."""
+        return _latest(self.given.setdefault(where, {}), x.content, lambda: x)
+
+    def result(
+        self, i: int, key: Hashable, make: Callable[[], tuple[Span, str]]
+    ) -> tuple[Span, str]:
+        """The result of node ``i``, made where it is not known."""
+
+        def made() -> tuple[Span, str]:
+            x, assumption = make()
+            return self.one(i, x), assumption
+
+        return _latest(self.results.setdefault(i, {}), key, made)
+
+
+def _latest(known: dict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T:
+    # What is asked for moves to the end; of too many the one that was asked for longest ago goes.
+    found = known.pop(key) if key in known else make()
+    known[key] = found
+    if len(known) > MOST_KNOWN:
+        del known[next(iter(known))]
+    return found
 
 
 def span(low: float, high: float, error: float, boxes: int) -> Span:
@@ -295,6 +352,7 @@ def analyse(
     facts: Mapping[int, tuple[Array, Array]] | None = None,
     boxes: int = 1,
     solved: Mapping[int, float] | None = None,
+    known: Known | None = None,
 ) -> tuple[list[list[Span]], tuple[str, ...], list[Span]]:
     """Push ranges and errors through a lowered kernel.
 
@@ -302,60 +360,37 @@ def analyse(
     facts: ranges of nodes that follow from algebra, or pieces of them, shape (boxes,) each.
     solved: error of nodes that an equation defines, of which a fact is known; what leads to them
         alone is left out.
+    known: of earlier analyses with the same boxes and facts.
     """
     kernel = lowered.kernel
-    solved = solved or {}
+    solved, facts, known = solved or {}, facts or {}, known or Known()
     numeric = numeric_nodes(lowered, flag_results, solved)
     values: list[Span] = []
     assumptions = []
-    nothing = span(0.0, 0.0, 0.0, boxes)
     for i, n in enumerate(kernel.nodes):
         own = lowered.values[i]
-        if n.op == "const":
-            values.append(span(n.value, n.value, 0.0, boxes))
-            continue
         if n.op == "input":
-            values.append(arguments[n.source[0]][n.source[1]])
+            values.append(known.one(i, arguments[n.source[0]][n.source[1]]))
             continue
-        if own is None or (solved and i not in numeric):  # a part of a status word; or not followed
-            values.append(nothing)
+        if n.op == "const" or own is None or (solved and i not in numeric):
+            # Of what is a part of a status word, or not followed, nothing is known.
+            if i not in known.points:
+                number = n.value if n.op == "const" else 0.0
+                known.points[i] = span(number, number, 0.0, boxes)
+            values.append(known.points[i])
             continue
         if i in solved:
-            assert facts is not None
             low, high = (np.broadcast_to(e, (boxes,)) for e in facts[i])
             # The lowering cuts it to its fact, so that what is computed lies there too.
             error = np.full(boxes, solved[i])
-            values.append(Span(low, high, error, np.zeros(boxes), True))
+            values.append(known.one(i, Span(low, high, error, np.zeros(boxes), True)))
             continue
-        v = [_operand(values, k, own, p) for p, k in enumerate(n.args)]
-        if n.op in ("lt", "le", "eq", "ne"):
-            owners = lowered.values[n.args[0]], lowered.values[n.args[1]]
-            low, high = _decide(n.op, v[0], v[1], owners)
-            open_ = bool(np.any(low != high))
-            if open_ and i in numeric and not (v[0].exact and v[1].exact and own.local == 0):
-                assumptions.append(f"{kernel.name}: v{i} = {n.op}")
-            values.append(Span(low, high, np.zeros(boxes), np.zeros(boxes)))
-            continue
-        if n.op in ("and", "or", "not"):
-            values.append(_logic(n.op, v))
-            continue
-        exponent = kernel.nodes[n.args[1]].value if n.op == "pow" else 0.0
-        result = _operation(n.op, v, n.op == "sq" or n.args[0] == n.args[-1], exponent)
-        if facts and i in facts:
-            low = np.maximum(result.low, facts[i][0])
-            # In a box that no value can be in, any value will do.
-            high = np.maximum(np.minimum(result.high, facts[i][1]), low)
-            result = Span(low, high, result.a, result.r)
-        result = Span(
-            result.low,
-            result.high,
-            result.a * (1 + own.relative) + own.local,
-            result.r * (1 + own.relative) + own.relative,
-        )
-        result = _relative(result)
-        if not np.all(np.isfinite(result.error)):
-            raise RangeError(f"{kernel.name}: value v{i} ({n.op}) has no finite error")
-        values.append(result)
+        node = _Node(lowered, i, facts.get(i), i in numeric)
+        v = [_operand(values, k) for k in n.args]
+        value, assumption = known.result(i, (node.key, *v), partial(node.result, v))
+        values.append(value)
+        if assumption:
+            assumptions.append(assumption)
     results = [
         [
             Span(values[i].low, values[i].high, values[i].a + c, values[i].r)
@@ -366,9 +401,65 @@ def analyse(
     return results, tuple(assumptions), values
 
 
-def _operand(values: list[Span], k: int, own: Value, position: int) -> Span:
+def _operand(values: list[Span], k: int) -> Span:
     if k == ZERO:
         raise RangeError("a select's missing arm is no operand")
-    stored = own.constants.get(position, 0.0)
-    v = values[k]
-    return Span(v.low, v.high, v.a + stored, v.r) if stored else v
+    return values[k]
+
+
+@dataclass(frozen=True)
+class _Node:
+    # A node of a lowered kernel that is computed: the fact known of it, whether a number needs it.
+    lowered: LoweredKernel
+    i: int
+    fact: tuple[Array, Array] | None
+    numeric: bool
+
+    @property
+    def own(self) -> Value:
+        found = self.lowered.values[self.i]
+        assert found is not None
+        return found
+
+    @property
+    def key(self) -> Hashable:
+        # All of the lowering that the result depends on; operands and facts aside.
+        own, n = self.own, self.lowered.kernel.nodes[self.i]
+        sides = [self.lowered.values[k] for k in n.args] if n.op in COMPARES else []
+        ranges = [x and (x.expr.low, x.expr.high, x.fraction) for x in sides]
+        stored = tuple(own.constants.items())
+        return own.local, own.relative, stored, self.numeric, *ranges
+
+    def result(self, given: list[Span]) -> tuple[Span, str]:
+        """Its Span, and the assumption that the comparison is."""
+        kernel, i, own = self.lowered.kernel, self.i, self.own
+        n = kernel.nodes[i]
+        stored = [own.constants.get(position, 0.0) for position in range(len(given))]
+        v = [
+            Span(x.low, x.high, x.a + c, x.r) if c else x
+            for x, c in zip(given, stored, strict=True)
+        ]
+        zero = np.zeros_like(v[0].low)
+        if n.op in COMPARES:
+            owners = self.lowered.values[n.args[0]], self.lowered.values[n.args[1]]
+            low, high = _decide(n.op, v[0], v[1], owners)
+            sure = v[0].exact and v[1].exact and own.local == 0
+            open_ = self.numeric and not sure and bool(np.any(low != high))
+            said = f"{kernel.name}: v{i} = {n.op}" if open_ else ""
+            return Span(low, high, zero, zero), said
+        if n.op in ("and", "or", "not"):
+            return _logic(n.op, v), ""
+        exponent = kernel.nodes[n.args[1]].value if n.op == "pow" else 0.0
+        result = _operation(n.op, v, n.op == "sq" or n.args[0] == n.args[-1], exponent)
+        low, high = result.low, result.high
+        if self.fact is not None:
+            low = np.maximum(low, self.fact[0])
+            # In a box that no value can be in, any value will do.
+            high = np.maximum(np.minimum(high, self.fact[1]), low)
+        more = 1 + own.relative
+        result = _relative(
+            Span(low, high, result.a * more + own.local, result.r * more + own.relative)
+        )
+        if not np.all(np.isfinite(result.error)):
+            raise RangeError(f"{kernel.name}: value v{i} ({n.op}) has no finite error")
+        return result, ""

@@ -20,7 +20,7 @@ from esea_gen.emit.error_bounds import (
     linear_bound,
     pieces,
 )
-from esea_gen.emit.fixed.bound import Array, Span, analyse, numeric_nodes, span
+from esea_gen.emit.fixed.bound import Array, Known, Span, analyse, numeric_nodes, span
 from esea_gen.emit.fixed.plan import BlockPlan, coefficients_raw
 from esea_gen.emit.ranges import Analysis, RangeError
 from esea_gen.emit.ranges import RangeValue as FloatValue
@@ -54,6 +54,7 @@ class Propagation:
     input_errors: largest error of an input; 0 for those not named.
     room: share of each range that inputs and states may lie beyond it: the guard's own comparisons
         then stay undecided, and what follows an invalid input or a corrupt state counts as well.
+    known: of other plans of the same Planner, with the same ranges and room.
     """
 
     def __init__(
@@ -62,31 +63,39 @@ class Propagation:
         ranges: Mapping[str, tuple[float, float]],
         input_errors: Mapping[str, float],
         room: float = 0.0,
+        known: Known | None = None,
     ) -> None:
-        self.plan, self.block = plan, plan.block
+        self.plan, self.block, self.known = plan, plan.block, known or Known()
         self.limits = limits_of(self.block, ranges)
-        self.boxes, self.facts = self._boxes(
-            {k: (a - room * (b - a), b + room * (b - a)) for k, (a, b) in self.limits.items()}
-        )
+        if self.known.setting is None:
+            self.known.setting = self._setting(room)
+        self.boxes, self.facts, self.coefficients = self.known.setting
         self.count = len(self.boxes)
         node = {name: i for i, (name, _) in plan.labels.items()}
         self.solved = {node[k]: (s, node[s.residual]) for k, s in self.block.solved.items()}
-        self.coefficients = [
-            [
-                _point(float(x), abs(r * f.lsb - float(x)), self.count)
-                for x, r in zip(exact, raw, strict=True)
-            ]
-            for exact, raw, f in zip(
-                _exact_coefficients(self.block),
-                coefficients_raw(plan),
-                plan.fields["coeffs"],
-                strict=True,
-            )
-        ]
         self.inputs = [
             [self._held(f"u_{p.name}", input_errors.get(p.name, 0.0))] * p.size
             for p in self.block.inputs
         ]
+
+    def _setting(self, room: float) -> tuple[Any, Any, list[list[Span]]]:
+        # Boxes, facts in them, and coefficients: no plan of a Planner has others.
+        boxes, facts = self._boxes(
+            {k: (a - room * (b - a), b + room * (b - a)) for k, (a, b) in self.limits.items()}
+        )
+        coefficients = [
+            [
+                _point(float(x), abs(r * f.lsb - float(x)), len(boxes))
+                for x, r in zip(exact, raw, strict=True)
+            ]
+            for exact, raw, f in zip(
+                _exact_coefficients(self.block),
+                coefficients_raw(self.plan),
+                self.plan.fields["coeffs"],
+                strict=True,
+            )
+        ]
+        return boxes, facts, coefficients
 
     def _boxes(
         self, limits: Mapping[str, tuple[float, float]]
@@ -113,7 +122,10 @@ class Propagation:
         return [[0.0] * p.size for p in self.block.state]
 
     def _held(self, name: str, error: float) -> Span:
-        low, high = (np.array([box[name][end] for box in self.boxes]) for end in (0, 1))
+        if name not in self.known.ends:
+            low, high = (np.array([box[name][end] for box in self.boxes]) for end in (0, 1))
+            self.known.ends[name] = low, high
+        low, high = self.known.ends[name]
         return Span(low, high, np.full(self.count, error), np.zeros(self.count), True)
 
     def once(self, errors: Errors) -> Analysis:
@@ -148,6 +160,7 @@ class Propagation:
                 self.facts,
                 self.count,
                 solved,
+                self.known,
             )
 
         if not self.solved:
@@ -199,6 +212,7 @@ def block_bound(
     plan: BlockPlan,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     input_errors: Mapping[str, float] | None = None,
+    known: Known | None = None,
 ) -> Bound:
     """Worst-case error of a Block in q31 against exact arithmetic, for any number of steps.
 
@@ -206,7 +220,7 @@ def block_bound(
         instead of their ports'.
     """
     block = plan.block
-    step = Propagation(plan, ranges or {}, input_errors or {})
+    step = Propagation(plan, ranges or {}, input_errors or {}, known=known)
     method, extra = "fixed point", tuple[str, ...]()
     solved = fixed_point(step.once, step.state_errors, step.zero)
     idle = solved is not None and any(
@@ -229,7 +243,11 @@ def block_bound(
     )
 
 
-def step_bound(plan: BlockPlan, ranges: Mapping[str, tuple[float, float]] | None = None) -> Bound:
+def step_bound(
+    plan: BlockPlan,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+    known: Known | None = None,
+) -> Bound:
     """Worst-case error that one step adds, from the same memory.
 
     For a Block that :func:`block_bound` refuses: an integral, or a limit on the rate of change,
@@ -238,7 +256,7 @@ def step_bound(plan: BlockPlan, ranges: Mapping[str, tuple[float, float]] | None
     return: with ``steps`` 1: of the outputs, and of the states after the step. It holds for corrupt
         states and invalid inputs too.
     """
-    step = Propagation(plan, ranges or {}, {}, BEYOND)
+    step = Propagation(plan, ranges or {}, {}, BEYOND, known)
     final = step.once(step.zero)
     states = step.state_errors(final)
     return Bound(
@@ -251,9 +269,13 @@ def step_bound(plan: BlockPlan, ranges: Mapping[str, tuple[float, float]] | None
     )
 
 
-def any_bound(plan: BlockPlan) -> Bound:
-    """The bound for all time where the Block forgets its errors, else the one for a step."""
+def any_bound(plan: BlockPlan, known: Mapping[float, Known] | None = None) -> Bound:
+    """The bound for all time where the Block forgets its errors, else the one for a step.
+
+    known: by the room of :class:`Propagation`, of other plans of the same Planner.
+    """
+    known = known or {}
     try:
-        return block_bound(plan)
+        return block_bound(plan, known=known.get(0.0))
     except RangeError:
-        return step_bound(plan)
+        return step_bound(plan, known=known.get(BEYOND))

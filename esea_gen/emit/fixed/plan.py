@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from esea_gen.emit.checks import coefficient_checks
+from esea_gen.emit.error_bounds import BEYOND
 from esea_gen.emit.fixed import expression as ex
+from esea_gen.emit.fixed.bound import Known
 from esea_gen.emit.fixed.lowering import Kept, lower, rewrite
 from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
 from esea_gen.emit.local_names import meanings
@@ -188,13 +190,17 @@ def _fields(ports: Iterable[Any], switches: Mapping[str, bool]) -> tuple[FieldPl
 
 
 class Planner:
-    """Makes plans of one Block with different sets of wide values."""
+    """Makes plans of one Block with different sets of wide values.
+
+    known: what analyses of its plans found, by the room of a Propagation.
+    """
 
     def __init__(self, block: Block) -> None:
         self.block = block
         fused, facts, labels = _labelled(block)
         self.kernel, self.facts, self.labels = _rewritten(fused, facts, labels)
         self.kept = Kept()
+        self.known = {room: Known() for room in (0.0, BEYOND)}
         self.others = meanings(block, "step", self.kernel, self.labels, stem)
         count = len(block.state)
         switches = {p.name: _is_switch(p, self.kernel, k) for k, p in enumerate(block.state)}
@@ -287,10 +293,11 @@ def lowered_values(
 ) -> dict[int, ex.Array]:
     """Raw number of every value of a lowered kernel that its results need."""
     values = defined(lowered, places, count)
+    there = values.keys()
     return {
         i: ex.evaluate(v.expr, values, count)
         for i, v in enumerate(lowered.values)
-        if v is not None and ex.names(v.expr) <= set(values)
+        if v is not None and ex.names(v.expr) <= there
     }
 
 

@@ -72,7 +72,7 @@ def _try(planner: Planner, wide: Mapping[int, str]) -> _Tried | None:
             raise
         return None
     try:
-        bound = any_bound(plan)
+        bound = any_bound(plan, planner.known)
     except RangeError:
         return _Tried(plan, math.inf, {}, False)
     forgets = math.isinf(bound.steps)
@@ -87,7 +87,8 @@ def _still_bounded(
     # Whether state errors that are a bound already stay one: a single step tells.
     try:
         plan = planner.plan(wide, wide)
-        step = Propagation(plan, {}, {}, 0.0 if forgets else BEYOND)
+        room = 0.0 if forgets else BEYOND
+        step = Propagation(plan, {}, {}, room, planner.known[room])
         result = step.once(errors)
     except (LoweringError, RangeError):
         return None
@@ -121,7 +122,7 @@ def _narrowed(planner: Planner, plan: BlockPlan, ceiling: float) -> BlockPlan:
         fewer = {k: r for k, r in plan.why_wide.items() if k != i}
         try:
             tried = planner.plan(fewer, fewer)
-            step = Propagation(tried, {}, {})
+            step = Propagation(tried, {}, {}, known=planner.known[0.0])
             own = [x for row in step.state_errors(step.once(step.zero)) for x in row]
             total = [
                 sum(o * m[k] for o, m in zip(own, memory, strict=True)) for k in range(len(own))
