@@ -48,6 +48,7 @@ class Dask:
         home = self.folder / f"home-{len(self.processes)}"
         home.mkdir()
         quiet = {"HOME": str(home), "XDG_CACHE_HOME": str(home / "cache"), "PYTHONPATH": PATHS}
+        quiet |= {"DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False"}
         with (home / "log").open("w") as log:
             process = subprocess.Popen(
                 [sys.executable, "-m", "dask", kind, "--no-dashboard", *map(str, arguments)],
@@ -98,10 +99,10 @@ class Dask:
 
 
 def copied(folder: Path) -> None:
-    unused = shutil.ignore_patterns("__pycache__")
+    # With what Python has compiled of it: a file of the same size and time is the same.
     for name in ("esea_gen", "templates", "tests/campaign_cases.py", "tests/__init__.py"):
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, folder / name, ignore=unused)
+            shutil.copytree(ROOT / name, folder / name)
         else:
             (folder / name).parent.mkdir(exist_ok=True)
             shutil.copyfile(ROOT / name, folder / name)

@@ -171,6 +171,7 @@ def _load(device_name: str, text: str) -> Any:
     return load_module(device_name, text)
 
 
+@cache
 def load_dialect(device: Device) -> Any:
     """The Python module of a device's dialect."""
     name = f"esea_{device.name}"

@@ -10,6 +10,7 @@ import platform
 import sys
 import zipfile
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -71,13 +72,12 @@ class Identity:
         """What a recording must carry to be understood, and computed again, on its own."""
         device = self.device
         text, _ = read_file(device.origin if Path(device.origin).is_file() else device.name)
-        dialect = render_dialect(device).files
-        name = next(n for n in dialect if n.endswith(".xml"))
+        dialect, sources = _rendered(device, self.real)
         return {
             "facts.json": json.dumps(self.facts(), indent=1).encode(),
             "device.toml": text.encode(),
-            "dialect.xml": dialect[name].encode(),
-            "sources.zip": _zipped(render_device(device, [self.real])[0].files),
+            "dialect.xml": dialect,
+            "sources.zip": sources,
         }
 
 
@@ -86,6 +86,14 @@ def _version(package: str) -> str:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return "not installed"
+
+
+@lru_cache(maxsize=4)
+def _rendered(device: Device, real: str) -> tuple[bytes, bytes]:
+    # The same for every recording of a session.
+    dialect = render_dialect(device).files
+    name = next(n for n in dialect if n.endswith(".xml"))
+    return dialect[name].encode(), _zipped(render_device(device, [real])[0].files)
 
 
 def _zipped(files: Any) -> bytes:

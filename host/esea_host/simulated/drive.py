@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from esea_gen.device import Device, load_device
+from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.twin.people import random_person
 from esea_gen.twin.published import PEOPLE, Person
@@ -18,6 +18,7 @@ from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
 from esea_gen.twin.stepped import EMPTY, SteppedPlant
 from esea_gen.verify.sim import SimBoard
 from esea_host.connection.identity import SIMULATED_BOARDS
+from esea_host.recording.replay import loaded_device
 
 NOBODY, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (NOBODY, *PERSON_NAMES)
@@ -55,7 +56,7 @@ class SimulatedBoard:
         seed: int = 0,
         board: str = "sim",
     ) -> None:
-        self.device = load_device(device) if isinstance(device, str) else device
+        self.device = loaded_device(device) if isinstance(device, str) else device
         if not self.device.laws:
             raise UserError(
                 f"{self.device.name} has no drive: there is nothing to simulate.",

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from scipy.signal import welch
+import scipy  # its parts are read on first use
 
 from esea_host.windows.history import Floats, Stretch
 from esea_host.windows.plots import Shown, ShownSignal, dress
@@ -26,7 +26,7 @@ def amplitudes(stretch: Stretch, values: Floats) -> tuple[Floats, Floats]:
     if len(y) < LEAST_ROWS or not np.isfinite(y).all():
         return np.zeros(0), np.zeros(0)
     fs_Hz = (len(y) - 1) / (time_s[-1] - time_s[0])
-    f_Hz, power = welch(y, fs_Hz, "hann", min(len(y), MOST_ROWS), scaling="spectrum")
+    f_Hz, power = scipy.signal.welch(y, fs_Hz, "hann", min(len(y), MOST_ROWS), scaling="spectrum")
     return f_Hz[1:], np.sqrt(2 * power[1:])
 
 
