@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device, load_device
-from esea_gen.devices.file import shipped_devices
+from esea_gen.devices.file import read_file, shipped_devices
 from esea_gen.emit.build import format_hash
 from esea_gen.errors import UserError
 from esea_gen.hostlib import HostLibrary, compile_device
@@ -126,9 +126,13 @@ def device_of(log: Log) -> Device:
     return device
 
 
-@lru_cache(maxsize=4)
 def loaded_device(name: str) -> Device:
-    """A device by name or file, loaded once."""
+    """A device by name or file, loaded once for as long as its text is the same."""
+    return _loaded(name, read_file(name)[0])
+
+
+@lru_cache(maxsize=4)
+def _loaded(name: str, text: str) -> Device:
     return load_device(name)
 
 
