@@ -10,6 +10,7 @@ from esea_gen.control.redundancy import redundancy
 from esea_gen.control.reference import reference
 from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.control.sliding_mode import sliding_mode
+from esea_gen.device import parse_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.model.elastomer import torque_sensor
@@ -130,3 +131,34 @@ def test_a_flag_tells_of_every_clip_of_a_state(drive, name):
     silent = clipped & (word & bits == 0)
     assert not silent.any(), (int(silent.sum()), int(clipped.sum()))
     assert (clips > 0) == bool(telling)
+
+
+# 1.01 times its speed is no float32 number: the next one inside is smaller.
+ODD = """
+schema = 1
+extends = "elbow_drive"
+name = "odd"
+title = "a speed that no format holds exactly"
+[actuator]
+gear_ratio = { value = 50.0, status = "assumed", source = "typed" }
+encoder_bits = { value = 12, status = "assumed", source = "typed" }
+omega_max_rad_s = { value = 2.0, status = "assumed", source = "typed" }
+[safety]
+omega_max_rad_s = { value = 1.7, status = "assumed", source = "typed" }
+"""
+
+
+@pytest.mark.filterwarnings("ignore:.*designed for")
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_shaft_at_its_fastest_does_not_start_its_encoder_afresh(way):
+    """Clipped a hair beyond its port the rate would count as a corrupt state in the next step."""
+    block = gear_encoder(parse_device(ODD, "odd.toml"))
+    # 2 rad/s at the joint are 65.2 counts in a period, and a count at either end is allowed.
+    fastest = way * 67 * np.arange(200)
+    out, _ = block.simulator().run({"count": fastest % 4096.0, "frame_error": np.zeros(200)})
+    bit = [f.name for f in block.status_port.flags].index("STATE_REPAIRED")
+    assert not (out["status"].astype(int) >> bit & 1).any()
+    assert (out["gear_usable"][1:] == 1).all()
+    np.testing.assert_allclose(
+        out["theta_gear_rad"], fastest * 2 * np.pi / (4096 * 50), rtol=1e-12, atol=1e-12
+    )

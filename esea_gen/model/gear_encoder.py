@@ -15,7 +15,7 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Flag, Port, around, clip, flag_word
+from esea_gen.language.ports import Constant, Flag, Port, around, clip, flag_word, threshold
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX
 from esea_gen.model.symbolic import equation
@@ -88,6 +88,7 @@ class _GearEncoder:
         self.full = 1 << int(a.encoder_bits.value)
         self.counts_rad = self.full * a.gear_ratio.value / (2 * math.pi)
         self.omega_max = a.omega_max_rad_s.value
+        self.rate_lim = threshold(self.omega_max * 1.01)
         self.step_max = math.ceil(self.omega_max * self.h * self.counts_rad) + 1
         self.held_max = min(HELD_MAX, (self.full // 2 - 1) // self.step_max - 1)
         if self.held_max < 1:
@@ -146,9 +147,8 @@ class _GearEncoder:
             moved * share * (1 / (self.h * self.counts_rad)),
             "[rate] a frame that was bridged counts as moved evenly",
         )
-        # Of a frame that is farther away; a good one is within.
-        most = self.omega_max * 1.01
-        rate = clip(rate, -most, most)
+        # Of a frame that is farther away; a good one is within, but for two counts' worth.
+        rate = clip(rate, -self.rate_lim, self.rate_lim)
         rate = ca.if_else(good, rate, ca.if_else(fresh, 0.0, s.omega_rad_s))
         taken = ca.logic_or(good, fresh)
         kept = ca.logic_or(taken, ca.logic_and(started, ca.logic_not(late)))
@@ -195,7 +195,7 @@ class _GearEncoder:
             around("moved", self.moved_max, "counts turned since the start"),
             Port("held", 0, self.held_max, "bad frames in a row; stays at its end"),
             Port("started", 0.0, 1.0, "1 once there was a good frame"),
-            around("omega_rad_s", self.omega_max * 1.01, "rate of the last step"),
+            around("omega_rad_s", self.rate_lim, "rate of the last step"),
         )
 
     def outputs(self) -> tuple[Port, ...]:
@@ -205,7 +205,7 @@ class _GearEncoder:
                 self.moved_max / self.counts_rad * (1 + 1e-6),
                 "by what the drive has turned the joint since the start",
             ),
-            around("omega_gear_rad_s", self.omega_max * 1.01, "its rate, without a filter"),
+            around("omega_gear_rad_s", self.rate_lim, "its rate, without a filter"),
             Port("gear_usable", 0.0, 1.0, "1 when the angle goes on from the step before"),
             Port("status", 0, 63, "what is known of this sample", flags=_status()),
         )
