@@ -10,9 +10,10 @@ from esea_gen.control.redundancy import redundancy
 from esea_gen.control.reference import reference
 from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.control.sliding_mode import sliding_mode
-from esea_gen.device import parse_device
+from esea_gen.device import load_device, parse_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.walker import Kernel, walk
+from esea_gen.language.block import Block
 from esea_gen.model.elastomer import torque_sensor
 from esea_gen.model.filters import tracking_observer
 from esea_gen.model.gear_encoder import gear_encoder
@@ -162,3 +163,36 @@ def test_a_shaft_at_its_fastest_does_not_start_its_encoder_afresh(way):
     np.testing.assert_allclose(
         out["theta_gear_rad"], fastest * 2 * np.pi / (4096 * 50), rtol=1e-12, atol=1e-12
     )
+
+
+def last_ends(kernel, i):
+    """Numbers at which a value is cut before it is stored, whatever was chosen."""
+    n = kernel.nodes[i]
+    chosen = n.op == "add" and all(kernel.nodes[a].op == "if_else_zero" for a in n.args)
+    if n.op in ("if_else_zero", "select") or chosen:
+        return set().union(*(last_ends(kernel, a) for a in n.args[not chosen :]))
+    out = set()
+    for a in n.args if n.op in EXTREMES else ():
+        end = kernel.nodes[a]
+        inner = kernel.nodes[end.args[0]] if end.op == "neg" else end
+        if inner.op == "const":
+            out.add(inner.value if inner is end else -inner.value)
+        else:
+            out |= last_ends(kernel, a)
+    return out
+
+
+@pytest.mark.filterwarnings("ignore:.*designed for")
+@pytest.mark.parametrize("name", ["odd", "elbow_drive", "elbow_mpc", "knee", "wrist"])
+def test_no_state_is_clipped_a_hair_beyond_its_range(name):
+    device = parse_device(ODD, "odd.toml") if name == "odd" else load_device(name)
+    seen = 0
+    for block in (b for b in device.system.kinds if isinstance(b, Block)):
+        kernel = walk(block.step)
+        for p, nodes in zip(block.state, kernel.results, strict=False):
+            ends = set().union(*(last_ends(kernel, i) for i in nodes))
+            for meant in (p.low, p.high):
+                near = {x for x in ends if 0 < abs(x - meant) < 1e-3 * abs(meant) or x == meant}
+                assert all(p.low <= x <= p.high for x in near), (block.name, p.name, near)
+                seen += len(near)
+    assert seen >= 8
