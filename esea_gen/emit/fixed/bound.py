@@ -426,7 +426,7 @@ class _Node:
         # All of the lowering that the result depends on; operands and facts aside.
         own, n = self.own, self.lowered.kernel.nodes[self.i]
         sides = [self.lowered.values[k] for k in n.args] if n.op in COMPARES else []
-        ranges = [x and (x.expr.low, x.expr.high, x.fraction) for x in sides]
+        ranges = [x and (x.low, x.high) for x in sides]
         stored = tuple(own.constants.items())
         return own.local, own.relative, stored, self.numeric, *ranges
 
