@@ -13,7 +13,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from esea_gen.emit.fixed import functions
+from esea_gen.hostlib.codec import Field, to_raw
 from esea_gen.hostlib.compiler import CFLAGS, compile_sources
+from esea_gen.language.ports import Port
 
 from .conftest import require_tool
 
@@ -90,6 +92,17 @@ def test_single_precision_to_raw_numbers_and_back(lib, x, n):
     raw = nearest if abs(scaled) < 2**31 - 1 else -(2**31)
     assert lib.t_from_float(x, n) == raw == lib.t_from(x, n)
     assert lib.t_to_float(raw, n) == float(np.float32(raw / 2**n))
+
+
+@given(st.floats(), st.integers(-4, 31))
+@example(0.5, 0)
+@example(-0.5, 0)
+@example(2147483647.0, 0)
+@example(-2147483646.5, 0)
+@example(math.nan, 3)
+def test_a_number_by_itself_becomes_the_raw_one_that_it_is_in_a_column(x, n):
+    field = Field("x", "x", Port("x", -1, 1, "any"), n)
+    assert field.encode(x) == to_raw([x], n)[0]
 
 
 def floor_shift(value: int, shift: int) -> int:
