@@ -18,6 +18,7 @@ from esea_gen.emit.formats import DEFAULT_FORMATS, FORMATS
 from esea_gen.emit.render import Renderer, content_hash, versions
 from esea_gen.emit.walker import UnsupportedOperationError
 from esea_gen.errors import UserError, choose
+from esea_gen.language.system import System
 
 MANIFEST = "manifest.json"
 # Formats beside the default ones that a shipped device is built in, and its output compared in.
@@ -40,7 +41,6 @@ class Bundle:
     files: dict[str, str]
 
 
-@cache
 def device_hash(device: Device, real: str = "") -> str:
     """Content hash of a device: device file, emitted text and versions.
 
@@ -57,9 +57,13 @@ def device_hash(device: Device, real: str = "") -> str:
         16 hexadecimal digits.
     """
     formats = dict.fromkeys([*DEFAULT_FORMATS, real] if real else DEFAULT_FORMATS)
-    return content_hash(
-        device.system, device.digest, device.title, [FORMATS[name] for name in formats]
-    )
+    return _hash_once(device.system, device.digest, device.title, tuple(formats))
+
+
+@cache
+def _hash_once(system: System, digest: str, title: str, formats: tuple[str, ...]) -> str:
+    # The text is printed for it, and devices of equal content have one System.
+    return content_hash(system, digest, title, [FORMATS[name] for name in formats])
 
 
 def format_hash(device: Device, real: str) -> str:

@@ -53,16 +53,13 @@ def compile_sources(
     if target.is_file():
         return target
     with tempfile.TemporaryDirectory() as scratch:
-        sources = []
         for name, text in files.items():
             path = Path(scratch) / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
-            if name.endswith(".c") and name != "main.c":
-                sources.append(str(path))
         built = Path(scratch) / "library.so"
         done = subprocess.run(
-            [*command, f"-I{scratch}", *sorted(sources), "-o", str(built), *link],
+            [*command, f"-I{scratch}", *_units(files, Path(scratch)), "-o", str(built), *link],
             capture_output=True,
             text=True,
             check=False,
@@ -73,6 +70,24 @@ def compile_sources(
             raise RuntimeError(f"the generated C does not compile:\n{done.stderr}")
         write_whole(target, built.read_bytes())  # a second process sees all of it or none
     return target
+
+
+def _units(files: Mapping[str, str], folder: Path) -> list[str]:
+    """Paths of what is compiled at once: the files of a System together, any other alone.
+
+    To read a drive's header once for each of its Blocks takes as long as to compile them.  With
+    ``-fPIC`` each function stays whole, since another may take its place: none is merged.
+    """
+    units: dict[str, list[str]] = {}
+    for name in sorted(files):
+        if name.endswith(".c") and name != "main.c":
+            own = re.search(r'^#include "(\S+_real)\.h"', files[name], re.MULTILINE)
+            units.setdefault(f"{own[1]}.unit.c" if own else name, []).append(name)
+    for unit, names in units.items():
+        if unit not in files:
+            text = "".join(f'#include "{name}"\n' for name in names)
+            (folder / unit).write_text(text, encoding="utf-8")
+    return [str(folder / unit) for unit in units]
 
 
 @lru_cache(maxsize=16)

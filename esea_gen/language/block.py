@@ -22,9 +22,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
-from esea_gen.language.component import Component, Executor
+from esea_gen.language.component import Component, Executor, in_a_row
 from esea_gen.language.ports import Constant, Equation, Port, Tunable, port_ok, symbols_of
 from esea_gen.language.start import PrepareFn, check_ports, collect, start_functions
 from esea_gen.language.stream import OwnStreams
@@ -306,16 +305,15 @@ class Simulator(Executor):
 
     def __init__(self, block: Block, tunables: Mapping[str, float] | None = None) -> None:
         super().__init__(block, tunables)
-        self._next = [np.zeros(p.size) for p in block.state]
+        self._next, following = in_a_row(block.state)
         self._buffer, self._evaluate = block.step.buffer()
         buffer: Any = self._buffer
         for i, a in enumerate([*self._c.values(), *self._s.values(), *self._u.values()]):
             buffer.set_arg(i, memoryview(a))  # type: ignore[arg-type]
-        for i, r in enumerate([*self._next, *self._y.values()]):
+        for i, r in enumerate([*following.values(), *self._y.values()]):
             buffer.set_res(i, memoryview(r))  # type: ignore[arg-type]
         self.reset()
 
     def _advance(self) -> None:
         self._evaluate()
-        for s, n in zip(self._s.values(), self._next, strict=True):
-            s[:] = n
+        self._state[:] = self._next

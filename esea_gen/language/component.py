@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
@@ -139,9 +139,9 @@ class Executor(ABC):
             p.name: np.asarray(c, dtype=float).ravel()
             for p, c in zip(component.coefficients, prepared, strict=True)
         }
-        self._s = {p.name: np.zeros(p.size) for p in component.state}
-        self._u = {p.name: np.zeros(p.size) for p in component.inputs}
-        self._y = {p.name: np.zeros(p.size) for p in component.outputs}
+        self._state, self._s = in_a_row(component.state)
+        self._inputs, self._u = in_a_row(component.inputs)
+        self._outputs, self._y = in_a_row(component.outputs)
 
     @abstractmethod
     def _advance(self) -> None:
@@ -223,19 +223,29 @@ class Executor(ABC):
         """
         columns = {n: np.asarray(inputs[n], dtype=float) for n in self._u}
         steps = len(next(iter(columns.values())))
-        rows = [(self._u[n], c.reshape(steps, -1)) for n, c in columns.items()]
-        outputs = {n: np.empty((steps, len(v))) for n, v in self._y.items()}
-        states = {n: np.empty((steps, len(v))) for n, v in self._s.items()}
+        rows = np.column_stack([c.reshape(steps, -1) for c in columns.values()])
+        outputs = np.empty((steps, len(self._outputs)))
+        states = np.empty((steps, len(self._state)))
         for k in range(steps):
-            for given, column in rows:
-                given[:] = column[k]
+            self._inputs[:] = rows[k]
             self._advance()
-            for name, value in self._y.items():
-                outputs[name][k] = value
-            for name, value in self._s.items():
-                states[name][k] = value
+            outputs[k] = self._outputs
+            states[k] = self._state
+        return _columns(outputs, self._y), _columns(states, self._s)
 
-        def squeezed(found: dict[str, Array]) -> dict[str, Array]:
-            return {n: a[:, 0] if a.shape[1] == 1 else a for n, a in found.items()}
 
-        return squeezed(outputs), squeezed(states)
+def in_a_row(ports: Sequence[Port]) -> tuple[Array, dict[str, Array]]:
+    """An array for all ports, so that a step moves all at once, and each port's part of it."""
+    ends = np.cumsum([p.size for p in ports], dtype=int).tolist()
+    whole = np.zeros(ends[-1] if ends else 0)
+    return whole, {p.name: whole[e - p.size : e] for p, e in zip(ports, ends, strict=True)}
+
+
+def _columns(table: Array, ports: Mapping[str, Array]) -> dict[str, Array]:
+    """A table's columns by port: (steps,) for scalars, (steps, size) for vectors."""
+    found, first = {}, 0
+    for name, part in ports.items():
+        last = first + len(part)
+        found[name] = table[:, first if len(part) == 1 else slice(first, last)].copy()
+        first = last
+    return found
