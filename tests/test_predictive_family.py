@@ -21,6 +21,7 @@ from esea_gen.studies.simulation import ClosedLoopStudy, simulate_case
 from tests.conftest import require_tool
 from tests.test_family_device import EVERY, drive
 from tests.test_predictive import Plain, check_linearisation
+from tests.test_wiring import name_of
 
 LINEAR, CUBIC = Rise("power", 1), Rise("power", 3)
 # The seismic bearing of docs/identify.md, weights rounded.
@@ -126,7 +127,7 @@ def test_the_prediction_of_a_known_motion_is_what_the_sensor_says(devices, name,
     assert mine == pytest.approx(sensed, abs=1e-12)
 
 
-@pytest.mark.parametrize(("name", "most_Nm"), [("every", 0.002), ("bearing", 0.03)])
+@pytest.mark.parametrize(("name", "most_Nm"), [("every", 0.0005), ("bearing", 0.003)])
 def test_substeps_of_5_ms_cost_little(devices, name, most_Nm):
     """Against the sensor at its own 1 kHz, between 5 ms straight."""
     worst = [np.abs(np.subtract(*both(devices[name], 0.005, 0.001, k))).max() for k in range(3)]
@@ -178,6 +179,17 @@ def test_sensitivities_and_command_against_the_sensor_as_plant(devices, name, se
     horizon = Horizon(intervals=4, substeps=2, delay_s=0.002)
     smooth = check_linearisation(devices[name], horizon, seed, plain=FamilyPlain)
     assert np.mean(smooth) > 0.8
+
+
+def test_a_sensitivity_that_is_left_out_is_seen(devices, monkeypatch):
+    """Of the torque by the deflection of the substep before: by what slips and relaxes."""
+
+    def blind(self, t, name, d):
+        return t.keep(name, d, {d: lambda _: float(name == "within")})
+
+    monkeypatch.setattr(FamilyAhead, "_within", blind)
+    with pytest.raises(AssertionError):
+        check_linearisation(devices["every"], Horizon(2, substeps=2), 1, plain=FamilyPlain)
 
 
 @pytest.mark.parametrize("name", ["every", "bearing"])
@@ -240,7 +252,7 @@ def test_what_the_sensor_remembers_is_wired(devices):
     memory = {"reached": 1, "band": 1, "kept": 2, "slip": 5}
     assert inputs.items() >= memory.items()
     assert not inputs.keys() & {"play_rad", "tau_rate_Nm"}
-    wires = {str(a): str(b) for a, b in system.wires.items()}
+    wires = {name_of(a): name_of(b) for a, b in system.wires.items()}
     for name in ("tau_Nm", *memory):
         assert wires[f"predictive.{name}"] == f"sensor.{name}"
 

@@ -49,7 +49,7 @@ def drive_model(
     Parameters
     ----------
     device : DeviceData
-        A device with a drive; with or without rate terms and dead zone.
+        A device with a drive, and either torque model (:mod:`esea_gen.control.rubber_ahead`).
     horizon : Horizon
         Grid of the prediction.
     preview : bool
@@ -83,7 +83,8 @@ def drive_model(
     friction by a linearly implicit midpoint step; drift; stop operators, Maxwell element (the
     sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
     with the new torque.  With the cable the drift is the gear's, and the motor side goes where the
-    torques of cable and elastomer balance.  The sign of Kp and Kd is that of a stiffness; (5.24)
+    torques of cable and elastomer balance.  A member of the family has its own step in place of
+    stop operators, Maxwell element and spring.  The sign of Kp and Kd is that of a stiffness; (5.24)
     prints the other one.
     """
     plant = _Drive(device, impedance, person, train)
