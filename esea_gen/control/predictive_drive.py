@@ -84,8 +84,8 @@ def drive_model(
     sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
     with the new torque.  With the cable the drift is the gear's, and the motor side goes where the
     torques of cable and elastomer balance.  A member of the family has its own step in place of
-    stop operators, Maxwell element and spring.  The sign of Kp and Kd is that of a stiffness; (5.24)
-    prints the other one.
+    stop operators, Maxwell element and spring.  The sign of Kp and Kd is that of a stiffness;
+    (5.24) prints the other one.
     """
     plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights)

@@ -31,7 +31,7 @@ SMOOTH_RAD_S = 1e-4
 SMOOTH_RAD = 1e-4
 
 
-class Rubber(Protocol):
+class RubberAhead(Protocol):
     """What predictive control asks of a torque model.
 
     states: its memory in the rollout, beside the stop operators.
@@ -71,7 +71,7 @@ class Rubber(Protocol):
         ...
 
 
-def rubber_ahead(device: DeviceData) -> Rubber:
+def rubber_ahead(device: DeviceData) -> RubberAhead:
     """The rubber of a device, whichever torque model it has."""
     return PublishedAhead(device) if device.file.family is None else FamilyAhead(device)
 
