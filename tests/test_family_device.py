@@ -158,11 +158,6 @@ def drive(rig: Device, base: str = "elbow_drive", more: str = "") -> str:
 
 
 def test_what_is_made_for_the_published_model_refuses(rig):
-    for text in (drive(rig, "elbow_mpc"), drive(rig, more='controller = "mpc"')):
-        said = refused(text)
-        assert "[predictive] with [family]" in said
-        assert "dead zone" in said
-        assert "take [sliding_mode]" in said
     published = drive(rig) + '\n[inverse]\nkind = "published"\n'
     assert "inverse.kind = 'published' with [family]" in refused(published)
     with pytest.raises(UserError, match="made for the published model"):

@@ -11,6 +11,7 @@ import pytest
 from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.roles import board_roles
+from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.twin.recorded import record_drive
@@ -306,5 +307,5 @@ def test_an_image_whose_stack_may_not_do_is_refused(elbow_drive, tmp_path):
     body = r"(void esea_elbow_drive_control_step\([^{]*\{)"
     big = r"\1 volatile char big[6000]; big[0] = 1; big[5999] = big[0];"
     files["esea_elbow_drive.c"] = re.sub(body, big, files["esea_elbow_drive.c"], count=1)
-    with pytest.raises(RuntimeError, match="the stack may need"):
+    with pytest.raises(UserError, match="the stack may need"):
         build_firmware(elbow_drive, BOARD, tmp_path, files)

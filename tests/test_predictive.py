@@ -14,7 +14,8 @@ from scipy.optimize import lsq_linear
 from esea_gen.control.box_qp import packed
 from esea_gen.control.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive import FLAGS, predictive_program
-from esea_gen.control.predictive_drive import SMOOTH_RAD, SMOOTH_RAD_S, predictive_controller
+from esea_gen.control.predictive_drive import predictive_controller
+from esea_gen.control.rubber_ahead import SMOOTH_RAD, SMOOTH_RAD_S
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.program_render import render_program
 from esea_gen.errors import UserError
@@ -43,6 +44,10 @@ class Plain:
         self.a, self.e = f.actuator, e
         self.load = free / f.joint.Jh_kgm2.value
         self.fade = f.disturbance.decay_s.value
+        if e is not None:
+            self.numbers(e)
+
+    def numbers(self, e):
         count = int(e.stops.value)
         self.radius = [e.omega_rad.value * (i + 1) for i in range(count)]
         self.weight = [
@@ -58,26 +63,26 @@ class Plain:
         zone = device.file.elastomer.dead_zone_rad
         return float(np.sign(delta) * max(abs(delta) - (zone.value if zone else 0.0), 0.0))
 
-    def torque(self, delta, tau_r, stops):
-        d = self.beyond(delta)
-        hysteresis = sum(w * s for w, s in zip(self.weight, stops, strict=True))
-        return self.e.k3_Nm_rad3.value * d**3 + self.e.k1_Nm_rad.value * d + tau_r + hysteresis
+    @classmethod
+    def drawn(cls, rng, device, delta: float) -> dict:
+        """What the sensor tells of the rubber."""
+        return {"play_rad": cls.outside(device, delta) - nested(rng, device)}
 
-    def advance(self, s: dict, u, tau_h, d4, h: float) -> dict:
-        a, m = self.a, self.e.maxwell
-        inertia = a.J_kgm2.value
-        keep = math.exp(-h / a.tau_c_s.value)
-        mean = u + (s["u_a"] - u) * (1 - keep) * a.tau_c_s.value / h
-        tau = self.torque(s["delta"], s["tau_r"], s["stops"])
-        om = s["om"] + h / 2 * ((a.gear_ratio.value * mean - tau) / inertia + d4)
-        ol = s["ol"] + h / 2 * self.load * (tau + tau_h)
-        sig = ca.tanh(om / a.coulomb_width_rad_s.value)
-        drag = (a.fv_Nms_rad.value * om + a.fc_Nm.value * sig) / inertia
-        stiff = (
-            a.fv_Nms_rad.value + a.fc_Nm.value / a.coulomb_width_rad_s.value * (1 - sig**2)
-        ) / inertia
-        om_2 = om - h * drag / (1 + h / 2 * stiff)
-        delta = s["delta"] + h * ((om + om_2) / 2 - ol)
+    def torque(self, s: dict):
+        d = self.beyond(s["delta"])
+        hysteresis = sum(w * x for w, x in zip(self.weight, s["stops"], strict=True))
+        return self.e.k3_Nm_rad3.value * d**3 + self.e.k1_Nm_rad.value * d + s["tau_r"] + hysteresis
+
+    def first(self, given: dict) -> dict:
+        """The rubber's memory at the measurement."""
+        return {
+            "tau_r": given.get("tau_rate_Nm", 0.0),
+            "stops": [self.beyond(given["delta_rad"]) - x for x in given["play_rad"]],
+        }
+
+    def remember(self, s: dict, delta, h: float) -> dict:
+        """And after a step to a deflection."""
+        m = self.e.maxwell
         change = self.beyond(delta) - self.beyond(s["delta"])
         stops = [
             ca.fmax(ca.fmin(x + change, r), -r)
@@ -94,15 +99,31 @@ class Plain:
             tau_r = (tau_r + m.kv_Nm_rad.value * change * (1 + x / 2 + x**2 / 6)) / (
                 1 + x + x**2 / 2 + x**3 / 6
             )
-        tau = self.torque(delta, tau_r, stops)
+        return {"delta": delta, "tau_r": tau_r, "stops": stops}
+
+    def advance(self, s: dict, u, tau_h, d4, h: float) -> dict:
+        a = self.a
+        inertia = a.J_kgm2.value
+        keep = math.exp(-h / a.tau_c_s.value)
+        mean = u + (s["u_a"] - u) * (1 - keep) * a.tau_c_s.value / h
+        tau = self.torque(s)
+        om = s["om"] + h / 2 * ((a.gear_ratio.value * mean - tau) / inertia + d4)
+        ol = s["ol"] + h / 2 * self.load * (tau + tau_h)
+        sig = ca.tanh(om / a.coulomb_width_rad_s.value)
+        drag = (a.fv_Nms_rad.value * om + a.fc_Nm.value * sig) / inertia
+        stiff = (
+            a.fv_Nms_rad.value + a.fc_Nm.value / a.coulomb_width_rad_s.value * (1 - sig**2)
+        ) / inertia
+        om_2 = om - h * drag / (1 + h / 2 * stiff)
+        delta = s["delta"] + h * ((om + om_2) / 2 - ol)
+        memory = self.remember(s, delta, h)
+        tau = self.torque(memory)
         return {
-            "delta": delta,
+            **memory,
             "om": om_2 + h / 2 * ((a.gear_ratio.value * mean - tau) / inertia + d4),
             "ol": ol + h / 2 * self.load * (tau + tau_h),
             "tl": s["tl"] + h * ol,
             "u_a": u + keep * (s["u_a"] - u),
-            "tau_r": tau_r,
-            "stops": stops,
         }
 
     def residuals(self, given: dict, z) -> list:
@@ -117,8 +138,7 @@ class Plain:
             "ol": given["omega_l_rad_s"],
             "tl": given.get("theta_l_rad", 0.0),
             "u_a": given["u_a_Nm"],
-            "tau_r": given.get("tau_rate_Nm", 0.0),
-            "stops": [self.beyond(given["delta_rad"]) - x for x in given["play_rad"]],
+            **self.first(given),
         }
 
         def human(t: float) -> float:
@@ -143,7 +163,7 @@ class Plain:
                 middle = hz.delay_s + (k + 0.5) * hz.interval_s
                 s = self.advance(s, u, human(middle), d4, hz.interval_s / hz.substeps)
             wanted = np.broadcast_to(given["tau_d_Nm"], hz.intervals)[k]
-            e = self.torque(s["delta"], s["tau_r"], s["stops"]) - wanted
+            e = self.torque(s) - wanted
             if self.law:
                 path = np.broadcast_to(given["theta_d_rad"], hz.intervals)[k]
                 rate = np.broadcast_to(given["omega_d_rad_s"], hz.intervals)[k]
@@ -180,7 +200,7 @@ def nested(rng, device) -> np.ndarray:
     return np.array(state)
 
 
-def situation(rng, device, program) -> dict:
+def situation(rng, device, program, plain=Plain) -> dict:
     delta = rng.uniform(-0.2, 0.2)
     calm = 10 ** rng.uniform(-2, 0)
     given = {
@@ -190,7 +210,7 @@ def situation(rng, device, program) -> dict:
         "u_a_Nm": rng.uniform(-0.1, 0.1),
         "u_in_force_Nm": rng.uniform(-0.2, 0.2),
         "tau_rate_Nm": rng.normal() * 0.3,
-        "play_rad": Plain.outside(device, delta) - nested(rng, device),
+        **plain.drawn(rng, device, delta),
         "d4_rad_s2": rng.normal() * 0.5,
         "tau_h_Nm": rng.normal() * 2 * calm,
         "tau_h_rate_Nm_s": rng.normal() * 5 * calm,
@@ -226,6 +246,7 @@ def check_linearisation(
     preview=False,
     law=(),
     person="extended_state",
+    plain=Plain,
 ):
     """Rows of the Jacobian, Hessian and command against :class:`Plain`."""
     rng = np.random.default_rng(seed)
@@ -233,15 +254,15 @@ def check_linearisation(
         device, horizon=horizon, preview=preview, impedance=bool(law), person=person
     )
     executor = program.simulator({"Q": q, "R": r})
-    plain = Plain(device, horizon, q, r, **dict(law))
-    given = situation(rng, device, program)
+    second = plain(device, horizon, q, r, **dict(law))
+    given = situation(rng, device, program, plain)
     if law:
         given |= {"Kp_Nm_rad": law["Kp"], "Kd_Nms_rad": law["Kd"]}
     plan = rng.uniform(-0.5, 0.5, horizon.intervals)
     executor.state = {"plan": plan}
     out = executor.step(**given)
     start = warm(plan, min(1.0, program.period_s / horizon.interval_s))
-    value, jacobian, difference = plain.problem(given, start)
+    value, jacobian, difference = second.problem(given, start)
     n = horizon.intervals
     mine = np.zeros((2 * n, n))
     for block, name in ((0, "error_0"), (n, "effort_0")):

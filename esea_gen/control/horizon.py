@@ -179,7 +179,8 @@ class Model:
     """A plant, its cost, and the ports that feed them.
 
     states: states that are rolled out, beside the stop operators.
-    start: ``start(inputs, tau_memory) -> states``: state at the measurement from guarded inputs.
+    start: ``start(inputs, tau_memory) -> states``: state at the measurement from guarded inputs
+        but play and references; one with several elements is a column.
     substep: ``substep(tape, h, x, u, p, w) -> next states``: one step of length h with input u,
         parameters p (of :attr:`parameters`) and forecasts w.
     error: ``error(x, p, r) -> expressions``: what is to be 0 at the end of every interval, weights

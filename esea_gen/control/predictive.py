@@ -255,8 +255,11 @@ class _Writer:
     def _start(self) -> None:
         m, b = self.m, self.b
         g = self.guarded
-        names = [p.name for p in m.inputs if p.size == 1]
-        values = [g[n][0] for n in names]
+        # What is wanted does not tell where the plant is; play states have their own way in.
+        apart = {m.play, *(source for source, _ in m.references.values())}
+        told = [p for p in m.inputs if p.size == 1 or p.name not in apart]
+        names = [p.name for p in told]
+        values = [g[p.name][0] if p.size == 1 else g[p.name][:] for p in told]
         if self.stops is not None:
             assert m.deflection is not None
             at = m.deflection

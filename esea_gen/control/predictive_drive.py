@@ -10,23 +10,18 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.control.cable_model import CableModel
-from esea_gen.control.horizon import Horizon, Model, Stops, Tape
+from esea_gen.control.horizon import Horizon, Model, Tape
 from esea_gen.control.predictive import predictive_program
+from esea_gen.control.rubber_ahead import rubber_ahead
 from esea_gen.devices.fields import field_facts
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Constant, Port, Tunable, around, clip
 from esea_gen.language.program import Program
-from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid
-from esea_gen.model.symbolic import equation, to_casadi
+from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
-
-# |x|^n becomes (x^2 + eps^2)^(n/2): the derivative of |x|^0.77 is infinite at 0.  At this rate the
-# term is a twentieth of eps2, and at this angle a millionth of eps1.
-SMOOTH_RAD_S = 1e-4
-SMOOTH_RAD = 1e-4
 
 Q_BEST, R_BEST = 500.0, 1.0
 # R counts as this share of Q at least.
@@ -54,7 +49,7 @@ def drive_model(
     Parameters
     ----------
     device : DeviceData
-        A device with a drive; with or without rate terms and dead zone.
+        A device with a drive, and either torque model (:mod:`esea_gen.control.rubber_ahead`).
     horizon : Horizon
         Grid of the prediction.
     preview : bool
@@ -88,8 +83,9 @@ def drive_model(
     friction by a linearly implicit midpoint step; drift; stop operators, Maxwell element (the
     sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
     with the new torque.  With the cable the drift is the gear's, and the motor side goes where the
-    torques of cable and elastomer balance.  The sign of Kp and Kd is that of a stiffness; (5.24)
-    prints the other one.
+    torques of cable and elastomer balance.  A member of the family has its own step in place of
+    stop operators, Maxwell element and spring.  The sign of Kp and Kd is that of a stiffness;
+    (5.24) prints the other one.
     """
     plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights)
@@ -110,9 +106,7 @@ def drive_model(
         forecasts={"tau_h": plant.human},
         shape=plant.reach,
         parameters=("d4_rad_s2", *(c.name for c in coefficients), *gains, *gap),
-        stops=plant.stops,
-        play="play_rad",
-        deflection=lambda u: plant.beyond(u.delta_rad),
+        **plant.rubber.stop_operators,
         constants=plant.constants(),
         tunables=tunables,
         coefficients=coefficients,
@@ -135,15 +129,7 @@ class _Drive:
         self.fv, self.fc = a.fv_Nms_rad.value, a.fc_Nm.value
         self.width = a.coulomb_width_rad_s.value
         self.tau_c, self.u_max = a.tau_c_s.value, drive.u_Nm
-        e = device.elastomer
-        numbers = {c.name: c.value for c in device.constants("elastomer")}
-        r, shares = stop_grid(numbers, int(e.stops.value))
-        self.stops = Stops(tuple(map(float, r)), tuple(float(w) for w in shares))
-        self.dead = numbers.get("dead_zone_rad", 0.0)
-        self.k1, self.k3 = numbers["k1_Nm_rad"], numbers["k3_Nm_rad3"]
-        self.maxwell = (
-            {c.name: c.value for c in device.constants("elastomer.maxwell")} if e.maxwell else None
-        )
+        self.rubber = rubber_ahead(device)
         self.cable: CableModel | None = None
         if train == "cable":
             if self.published:
@@ -152,35 +138,24 @@ class _Drive:
                     'own encoder, person = "parabola" filtered differences, as published.',
                     'Write person = "extended_state" or drive = "rigid".',
                 )
-            # Half of the Maxwell element's spring: its dashpot gives way within a substep or not.
-            give = 0.5 * self.maxwell["kv_Nm_rad"] if self.maxwell else 0.0
-            self.cable = CableModel(device, self.k1 + sum(self.stops.p) + give)
+            self.cable = CableModel(device, self.rubber.soft_Nm_rad)
 
     def constants(self) -> tuple[Constant, ...]:
         """Of the device file."""
-        sections = ("actuator", "joint", "elastomer")
         return (
-            *(c for section in sections for c in self.device.constants(section)),
+            *(c for section in ("actuator", "joint") for c in self.device.constants(section)),
+            *self.rubber.constants(),
             *(self.cable.constants(self.device) if self.cable else ()),
-            Constant("smooth_rad_s", SMOOTH_RAD_S, "differentiable viscosity", "assumed"),
+            *self.rubber.choices,
         )
 
-    def beyond(self, delta: Any) -> Any:
-        """(8.7/8.8): the deflection beyond the dead zone."""
-        return to_casadi(BEYOND, {THETA: delta, DEAD_ZONE: self.dead}) if self.dead else delta
-
-    def spring(self, d: Any) -> Any:
-        """(3.2)."""
-        return d * (self.k1 + self.k3 * d * d)
-
     def states(self) -> tuple[str, ...]:
-        angle, rate = ("theta_l",) * self.impedance, ("tau_r",) * (self.maxwell is not None)
-        turned = ("turned",) * (self.cable is not None)
-        return (*angle, "delta", *turned, "omega_m", "omega_l", "u_a", *rate, "tau_e")
+        angle, turned = ("theta_l",) * self.impedance, ("turned",) * (self.cable is not None)
+        moving = ("omega_m", "omega_l", "u_a")
+        return (*angle, "delta", *turned, *moving, *self.rubber.states, "tau_e")
 
     def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
         """State at the measurement."""
-        tau_r = u.tau_rate_Nm if self.maxwell else 0.0
         angle = {"theta_l": u.theta_l_rad} if self.impedance else {}
         if self.cable:
             omega_m = u.omega_gear_rad_s
@@ -192,8 +167,7 @@ class _Drive:
             "omega_m": omega_m,
             "omega_l": u.omega_l_rad_s,
             "u_a": u.u_a_Nm,
-            **({"tau_r": tau_r} if self.maxwell else {}),
-            "tau_e": self.spring(self.beyond(u.delta_rad)) + tau_r + tau_memory,
+            **self.rubber.start(u, tau_memory),
         }
 
     def substep(
@@ -218,21 +192,15 @@ class _Drive:
         else:
             moved = t.let("moved", moved)
             delta = t.let("delta_next", x.delta + moved)
-        stretch = t.let("stretch", self.beyond(delta)) if self.dead else delta
-        tau_memory = t.memory(stretch)
-        if self.cable:
-            moved = t.keep("followed", delta - x.delta)
-        tau_r = self.rate_torque(t, h, x, stretch, moved) if self.maxwell else 0.0
-        tau_e = t.let("tau_e_next", self.spring(stretch) + tau_r + tau_memory)
+        rubber = self.rubber.step(t, h, x, delta, None if self.cable else moved)
         angle = {"theta_l": x.theta_l + h * load_1} if self.impedance else {}
         return angle | {
             "delta": delta,
             **turned,
-            "omega_m": omega_2 + push - half / self.inertia * tau_e,
-            "omega_l": load_1 + pull * (tau_e + w.tau_h),
+            "omega_m": omega_2 + push - half / self.inertia * rubber["tau_e"],
+            "omega_l": load_1 + pull * (rubber["tau_e"] + w.tau_h),
             "u_a": u + keep * (x.u_a - u),
-            **({"tau_r": tau_r} if self.maxwell else {}),
-            "tau_e": tau_e,
+            **rubber,
         }
 
     def friction(self, t: Tape, h: float, omega_1: Any, tau_e: Any) -> Any:
@@ -259,32 +227,6 @@ class _Drive:
             )
         lost = t.keep("lost", loss * (self.fv * omega_1 + coulomb * sig) * eased, slopes)
         return t.let("omega_2", omega_1 - lost)
-
-    def rate_torque(self, t: Tape, h: float, x: SimpleNamespace, stretch: Any, moved: Any) -> Any:
-        """(3.3, 3.4): the Maxwell element as the sensor has it, viscosity at mid-step."""
-        m = self.maxwell
-        assert m is not None
-        last = self.beyond(x.delta) if self.dead else x.delta
-        change = t.keep("change", stretch - last) if self.dead else moved
-        rate = change * (1 / h)
-        middle = t.keep("middle", last + 0.5 * change)
-        by_angle = t.power("by_angle", middle**2 + SMOOTH_RAD**2, m["m"] / 2)
-        by_rate = t.power("by_rate", rate**2 + SMOOTH_RAD_S**2, m["n"] / 2)
-        gain = m["A_Nms_rad"] * by_angle + m["eps1_Nms_rad"]
-        drag = m["B"] * by_rate + m["eps2"]
-        ratio = t.keep("ratio", h * m["kv_Nm_rad"] * drag / gain)
-        series = t.keep("series", 1 + ratio * (0.5 + ratio * (1 / 6)))
-        decay = t.keep("decay", 1 / (1 + ratio * series))
-        share = t.keep("share", m["kv_Nm_rad"] * series * decay)
-
-        def relaxed_by(_: Any) -> Any:
-            by_series = 0.5 + ratio * (1 / 3)
-            gained = m["kv_Nm_rad"] * change * (by_series - series * series)
-            return decay * decay * (gained - x.tau_r * (series + ratio * by_series))
-
-        slopes = {x.tau_r: lambda _: decay, change: lambda _: share, ratio: relaxed_by}
-        relaxed = t.keep("relaxed", x.tau_r * decay + change * share, slopes)
-        return t.let("tau_r_next", relaxed)
 
     def error(self, x: SimpleNamespace, p: SimpleNamespace, ref: SimpleNamespace) -> list[Any]:
         """(5.24), or the torque's error."""
@@ -355,8 +297,6 @@ class _Drive:
     def measured(self) -> tuple[Port, ...]:
         """Ports of what is measured and estimated."""
         drive, turn, u_max = self.drive, self.drive.theta_high_rad, self.u_max
-        memory_range = 2 * drive.delta_rad
-        tau_rate = around("tau_rate_Nm", drive.tau_Nm, "sensor: Maxwell element's torque")
         return (
             around("delta_rad", drive.delta_rad, "deflection"),
             *(self.cable.ports() if self.cable else ()),
@@ -373,14 +313,7 @@ class _Drive:
             around("omega_l_rad_s", drive.omega_rad_s, "load side's rate"),
             around("u_a_Nm", u_max, "motor torque now, at the shaft", equation="(5.1)"),
             around("u_in_force_Nm", u_max, "command until the new one takes effect"),
-            *((tau_rate,) if self.maxwell else ()),
-            around(
-                "play_rad",
-                memory_range,
-                "sensor: play states of the stop operators",
-                len(self.stops.r),
-                "(3.5-3.7)",
-            ),
+            *self.rubber.ports(),
             around("d4_rad_s2", drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
             around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
             around("tau_h_rate_Nm_s", 1e4, "its rate"),

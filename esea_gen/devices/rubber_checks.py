@@ -10,15 +10,6 @@ from esea_gen.errors import UserError
 
 # By kind of a term: the key that it needs, and no other of these.
 OWN_KEY = {"maxwell": "times_s", "stop": "threshold", "slip": "path"}
-# What is made for the published model alone, and what to do instead.
-PUBLISHED_ONLY = {
-    "predictive": (
-        "predictive control predicts with the published model's spring, stops, Maxwell element "
-        "and dead zone, and does not know a member of the family yet",
-        "Leave [predictive] out and take [sliding_mode], whose inverse is the member's own; or "
-        "give [elastomer].",
-    ),
-}
 
 
 def check_rubber(file: DeviceFile) -> Iterator[UserError]:
@@ -60,9 +51,6 @@ def _check_published(file: DeviceFile) -> Iterator[UserError]:
 def _check_family(file: DeviceFile) -> Iterator[UserError]:
     family = file.family
     assert family is not None
-    for section, (why, fix) in PUBLISHED_ONLY.items():
-        if getattr(file, section) is not None or section in file.laws:
-            yield UserError(f"[{section}] with [family]: {why}.", fix)
     for i, term in enumerate(family.terms):
         yield from _check_term(f"family.terms[{i}]", term)
     if not any(_keeps_rising(t) for t in family.terms):

@@ -92,9 +92,13 @@ def torque_limit(device: DeviceData, fitted: FittedMember) -> float:
 
 
 def family_step(
-    device: DeviceData, fitted: FittedMember, start: Start, derived: bool = False
+    device: DeviceData,
+    fitted: FittedMember,
+    start: Start,
+    derived: bool = False,
+    period_s: float | None = None,
 ) -> FamilyStep:
-    """The step of a fitted member: the one place where sensor and inverse have it from.
+    """The step of a fitted member: where sensor, inverse and prediction have it from.
 
     Parameters
     ----------
@@ -106,6 +110,8 @@ def family_step(
         As in :func:`family_sensor`.
     derived : bool
         Whether its derivative will be taken.
+    period_s : float, optional
+        Length of the step; the device's when not given.
 
     Returns
     -------
@@ -116,7 +122,7 @@ def family_step(
         merged_elements(fitted),
         scale_rad=fitted.scale_rad,
         theta_lim=threshold(device.file.limits.theta_rad.value),
-        period_s=device.period_s,
+        period_s=device.period_s if period_s is None else period_s,
         start=start,
         derived=derived,
     )
@@ -174,7 +180,7 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
         "sensor",
         f"Elastomer torque sensor: {fitted.member.title}",
         period_s=device.period_s,
-        constants=_constants(device, fitted),
+        constants=family_constants(device, fitted),
         state=steps.state(),
         inputs=_inputs(theta_lim, omega_lim),
         outputs=_outputs(tau_lim, full_scale),
@@ -183,7 +189,8 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
     )
 
 
-def _constants(device: DeviceData, fitted: FittedMember) -> tuple[Constant, ...]:
+def family_constants(device: DeviceData, fitted: FittedMember) -> tuple[Constant, ...]:
+    """A member's numbers, as Block constants: of the device file where it holds them."""
     family = device.file.family
     if family is None:  # fitted, and not yet in a file
         scale = Constant("scale_rad", fitted.scale_rad, "largest trained deflection", "identified")
@@ -252,6 +259,7 @@ def _equations() -> tuple[Any, ...]:
 
 
 __all__ = [
+    "family_constants",
     "family_sensor",
     "family_step",
     "torque_limit",

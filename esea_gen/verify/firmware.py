@@ -186,9 +186,10 @@ def build_firmware(
             bounds = stack_by_priority(graph, fast, slow, chosen.processor.fpu)
         stack_bytes = sections.get(".stack", 0)
         if bare and sum(bounds.values()) > stack_bytes:
-            raise RuntimeError(
-                f"the stack may need {sum(bounds.values())} bytes ({bounds}), "
-                f"the image has {stack_bytes}"
+            raise UserError(
+                f"{device.origin} on {board}: the stack may need {sum(bounds.values())} bytes "
+                f"({bounds}), the image has {stack_bytes}.",
+                "Ask for less in one task; with a [family] take a member of fewer terms.",
             )
         target = _place(built, out)
     return FirmwareImage(

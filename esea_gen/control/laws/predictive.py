@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from esea_gen.control.ahead import ahead
 from esea_gen.control.horizon import Horizon
 from esea_gen.control.law import Base, Law, Parts
@@ -13,10 +15,13 @@ from esea_gen.control.predictive_drive import (
     Person,
     predictive_controller,
 )
+from esea_gen.control.rubber_ahead import rubber_ahead
 from esea_gen.control.shown import shown_reference, with_state_as_output
 from esea_gen.control.trend import trend
 from esea_gen.devices.file import DeviceData
+from esea_gen.language.block import Block
 from esea_gen.language.component import Component
+from esea_gen.language.ports import Port
 from esea_gen.observe import drive_of
 from esea_gen.observe.cable import cable_observer
 from esea_gen.observe.disturbance import drive_observer_by_gear
@@ -78,13 +83,7 @@ def _parts(base: Base) -> Parts:
     control: dict[str, Component] = {}
     sense: dict[str, Component] = {}
     after_limits: dict[str, Component] = {}
-    replaced: dict[str, Component] = {
-        "sensor": with_state_as_output(
-            base.blocks["sensor"],
-            "play_rad",
-            "play states of the stop operators, for predictive control",
-        )
-    }
+    replaced: dict[str, Component] = {"sensor": _shown_sensor(base, rubber_ahead(device).ports())}
     train = drive_train(device)
     if train == "cable":
         sense["cable"] = cable_observer(device)
@@ -115,6 +114,7 @@ def _parts(base: Base) -> Parts:
         names = ["tau_preview_Nm", *(["theta_preview_rad", "omega_preview_rad_s"] * one_layer)]
         inputs = {n: (f"ahead.{n}",) for n in names}
     sources = _sources(published, along, train)
+    sources["predictive"] |= {p.name: f"sensor.{p.name}" for p in rubber_ahead(device).ports()}
     return Parts(
         control=control,
         sense=sense,
@@ -131,6 +131,17 @@ def _parts(base: Base) -> Parts:
         outputs={"iterations": "predictive.iterations"},
         request_ok="ahead.request_ok" if along else "",
     )
+
+
+def _shown_sensor(base: Base, told: Sequence[Port]) -> Component:
+    # The sensor with the memory that the prediction starts from.
+    sensor: Block = base.blocks["sensor"]
+    given = {p.name for p in sensor.outputs}
+    for port in told:
+        if port.name not in given:
+            meaning = f"{port.meaning.removeprefix('sensor: ')}, for predictive control"
+            sensor = with_state_as_output(sensor, port.name, meaning)
+    return sensor
 
 
 def _sources(published: bool, along: bool, train: DriveTrain) -> dict[str, dict[str, str]]:
@@ -171,8 +182,6 @@ def _sources(published: bool, along: bool, train: DriveTrain) -> dict[str, dict[
             "omega_l_rad_s": omega_load,
             "u_a_Nm": "drive.u_a_Nm",
             "u_in_force_Nm": "limits.u_Nm",
-            "tau_rate_Nm": "sensor.tau_rate_Nm",
-            "play_rad": "sensor.play_rad",
             "d4_rad_s2": "drive_by_gear.d4_rad_s2" if train == "cable" else "drive.d4_rad_s2",
         }
         | tau_h
