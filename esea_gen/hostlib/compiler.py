@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import cffi
@@ -44,9 +44,8 @@ def compile_sources(
     return: the library; :class:`RuntimeError` with what the compiler said when it refuses them.
     """
     gcc = find_compiler(HOST_GCC.compiler, HOST_GCC.package)
-    version = subprocess.run([gcc, "--version"], capture_output=True, text=True, check=True).stdout
     command = [gcc, *CFLAGS, *flags, "-shared"]
-    key = hashlib.sha256("\0".join([version, *command, *link]).encode())
+    key = hashlib.sha256("\0".join([_version(gcc), *command, *link]).encode())
     for name in sorted(files):
         key.update(f"\0{name}\0{files[name]}".encode())
     target = cache_folder() / f"{key.hexdigest()[:32]}.so"
@@ -70,6 +69,13 @@ def compile_sources(
             raise RuntimeError(f"the generated C does not compile:\n{done.stderr}")
         write_whole(target, built.read_bytes())  # a second process sees all of it or none
     return target
+
+
+@cache
+def _version(compiler: str) -> str:
+    return subprocess.run(
+        [compiler, "--version"], capture_output=True, text=True, check=True
+    ).stdout
 
 
 def _units(files: Mapping[str, str], folder: Path) -> list[str]:
