@@ -208,6 +208,20 @@ def test_a_line_is_folded_at_blanks_only():
     assert max(map(len, paragraphs(text).splitlines())) <= 100
 
 
+def test_equal_devices_share_their_blocks_and_others_do_not():
+    one, again = load_device("elbow_drive"), load_device("elbow_drive")
+    assert again.system is one.system
+    assert again.sensor is one.sensor
+    # Another number, another file, other laws: each alone changes what is built or said.
+    text = one.toml()
+    other = parse_device(text.replace("k1_Nm_rad = { value = ", "k1_Nm_rad = { value = 1"), "x")
+    assert other.elastomer.k1_Nm_rad.value != one.elastomer.k1_Nm_rad.value
+    assert other.system is not one.system
+    assert parse_device(text, "elbow_drive.toml").system is one.system
+    assert parse_device(text, "my.toml").system is not one.system
+    assert load_device("elbow_drive", "mpc").system is not one.system
+
+
 def test_missing_keys_are_named():
     without = re.sub(r"\nk1_Nm_rad.*", "", ELBOW)
     assert "key elastomer.k1_Nm_rad is missing" in refuse(without)
