@@ -122,10 +122,13 @@ def test_exports_are_prefixed_and_nothing_is_writable(built, tmp_path):
         assert not [name for kind, name in re.findall(r" ([DBdbC]) (\w+)", text)]
 
 
-def test_same_bytes_every_time(elbow):
+def test_same_bytes_every_time(elbow, monkeypatch):
     import esea_gen
 
+    # Equal devices share their Blocks: these are made once more.
+    monkeypatch.setattr("esea_gen.device._FIRST", {})
     again = esea_gen.load_device("elbow")
+    assert again.system is not elbow.system
     one, other = render_device(elbow, ["f64", "f32"]), render_device(again, ["f64", "f32"])
     assert [b.files for b in one] == [b.files for b in other]
     alone = render_device(again, ["f32"])

@@ -23,8 +23,13 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / "esea-gen"
 
 
+def fresh(block):
+    """The Block without what was planned of it before: devices of equal content share theirs."""
+    return dataclasses.replace(block)
+
+
 def sensor():
-    return esea_gen.load_device("elbow").sensor
+    return fresh(esea_gen.load_device("elbow").sensor)
 
 
 def digest(block) -> str | None:
@@ -55,7 +60,7 @@ def test_a_kept_choice_gives_the_plan_that_the_search_found(folder, monkeypatch)
 @pytest.fixture(scope="module")
 def entry(tmp_path_factory):
     """A Block, and the name and text of what is kept of it."""
-    block = esea_gen.load_device("elbow").velocity
+    block = fresh(esea_gen.load_device("elbow").velocity)
     base = tmp_path_factory.mktemp("kept")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base))
@@ -70,7 +75,7 @@ def test_an_entry_that_is_none_is_searched_for_again(folder, entry, text):
     assert text != good
     folder.mkdir()
     (folder / name).write_text(text)
-    kept.plan_block(dataclasses.replace(block))
+    kept.plan_block(fresh(block))
     (path,) = folder.iterdir()
     assert path.read_text() == good
 

@@ -235,7 +235,20 @@ class Executor(ABC):
 
 
 def in_a_row(ports: Sequence[Port]) -> tuple[Array, dict[str, Array]]:
-    """An array for all ports, so that a step moves all at once, and each port's part of it."""
+    """An array for all ports, so that a step moves all at once, and each port's part of it.
+
+    Parameters
+    ----------
+    ports : sequence of Port
+        In their order in the array.
+
+    Returns
+    -------
+    whole : ndarray, shape (sum of sizes,)
+        Zeros.
+    parts : dict of str to ndarray
+        Views of it, by port.
+    """
     ends = np.cumsum([p.size for p in ports], dtype=int).tolist()
     whole = np.zeros(ends[-1] if ends else 0)
     return whole, {p.name: whole[e - p.size : e] for p, e in zip(ports, ends, strict=True)}
