@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, wraps
 from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
@@ -33,19 +33,19 @@ Made = TypeVar("Made")
 _FIRST: WeakValueDictionary[tuple[object, ...], Device] = WeakValueDictionary()
 
 
-def _made_once(make: Callable[[Device], Made]) -> cached_property[Made]:
+def _made_once(make: Callable[[Device], Made]) -> Callable[[Device], Made]:
     """What devices of equal content share: they are read again and again, and a System takes long.
 
     It is made by the first of them that is still alive.
     """
 
+    @wraps(make)
     def of(device: Device) -> Made:
         key = device.digest, device.origin, device.laws
         first = _FIRST.setdefault(key, device)
         return make(device) if first is device else getattr(first, make.__name__)
 
-    of.__doc__ = make.__doc__
-    return cached_property(of)
+    return of
 
 
 class Device(DeviceData):
@@ -75,16 +75,19 @@ class Device(DeviceData):
         self.controller = controller
         self.given = origin, controller  # as it was asked for: name or path, controller
 
+    @cached_property
     @_made_once
     def sensor(self) -> Block:
         """The torque sensor Block (spec section 3)."""
         return rubber_sensor(self)
 
+    @cached_property
     @_made_once
     def velocity(self) -> Block:
         """The velocity estimate Block."""
         return tracking_observer(self)
 
+    @cached_property
     @_made_once
     def inverse(self) -> Block:
         """The inverse that the section ``[inverse]`` asks for; exact where there is none."""
@@ -103,6 +106,7 @@ class Device(DeviceData):
         asked = self.file.laws or [n for n in reversed(LAW_SECTIONS) if getattr(self.file, n)][:1]
         return tuple(find_law(n) for n in asked)
 
+    @cached_property
     @_made_once
     def system(self) -> System:
         """All Blocks, wired into tasks: with a law torque control, else sensing."""

@@ -202,8 +202,8 @@ class FamilyAhead:
 
     def _step(self, h: float) -> FamilyStep:
         family = self.device.file.family
-        start = "virgin" if family is None else family.start
-        return family_step(self.device, self.fitted, start, derived=True, period_s=h)
+        assert family is not None
+        return family_step(self.device, self.fitted, family.start, derived=True, period_s=h)
 
     def constants(self) -> tuple[Constant, ...]:
         """Of the device file."""

@@ -45,7 +45,7 @@ def compile_sources(
     """
     gcc = find_compiler(HOST_GCC.compiler, HOST_GCC.package)
     command = [gcc, *CFLAGS, *flags, "-shared"]
-    key = hashlib.sha256("\0".join([_version(gcc), *command, *link]).encode())
+    key = hashlib.sha256("\0".join([compiler_version(gcc), *command, *link]).encode())
     for name in sorted(files):
         key.update(f"\0{name}\0{files[name]}".encode())
     target = cache_folder() / f"{key.hexdigest()[:32]}.so"
@@ -72,10 +72,10 @@ def compile_sources(
 
 
 @cache
-def _version(compiler: str) -> str:
-    return subprocess.run(
-        [compiler, "--version"], capture_output=True, text=True, check=True
-    ).stdout
+def compiler_version(compiler: str) -> str:
+    """First line of what a ``compiler`` says of its version; asked once a process."""
+    done = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()[0]
 
 
 def _units(files: Mapping[str, str], folder: Path) -> list[str]:

@@ -10,7 +10,6 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
-from esea_gen.hostlib import find_compiler
+from esea_gen.hostlib.compiler import compiler_version, find_compiler
 from esea_gen.targets import (
     APP_FLAGS,
     ARM_GCC,
@@ -121,12 +120,6 @@ def _sections(elf: Path, size: str) -> dict[str, int]:
     return {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
 
 
-@cache
-def _version(compiler: str) -> str:
-    done = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True)
-    return done.stdout.splitlines()[0]
-
-
 def build_firmware(
     device: Device,
     board: str,
@@ -204,7 +197,7 @@ def build_firmware(
         stack_bytes=stack_bytes,
         step_stack_bytes=step_stack,
         stack_bounds_bytes=bounds,
-        compiler=_version(gcc),
+        compiler=compiler_version(gcc),
     )
 
 
@@ -244,7 +237,7 @@ def compile_objects(
     return: objects beside the sources; each with its call graph where the flags ask for it.
     """
     gcc = find_compiler(*toolchain.gcc)
-    common = hashlib.sha256("\0".join([_version(gcc), *flags]).encode())
+    common = hashlib.sha256("\0".join([compiler_version(gcc), *flags]).encode())
     for header in sorted(folder.rglob("*.h")):
         common.update(f"\0{header.relative_to(folder)}\0".encode() + header.read_bytes())
     made = []

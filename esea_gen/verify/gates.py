@@ -20,7 +20,7 @@ from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError, nearest
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import compiler_version, find_compiler
 from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
 from esea_gen.verify.example import run_example
 from esea_gen.verify.firmware import DOUBLE_HELPER, double_arithmetic, symbols
@@ -228,7 +228,7 @@ def check_objects(
         device.name,
         real,
         target,
-        _output(gcc, "--version").splitlines()[0],
+        compiler_version(gcc),
         tuple(problems + stack_problems),
         used,
         _stack_limit(device, chosen),

@@ -83,7 +83,8 @@ def _parts(base: Base) -> Parts:
     control: dict[str, Component] = {}
     sense: dict[str, Component] = {}
     after_limits: dict[str, Component] = {}
-    replaced: dict[str, Component] = {"sensor": _shown_sensor(base, rubber_ahead(device).ports())}
+    told = rubber_ahead(device).ports()
+    replaced: dict[str, Component] = {"sensor": _shown_sensor(base, told)}
     train = drive_train(device)
     if train == "cable":
         sense["cable"] = cable_observer(device)
@@ -114,7 +115,7 @@ def _parts(base: Base) -> Parts:
         names = ["tau_preview_Nm", *(["theta_preview_rad", "omega_preview_rad_s"] * one_layer)]
         inputs = {n: (f"ahead.{n}",) for n in names}
     sources = _sources(published, along, train)
-    sources["predictive"] |= {p.name: f"sensor.{p.name}" for p in rubber_ahead(device).ports()}
+    sources["predictive"] |= {p.name: f"sensor.{p.name}" for p in told}
     return Parts(
         control=control,
         sense=sense,
