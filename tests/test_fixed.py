@@ -21,9 +21,7 @@ from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner, lowered_values, run_lowered
 from esea_gen.emit.fixed.table import (
     draw_headroom,
-    largest_contributions,
     range_rows,
-    range_table,
 )
 from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.errors import UserError
@@ -333,14 +331,11 @@ def test_a_wrong_comment_is_noticed(elbow, elbow_q31):
 def test_range_report_shows_every_value_and_why_it_is_wide(elbow):
     plan = plan_block(elbow.sensor)
     rows = {r.name: r for r in range_rows(plan)}
-    text = range_table(plan, block_bound(plan))
     for r in rows.values():
-        assert f"`{r.name}`" in text
         assert 0 <= r.headroom_bits < r.bits
         assert (r.bits == 64) == bool(r.why)
     assert rows["theta_rad"].high == pytest.approx(elbow.file.limits.theta_rad.value)
-    assert "tau_Nm" in text
-    assert len(largest_contributions(plan, 5)) == 5
+    assert "tau_Nm" in rows
     figure, axes = pyplot.subplots()
     draw_headroom(plan, axes)
     assert len(axes.patches) == 2 * len(range_rows(plan))

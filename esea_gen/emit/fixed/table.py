@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from esea_gen.emit.error_bounds import Bound
 from esea_gen.emit.fixed.plan import BlockPlan
 from esea_gen.emit.fixed.search import coarse_values
 
@@ -95,51 +94,6 @@ def _headroom(low: int, high: int, bits: int) -> float:
     return bits - 1 - math.log2(max(abs(low), abs(high), 1))
 
 
-def range_table(plan: BlockPlan, bound: Bound | None = None) -> str:
-    """The range report as Markdown."""
-    lines = [
-        f"### {plan.block.name}: ranges and formats",
-        "",
-        "| value | kind | range | bits | fraction bits | one unit | headroom, bits | why or cost |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for r in range_rows(plan):
-        lines.append(
-            f"| `{r.name}` | {r.kind} | {r.low:.4g} to {r.high:.4g} | {r.bits} | {r.fraction} | "
-            f"{r.unit:.2e} | {r.headroom_bits:.1f} | {r.why or r.note} |"
-        )
-    if bound is not None:
-        lines += [
-            "",
-            f"### {plan.block.name}: proven error for any number of steps ({bound.method})",
-            "",
-            "| port | largest error | of the port's range |",
-            "|---|---|---|",
-        ]
-        for p in plan.block.outputs:
-            if not p.flags:
-                e = bound.outputs[p.name]
-                share = e / max(abs(p.low), abs(p.high))
-                lines.append(f"| {p.name} | {e:.2e} {p.unit} | {100 * share:.2g} % |")
-        lines += [f"- taken as equal: {a}" for a in bound.assumptions]
-    return "\n".join(lines) + "\n"
-
-
-def largest_contributions(plan: BlockPlan, count: int = 10) -> list[tuple[str, float]]:
-    """Which values' own rounding the error of one step is made of, largest first.
-
-    return: name, and the rounding it adds itself, as a share of its range.
-    """
-    found = []
-    for s in plan.step.steps:
-        v = plan.step.values[s.node] if s.node >= 0 else None
-        if v is None or s.expr.bits in (1, -32):
-            continue
-        most = max(abs(float(v.low)), abs(float(v.high)), 1e-300)
-        found.append((s.name, v.local / most + v.relative))
-    return sorted(found, key=lambda x: -x[1])[:count]
-
-
 MOST_NAMES = 210
 COLOURS = {"input": "0.1", "state": "0.1", "output": "0.1", "coefficient": "0.1"}
 NARROW, WIDE, ROOM = "#3b6ea5", "#c8553d", "0.88"
@@ -169,7 +123,5 @@ __all__ = [
     "WIDE",
     "RangeRow",
     "draw_headroom",
-    "largest_contributions",
     "range_rows",
-    "range_table",
 ]
