@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
 from esea_gen.device import load_device
+from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
@@ -99,6 +100,25 @@ def test_a_fine_encoder_with_a_faster_observer(elbow_f64):
         error = sensor.run(seen, trace=False)[0]["tau_Nm"] - true
         errors.append(100 * float(np.sqrt(np.mean(error**2))) / FULL_NM)
     assert errors[1] < 0.05 < errors[0]
+
+
+def test_the_bandwidth_that_suits_an_encoder_keeps_the_aims(elbow, sweep):
+    """Sweep at 12 and 14 bits, reaches with a count of next to nothing."""
+    theta, load, true = sweep
+    for bits, aim in ((12, 0.4), (14, 0.1)):
+        library = compile_device(with_encoder(elbow, bits), "f64")
+        given = smoothed(library, read(theta, load, bits), suited_bandwidth_Hz(bits))
+        sensor = library.block("sensor")
+        sensor.reset()
+        assert of_full_scale(sensor.run(given, trace=False)[0]["tau_Nm"] - true) < aim
+    ends, lasting = np.array([0.1, -0.15, 0.05]), np.array([0.4, 0.5, 0.3])
+    fine = reaches(ends, lasting, H / FINE)
+    library = compile_device(with_encoder(elbow, 24), "f64")
+    given = smoothed(library, fine[::FINE], suited_bandwidth_Hz(24))
+    error = library.block("sensor").run(given, trace=False)[0]["tau_Nm"] - continuous(fine)[::FINE]
+    assert 100 * float(np.sqrt(np.mean(error**2))) / FULL_NM < 0.05
+    # By hand: five bits double it.
+    assert [suited_bandwidth_Hz(b) for b in (9, 14, 19, 24)] == [7.5, 15.0, 30.0, 60.0]
 
 
 def test_the_deflection_is_never_more_than_a_count_behind(elbow_f64):

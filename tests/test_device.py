@@ -175,6 +175,20 @@ def test_gains_of_another_rate_or_stiffness_are_told_of():
     assert "elbow_mpc's" in told(copied)["predictive"]
 
 
+def test_a_bandwidth_of_another_encoder_is_told_of():
+    """Where another one suits by half as much again; not of a drive, whose loop has a say."""
+    mine = MINE.replace("elbow_drive", "elbow") + "[encoder]\n"
+    for bits, suited in ((10, "8.6 Hz"), (12, ""), (16, ""), (18, "26 Hz"), (20, "34 Hz")):
+        entry = f'resolution_bits = {{ value = {bits}, status = "assumed", source = "mine" }}\n'
+        said = told(mine + entry)
+        assert set(said) == ({"velocity"} if suited else set())
+        if suited:
+            assert f"for {bits} bits {suited} suits" in said["velocity"]
+    assert told(own(encoder={"resolution_bits": 20})) == {}
+    own_choice = 'bandwidth_Hz = { value = 15.0, status = "assumed", source = "mine" }'
+    assert told(mine + entry + "[velocity]\n" + own_choice) == {}
+
+
 def test_the_shipped_devices_and_controllers_have_their_own_gains():
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -107,8 +107,11 @@ def test_ends_of_a_mappings_numbers_with_a_status():
     assert (DeviceTable(**WANTED).limit_factor, Cycles().hysteresis) == (1.5, 0.05)
     assert (Cycles().skip_first, Cycles().held_out_last, Cycles().block_tolerance) == (1, 1, 0.1)
     found = DeviceTable(**WANTED)
-    defaults = [getattr(found, n).value for n in QUANTITIES[DeviceTable]]
-    assert defaults == [10, 1000, 15, 14]
+    quantities = found.stops, found.sense_rate_Hz, found.bandwidth, found.resolution_bits
+    assert [q.value for q in quantities] == [10, 1000, 15, 14]
+    fine = {"resolution_bits": found.stops.model_copy(update={"value": 24})}
+    assert found.model_copy(update=fine).bandwidth.value == 60
+    assert found.model_copy(update=fine | {"bandwidth_Hz": found.stops}).bandwidth.value == 10
 
 
 def test_a_polish_starts_a_millionth_of_the_box_inside_either_end():

@@ -16,6 +16,7 @@ import numpy as np
 
 Document = Mapping[str, Any]
 NEAR = 0.1  # share by which what a gain was designed for may differ and nothing is said
+BANDWIDTH_NEAR = 1.5  # factor by which a bandwidth may differ from the suited one, likewise
 LOOP = (
     "timing.control_rate_Hz",
     "elastomer.k1_Nm_rad",
@@ -74,6 +75,44 @@ def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document]
         for (base, numbers), gains in told.items():
             said = _said(origin, device, (base, shipped[base]), group, gains, numbers)
             warnings.warn(said, stacklevel=2)
+
+
+def suited_bandwidth_Hz(bits: float) -> float:
+    """Bandwidth of the velocity estimate that suits an encoder of so many bits.
+
+    Parameters
+    ----------
+    bits : float
+        Counts a turn, as a power of two.
+
+    Returns
+    -------
+    float
+        15 Hz at 14 bits, twice as much for five bits more: near what errs least on sweeps and
+        reaches (``docs/sensor.md``); whole above 20 Hz, and 100 at most.
+    """
+    suited = min(15.0 * 2 ** ((bits - 14) / 5), 100.0)
+    return float(round(suited, 0 if suited > 20 else 1))
+
+
+def tell_of_bandwidth(origin: str, device: Document, shipped: Mapping[str, Document]) -> None:
+    """Warn of a velocity estimate's bandwidth that is a shipped device's, of another encoder.
+
+    Parameters are those of :func:`tell_of_gains`.
+    """
+    own = _entry(device, "velocity", "bandwidth_Hz")
+    if not any(_from(own, _entry(d, "velocity", "bandwidth_Hz")) for d in shipped.values()):
+        return
+    bits = _number(device, "encoder.resolution_bits")
+    suited = suited_bandwidth_Hz(bits)
+    if not 1 / BANDWIDTH_NEAR <= suited / own["value"] <= BANDWIDTH_NEAR:
+        warnings.warn(
+            f"{origin}: velocity: bandwidth_Hz = {own['value']:g} is a shipped device's, designed "
+            f"for encoders of 12 and 14 bits; for {bits:g} bits {suited:g} Hz suits (esea-gen "
+            "reproduce chain). Give what you choose in your file, with its source, and this is "
+            "not said again.",
+            stacklevel=2,
+        )
 
 
 def _entry(document: Document, section: str, key: str) -> Any:

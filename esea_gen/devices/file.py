@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.devices.checks import check_content
-from esea_gen.devices.designed import tell_of_gains
+from esea_gen.devices.designed import tell_of_bandwidth, tell_of_gains
 from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, DeviceFile, quantities_of
 from esea_gen.devices.numbers import Quantity, Section, Series
 from esea_gen.devices.rubber import Elastomer
@@ -153,7 +153,9 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
     file = checked(DeviceFile, document, origin, _fix, text)
     check_content(origin, text, file)
     if file.disturbance is not None:
-        tell_of_gains(origin, document, _shipped_drives())
+        tell_of_gains(origin, document, _shipped("disturbance"))
+    else:
+        tell_of_bandwidth(origin, document, _shipped("velocity"))
     return file
 
 
@@ -175,12 +177,12 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
 
 
 @cache
-def _shipped_drives() -> dict[str, dict[str, Any]]:
-    # Complete documents whose gains others may have taken over.
+def _shipped(section: str) -> dict[str, dict[str, Any]]:
+    # Complete documents with a section whose gains others may have taken over.
     found = {}
     for name, path in sorted((shipped_devices() | shipped_controllers()).items()):
         document = _resolved(read_text(path, "Check the file."), path.name)
-        if "disturbance" in document:
+        if section in document:
             found[name] = document
     return found
 

@@ -126,7 +126,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
             tau_Nm=factor(max(largest, 1e-2), 2 * MAX_TAU_NM, "the largest recorded |torque|"),
         ),
         timing=Timing(sense_rate_Hz=d.sense_rate_Hz),
-        velocity=Velocity(bandwidth_Hz=d.bandwidth_Hz),
+        velocity=Velocity(bandwidth_Hz=d.bandwidth),
         encoder=Encoder(resolution_bits=d.resolution_bits),
     )
     return Device(file, source.origin)

@@ -237,7 +237,7 @@ def _check_sampling(origin: str, mapping: Mapping) -> None:
         raise UserError(
             f"{origin}: sampling.min_step_s = {s.min_step_s:g} needs a time column.", "Take it out."
         )
-    rate, bandwidth = mapping.device.sense_rate_Hz.value, mapping.device.bandwidth_Hz.value
+    rate, bandwidth = mapping.device.sense_rate_Hz.value, mapping.device.bandwidth.value
     if s.fit_rate_Hz is not None and s.fit_rate_Hz > rate:
         raise UserError(
             f"{origin}: sampling.fit_rate_Hz = {s.fit_rate_Hz:g} Hz is above its limit, "

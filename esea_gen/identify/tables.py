@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.devices.numbers import Quantity
 
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
@@ -45,8 +46,8 @@ class DeviceTable(_Table):
     sense_rate_Hz: Quantity = _limits(
         50, 10000, "Rate of the sensing task.", default=_assumed(1000.0, "default of identify")
     )
-    bandwidth_Hz: Quantity = _limits(
-        2, 100, "Bandwidth of the velocity estimate.", default=_assumed(15.0, "default of identify")
+    bandwidth_Hz: Quantity | None = _limits(
+        2, 100, "Bandwidth of the velocity estimate; by the encoder if left out.", default=None
     )
     resolution_bits: Quantity = _limits(
         8, 24, "Encoder counts per turn.", default=_assumed(14, "default of identify")
@@ -54,6 +55,12 @@ class DeviceTable(_Table):
     limit_factor: float = Field(
         default=1.5, ge=1.0, le=10.0, description="Ports' physical ranges over the identified ones."
     )
+
+    @property
+    def bandwidth(self) -> Quantity:
+        """That of the velocity estimate, as given or as suits the encoder."""
+        suited = suited_bandwidth_Hz(self.resolution_bits.value)
+        return self.bandwidth_Hz or _assumed(suited, "default of identify")
 
 
 class Deflection(_Table):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from esea_gen.device import Device, load_device
+from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
 from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD, at_rate
@@ -68,22 +69,26 @@ def motions(most_rad: float, h: float) -> dict[str, Array]:
 
 @dataclass(frozen=True)
 class ChainRow:
-    """One deflection for the sensor and one bandwidth.
+    """One deflection for the sensor and one bandwidth; none: what suits each encoder.
 
     rms_pct: by encoder, then by motion: error of the torque, % of full scale.
     """
 
     deflection: str
-    bandwidth_Hz: float
+    bandwidth_Hz: float | None
     rms_pct: dict[str, dict[str, float]]
 
 
 @dataclass(frozen=True)
 class WholeChain:
-    """The table."""
+    """The table.
+
+    suited_Hz: bandwidth by encoder, of the rows without one.
+    """
 
     device: str
     rows: list[ChainRow]
+    suited_Hz: dict[str, float]
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content."""
@@ -99,11 +104,10 @@ class WholeChain:
         ]
         for r in self.rows:
             cells = (" / ".join(f"{x:.3f}" for x in v.values()) for v in r.rms_pct.values())
-            lines.append(
-                f"{r.deflection:12}{f'{r.bandwidth_Hz:g} Hz':>10}"
-                + "".join(f"{c:>24}" for c in cells)
-            )
-        return lines
+            at = f"{r.bandwidth_Hz:g} Hz" if r.bandwidth_Hz else "suited"
+            lines.append(f"{r.deflection:12}{at:>10}" + "".join(f"{c:>24}" for c in cells))
+        suited = ", ".join(f"{f:g} Hz for {e}" for e, f in self.suited_Hz.items())
+        return [*lines, f"suited: by the encoder's resolution, {suited}"]
 
     def figure(self) -> Figure:
         """RMS error of the sweep over the bandwidth."""
@@ -112,7 +116,7 @@ class WholeChain:
         figure = Figure(figsize=(7, 4.5), layout="constrained")
         axes = figure.subplots()
         for what, style in ((COUNTS, "o--"), (SMOOTHED, "o-")):
-            rows = [r for r in self.rows if r.deflection == what]
+            rows = [r for r in self.rows if r.deflection == what and r.bandwidth_Hz]
             for encoder in ENCODERS:
                 y = [next(iter(r.rms_pct[encoder].values())) for r in rows]
                 axes.loglog([r.bandwidth_Hz for r in rows], y, style, label=f"{encoder}, {what}")
@@ -138,8 +142,9 @@ class ChainStudy(Reproduction[WholeChain]):
         rows = [
             ChainRow(what, b, {e: {} for e in ENCODERS})
             for what in (COUNTS, SMOOTHED)
-            for b in BANDWIDTHS_HZ
+            for b in (*BANDWIDTHS_HZ, None)
         ]
+        suited = {e: suited_bandwidth_Hz(b) for e, b in ENCODERS.items()}
         fine = motions(device.file.domain.theta_max_rad.value, h / FINE)
         for name, dense in fine.items():
             say(name)
@@ -156,7 +161,7 @@ class ChainStudy(Reproduction[WholeChain]):
                 count = 2 * np.pi / 2**bits
                 seen = (np.round((load + theta) / count) - np.round(load / count)) * count
                 for row in rows:
-                    velocity.prepare({"bandwidth_Hz": row.bandwidth_Hz})
+                    velocity.prepare({"bandwidth_Hz": row.bandwidth_Hz or suited[encoder]})
                     velocity.reset()
                     sensor.reset()
                     rates, _ = velocity.run({"theta_rad": seen}, trace=False)
@@ -168,4 +173,4 @@ class ChainStudy(Reproduction[WholeChain]):
                     error = sensor.run(inputs, trace=False)[0]["tau_Nm"] - true
                     rms = float(np.sqrt(np.mean(error[kept] ** 2)))
                     row.rms_pct[encoder][name] = 100 * rms / full
-        return WholeChain(device.name, rows)
+        return WholeChain(device.name, rows, suited)
