@@ -9,7 +9,7 @@ STAMP := .venv/.stamp
 # test compiles the package anew, and each worker every assertion, a quarter of the whole.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test search docs bench test-slow test-slow-sample proof style setup clean
+.PHONY: run test search docs bench test-ci test-slow proof style setup clean
 
 run: setup
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
@@ -40,12 +40,12 @@ docs: setup
 bench: setup
 	@$(BIN)/python -m esea_gen.bench --json bench.json
 
+# What takes longer than a change should wait for, and a fixed sample of the slow tests: CI runs it.
+test-ci: setup
+	@$(BIN)/python -m pytest -n 2 --dist loadfile -m ci
+
 test-slow: setup
 	@$(BIN)/python -m pytest -m slow
-
-# Of the slow tests a fixed sample of a minute or two, for CI.
-test-slow-sample: setup
-	@$(BIN)/python -m pytest -n 2 -m slow_sample
 
 # Frama-C, Gappa and z3 on the emitted C; its set-up installs them too.
 proof: export ESEA_PROOF = 1

@@ -150,7 +150,9 @@ class _Copy:
         self.env = os.environ | fixed | {"PYTHONDONTWRITEBYTECODE": "1"}
         # Bytecode of the sound sources; a fault must not meet that of another one.
         compile_dir(self.root / PACKAGE, quiet=2)
-        self.select = ["-k", f"not {COMMITTED_TEST}"] if independent else []
+        self.select = ["-m", "not slow"]
+        if independent:
+            self.select += ["-k", f"not {COMMITTED_TEST}"]
         self.broken: set[str] = set()
         self.sound: set[str] = set()
         self.entered = Entered(self.root, (entered or folder / "entered").absolute())
