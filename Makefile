@@ -42,7 +42,7 @@ bench: setup
 
 # What takes longer than a change should wait for, and a fixed sample of the slow tests: CI runs it.
 test-ci: setup
-	@$(BIN)/python -m pytest -n 2 --dist loadfile -m ci
+	@$(BIN)/python -m pytest -n 2 --dist loadfile -m "ci and not slow or slow_sample"
 
 test-slow: setup
 	@$(BIN)/python -m pytest -m slow

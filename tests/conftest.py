@@ -62,7 +62,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         slow = item.get_closest_marker("slow") is not None
         if slow and any(f"/{name}" in item.nodeid for name in SLOW_SAMPLE):
-            item.add_marker(pytest.mark.ci)
+            item.add_marker(pytest.mark.slow_sample)
 
 
 def missing(name: str) -> NoReturn:

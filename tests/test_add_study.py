@@ -26,6 +26,8 @@ from esea_gen.twin.closed_loop import RanAwayError
 from .conftest import require_tool
 from .result_schemas import held
 
+pytestmark = pytest.mark.ci
+
 PAGE = Path(__file__).parents[1] / "docs" / "experiments.md"
 PACKAGE = Path(esea_gen.__file__).parent
 

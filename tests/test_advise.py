@@ -64,6 +64,7 @@ def small(tmp_path_factory):
     return written(tmp_path_factory.mktemp("rig"), *rig(*sizes))
 
 
+@pytest.mark.ci
 def test_advice_is_worth_what_it_says(small):
     result = identify(small)
     advice = advise(result, 3.0)
@@ -82,6 +83,7 @@ def test_advice_is_worth_what_it_says(small):
         advise(result, 0.1)
 
 
+@pytest.mark.ci
 def test_the_protocol_and_its_motions(small, tmp_path):
     done = CliRunner().invoke(
         app,

@@ -403,6 +403,7 @@ def test_a_data_base_is_announced_and_built_once(monkeypatch, tmp_path):
     assert str(kept) in line
 
 
+@pytest.mark.ci
 def test_a_meeting_goes_to_its_end_and_draws_again_the_same(monkeypatch):
     require_tool("gcc")
     monkeypatch.setattr("esea_host.assess.evaluation.MOST", 3)
@@ -435,6 +436,7 @@ def test_everybody_of_no_category_is_somebody():
         assert differs, kind
 
 
+@pytest.mark.ci
 def test_the_judge_counts(tmp_path):
     """Made-up meetings: all right, all sure at the second movement, one outsider missed."""
     from esea_host.assess.evaluation import Met, hypothesis_names
@@ -557,6 +559,7 @@ def test_a_typed_torque_says_what_a_recording_of_the_movement_does(name):
     assert recorded(m.location) > typed["response_Nm"] + 1.3
 
 
+@pytest.mark.ci
 def test_recordings_are_read_and_a_wrong_one_is_one_paragraph(base, tmp_path):
     t = np.arange(0, 6, 0.01)
     angle = 60 + 45 * np.sin(1.2 * t)
@@ -740,6 +743,7 @@ def test_a_simulated_patient_is_assessed_in_the_conversation(base, tmp_path):
     assert "no simulated patient" in without.output
 
 
+@pytest.mark.ci
 def test_a_data_base_from_recordings_of_any_categories(tmp_path):
     rng = np.random.default_rng(0)
     t = np.arange(0, 30, 0.01)
@@ -784,6 +788,7 @@ def test_the_conversation_ends_with_its_lines(base):
     assert any("still changing" in s for s in said)
 
 
+@pytest.mark.ci
 def test_every_page_says_what_it_is_not(base, tmp_path):
     for name in ("a.png", "a.pdf", "a.html"):
         page = tmp_path / name

@@ -79,6 +79,7 @@ def visited(base, tmp_path_factory):
     return study, protocol
 
 
+@pytest.mark.ci
 def test_a_protocol_file_runs_a_whole_visit(visited):
     study, _ = visited
     pendulum, loop, *probes = study.rows("P01")

@@ -96,6 +96,7 @@ def test_at_an_end_the_estimate_is_what_it_is_anywhere_else(block, tau_Nm, besid
         assert y["tau_h_Nm"][-1] == pytest.approx(-tau_Nm, abs=1e-9)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", FORMATS)
 def test_at_an_end_the_bound_holds(block, judges, real):
     port = block.inputs[0]

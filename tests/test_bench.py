@@ -48,6 +48,8 @@ from esea_gen.twin.run import plant_variant
 from .conftest import require_tool
 from .test_plant import slopes, torque_of
 
+pytestmark = pytest.mark.ci
+
 STEPS = 300
 KEYS = ["name", "ours", "peer", "ratio", "unit"]
 

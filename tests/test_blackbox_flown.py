@@ -72,6 +72,7 @@ def agrees(record, fed) -> None:
     assert (record.state, record.on, record.u_Nm) == (fed["state"], fed["on"], fed["u_Nm"])
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("before", "ticks"), [(0, 300), (1900, 300), (2500, 30)])
 def test_after_a_fault_and_a_reset_it_holds_what_was_fed(active, before, ticks):
     active.disarm()

@@ -169,6 +169,7 @@ def test_single_precision(ten, kind):
     assert np.quantile(error, 0.5) < 1e-5
 
 
+@pytest.mark.ci
 @settings(max_examples=40)
 @given(st.integers(1, 24), st.sampled_from(KINDS), st.integers(0, 10**6))
 def test_the_executor_any_size_any_problem(n, kind, seed):
@@ -201,6 +202,7 @@ def test_double_precision_c_has_the_executors_bits(ten):
         assert out["iterations"] == y["iterations"][k] > 0
 
 
+@pytest.mark.ci
 def test_at_the_cap_the_best_point_so_far_is_returned_and_told():
     n = 10
     s = stream("exponential", n, 200, np.random.default_rng(4))

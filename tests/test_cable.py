@@ -404,6 +404,7 @@ def alone(block) -> System:
     return System("alone", block.period_s, {"one": block}, (Task("run", ("one",)),), {}, ins, outs)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("make", [cable_observer, drive_observer_by_gear])
 def test_both_lower_to_whole_numbers_and_take_every_branch(drive, make):
     require_tool("gcc")
@@ -418,6 +419,7 @@ def test_both_lower_to_whole_numbers_and_take_every_branch(drive, make):
     assert covered.excluded == []
 
 
+@pytest.mark.ci
 def test_the_tuning_case_on_the_real_plant(tmp_path):
     require_tool("gcc")
     (case,) = TuningCase().cases()

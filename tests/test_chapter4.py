@@ -166,6 +166,7 @@ def test_continuous_torque_against_an_adaptive_integrator(elbow):
     assert 100 * np.max(np.abs(sampled - tight.y[0])) / 4.47 < 1e-3
 
 
+@pytest.mark.ci
 def test_ideal_encoders(tables):
     rows = {r.scheme: r for r in tables.ideal}
     assert set(rows) == set(SCHEMES)

@@ -32,6 +32,8 @@ from .test_campaign import (
     until,
 )
 
+pytestmark = pytest.mark.ci
+
 
 class Dask:
     """A real scheduler and real workers on this machine, each worker with a home of its own."""

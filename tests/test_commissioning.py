@@ -90,6 +90,7 @@ def test_a_good_machine_passes_and_its_numbers_are_the_plants(bench_of, tmp_path
     assert all("not done" in x for x in again.summary(titles, "another"))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("wrong", "step", "words"),
     [
@@ -268,6 +269,7 @@ def test_in_the_terminal(simulated_elbow, tmp_path, capsys, monkeypatch):
     assert (tmp_path / "r" / "002-sign.png").is_file()
 
 
+@pytest.mark.ci
 def test_the_guided_screens(bench_of, qtbot, tmp_path):
     from PySide6.QtCore import Qt
 

@@ -287,6 +287,7 @@ def test_a_peer_follows_a_spring_with_friction(tmp_path, name):
         assert np.sqrt(np.mean((y - r.tau_Nm) ** 2)) < 0.05 * np.abs(r.tau_Nm).max()
 
 
+@pytest.mark.ci
 def test_the_command_prints_a_table_and_writes_json(tmp_path, monkeypatch):
     require_tool("gcc")
     few = tuple(m for m in members() if m.name in ("stops", "slips"))
@@ -310,6 +311,7 @@ def test_the_command_prints_a_table_and_writes_json(tmp_path, monkeypatch):
     assert f"{found['compare'][0]['held_out']:.2f}" in done.output
 
 
+@pytest.mark.ci
 def test_without_an_emulator_the_comparison_goes_on(tmp_path, monkeypatch):
     """Instructions are not counted, which is said; the choice goes by operations."""
     require_tool("gcc")
@@ -325,6 +327,7 @@ def test_without_an_emulator_the_comparison_goes_on(tmp_path, monkeypatch):
     assert found["chosen"] in ("published", "stops")
 
 
+@pytest.mark.ci
 def test_the_same_input_gives_the_same_comparison(tmp_path, monkeypatch):
     require_tool("gcc")
     monkeypatch.setattr(comparing, "members", lambda: (member("slips, strain"),))

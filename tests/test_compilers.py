@@ -18,6 +18,8 @@ from esea_gen.emit.wrapping import wrap
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 MOST_COLUMNS = 120
 STRICT = (
     *("-Wall", "-Wextra", "-Wpedantic", "-Wdouble-promotion", "-Wshadow"),

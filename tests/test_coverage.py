@@ -153,6 +153,7 @@ def test_fusing_selects_changes_no_value(elbow, elbow_f32, name):
                 assert np.array_equal(value, got[key]), key  # equal but for the sign of a zero
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("old", "new"),
     [

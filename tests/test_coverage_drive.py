@@ -27,6 +27,8 @@ from esea_gen.verify.ties import aimed_stream
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 # Sides that no input can take, per Block, in f32.  None of the others has any.
 IMPOSSIBLE = {"encoder": 5, "sensor": 5, "inverse": 25, "torque_lead": 1, "passivity": 4}
 BLOCKS = [

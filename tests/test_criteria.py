@@ -388,6 +388,7 @@ STEP = "    const float primed_now = state->primed;"
 SENSOR = "esea_elbow_sensor.c"
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("target", ["host", "cortex-m4f"])
 def test_the_stack_gate_refuses_above_its_limit(elbow, target):
     require_tool(TARGETS[target].toolchain.compiler)

@@ -113,6 +113,7 @@ def test_these_are_all():
     assert sorted(shipped_devices()) == sorted((*NAMES, *DRIVES))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", DRIVES)
 def test_a_drive_reads_back_equal_and_its_committed_output_is_current(name):
     drive = esea_gen.load_device(name)
@@ -137,12 +138,14 @@ def test_it_reads_back_equal_and_has_its_file_name(device):
         assert q.source, key
 
 
+@pytest.mark.ci
 def test_the_committed_output_is_current(device):
     assert device_formats(device) == ["f64", "f32"]
     bundles = [*render_device(device, device_formats(device)), without_core(render_dialect(device))]
     assert differences(bundles, ROOT / "generated" / device.name) == []
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_the_example_compiles_strictly_and_agrees(device, real, tmp_path):
     require_tool("gcc")
@@ -156,6 +159,7 @@ def test_the_example_compiles_strictly_and_agrees(device, real, tmp_path):
 
 # The elbow: test_equivalence.  The wrist's f32 has the elbow's bits: below.  As printed the knee is
 # the same C with two other constants: in f32 it takes as long, and the same kind of fault shows.
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("name", "reals"),
     [

@@ -117,6 +117,7 @@ def test_too_late_a_run_is_noticed(system, model):
     assert not np.array_equal(seen, model["u_Nm"][: len(seen)])
 
 
+@pytest.mark.ci
 def test_the_example_prints_what_the_page_says(tmp_path):
     require_tool("gcc")
     done = subprocess.run(
@@ -153,6 +154,7 @@ def test_the_page_shows_the_example_file_and_nothing_else(page, example, least):
     assert [m.group(2) for m in shown] == names  # all of it, in its order
 
 
+@pytest.mark.ci
 def test_the_page_on_laws_followed_literally_touches_one_file(tmp_path):
     """In a folder of its own, with nothing but the file that the page shows."""
     require_tool("gcc")
@@ -385,6 +387,7 @@ def text_of(path: Path) -> str:
     return html.unescape(re.sub(r"<[^>]+>", "", path.read_text(encoding="utf-8")))
 
 
+@pytest.mark.ci
 def test_every_device_key_is_on_the_site(site):
     keys = list(made.device_keys())
     assert {"schema", "k1_Nm_rad", "maxwell", "eps2", "resolution_bits"} <= set(keys)
@@ -394,6 +397,7 @@ def test_every_device_key_is_on_the_site(site):
     assert missing == []
 
 
+@pytest.mark.ci
 def test_the_site_says_which_keys_a_file_needs(site):
     rows = re.findall(
         r"<tr>\s*<td><code>(\w+)</code></td>(.*?)</tr>",
@@ -407,6 +411,7 @@ def test_the_site_says_which_keys_a_file_needs(site):
         assert needed[key] == ["no"], key
 
 
+@pytest.mark.ci
 def test_every_command_and_option_is_on_the_site(site):
     page = text_of(site / "command-line.html")
     names = made.commands()
@@ -419,6 +424,7 @@ def test_every_command_and_option_is_on_the_site(site):
     assert "generated/<device>" in page
 
 
+@pytest.mark.ci
 def test_everything_public_is_on_the_site(site):
     pages = "".join(p.read_text(encoding="utf-8") for p in (site / "api").glob("*.html"))
     named = set(re.findall(r'id="(esea_(?:gen|host)[^"]+)"', pages))
@@ -426,6 +432,7 @@ def test_everything_public_is_on_the_site(site):
     assert wanted - named == set()
 
 
+@pytest.mark.ci
 def test_the_site_fetches_nothing(site):
     for page in site.rglob("*.html"):
         fetched = re.findall(
@@ -435,6 +442,7 @@ def test_the_site_fetches_nothing(site):
         assert fetched == [], page
 
 
+@pytest.mark.ci
 def test_the_site_holds_the_example_and_no_leftover(site):
     assert "def impedance(device: Device) -> Block:" in text_of(site / "own-system.html")
     assert "def proportional(base: Base) -> Block:" in text_of(site / "add-a-controller.html")
@@ -444,6 +452,7 @@ def test_the_site_holds_the_example_and_no_leftover(site):
     assert not (ROOT / "site").exists()
 
 
+@pytest.mark.ci
 def test_every_page_in_docs_is_in_the_menu(site):
     index = (site / "index.html").read_text(encoding="utf-8")
     for page in DOCS.glob("*.md"):

@@ -23,6 +23,8 @@ from esea_gen.verify.firmware import build_firmware
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 TICKS = 600
 
 
@@ -179,6 +181,7 @@ def test_what_cannot_be_run_is_refused(arguments, words):
 # -- emulated -------------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 def test_both_tasks_on_the_emulated_board(device, drive, tmp_path):
     require_tool("arm-none-eabi-gcc")
     require_tool("qemu-system-arm")

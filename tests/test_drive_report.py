@@ -28,6 +28,8 @@ from .conftest import ROOT, require_tool
 from .html_tables import figure, table_of
 from .test_report import Page, _shorten
 
+pytestmark = pytest.mark.ci
+
 
 @pytest.fixture(scope="module")
 def elbow_drive(drive):

@@ -22,6 +22,8 @@ from esea_gen.verify.verdict import EXACT, LASTING, ONE_STEP, RESIDUAL
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 # One fault a Block: what stands in its C, what is put there, which output or state tells of it.
 FAULTS = {
     # The switching term pushes away from the surface.

@@ -697,6 +697,7 @@ def host_checksum(tmp_path_factory: pytest.TempPathFactory) -> str:
     return checksum
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_compilers_and_options_change_no_bit(
     tmp_path: Path, host_checksum: str, variant: str
@@ -722,6 +723,7 @@ def test_cortex_a9_gives_the_same_bits(tmp_path: Path, host_checksum: str) -> No
     assert run([emulator, "-cpu", "cortex-a9", tmp_path / "a9"]).stdout == host_checksum
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("board", BOARDS)
 def test_microcontrollers_give_the_same_bits(
     tmp_path: Path, host_checksum: str, board: str
@@ -742,6 +744,7 @@ def test_microcontrollers_give_the_same_bits(
     assert host_checksum in done.stdout + done.stderr
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("compiler", "options"),
     [

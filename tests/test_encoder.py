@@ -456,6 +456,7 @@ def measured_error(phi):
     return np.radians(0.7 * np.sin(phi + 0.4) + 0.3 * np.sin(4 * phi - 1))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", ["f64", "f32"])
 @pytest.mark.parametrize(("size", "direction"), [(4, 1), (16, -1), (64, 1)])
 def test_correction_against_interp(real, size, direction):
@@ -588,6 +589,7 @@ def test_a_row_is_replaced_copied_and_described(tmp_path):
 # -- the emitted C ------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["plain", "table"])
 def test_the_c_equals_the_block(name):
     require_tool("gcc")

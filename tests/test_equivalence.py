@@ -86,6 +86,7 @@ def changed(elbow, real: str, old: str, new: str) -> HostLibrary:
     return HostLibrary(elbow.system, renderer)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("real", "old", "new"),
     [
@@ -118,6 +119,7 @@ def written(block: Block) -> tuple[str, ...]:
     return tuple(f.serialize() for f in (block.prepare, block.init, block.step))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", ["f64", "f32"])
 @pytest.mark.parametrize("name", sorted(shipped_devices()))
 def test_nan_and_infinity_into_every_input_and_state(name, real):

@@ -51,6 +51,7 @@ def rows(drive):
 # -- it runs ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", REALS)
 def test_the_drives_example_agrees_at_every_tick_and_its_latch_holds(texts, rows, real):
     run = run_example(texts[real], real)
@@ -59,6 +60,7 @@ def test_the_drives_example_agrees_at_every_tick_and_its_latch_holds(texts, rows
     assert run.held == run.asked == 8
 
 
+@pytest.mark.ci
 def test_the_example_of_predictive_control_agrees():
     require_tool("gcc")
     device = esea_gen.load_device("elbow_mpc")
@@ -85,6 +87,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("title", sorted(OTHERS))
 def test_the_example_of_another_drive(title):
     require_tool("gcc")
@@ -95,6 +98,7 @@ def test_the_example_of_another_drive(title):
     assert example(device.system).driven
 
 
+@pytest.mark.ci
 def test_encoders_that_nobody_has_calibrated_are_calibrated_by_the_example(drive):
     require_tool("gcc")
     text = re.sub(r"(?m)^zero_rad = .*$", "", drive.toml())
@@ -194,6 +198,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("title", "real"),
     [(t, "f32") for t in FAULTS] + [(t, "q31") for t in ("sensor's sign", "stop is ignored")]
@@ -246,6 +251,7 @@ def test_what_the_program_says_is_judged(said, code, problem):
     assert judged("12 of 12 samples agree\n", 0).problems == ()
 
 
+@pytest.mark.ci
 def test_the_gates_refuse_an_example_that_compares_nothing(elbow):
     require_tool("gcc")
     files = dict(render_device(elbow, ["f32"])[0].files)
@@ -324,6 +330,7 @@ def test_a_drive_whose_latch_cannot_be_opened_is_refused(drive):
         render_device(parse_device(text, "weak.toml"), ["f32"])
 
 
+@pytest.mark.ci
 def test_only_the_folder_has_the_example(drive):
     """What is compiled into a library has no main."""
     renderer = Renderer(drive.system, FORMATS["f32"], "-", "-", "-")

@@ -55,6 +55,7 @@ def rms(study: str, controller: str, plant: str = "real", case: int = 0) -> floa
     return figures["rms_true_Nm"]
 
 
+@pytest.mark.ci
 def test_improved_sliding_mode_against_the_printed_one():
     # Trials on the standard plant gave 0.513 Nm in the tuning case for the law as published, the
     # thesis measured 0.590 on its device.
@@ -65,6 +66,7 @@ def test_improved_sliding_mode_against_the_printed_one():
     assert rms("bread", "smc") < 0.55 * rms("bread", "smc-published")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("controller", "knows", "does_not"),
     [("smc-published", 0.72, 0.96), ("mpc-published", 1.09, 1.51)],
@@ -77,6 +79,7 @@ def test_a_baseline_is_worth_what_the_person_knows(controller, knows, does_not):
         assert judge(case, run, 0.221)["rms_true_Nm"] == pytest.approx(middle, rel=0.12)
 
 
+@pytest.mark.ci
 def test_both_ends_of_the_published_set_points_filter():
     assert rms("tuning", "smc-published") == pytest.approx(0.507, rel=0.05)
     assert rms("tuning", "smc-published-30Hz") == pytest.approx(0.347, rel=0.05)
@@ -194,6 +197,7 @@ def at_rate(folder, rate_Hz: float, control_Hz: float) -> str:
     return str(path)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("rate_Hz", "control_Hz"), [(500.0, 250.0), (2000.0, 200.0), (1e3 / 3,) * 2]
 )
@@ -254,6 +258,7 @@ def test_impedance_asks_for_spring_and_damper():
     )
 
 
+@pytest.mark.ci
 def test_step_frequency_and_output_impedance():
     steps = StepStudy().metrics(simulate("step", Setting("smc", "ideal")))
     for name in ("1 Nm", "2 Nm"):

@@ -29,6 +29,8 @@ from esea_gen.twin.trajectories import Trajectory
 
 from .conftest import ROOT, require_module, require_tool
 
+pytestmark = pytest.mark.ci
+
 TICK_S = 1e-3
 N = 250
 

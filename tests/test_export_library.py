@@ -59,6 +59,7 @@ def test_every_form_has_the_c_that_build_writes(made):
         } | {n for n in manifest["files"] if n.endswith("Kconfig")}
 
 
+@pytest.mark.ci
 def test_cmake_builds_with_one_line_and_is_found(made, tmp_path):
     for tool in ("cmake", "gcc"):
         require_tool(tool)

@@ -38,6 +38,7 @@ def without(names, *words, cwd: Path, program: str = "esea_gen") -> tuple[int, s
     return done.returncode, said
 
 
+@pytest.mark.ci
 def test_the_core_builds_c_and_says_that_a_dialect_needs_the_link(tmp_path):
     everything = (*LINK, *HOST, *CLUSTER)
     code, said = without(everything, "build", "elbow", "--out", "c", cwd=tmp_path)

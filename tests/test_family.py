@@ -318,6 +318,7 @@ def test_the_c_is_the_model(name, hdrb_device):
             assert found.status_differences == 0
 
 
+@pytest.mark.ci
 def test_the_whole_number_c_is_its_executor(hdrb_device):
     """One operator of each kind, both softenings."""
     require_tool("gcc")
@@ -427,6 +428,7 @@ def test_what_cannot_be_reached_ends_at_the_limit_and_says_so(hdrb_device):
     assert int(held["status"]) & 1
 
 
+@pytest.mark.ci
 def test_the_inverse_in_single_precision(hdrb_device):
     require_tool("gcc")
     device = family_device(hdrb_device, "slips, worn")

@@ -78,6 +78,7 @@ def test_what_is_missing_and_what_is_no_number():
     assert distorted("bit flip", 31, [0, 0, 2.5], -5, 5, wraps=False) == [-2.5]
 
 
+@pytest.mark.ci
 def test_words_cover_every_byte_of_memory(drive):
     library = compile_system(drive.system, "f32")
     for kind in ("state", "coeffs"):
@@ -87,6 +88,7 @@ def test_words_cover_every_byte_of_memory(drive):
         assert len({w.name for w in found}) == len(found)
 
 
+@pytest.mark.ci
 def test_a_round_leaves_nothing_out(drive):
     library = compile_system(drive.system, "f32")
     memory = [words(library.dtype(f"{library.prefix}_{k}_t")) for k in ("state", "coeffs")]

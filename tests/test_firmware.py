@@ -347,6 +347,7 @@ def test_output_is_whole_or_not_at_all(elbow, tmp_path):
         build_firmware(elbow, "host", tmp_path / "file")
 
 
+@pytest.mark.ci
 def test_image_sizes_and_stack(image):
     figures = image.to_dict()
     assert figures["elf"] == "esea_elbow_netduinoplus2.elf"
@@ -447,6 +448,7 @@ def test_figures_are_whole(emulated):
     assert "outputs" not in found
 
 
+@pytest.mark.ci
 def test_instruction_count_repeats_and_agrees_with_a_second_way(elbow, image, emulated, tmp_path):
     need("gcc", "arm-none-eabi-nm")
     plugin = tmp_path / "count.so"
@@ -496,6 +498,7 @@ def test_emulated_reset_and_noise(elbow, image):
     assert info.bad_frames + info.unknown_messages > 0
 
 
+@pytest.mark.ci
 def test_other_constants_give_other_bits(elbow, tmp_path):
     need("arm-none-eabi-gcc", "qemu-system-arm")
     quantity = elbow.file.elastomer.k1_Nm_rad
@@ -538,6 +541,7 @@ def test_emulator_that_does_not_start_says_why(elbow, image):
         pass
 
 
+@pytest.mark.ci
 def test_a_cortex_m7_gives_the_hosts_bits_though_it_has_doubles(elbow, tmp_path):
     need("gcc", "arm-none-eabi-gcc", "arm-none-eabi-objdump", "qemu-system-arm")
     image = build_firmware(elbow, "mps2-an500", tmp_path)
@@ -552,6 +556,7 @@ def test_a_cortex_m7_gives_the_hosts_bits_though_it_has_doubles(elbow, tmp_path)
     assert not re.search(r"\bv(add|sub|mul|div|sqrt|fma|mla)\.f64\b", text)
 
 
+@pytest.mark.ci
 def test_objects_that_were_kept_give_the_same_image(elbow, image, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     first = build_firmware(elbow, "netduinoplus2", tmp_path / "first")

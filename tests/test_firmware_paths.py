@@ -52,6 +52,7 @@ def released(lines: list[str], what: str = "release") -> list[int]:
 # -- faults ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("first", "later", "status"),
     [

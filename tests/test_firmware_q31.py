@@ -17,6 +17,8 @@ from esea_gen.verify.firmware import build_firmware
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 BOARD = "mps2-an385"
 STEPS = 400
 TICKS = 300

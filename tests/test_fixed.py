@@ -60,6 +60,7 @@ def elbow_q31(elbow):
     return compile_device(elbow, "q31")
 
 
+@pytest.mark.ci
 def test_every_stream_bit_for_bit_and_inside_the_bound(device, library):
     bounds = bounds_of(device)
     extra = recorded_stream(device, domain_chirp(device, 2.0), "chirp in the domain")

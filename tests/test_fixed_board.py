@@ -25,6 +25,7 @@ def inputs(elbow):
     return {source.name: theta}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("board", ["m3", "m0"])
 def test_bit_for_bit_the_host_and_cheaper_than_soft_float(elbow, inputs, board):
     fixed = run_bare(elbow, "q31", board, inputs)
@@ -54,6 +55,7 @@ def test_a_difference_is_found(elbow, inputs, monkeypatch):
     assert "at step 70" in found.first_difference
 
 
+@pytest.mark.ci
 def test_the_command_compares_bits_signals_and_says_what_fails(tmp_path, monkeypatch):
     require_tool("gcc")
     from esea_gen.verify import fixed_report

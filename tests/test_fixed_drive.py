@@ -43,6 +43,8 @@ from esea_gen.verify.traces import trace_stream
 from .conftest import require_tool
 from .test_fixed import header_problems
 
+pytestmark = pytest.mark.ci
+
 HDRB = Path(__file__).parent / "data" / "hdrb" / "hdrb.toml"
 # Rate limits and integrals keep what rounding adds, as would a sum of counts, were they not whole;
 # the set-point's error is one step's by nature.

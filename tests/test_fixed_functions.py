@@ -75,6 +75,7 @@ def lib(request):
     return ffi.dlopen(str(compile_sources(files, request.param)))
 
 
+@pytest.mark.ci
 @given(
     x=st.one_of(st.floats(width=32), st.floats(-4, 4, width=32), st.integers(-(2**31), 2**31 - 1)),
     n=st.integers(0, 31),
@@ -109,6 +110,7 @@ def floor_shift(value: int, shift: int) -> int:
     return (value + (1 << (shift - 1))) >> shift
 
 
+@pytest.mark.ci
 @given(st.data())
 @settings(max_examples=400)
 def test_arithmetic_core_is_exact_round_half_up(lib, data):
@@ -132,6 +134,7 @@ def test_arithmetic_core_is_exact_round_half_up(lib, data):
         assert lib.t_mul64(wide, wide2, s) == product
 
 
+@pytest.mark.ci
 @given(st.data())
 @settings(max_examples=300)
 def test_functions_equal_their_python(lib, data):

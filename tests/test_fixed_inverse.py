@@ -28,6 +28,8 @@ from esea_gen.verify.streams import streams
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 NOT_CONVERGED = 1 << 7
 
 

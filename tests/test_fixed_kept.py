@@ -69,6 +69,7 @@ def entry(tmp_path_factory):
     return block, path.name, path.read_text()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("text", ["", "{", "[1]", '{"x": "y"}', '{"99999": "no such value"}'])
 def test_an_entry_that_is_none_is_searched_for_again(folder, entry, text):
     block, name, good = entry

@@ -72,6 +72,7 @@ def scales(text: str) -> dict[str, int]:
     return {n: int(v) for n, v in re.findall(r"#define (\w+_FRACTION) (\d+)\b", text)}
 
 
+@pytest.mark.ci
 def test_names_stay_and_the_macro_goes_with_the_range(elbow, wider):
     before, after = header(elbow), header(wider)
     assert structs(after) == structs(before)
@@ -127,6 +128,7 @@ def exact(device: Device) -> list[float]:
     return [float(out["tau_Nm"]), float(out["omega_rad_s"])]
 
 
+@pytest.mark.ci
 def test_a_program_goes_on_compiling_and_means_the_same(elbow, wider, tmp_path):
     for device in (elbow, wider):
         assert answer(device, tmp_path / device.origin) == pytest.approx(exact(device), abs=2e-4)

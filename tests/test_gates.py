@@ -12,6 +12,8 @@ from esea_gen.verify.gates import TARGETS, check_objects, compiler_warnings
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 
 @pytest.fixture(scope="module")
 def texts(elbow):

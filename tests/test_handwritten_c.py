@@ -20,6 +20,8 @@ from esea_gen.targets import firmware_folder
 from .c_mutants import mutants
 from .conftest import ROOT, missing, require_tool
 
+pytestmark = pytest.mark.ci
+
 FIRMWARE = firmware_folder()
 FILES = sorted([*FIRMWARE.glob("drivers/*.c"), FIRMWARE / "app" / "store.c"])
 STRICT = (

@@ -171,6 +171,7 @@ def test_the_decoder_takes_what_mavlinks_own_parser_takes(drive, device):
             assert given.tobytes() == rows[field].tobytes(), (name, field)
 
 
+@pytest.mark.ci
 def test_signed_runs_are_taken_like_unsigned_ones(drive, device):
     """Signatures are the session's to check; a frame counts once all of it has come."""
     data, dialect = bytes_of(drive, 300), device.session.dialect

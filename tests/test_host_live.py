@@ -131,6 +131,7 @@ def test_numbers_become_words(lockstep):
     assert [mode_text(device, m) for m in (0, 1, 2, 9)] == ["off", "torque", "impedance", "9"]
 
 
+@pytest.mark.ci
 def test_the_host_tool_loads_without_windows():
     code = (
         "import sys, esea_gen, esea_host.cli, esea_host.windows.feed, esea_host.windows.operator\n"
@@ -382,6 +383,7 @@ def server(simulated_elbow):
         thread.join(5.0)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("key", ["space", "escape", "button"])
 def test_stop_reaches_the_board_past_everything_that_waits(server, simulated_elbow, qtbot, key):
     """Paused, somebody else holds the connection, the cursor blinks in a text field."""
@@ -595,6 +597,7 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     os.close(theirs)
 
 
+@pytest.mark.ci
 def test_the_live_view_on_an_x_server(tmp_path):
     """The platform that people have, beside the one that the other tests take."""
     xvfb = require_tool("Xvfb")

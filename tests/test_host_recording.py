@@ -145,6 +145,7 @@ def test_nothing_is_overwritten_and_no_other_file_is_read(tmp_path):
         esea_host.open_log(tmp_path / "b.mcap")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("compress", [False, True])
 def test_a_file_cut_at_any_byte_keeps_all_before_the_cut(tmp_path, compress):
     """Every byte of a sample: what had been written in whole pieces is there, and nothing else."""

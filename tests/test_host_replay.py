@@ -77,6 +77,7 @@ def place_of(path, stream: str, tick: int, signal: str) -> int:
     return wanted[-1]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("stream", "tick", "signal"),
     [
@@ -126,6 +127,7 @@ def test_behind_a_gap_the_proof_goes_on_at_a_key_frame(recorded, tmp_path):
     assert np.ptp(np.diff(cut["sense_in"].board_ns)) > 0
 
 
+@pytest.mark.ci
 def test_a_device_of_ones_own_is_taken_from_the_recording(recorded):
     log = esea_host.open_log(recorded)
     shipped = device_of(log)

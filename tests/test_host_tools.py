@@ -25,6 +25,8 @@ from esea_host.simulated.demo import run_demo
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 DATA = Path(__file__).parent / "data" / "modexo"
 STEP = DATA / "20170816-stepTorqueSoftware-i_005_b_1_k_10_T_50_2.csv"
 BOOT = DATA / "20170811-stepTorqueSoftware-i_005_b_20_k_100.csv"

@@ -577,6 +577,7 @@ def sweep(path: Path, run, f0: float, f1: float, seconds: float, amplitude_deg: 
     path.write_text("\n".join(["t,theta,tau", *rows]) + "\n")
 
 
+@pytest.mark.ci
 def test_the_published_elbow_is_found_again(tmp_path: Path) -> None:
     require_tool("gcc")
     elbow = load_device("elbow")

@@ -162,6 +162,7 @@ def found(result: Identification) -> dict[str, object]:
     }
 
 
+@pytest.mark.ci
 def test_a_wrong_held_out_torque_changes_no_identified_number(tmp_path):
     require_tool("gcc")
     theta = np.concatenate([sine(5, 0.1), sine(5, 0.2)])
@@ -177,6 +178,7 @@ def test_a_wrong_held_out_torque_changes_no_identified_number(tmp_path):
     assert found(trained)["values"] != found(good)["values"]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("rate_Hz", [1000.0, 250.0])
 @pytest.mark.parametrize(("amplitudes", "skip_first"), [((0.1, 0.2), 1), ((0.1, 0.115), 0)])
 def test_a_wrong_held_out_torque_reaches_no_row_of_a_fit_with_rate_terms(
@@ -271,6 +273,7 @@ def test_the_devices_own_torque_is_fitted_without_error(elbow):
     assert plant.evaluations == 1
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("every", [2, 4, 10])
 def test_the_rate_of_a_coarse_step_is_that_of_its_middle(elbow, every):
     require_tool("gcc")
@@ -334,6 +337,7 @@ def alike(rng: np.random.Generator, rho: float, runs: int, n: int) -> np.ndarray
 RUNS, SAMPLES, TOLD = 400, 4000, 40
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("rho", [0.0, 0.6, 0.95])
 def test_standard_deviations_are_the_scatter_of_repeated_experiments(rho):
     theta = 0.2 * np.sin(np.arange(SAMPLES) * 2 * np.pi / 200)

@@ -186,6 +186,7 @@ def u_Nm(board):
     return [board.values[board.places[f"u_{a}_Nm"]] for a in ("flexion", "deviation")]
 
 
+@pytest.mark.ci
 def test_nothing_acts_before_somebody_has_released_it(device):
     board = SimBoard(device)
     board.set_parameter("request.constrained", 1.0)

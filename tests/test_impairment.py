@@ -65,6 +65,7 @@ def system(device, block):
 # -- the C -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_the_c_is_the_law_and_every_side_is_taken(device, block, system, real):
     library = compile_system(system, real)
@@ -159,6 +160,7 @@ def saturated(x: sp.Expr) -> sp.Expr:
     return sp.Max(sp.Min(x, TAU_MAX), -TAU_MAX)
 
 
+@pytest.mark.ci
 def test_the_law_is_passive_for_all_numbers():
     """Taken power >= dS/dt with S the integral of min(Kp s, tau_max), whatever the numbers."""
     wall = sp.Piecewise((PUSH, THETA > WALL), (0, True))
@@ -209,6 +211,7 @@ def test_the_printed_law_gives_energy_on_such_paths():
 # -- two axes on one board -------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 def test_both_axes_on_the_m4f_in_time_and_to_the_bit(device, tmp_path):
     """A wrist that swings through wall and coupling; 16 000 instructions last a tick at 16 MHz."""
     require_tool("qemu-system-arm")

@@ -89,6 +89,7 @@ def test_the_energy_of_a_wall_counts_as_held():
     assert found.held_end_J == pytest.approx(0.5 * (2 * 0.05**2 + 100 * 0.03**2))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("controller", ["smc", "mpc"])
 def test_limp_hands_get_nothing_from_a_wall(controller):
     require_tool("gcc")

@@ -471,6 +471,7 @@ def test_a_period_effect_is_no_effect_of_the_element(tmp_path):
     assert rms.crossover.treatment.p > 0.05
 
 
+@pytest.mark.ci
 def test_what_is_simulated_says_so(found, tmp_path):
     text = "\n".join(lines(found))
     assert "SIMULATED" in text

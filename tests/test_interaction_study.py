@@ -254,6 +254,7 @@ def called(monkeypatch, capsys, *arguments):
     return code, shown.out, shown.err
 
 
+@pytest.mark.ci
 def test_check_explains_it_and_names_a_wrong_element(monkeypatch, capsys, tmp_path):
     code, shown, _ = called(monkeypatch, capsys, "study", "check", PROTOCOL)
     assert code == 0
@@ -303,6 +304,7 @@ def test_a_hand_on_the_spring_is_an_oscillator(gcc):
     assert np.array_equal(read, np.float32(counts * 2 * np.pi / 2**14).astype(float))
 
 
+@pytest.mark.ci
 def test_the_elastomer_damps_and_holds_as_stiffly(gcc):
     swings, held = {}, {}
     for element in ("spring", "elastomer"):
@@ -414,6 +416,7 @@ def studied(tmp_path_factory, gcc):
     return folder
 
 
+@pytest.mark.ci
 def test_recordings_are_the_encoder_at_1_kHz(studied):
     """And each tenth is what the task was given; familiarisation is kept, and not analysed."""
     manifest = read_manifest(studied)
@@ -446,6 +449,7 @@ def test_a_virtual_session_replays_to_the_same_scenes(studied):
         assert all(same for _, _, same in found)
 
 
+@pytest.mark.ci
 def test_it_ends_in_the_analysis_and_says_what_it_is(studied):
     found = analyse_interaction(studied)
     assert found.simulated
@@ -462,6 +466,7 @@ def test_it_ends_in_the_analysis_and_says_what_it_is(studied):
     assert "(simulated)" not in render_report(real)
 
 
+@pytest.mark.ci
 def test_the_number_of_workers_changes_nothing(tmp_path, gcc):
     """And another seed does.  Threads, who share more than processes do."""
     found = []
@@ -500,6 +505,7 @@ def test_the_command_refuses(monkeypatch, capsys, arguments, words):
     assert words in error
 
 
+@pytest.mark.ci
 def test_the_command(monkeypatch, capsys, tmp_path, gcc):
     monkeypatch.setattr("esea_host.interaction.virtual.interaction_protocol", short)
     monkeypatch.setattr("esea_host.interaction.virtual.LAST_S", 5.0)

@@ -101,6 +101,7 @@ def history(pieces, seed: int) -> np.ndarray:
     return np.clip(np.concatenate(out), -15, 15)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", ["f64", "f32"])
 @settings(max_examples=150)
 @given(HISTORY, st.integers(0, 99))
@@ -312,6 +313,7 @@ def test_extrapolated_rate_is_exact_too_but_chatters(elbow):
     assert chatter["extrapolated"] > 10 * chatter["observer"]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_dead_zone(elbow, real):
     pair = Pair(with_dead_zone(elbow, 0.05), real)
@@ -322,6 +324,7 @@ def test_dead_zone(elbow, real):
     assert pair.error(np.zeros(10))[1]["theta_rad"] == pytest.approx(0)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_model_without_rate_terms(elbow, real):
     pair = Pair(without_rate_terms(elbow), real)

@@ -39,6 +39,8 @@ from esea_gen.verify.streams import streams
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 HDRB = Path(__file__).parent / "data" / "hdrb" / "hdrb.toml"
 SOURCE = 'status = "identified", source = "a test"'
 

@@ -162,6 +162,7 @@ def tuning(device, loop, law):
     return case, run_on(loop, device, variant, case, setting, 0)
 
 
+@pytest.mark.ci
 def test_two_laws_in_one_system_change_without_a_bump(both, loop, tmp_path):
     assert [law.name for law in both.laws] == ["sliding_mode", "predictive"]
     (case,) = load_study("tuning", ClosedLoopStudy).cases()
@@ -215,6 +216,7 @@ def test_laws_that_want_a_block_otherwise_do_not_go_together(drive):
 # -- several axes ----------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 def test_two_active_axes_need_no_second_wiring(drive):
     """Each axis does what the drive of one axis does, bit for bit; a stop stops both."""
     require_tool("gcc")
@@ -283,6 +285,7 @@ def called(monkeypatch, capsys, *arguments):
     return 0, said.out, said.err
 
 
+@pytest.mark.ci
 def test_every_command_takes_a_law_from_outside(monkeypatch, capsys, tmp_path):
     require_tool("gcc")
     outside = ("elbow_drive", "--controller", EXAMPLE)
@@ -338,6 +341,7 @@ def test_a_law_without_a_wire_says_which(drive):
         control_system(drive, [law], drive.velocity, drive.sensor, lambda: drive.inverse)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("controller", "board"),
     # Both laws, the black box and what couplings bore are 1.3 KB more than the STM32F405's RAM.

@@ -119,6 +119,7 @@ def test_flipped_bits_while_running(runners, real):
             assert np.array_equal(y["u_Nm"], clean), what
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", EVERY)
 def test_memory_of_random_bytes_or_zeros_is_latched(runners, real):
     runner = runners[real]
@@ -375,6 +376,7 @@ def test_no_flipped_bit_of_a_coefficient_widens_a_limit_or_overflows(drive, real
 DRIVE_LATCHED = {"f32": (238, 238), "q31": (217, 217)}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("real", ["f32", "q31"])
 def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real):
     """Both tasks on encoder counts recorded in closed loop, eight ticks after each flip.

@@ -30,6 +30,8 @@ from esea_gen.verify.package import build_package
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 TICKS = 450
 LOADER = r"""
 #include <dlfcn.h>

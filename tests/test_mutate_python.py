@@ -15,6 +15,8 @@ from esea_gen.verify.mutation.python import mutate_python
 from esea_gen.verify.mutation.python_edits import PythonFaults
 from esea_gen.verify.mutation.python_tests import Entered, Importers, near_tests
 
+pytestmark = pytest.mark.ci
+
 # Few, for each takes a process: of the sum, and of the text.
 TRIED, SEED = 4, 5
 

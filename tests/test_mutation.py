@@ -18,6 +18,8 @@ from esea_gen.verify.mutation.wiring import wiring_faults
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_a_sample_of_mutants_is_caught(elbow, real):

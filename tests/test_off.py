@@ -240,6 +240,7 @@ def test_the_share_of_missed_runs(device, name, share):
     assert pairs == pytest.approx(share**2 * n, abs=5 * math.sqrt(share**2 * n))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("controller", ["smc", "mpc"])
 @pytest.mark.parametrize(("in_a_row", "latches"), [(4, False), (5, True)])
 def test_how_many_missed_runs_are_bridged(controller, in_a_row, latches):
@@ -296,6 +297,7 @@ def test_everything_off_at_once_stays_in_its_ranges(device):
     assert below == pytest.approx(0.5, abs=0.12)
 
 
+@pytest.mark.ci
 def test_a_seed_gives_the_same_run_again():
     case = shorter(TuningCase().cases()[0], 3)
     setting = Setting("smc", "random", "none", off="random")
@@ -378,6 +380,7 @@ def test_bad_input_is_explained(arguments, said):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.ci
 def test_one_command_makes_the_table(tmp_path):
     file, sheet = tmp_path / "off.json", tmp_path / "off.csv"
     command = (
@@ -408,6 +411,7 @@ def quick(seed: int, off: str, controller: str, **_: object) -> dict[str, float]
     return {"rms_true_Nm": rms, "rms_above_4Hz_Nm": swing, **ends, **rest}
 
 
+@pytest.mark.ci
 def test_one_table_of_all(monkeypatch):
     monkeypatch.setattr(room, "simulate_case", quick)
     told_of: list[tuple[int, int, int]] = []

@@ -100,6 +100,7 @@ def fed():
     return program, columns
 
 
+@pytest.mark.ci
 def test_the_compiled_controller_keeps_the_bound(fed):
     require_tool("gcc")
     program, columns = fed
@@ -120,6 +121,7 @@ def test_the_compiled_controller_keeps_the_bound(fed):
     assert max(shares) > 0.005
 
 
+@pytest.mark.ci
 def test_what_an_input_loses_is_carried_as_the_step_carries_it(fed):
     """An input between two float32 numbers adds its share times the step's own slope."""
     program, columns = fed

@@ -27,6 +27,8 @@ from esea_gen.verify.stack import CallGraph
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 BOARD = "netduinoplus2"
 TICKS = 300
 RELEASED_LATER = """schema = 1

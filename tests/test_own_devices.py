@@ -127,6 +127,7 @@ def taken_through(number: int, folder, whole: bool) -> str:
     return f"done: {len(names)} Blocks"
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("number", [3, 4])
 def test_a_device_of_ones_own(number, tmp_path):
     assert taken_through(number, tmp_path, whole=False).startswith("done")

@@ -75,12 +75,14 @@ def test_limp_hands_get_nothing_from_a_rendered_spring(controller, asked):
     assert not any(verdicts(controller, IMPEDANCE, asked))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("mode", [TORQUE, IMPEDANCE])
 @pytest.mark.parametrize("controller", ["smc", "mpc"])
 def test_without_the_block_they_swing_up(controller, bare, mode):
     assert sum(verdicts(f"{controller}@{bare}", mode, LIMP)) >= 4
 
 
+@pytest.mark.ci
 def test_without_the_block_they_swing_up_on_drawn_plants_too(bare):
     """Predictive control renders these springs passively by itself, with the gap closed."""
     assert sum(verdicts(f"smc@{bare}", IMPEDANCE, DRAWN)) >= 3
@@ -152,6 +154,7 @@ def runaway_on_the_twin(controller: str, hand: Hand) -> tuple[float, float]:
     return float(np.max(limb)), float(np.max(both + 0.5 * J * run.plant["omega_g_rad_s"] ** 2))
 
 
+@pytest.mark.ci
 def test_a_law_that_runs_away_gives_no_more_than_the_energy(tmp_path, bare):
     """True values, cable and all; what is measured late and wrong has 10 % here."""
     path = tmp_path / "stuck.py"
@@ -164,6 +167,7 @@ def test_a_law_that_runs_away_gives_no_more_than_the_energy(tmp_path, bare):
         assert without > 1.02 * ENERGY_J
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("controller", ["smc", "mpc"])
 @pytest.mark.parametrize("plant", ["real", "ideal"])
 def test_the_drive_does_as_the_proof_assumes(controller, plant):

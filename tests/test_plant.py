@@ -523,6 +523,7 @@ def test_a_stop_that_is_too_soft_is_seen(rigid):
     assert twist > bound
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("kind", "order"), [("ideal", 1.7), ("real", 0.3)])
 def test_smaller_steps_come_closer(device, kind, order):
     variant = (ideal_plant if kind == "ideal" else real_plant)(device)

@@ -303,6 +303,7 @@ def test_sensitivities_and_command_against_a_second_derivation(drive, seed):
     assert np.mean(smooth) > 0.9
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     "horizon",
     [
@@ -316,6 +317,7 @@ def test_any_horizon_and_preview(drive, horizon, preview):
     check_linearisation(drive, horizon, 11, q=35.0, r=0.3, preview=preview)
 
 
+@pytest.mark.ci
 @settings(max_examples=12)
 @given(
     st.integers(2, 12),
@@ -355,6 +357,7 @@ def other(base: str, name: str):
     return parse_device(text.replace('name = "elbow_drive"', f'name = "{name}"'), f"{name}.toml")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("base", ["wrist", "knee"])
 def test_other_devices(base):
     # The knee has a dead zone and no rate terms or both, as its file says.
@@ -398,6 +401,7 @@ def mass_on_a_rail(n: int, **more) -> Model:
     )
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("n", [2, 30, 100])
 def test_a_made_up_linear_plant_has_the_closed_solution(n):
     # Without drag the plant is linear, so that one iteration is the exact optimum, from matrices.
@@ -437,6 +441,7 @@ def test_a_made_up_linear_plant_has_the_closed_solution(n):
         assert np.array_equal(simulator.state["plan"], double.state["plan"][0])
 
 
+@pytest.mark.ci
 def test_executor_and_double_precision_c_have_the_same_bits(drive, program, runners):
     rng = np.random.default_rng(0)
     simulator, runner = program.simulator(), runners["f64"]
@@ -579,6 +584,7 @@ def test_a_substep_that_breaks_the_rules_is_refused():
             predictive_program(replace(model, substep=substep), Horizon(2), period_s=0.01)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("fault", ["flat", "not a number", "cap"])
 def test_a_deliberate_fault_of_the_qp_gives_a_safe_command_and_an_honest_status(fault):
     from dataclasses import replace

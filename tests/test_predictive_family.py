@@ -117,6 +117,7 @@ def both(device: Device, h: float, sense_s: float, seed: int, carried=lambda tol
     return mine, after[fine - 1 :: fine]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["every", "bearing"])
 @pytest.mark.parametrize("h", [0.002, 0.005])
 def test_the_prediction_of_a_known_motion_is_what_the_sensor_says(devices, name, h):
@@ -127,6 +128,7 @@ def test_the_prediction_of_a_known_motion_is_what_the_sensor_says(devices, name,
     assert mine == pytest.approx(sensed, abs=1e-12)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "most_Nm"), [("every", 0.0005), ("bearing", 0.003)])
 def test_substeps_of_5_ms_cost_little(devices, name, most_Nm):
     """Against the sensor at its own 1 kHz, between 5 ms straight."""
@@ -134,6 +136,7 @@ def test_substeps_of_5_ms_cost_little(devices, name, most_Nm):
     assert 0 < max(worst) < most_Nm
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("name", "port"),
     [("every", "relaxed_Nm"), ("every", "play"), ("every", "slip"), ("every", "kept"),
@@ -172,6 +175,7 @@ class FamilyPlain(Plain):
         return {"delta": delta, "rubber": kept, "tau": found[len(block.state)]}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["every", "bearing"])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_sensitivities_and_command_against_the_sensor_as_plant(devices, name, seed):
@@ -257,6 +261,7 @@ def test_what_the_sensor_remembers_is_wired(devices):
         assert wires[f"predictive.{name}"] == f"sensor.{name}"
 
 
+@pytest.mark.ci
 def test_the_closed_loop_is_three_times_as_close_as_sliding_mode(elbow, tmp_path):
     """True torque error of the tuning case on the bearing's rubber, simulated: 0.042, 0.149 Nm."""
     require_tool("gcc")

@@ -35,6 +35,8 @@ from esea_gen.twin.run import run_case
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 
 @pytest.fixture(scope="module")
 def program():

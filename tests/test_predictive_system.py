@@ -49,6 +49,8 @@ from esea_gen.verify.verdict import Verification
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 PREDICTIVE = """
 [predictive]
 intervals = { value = 4.0, status = "assumed", source = "test" }

@@ -30,6 +30,8 @@ from esea_gen.verify.streams import streams
 from .browser import browser, readable
 from .conftest import ROOT, require_tool
 
+pytestmark = pytest.mark.ci
+
 HDRB = ROOT / "tests" / "data" / "hdrb"
 VOID = {"meta", "rect", "path", "use", "polyline", "br", "link", "img"}
 HOSTILE = 'A <script>alert("x")</script> & "coupling"'

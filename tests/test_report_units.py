@@ -20,6 +20,8 @@ from .html_tables import drawn, figure, table_of
 # Fixtures of the pages.
 from .test_report import chirped, chirped_page, identification, mapping  # noqa: F401
 
+pytestmark = pytest.mark.ci
+
 FULL_SCALE_NM = 4.47
 
 

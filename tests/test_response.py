@@ -521,6 +521,7 @@ def test_cells_end_half_way_between_their_values():
     assert cell_edges(np.array([7.0])).tolist() == [6.5, 7.5]
 
 
+@pytest.mark.ci
 def test_figures_say_what_the_numbers_are(tmp_path, swept):
     t = np.arange(5000) * H
     desired = 1.7 * np.sin(2 * np.pi * 0.6 * t)

@@ -398,6 +398,7 @@ def same(lines, expected):
     return parsed(lines) == parsed(expected)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("flags", [(), ("-fsanitize=thread", "-g")], ids=["lto", "lto, tsan"])
 def test_tasks_in_threads_give_the_same_bits_and_no_race(drive, library, given, tmp_path, flags):
     require_tool("gcc")
@@ -407,6 +408,7 @@ def test_tasks_in_threads_give_the_same_bits_and_no_race(drive, library, given, 
     assert same(done.stdout.splitlines(), sequential(library, given))
 
 
+@pytest.mark.ci
 def test_without_its_marks_the_race_is_found(drive, library, given, tmp_path):
     require_tool("gcc")
     flags = ("-fsanitize=thread", "-g", "-DESEA_FENCE()=(void)0")

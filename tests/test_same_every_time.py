@@ -7,7 +7,11 @@ import re
 import subprocess
 import sys
 
+import pytest
+
 from .conftest import ROOT
+
+pytestmark = pytest.mark.ci
 
 
 def drawn(*options: str, hash_seed: int = 0) -> list[str]:

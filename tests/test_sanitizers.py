@@ -12,6 +12,8 @@ from esea_gen.verify.sanitize import replay_device, undefined_behaviour
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 STEP = "    const float primed_now = state->primed;"
 
 

@@ -248,6 +248,7 @@ def fitted(plant, tell=lambda count, best: None, method="multi-start", **how):
     return [(cost, x.tolist()) for cost, x in ends], p.evaluations
 
 
+@pytest.mark.ci
 def test_every_method_finds_the_same_optimum(plant, monkeypatch):
     small = replace(GeneticSettings(), population=24, stall=5)
     monkeypatch.setattr(searches, "GeneticSettings", lambda: small)

@@ -472,6 +472,7 @@ def thousand():
     return np.abs(np.sum(rng.normal(size=(1000, 3, 1)) * np.sin(w * t + w), axis=1))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("metric", ALL)
 @pytest.mark.parametrize("signed", [False, True])
 def test_a_thousand_movements_in_a_second(thousand, metric, signed):

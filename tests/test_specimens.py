@@ -50,6 +50,7 @@ def test_a_table_has_the_torques_at_the_same_deflections(tmp_path):
     assert up[-1] - up[0] == pytest.approx(2 * (20 * middle + 500 * middle**3), rel=0.2)
 
 
+@pytest.mark.ci
 def test_one_model_for_all_costs_what_the_specimens_differ_by(tmp_path):
     out, two = tmp_path / "r.json", {"a": 1.0, "b": 0.8}
     done = CliRunner().invoke(app, f"reliability {recorded(tmp_path, two)} --json {out}")

@@ -120,6 +120,7 @@ def test_the_map_is_the_disturbance():
     assert [w.amplitude_Nm for w in waves] == pytest.approx([amplitude] * 6, rel=0.03)
 
 
+@pytest.mark.ci
 def test_a_smooth_gear_has_no_waves():
     result = started("ideal")
     assert missed(result) == []
@@ -127,6 +128,7 @@ def test_a_smooth_gear_has_no_waves():
     assert result.model.disturbance.peak_Nm < 0.01
 
 
+@pytest.mark.ci
 def test_a_gain_of_08_is_found_and_refused():
     result = started(motor_gain=0.8)
     assert missed(result) == []
@@ -138,6 +140,7 @@ def test_a_gain_of_08_is_found_and_refused():
     assert float(told[1]) == pytest.approx(0.8, abs=0.01)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("delay_s", [0.003, 0.0024])
 def test_a_delay_is_found_to_a_fraction_of_a_tick(delay_s):
     result = started(delay_s=delay_s)
@@ -149,6 +152,7 @@ def test_a_delay_is_found_to_a_fraction_of_a_tick(delay_s):
     assert result.model.jump.jumps > 200
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("off", "name", "factor"),
     [
@@ -166,6 +170,7 @@ def test_what_is_off_in_the_machine_is_found(off, name, factor):
     assert getattr(result.model, name).value == pytest.approx(factor * written + beside, rel=0.02)
 
 
+@pytest.mark.ci
 def test_firmware_that_believes_in_another_inertia_is_told_from_one_built_anew():
     """30 % less inertia than it believes in is 3.1 dB more gain of the loop: all that there is."""
     result = started(off="inertia-30")
@@ -188,6 +193,7 @@ def blind_start_up() -> tuple[Startup, Wrapped]:
     return start_up(DEVICE, machine, "test"), machine
 
 
+@pytest.mark.ci
 def test_estimates_know_nothing_of_the_truth():
     blind, _ = blind_start_up()
     for name in NUMBERS:
@@ -201,6 +207,7 @@ def coverage(seeds: range) -> tuple[int, int, dict[int, list[str]]]:
     return sum(map(len, results.values())), len(NUMBERS) * len(seeds), results
 
 
+@pytest.mark.ci
 def test_intervals_hold_the_truth_of_random_plants():
     out, of, names = coverage(range(1, 4))
     assert out <= 1, (out, of, names)
@@ -307,6 +314,7 @@ def test_an_encoder_that_says_the_other_way_from_a_zero_nearby_is_found_by_the_s
     assert "check cable" in SignCheck(0.05, 0.1, 0.001, 0.0).problem()[1]
 
 
+@pytest.mark.ci
 def test_every_command_is_within_the_limits_and_every_count_is_whole():
     _, machine = blind_start_up()
     assert len(machine.commands) == len(PROCEDURES)
@@ -453,6 +461,7 @@ def test_on_the_devices_own_drive_the_loop_is_that_of_the_laws_own_check():
     assert min(damping) == pytest.approx(least_damped(DEVICE, LEAD).damping, abs=1e-6)
 
 
+@pytest.mark.ci
 def test_3_ms_are_refused_as_the_second_calculation_says():
     result = started(delay_s=0.003)
     m, f = result.model, np.geomspace(1.0, 20.0, 4000)
@@ -613,6 +622,7 @@ def test_the_device_file_holds_what_was_found(tmp_path):
     assert "delay from command to encoder" in own
 
 
+@pytest.mark.ci
 def test_recordings_in_files_give_the_same_numbers(tmp_path, monkeypatch):
     result = started()
     write_recordings(tmp_path, result.recordings)

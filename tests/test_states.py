@@ -645,6 +645,7 @@ def test_the_library_is_not_emulated(drive, tmp_path):
 # -- other devices ---------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["elbow", "wrist"])
 def test_a_device_without_a_motor_is_ready_and_never_armed(name):
     require_tool("gcc")
@@ -669,6 +670,7 @@ def test_a_device_without_a_motor_is_ready_and_never_armed(name):
     board.close()
 
 
+@pytest.mark.ci
 def test_in_whole_numbers_it_is_zeroed_and_armed_alike(drive):
     require_tool("gcc")
     board = SimBoard(drive, board="sim-q31")

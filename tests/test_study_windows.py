@@ -69,6 +69,9 @@ def logged(study: StudyFolder, *kinds: str) -> list:
     ]
 
 
+WAIT_S = 120  # a machine may be busy
+
+
 class Stepped(Conductor):
     """Stands still at chosen times of chosen trials until it is let go, so that a test can look."""
 
@@ -81,11 +84,11 @@ class Stepped(Conductor):
         if self.at and (self.trial.number, time_s) >= self.at[0]:
             self.at.pop(0)
             self.there.set()
-            assert self.go.wait(20)
+            assert self.go.wait(WAIT_S)
             self.go.clear()
 
     def arrive(self):
-        assert self.there.wait(20), self.error
+        assert self.there.wait(WAIT_S), self.error
         self.there.clear()
 
 
@@ -129,6 +132,7 @@ def ended(conductor: Stepped) -> None:
 # -- the same session ------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("of", ["steady_hold", "wrist", "interaction"])
 def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, of):
     from esea_host.windows.study.operator import OperatorWindow
@@ -693,6 +697,7 @@ def test_on_a_second_monitor_it_is_full_screen(begin, windows, monkeypatch):
 # -- somebody points -------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 def test_who_points_moves_the_hand_in_the_virtual_rig_and_it_is_recorded(tmp_path, begin):
     """Held half way to the right of 11.46 deg; the spring takes some of it."""
     require_tool("gcc")
@@ -768,6 +773,7 @@ def place(tmp_path_factory) -> Path:
     return Path(os.environ.get("ESEA_PICTURES") or tmp_path_factory.mktemp("pictures"))
 
 
+@pytest.mark.ci
 def test_pictures_of_a_calibration_for_the_manual(begin, windows, place):
     from esea_host.windows.theme import DARK, LIGHT
 
@@ -794,6 +800,7 @@ def test_pictures_of_a_calibration_for_the_manual(begin, windows, place):
     assert not operator.gauges[0].near
 
 
+@pytest.mark.ci
 def test_pictures_of_the_game_for_the_manual(begin, windows, place):
     require_tool("gcc")
     pong = 'task = "interaction.pong"\ntrials = [{ parameters = { seconds = 20.0 } }]'

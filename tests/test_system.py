@@ -123,6 +123,7 @@ def test_latched_values_do_not_depend_on_preemption(release):
     assert results[0] == list(np.cumsum(seen))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("lateness", [0, 2])
 @pytest.mark.parametrize("gain", [True, False])
 @pytest.mark.parametrize("real", ["f64", "f32"])

@@ -155,6 +155,7 @@ def test_a_shorter_file_is_told(trace, stored):
     assert "the stream is another one: 198 rows" in differences(trace, cut)[0]
 
 
+@pytest.mark.ci
 def test_accept_writes_then_keeps_then_replaces(elbow, tmp_path):
     devices = {"elbow": elbow}
     folder = tmp_path / "new" / "traces"

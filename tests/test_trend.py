@@ -215,6 +215,7 @@ def test_extrapolation_is_the_default_when_no_future_is_given():
     }
 
 
+@pytest.mark.ci
 def test_the_tuning_case_is_followed_without_a_future():
     require_tool("gcc")
     path = tuning()
@@ -224,6 +225,7 @@ def test_the_tuning_case_is_followed_without_a_future():
     assert np.sqrt(np.mean(error**2)) < 0.043
 
 
+@pytest.mark.ci
 def test_a_step_is_followed_as_by_a_held_torque(tmp_path):
     require_tool("gcc")
     wanted = np.where(np.arange(2500) >= 1000, 0.5, 0.0)

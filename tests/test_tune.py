@@ -152,6 +152,7 @@ def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, capsys, tmp_path):
 # -- against the twin -----------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 def test_the_printed_controller_needs_the_printed_layer_on_the_nominal_plant():
     """The thesis: phi was selected so that the surface did not saturate, at 1.5."""
     require_tool("gcc")
@@ -220,6 +221,7 @@ def test_the_bound_that_a_message_names_may_be_tried():
 # -- what is refused ------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -252,6 +254,7 @@ def test_tune_refuses(monkeypatch, capsys, arguments, words):
         assert word in error
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("section", "key", "value", "words"),
     [
@@ -353,6 +356,7 @@ LONG_RUNS = (
 )
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("run", LONG_RUNS, ids=lambda run: "-".join(run[:2]))
 def test_an_output_that_cannot_be_written_is_refused_before_the_run(
     monkeypatch, capsys, tmp_path, run

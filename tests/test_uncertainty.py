@@ -70,6 +70,7 @@ def slope(theta: np.ndarray) -> np.ndarray:
     return np.asarray(derivative(theta[None, :])).ravel()
 
 
+@pytest.mark.ci
 def test_quantisation_of_a_spring_is_first_order(cubic):
     require_tool("gcc")
     found = torque_uncertainty(cubic, 24, spread=Spread((), np.zeros((0, 0)), "none"), limit_s=30.0)
@@ -112,6 +113,7 @@ def test_quantisation_of_a_spring_is_first_order(cubic):
     assert found.overall(PARAMETERS).sigma_Nm == 0
 
 
+@pytest.mark.ci
 def test_parameters_are_first_order_where_the_spread_is_small(elbow):
     require_tool("gcc")
     share = 0.004
@@ -160,6 +162,7 @@ def test_sensor_derivative_by_casadi_agrees_with_a_spring(elbow):
         assert float(jacobian.call(values)[0]) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.ci
 def test_nonlinearity_is_bounded_by_its_amplitude(cubic):
     require_tool("gcc")
     nothing = Spread((), np.zeros((0, 0)), "none")
@@ -252,6 +255,7 @@ def test_the_continuous_model_has_converged(elbow):
     assert np.max(np.abs(torque[10] - torque[40])) < 1e-5
 
 
+@pytest.mark.ci
 def test_identified_spread_is_the_identifications_own(tmp_path):
     require_tool("gcc")
     # A small search is enough here: any device near the optimum has a covariance.

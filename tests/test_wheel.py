@@ -13,6 +13,8 @@ import pytest
 
 from .conftest import ROOT, require_module, require_tool
 
+pytestmark = pytest.mark.ci
+
 # No network: the dependencies are those of this environment, seen through one line of a .pth file.
 # A path added in this way brings no .pth files of its own, so that a checkout which is installed
 # there for development stays out of reach.

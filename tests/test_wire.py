@@ -648,6 +648,7 @@ WRONG = {
 }  # fmt: skip
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     "wrong",
     [w if w == "drops by samples" else pytest.param(w, marks=pytest.mark.slow) for w in WRONG],
@@ -789,6 +790,7 @@ def test_frames_of_any_content_leave_a_board_that_answers(board, tmp_path, signe
     board.time_sync(1)
 
 
+@pytest.mark.ci
 def test_the_same_under_the_address_sanitizer(tmp_path):
     """The board on standard input and output, without a clock."""
     rng = np.random.default_rng(13)

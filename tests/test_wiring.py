@@ -404,6 +404,7 @@ def test_from_a_measurement_to_its_effect(systems, name):
         assert np.flatnonzero(other != base)[0] == seen_at, change_at
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("release", "ticks"),
     [

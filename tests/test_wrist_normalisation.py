@@ -90,6 +90,7 @@ def test_equal_states_give_the_identity():
     assert np.min(published.scaling(theta)) < 0.97
 
 
+@pytest.mark.ci
 @settings(max_examples=60)
 @given(st.lists(st.floats(20, 120), min_size=7, max_size=7), st.floats(0.5, 3))
 def test_accepted_maps_are_monotone_and_scale_as_speeds_do(values, scale):

@@ -420,6 +420,7 @@ def result(studied):
     return analyse(studied)
 
 
+@pytest.mark.ci
 def test_from_calibration_to_the_tables(studied, result):
     assert result.simulated
     (fe,) = result.people["7.2 validation, FE"].values()
@@ -432,6 +433,7 @@ def test_from_calibration_to_the_tables(studied, result):
     assert table[0].published == (0.24, 0.24)
 
 
+@pytest.mark.ci
 def test_a_virtual_session_replays_to_the_same_scenes(studied):
     study = StudyFolder.open(studied)
     (path,) = [p for _, _, p in study.sessions()]
@@ -553,6 +555,7 @@ def test_a_methods_outcome_follows_its_schema(studied):
         )
 
 
+@pytest.mark.ci
 def test_the_command_writes_tables_and_files(studied, tmp_path):
     named = {k: str(tmp_path / f"r.{k}") for k in ("json", "csv")}
     report = str(tmp_path / "r.html")
