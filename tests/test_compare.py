@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
+from scipy.signal import lfilter
 from typer.testing import CliRunner
 
 import esea_gen.bench.sensor_cost
@@ -29,6 +30,7 @@ from esea_gen.identify.family_fit import (
     solve_weights,
     trained_scale,
 )
+from esea_gen.identify.family_identification import identify_member
 from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.peers import PEERS, fit_peer
 from esea_gen.identify.verdict import judge
@@ -177,6 +179,27 @@ def test_a_known_member_is_found_again():
     ]
     found = fit_member(terms, made, 4.0)
     assert np.abs(np.array(found.weights_Nm) - truth).max() < 1e-4
+
+
+def test_friction_that_turns_back_otherwise_at_each_end_is_drawn(tmp_path):
+    """Two sides with relaxations of their own, strokes of two speeds; small steps of Euler."""
+    require_tool("gcc")
+    t = np.arange(20001) / 1000
+    x = np.interp(t % 2.5, [0, 1.5, 2.5], [-1, 1, -1])
+    y = 0.1 * x + 0.05
+    for side, weight in ((np.maximum(x, 0), 1.0), (np.minimum(x, 0), 2.0)):
+        moved = np.concatenate([[0.0], np.diff(side)])
+        y = y + weight * lfilter([1.0], [1, 0.001 / 0.3 - 1], moved)
+    rows = [f"{a:.6g},{b:.6g},{c:.6g}" for a, b, c in zip(t[::10], x[::10], y[::10], strict=True)]
+    path = write_rig(tmp_path, {"a": 1.0, "b": 1.0})
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t,x,y", *rows]) + "\n")
+    errors = {
+        name: identify_member(path, name).to_dict()["mean_rms"]["held_out_percent"]
+        for name in ("stops, sides, offset", "stops, Maxwell, offset")
+    }
+    assert errors["stops, sides, offset"] < 0.5
+    assert errors["stops, Maxwell, offset"] > 3
 
 
 # Real rubber.

@@ -281,7 +281,7 @@ def hdrb_device(elbow):
     return elbow
 
 
-TIMED = ("fractional, strain", "Maxwell, strain")
+TIMED = ("fractional, strain", "Maxwell, strain", "stops, sides, offset")
 
 
 @pytest.mark.parametrize("name", ["slips, worn", "stops, worn", *TIMED])

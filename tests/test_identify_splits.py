@@ -144,7 +144,7 @@ def test_members_have_the_names_that_the_command_takes():
     """As the documentation and mapping files call them; what each is made of, by its title."""
     names = ["stops", "slips", "Maxwell", "fractional"]
     soft = [f"{n}, strain" for n in names] + ["stops, worn", "slips, worn"]
-    more = ["slips, worn, offset", "stops, Maxwell, offset"]
+    more = ["slips, worn, offset", "stops, Maxwell, offset", "stops, sides, offset"]
     found = {m.name: m for m in members()}
     assert sorted(found) == sorted([*names, *soft, *more])
     for name, m in found.items():

@@ -15,6 +15,7 @@ THRESHOLDS = (0.02, 0.07, 0.15, 0.3, 0.6, 1.1)
 PATHS = (0.03, 0.1, 0.3, 1.0, 3.0)
 TIMES_s = (3.0, 30.0, 300.0)
 QUICK_s = (0.1, 0.3, 1.0, 3.0, 30.0)
+TURNING_s = (0.03, 0.1, 0.3, 1.0)
 FRACTIONAL_s = tuple(10 ** (-1 + 4 * k / 7) for k in range(8))
 EXPONENT = 0.2
 
@@ -39,6 +40,9 @@ def members() -> tuple[Member, ...]:
     offset = Term("offset")
     quick = [Term("maxwell", q, (t,)) for q in (LINEAR, CUBIC) for t in QUICK_s]
     friction = [*bent, *stops[len(odd) :], *quick, offset]
+    # Friction that turns back otherwise at the two ends of a stroke.
+    ends = [Rise("power", 1, "positive"), Rise("power", 1, "negative")]
+    turning = [Term("maxwell", q, (t,)) for q in ends for t in TURNING_s]
     return (
         Member("stops", "springs and stop operators", tuple(stops)),
         Member("slips", "springs and slip operators", tuple(slips)),
@@ -48,6 +52,9 @@ def members() -> tuple[Member, ...]:
         Member("slips, worn", "slips, softened by strain and path", softened(slips, *WORN)),
         Member("slips, worn, offset", "the same and an offset", softened([*slips, offset], *WORN)),
         Member("stops, Maxwell, offset", "bent springs, stops, Maxwell, offset", tuple(friction)),
+        Member(
+            "stops, sides, offset", "stops, Maxwell each side, offset", (*stops, *turning, offset)
+        ),
         Member("Maxwell", "bent springs and Maxwell branches", tuple(maxwell)),
         Member("fractional", "bent springs and a fractional element", tuple(fractional)),
         Member("Maxwell, strain", "Maxwell, softened by strain", softened(maxwell, STRAIN)),

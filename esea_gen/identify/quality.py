@@ -24,6 +24,9 @@ Mask = npt.NDArray[np.bool_]
 # deflection turns as sharply.
 SPIKE_WIDTH, SPIKE_SHARE, TURN_FACTOR = 3, 0.08, 5.0
 MOST_SPIKES = 0.01  # share of samples: more is noise
+# A jump of the deflection: so many of the steps near it, and this share of its range.  Where a
+# triangle turns, its tip stands off by two steps.
+JUMP_STEPS, JUMP_SHARE = 2.1, 0.004
 # A gap: this many usual steps long, and the deflection moves by this share of its range in it.
 GAP_STEPS, GAP_SHARE = 10.0, 0.02
 # A torque that stays the same number, this many samples and this share of the deflection's range.
@@ -39,7 +42,7 @@ NO_LOSS, MOST_LAG = 1e-3, 51  # of the loop's box; steps between samples
 class Finding:
     """Something wrong with a recording.
 
-    kind: spikes, noise, gap, frozen, saturated, offset or backlash.
+    kind: jumps, spikes, noise, gap, frozen, saturated, offset or backlash.
     stops: whether parameters that were fitted to it are not called ``identified``.
     """
 
@@ -56,6 +59,20 @@ def spikes(theta: Array, tau: Array) -> Mask:
     return np.asarray(_standing_off(tau) > allowed)
 
 
+def jumps(theta: Array) -> Mask:
+    """Up to three samples of the deflection, to one side, that no motion as that around explains.
+
+    return: none where there are so many that the sensor is noisy.
+    """
+    width = SPIKE_WIDTH + 1
+    calm = scipy.ndimage.median_filter(theta, 2 * SPIKE_WIDTH + 1)
+    steps = np.pad(np.abs(calm[width:] - calm[:-width]) / width, width // 2, mode="edge")
+    steps = scipy.ndimage.maximum_filter(steps, 2 * width + 1)
+    found = _standing_off(theta) > np.maximum(JUMP_STEPS * steps, JUMP_SHARE * np.ptp(theta))
+    found[:width] = found[-width:] = False  # nothing is beside them
+    return np.asarray(found & (np.mean(found) <= MOST_SPIKES))
+
+
 def _standing_off(x: Array) -> Array:
     # What is narrower than a window does not survive its opening; a sharp turn does, on its way up.
     size = SPIKE_WIDTH + 1
@@ -64,10 +81,10 @@ def _standing_off(x: Array) -> Array:
     return np.asarray(np.maximum(above, below))
 
 
-def bridged(tau: Array, mask: Mask) -> Array:
-    """The torque with masked samples drawn straight between their neighbours."""
+def bridged(values: Array, mask: Mask) -> Array:
+    """A signal with masked samples drawn straight between their neighbours."""
     kept = np.flatnonzero(~mask)
-    return np.asarray(np.interp(np.arange(len(tau)), kept, tau[kept]))
+    return np.asarray(np.interp(np.arange(len(values)), kept, values[kept]))
 
 
 def gaps(time_s: Array, theta: Array) -> list[int]:
@@ -226,4 +243,4 @@ def _shortened(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     return tuple(out)
 
 
-__all__ = ["Finding", "after_gaps", "bridged", "examined", "gaps", "spikes", "still"]
+__all__ = ["Finding", "after_gaps", "bridged", "examined", "gaps", "jumps", "spikes", "still"]

@@ -15,7 +15,7 @@ from esea_gen.errors import UserError
 from esea_gen.identify.conditions import divided
 from esea_gen.identify.cycles import data_sets, divide
 from esea_gen.identify.mapping import MappingFile
-from esea_gen.identify.quality import MOST_SPIKES, Finding, bridged, examined, spikes
+from esea_gen.identify.quality import MOST_SPIKES, Finding, bridged, examined, jumps, spikes
 from esea_gen.identify.readers import READERS
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.tables import TIME, FileFormat, Mapping, RecordingTable
@@ -152,8 +152,10 @@ def _load(
             )
         tau = resample(time, tau, later)[known]
         time, theta = time[known] - time[known][0], theta[known]
+    jumped = jumps(theta)
+    theta = bridged(theta, jumped)
     spiky = spikes(theta, tau) if np.ptp(theta) > 0 else np.zeros(len(tau), dtype=bool)
-    found = _spiked(spiky, tau)
+    found = (*_jumped(jumped), *_spiked(spiky, tau))
     tau = bridged(tau, spiky)
     if m.torque.sign == "fit" and np.ptp(theta) > 0 and _stiffness(theta, tau) < 0:
         tau, found = -tau, (*found, TURNED)
@@ -171,10 +173,18 @@ def _load(
         timed=timed,
         dropped=dropped,
         cycles=cycles,
-        sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky),
+        sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
         conditions=_conditions(m, name),
         findings=(*found, *more),
     )
+
+
+def _jumped(jumped: npt.NDArray[np.bool_]) -> tuple[Finding, ...]:
+    count = int(np.count_nonzero(jumped))
+    if not count:
+        return ()
+    text = f"{count} sample{'s' if count > 1 else ''} at which the deflection jumps and comes back"
+    return (Finding("jumps", f"{text}, bridged; they neither train nor judge", False),)
 
 
 def _spiked(spiky: npt.NDArray[np.bool_], tau: Array) -> tuple[Finding, ...]:
