@@ -43,7 +43,9 @@ class _FamilyInverse:
         self.tau_lim = torque_limit(device, fitted)
         self.omega_lim = threshold(2 * self.theta_lim / self.h)
         self.good = threshold(RESIDUAL_SHARE * self.tau_lim)
-        self.least = threshold(0.5 * fitted.least_slope_Nm_rad(2 * self.theta_lim))
+        self.far = threshold(2 * self.theta_lim)
+        self.least = threshold(0.5 * fitted.least_slope_Nm_rad(self.far))
+        self.most = threshold(2 * fitted.most_slope_Nm_rad(self.far))
         self.domain = {
             "theta": threshold(file.domain.theta_max_rad.value),
             "omega": threshold(file.domain.omega_max_rad_s.value),
@@ -60,16 +62,17 @@ class _FamilyInverse:
         symbol = ca.SX.sym("theta")
         torque = self.at(s, symbol, state_ok)[1]
         # The bracket is wider than the limits: a request beyond them ends at a limit.
-        low, high, theta = ca.SX(-2 * self.theta_lim), ca.SX(2 * self.theta_lim), last
+        low, high, theta = ca.SX(-self.far), ca.SX(self.far), last
         slope = ca.jacobian(torque, symbol)
         for k in range(1, self.steps + 1):
             value, rise = ca.substitute([torque, slope], [symbol], [theta])
             missing = label(f"missing_{k}_Nm", wanted - value, f"request less torque, step {k}")
             text = "slope, of the springs at least"
-            rise = label(f"rise_{k}_Nm_rad", ca.fmax(rise, self.least), text)
+            rise = label(f"rise_{k}_Nm_rad", clip(rise, self.least, self.most), text)
             low = ca.if_else(missing > 0, ca.fmax(low, theta), low)
             high = ca.if_else(missing > 0, high, ca.fmin(high, theta))
-            newton = theta + missing / rise
+            # Cut where it is refused anyway: ranges of values then do not grow from step to step.
+            newton = clip(theta + missing / rise, -self.far, self.far)
             inside = ca.logic_and(newton > low, newton < high)
             safe = ca.if_else(inside, newton, 0.5 * (low + high))
             done = ca.fabs(missing) <= threshold(AT_REST * self.good)

@@ -128,10 +128,13 @@ class FamilyStep:
         # CasADi's derivative of a maximum divides by the number of sides that attain it.
         return ca.SX(ca.if_else(a > b, a, b) if self.derived else ca.fmax(a, b))
 
+    def smaller(self, a: Any, b: Any) -> ca.SX:
+        return ca.SX(ca.if_else(b < a, b, a) if self.derived else ca.fmin(a, b))
+
     def clip(self, x: ca.SX, low: Any, high: Any) -> ca.SX:
         if not self.derived:
             return clip(x, low, high)
-        return ca.SX(ca.if_else(x > high, high, ca.if_else(x < low, low, x)))
+        return self.smaller(self.larger(x, low), high)
 
     def drive(self, e: FamilyElement, x: ca.SX) -> ca.SX:
         total = ca.SX(0)
