@@ -218,26 +218,20 @@ def prune(kernel: Kernel) -> Kernel:
 def fuse_selects(kernel: Kernel) -> Kernel:
     """Turn CasADi's two-armed select, (c ? a : 0) + (!c ? b : 0), into one select.
 
-    Saves an addition and a test.  A select of the smaller or of the larger of the very two that it
-    compares becomes fmin or fmax, whose range is theirs: what is written as a choice, so that its
-    derivative is one, is a clip all the same.  The value is the same but for the sign of a zero, so
-    the f64 format, which must equal CasADi's own C bit for bit, does not use it.
+    Saves an addition and a test.  The value is the same but for the sign of a zero, so the f64
+    format, which must equal CasADi's own C bit for bit, does not use it.
     """
     nodes = list(kernel.nodes)
     for i, n in enumerate(nodes):
-        if n.op == "add":
-            for a, b in (n.args, n.args[::-1]):
-                x, y = nodes[a], nodes[b]
-                if x.op == y.op == "if_else_zero":
-                    inverse = nodes[y.args[0]]
-                    if inverse.op == "not" and inverse.args == (x.args[0],):
-                        nodes[i] = Node("select", (x.args[0], x.args[1], y.args[1]))
-                        break
-        if nodes[i].op == "select":
-            condition, one, other = nodes[i].args
-            test = nodes[condition]
-            if test.op in ("lt", "le") and test.args in ((one, other), (other, one)):
-                nodes[i] = Node("fmin" if test.args == (one, other) else "fmax", (one, other))
+        if n.op != "add":
+            continue
+        for a, b in (n.args, n.args[::-1]):
+            x, y = nodes[a], nodes[b]
+            if x.op == y.op == "if_else_zero":
+                inverse = nodes[y.args[0]]
+                if inverse.op == "not" and inverse.args == (x.args[0],):
+                    nodes[i] = Node("select", (x.args[0], x.args[1], y.args[1]))
+                    break
     return prune(Kernel(kernel.name, tuple(nodes), kernel.results))
 
 

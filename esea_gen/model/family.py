@@ -90,6 +90,19 @@ class Rise:
             return value
         return ca.fmax(value, 0) if self.side == "positive" else ca.fmin(value, 0)
 
+    def slope(self, x: ca.SX) -> ca.SX:
+        """Its slope; of one side at 0 that of the side."""
+        if self.kind == "bend":
+            bent = 1 + ca.fabs(x) * (1 / self.number)
+            value = 1 / (bent * bent)
+        else:
+            value = ca.SX(self.number)
+            for _ in range(int(self.number) // 2):
+                value = value * (x * x)
+        if self.side == "both":
+            return value
+        return ca.if_else(x >= 0 if self.side == "positive" else x <= 0, value, 0)
+
     def most(self, reach: float) -> float:
         """Its largest magnitude.
 

@@ -37,7 +37,7 @@ class _FamilyInverse:
 
     def __init__(self, device: DeviceData, fitted: FittedMember, start: Start, steps: int) -> None:
         file = device.file
-        self.model = family_step(device, fitted, start, derived=True)
+        self.model = family_step(device, fitted, start)
         self.steps, self.h = steps, device.period_s
         self.theta_lim = threshold(file.limits.theta_rad.value)
         self.tau_lim = torque_limit(device, fitted)
@@ -45,30 +45,26 @@ class _FamilyInverse:
         self.good = threshold(RESIDUAL_SHARE * self.tau_lim)
         self.far = threshold(2 * self.theta_lim)
         self.least = threshold(0.5 * fitted.least_slope_Nm_rad(self.far))
-        self.most = threshold(2 * fitted.most_slope_Nm_rad(self.far))
         self.domain = {
             "theta": threshold(file.domain.theta_max_rad.value),
             "omega": threshold(file.domain.omega_max_rad_s.value),
             "tau": threshold(file.domain.tau_full_scale_Nm.value),
         }
 
-    def at(self, s: Any, theta: Any, state_ok: ca.SX) -> tuple[dict[str, Any], ca.SX]:
-        """The model's next state and torque at a deflection, from this step's memory."""
+    def at(self, s: Any, theta: Any, state_ok: ca.SX) -> tuple[dict[str, Any], ca.SX, ca.SX]:
+        """The model's next state, torque and slope at a deflection, from this step's memory."""
         guard = Guard(inputs_ok=ca.SX(1), state_ok=state_ok)
-        state, sums = self.model.torque(s, theta, guard, Labels())
-        return state, sums["spring"] + sums["rate"] + sums["hysteresis"]
+        state, sums, slope = self.model.torque_and_slope(s, theta, guard, Labels())
+        return state, sums["spring"] + sums["rate"] + sums["hysteresis"], slope
 
     def solve(self, s: Any, wanted: ca.SX, last: ca.SX, state_ok: ca.SX, label: Labels) -> ca.SX:
-        symbol = ca.SX.sym("theta")
-        torque = self.at(s, symbol, state_ok)[1]
         # The bracket is wider than the limits: a request beyond them ends at a limit.
         low, high, theta = ca.SX(-self.far), ca.SX(self.far), last
-        slope = ca.jacobian(torque, symbol)
         for k in range(1, self.steps + 1):
-            value, rise = ca.substitute([torque, slope], [symbol], [theta])
+            _, value, rise = self.at(s, theta, state_ok)
             missing = label(f"missing_{k}_Nm", wanted - value, f"request less torque, step {k}")
             text = "slope, of the springs at least"
-            rise = label(f"rise_{k}_Nm_rad", clip(rise, self.least, self.most), text)
+            rise = label(f"rise_{k}_Nm_rad", ca.fmax(rise, self.least), text)
             low = ca.if_else(missing > 0, ca.fmax(low, theta), low)
             high = ca.if_else(missing > 0, high, ca.fmin(high, theta))
             # Cut where it is refused anyway: ranges of values then do not grow from step to step.
@@ -88,7 +84,7 @@ class _FamilyInverse:
         solved = self.solve(s, wanted, last, guard.state_ok, label)
         theta = ca.if_else(guard.inputs_ok, solved, last)
         theta = label("set_point_rad", theta, "invalid input: hold")
-        state, torque = self.at(s, theta, guard.state_ok)
+        state, torque, _ = self.at(s, theta, guard.state_ok)
         state["primed"] = ca.logic_or(primed, guard.inputs_ok)
         residual = label("residual_Nm", u.tau_Nm - torque, "request less the model's torque")
         moved = label("moved_rad", ca.if_else(primed, theta - last, 0), "move of the set-point")
