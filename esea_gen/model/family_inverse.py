@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, Solved
 from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
 from esea_gen.model.family import FittedMember, Start
 from esea_gen.model.family_sensor import family_step, torque_limit
@@ -113,6 +113,18 @@ class _FamilyInverse:
         }
         return state, outputs
 
+    def solved(self, fitted: FittedMember) -> dict[str, Solved]:
+        """A small residual means a set-point near the exact one, as the torque rises with it."""
+        reach = self.theta_lim
+        slope = min(fitted.least_slope_Nm_rad(reach), fitted.first_slope_Nm_rad(reach))
+        if slope <= 0:
+            return {}
+        # What is missing is below the flag's threshold in exact arithmetic and in any other; so
+        # the torque is off by no more than that twice, however stiff the rubber is.
+        follows = {"omega_mid_rad_s": 1 / self.h, "tau_model_Nm": slope, "residual_Nm": slope}
+        follows |= self.model.state_slopes()
+        return {"set_point_rad": Solved("residual_Nm", 2 * self.good, slope, follows=follows)}
+
     def outputs(self) -> tuple[Port, ...]:
         room = 2 * REQUEST_ROOM * self.tau_lim
         d, held = self.domain, "an input was NaN or outside its range; the set-point is held"
@@ -168,6 +180,8 @@ def family_inverse(
         state=inverse.model.state(),
         inputs=(request_port(inverse.tau_lim),),
         outputs=inverse.outputs(),
+        facts={"set_point_rad": (-inverse.theta_lim, inverse.theta_lim)},
+        solved=inverse.solved(fitted),
         step=inverse.step,
     )
 

@@ -45,6 +45,9 @@ class FamilyElement:
     def most(self, reach: float) -> float:
         return sum(w * rise.most(reach) for w, rise in self.drive)
 
+    def most_slope(self, reach: float) -> float:
+        return sum(w * rise.most_slope(reach) for w, rise in self.drive)
+
 
 @dataclass(frozen=True)
 class Part:
@@ -304,6 +307,21 @@ class FamilyStep:
         forgets = ca.fmin((1 + v * (1 + v * 0.5)) / t, 1)
         follows = (1 - ca.sign(went) * value * (1 / e.number)) * forgets
         return value, value, ca.if_else(ca.fabs(went) < most, follows, 0)
+
+    def state_slopes(self) -> dict[str, float]:
+        """Largest slope of every next state over this step's deflection, 1/rad or Nm/rad."""
+        per = 1 / self.scale
+        most = {
+            k: max((e.most_slope(self.reach) * per for e in es), default=0.0)
+            for k, es in self.of.items()
+        }
+        return {
+            **dict.fromkeys(("reached", "band"), per),
+            **{"primed": 0.0, "theta_prev_rad": 1.0},
+            "kept": per / min(self.paths, default=1.0),
+            # A slip that turns back moves twice as far as what drives it.
+            **{"relaxed_Nm": most["maxwell"], "play": most["stop"], "slip": 2 * most["slip"]},
+        }
 
     def state(self) -> tuple[Port, ...]:
         rested = self.start == "virgin"
