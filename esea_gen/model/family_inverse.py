@@ -44,6 +44,7 @@ class _FamilyInverse:
         self.omega_lim = threshold(2 * self.theta_lim / self.h)
         self.good = threshold(RESIDUAL_SHARE * self.tau_lim)
         self.far = threshold(2 * self.theta_lim)
+        self.longest = threshold(2 * self.far)
         self.least = threshold(0.5 * fitted.least_slope_Nm_rad(self.far))
         self.domain = {
             "theta": threshold(file.domain.theta_max_rad.value),
@@ -63,14 +64,17 @@ class _FamilyInverse:
         for k in range(1, self.steps + 1):
             _, value, rise = self.at(s, theta, state_ok)
             missing = label(f"missing_{k}_Nm", wanted - value, f"request less torque, step {k}")
-            text = "slope, of the springs at least"
-            rise = label(f"rise_{k}_Nm_rad", ca.fmax(rise, self.least), text)
-            low = ca.if_else(missing > 0, ca.fmax(low, theta), low)
-            high = ca.if_else(missing > 0, high, ca.fmin(high, theta))
-            # Cut where it is refused anyway: ranges of values then do not grow from step to step.
-            newton = clip(theta + missing / rise, -self.far, self.far)
-            inside = ca.logic_and(newton > low, newton < high)
-            safe = ca.if_else(inside, newton, 0.5 * (low + high))
+            # No step is longer than the bracket: one that is would be refused, and its range with
+            # it would cost the others their last bits.
+            floor = ca.fmax(self.least, ca.fabs(missing) * (1 / self.longest))
+            rise = label(f"rise_{k}_Nm_rad", ca.fmax(rise, floor), "slope, of the springs at least")
+            move = label(f"move_{k}_rad", missing / rise, "Newton's step")
+            low = ca.if_else(missing > 0, theta, low)
+            high = ca.if_else(missing > 0, high, theta)
+            newton = theta + move
+            # A step too small for the number format stays where it is.
+            inside = ca.logic_and(newton >= low, newton <= high)
+            safe = clip(ca.if_else(inside, newton, 0.5 * (low + high)), -self.far, self.far)
             done = ca.fabs(missing) <= threshold(AT_REST * self.good)
             theta = label(f"theta_{k}_rad", ca.if_else(done, theta, safe), "safeguarded step")
         return clip(theta, -self.theta_lim, self.theta_lim)
@@ -112,6 +116,12 @@ class _FamilyInverse:
             "status": status,
         }
         return state, outputs
+
+    def facts(self) -> dict[str, tuple[float, float]]:
+        """What algebra knows: the set-point is clipped, and no step is longer than the bracket."""
+        most = 1.001 * self.longest
+        moves = {f"move_{k}_rad": (-most, most) for k in range(1, self.steps + 1)}
+        return moves | {"set_point_rad": (-self.theta_lim, self.theta_lim)}
 
     def solved(self, fitted: FittedMember) -> dict[str, Solved]:
         """A small residual means a set-point near the exact one, as the torque rises with it."""
@@ -180,7 +190,7 @@ def family_inverse(
         state=inverse.model.state(),
         inputs=(request_port(inverse.tau_lim),),
         outputs=inverse.outputs(),
-        facts={"set_point_rad": (-inverse.theta_lim, inverse.theta_lim)},
+        facts=inverse.facts(),
         solved=inverse.solved(fitted),
         step=inverse.step,
     )
