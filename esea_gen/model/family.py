@@ -92,7 +92,18 @@ class Rise:
         return ca.fmax(value, 0) if self.side == "positive" else ca.fmin(value, 0)
 
     def slope(self, x: ca.SX) -> ca.SX:
-        """Its slope; of one side at 0 that of the side."""
+        """Its slope.
+
+        Parameters
+        ----------
+        x : casadi.SX
+            Scaled deflection.
+
+        Returns
+        -------
+        casadi.SX
+            Over x; of one side at 0 that of the side.
+        """
         if self.kind == "bend":
             bent = 1 + ca.fabs(x) * (1 / self.number)
             value = 1 / (bent * bent)

@@ -50,7 +50,7 @@ class FamilyElement:
 
 
 @dataclass(frozen=True)
-class Part:
+class OperatorStep:
     """What one operator gives in a step.
 
     value, slope: of weight 1, not softened; the slope is over x.
@@ -175,7 +175,7 @@ class FamilyStep:
 
     def run(
         self, s: Any, theta: ca.SX, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], list[Part]]:
+    ) -> tuple[dict[str, Any], list[OperatorStep]]:
         """The next state, and what each operator gives."""
         # The first valid sample defines where the operators start: nothing is stored in them.
         primed = ca.logic_and(s.primed, guard.state_ok)
@@ -188,7 +188,7 @@ class FamilyStep:
         factors, softening = self.soften(s, x, primed, state, label)
         given = self.operate(s, x, x_last, primed, state, label)
         pairs = zip(self.elements, given, strict=True)
-        return state, [Part(e, *values, factors, softening) for e, values in pairs]
+        return state, [OperatorStep(e, *values, factors, softening) for e, values in pairs]
 
     def torque(
         self, s: Any, theta: ca.SX, guard: Guard, label: Labels
