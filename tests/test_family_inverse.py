@@ -13,6 +13,7 @@ from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.fixed.values import LoweringError
+from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import to_raw
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.family_file import family_device
@@ -24,7 +25,7 @@ from esea_gen.model.family_step import FamilyStep
 from esea_gen.model.inverse import inverse_system
 from esea_gen.model.rubber import fitted_of
 from esea_gen.verify.bounds import forward_residual
-from esea_gen.verify.fixed import RawExecutor, compare_fixed, raw_stream, states_before
+from esea_gen.verify.fixed import RawExecutor, bounds_of, compare_fixed, raw_stream, states_before
 from esea_gen.verify.runs import run_symbolic
 from esea_gen.verify.streams import streams
 from tests.conftest import require_tool
@@ -157,8 +158,23 @@ def test_a_first_sample_may_rise_less_than_any_other(devices):
     assert bent.first_slope_Nm_rad(0.3) <= slope.min()
     near = x[1:] < 0.15  # sqrt(a b) is 0.155
     assert bent.first_slope_Nm_rad(0.03) == pytest.approx(slope[near].min(), abs=1e-4)
-    none = FittedMember(Member("c", "c", bend), 0.2, (1.0,))
-    assert family_inverse(devices["every"], none).solved == {}
+
+
+def test_without_a_least_slope_no_error_is_claimed(devices):
+    """A first sample whose torque may fall: the inverse is built, its error in q31 refused."""
+    terms = (
+        Term("spring", LINEAR),
+        Term("spring", Rise("bend", 0.08), softening=Softening("strain", 0.3)),
+    )
+    fitted = FittedMember(Member("c", "c", terms), 0.2, (0.1, 3.0))
+    assert fitted.first_slope_Nm_rad(0.35) < 0 < fitted.least_slope_Nm_rad(0.35)
+    device = devices["every"]
+    block = family_inverse(device, fitted, steps=3)
+    assert block.solved == {}
+    system = SimpleNamespace(kinds=(block,))
+    with pytest.raises(UserError, match="no error of inverse in q31 can be proven") as caught:
+        bounds_of(SimpleNamespace(system=system, origin="mine.toml"))
+    assert "linear spring" in caught.value.fix
 
 
 def test_no_fact_cuts_anything_that_can_be(devices):
