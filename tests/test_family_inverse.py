@@ -283,7 +283,7 @@ def test_a_clip_left_out_cannot_be_planned(devices, monkeypatch):
         Planner(family_inverse(device, fitted_of(device))).plan()
 
 
-@pytest.mark.slow
+@pytest.mark.ci
 def test_every_block_of_a_drive_with_a_member(elbow):
     """The bearing's rubber on the elbow's drive, each Block of both tasks."""
     require_tool("gcc")
