@@ -63,17 +63,22 @@ class Solved:
     residual : str
         Label of the equation's residual at the value, computed in the same step.
     most : float
-        Largest magnitude of the computed residual while no flag says otherwise.
+        Largest magnitude of the computed residual while no flag says otherwise, with what exact
+        arithmetic leaves of it.
     slope : float
-        Least slope of the residual over the value, above 0; in exact arithmetic the residual is 0.
+        Least slope of the residual over the value, above 0.
     jump : float
         Largest jump of the value where its defining unknown crosses zero.
+    follows : mapping of str to float
+        Largest slope of every other state and output that is a number over the value, by port.
+        Where given it carries the value's error to them; else intervals do, operation by operation.
     """
 
     residual: str
     most: float
     slope: float
     jump: float = 0.0
+    follows: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

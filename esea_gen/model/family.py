@@ -32,6 +32,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -89,6 +90,30 @@ class Rise:
         if self.side == "both":
             return value
         return ca.fmax(value, 0) if self.side == "positive" else ca.fmin(value, 0)
+
+    def slope(self, x: ca.SX) -> ca.SX:
+        """Its slope.
+
+        Parameters
+        ----------
+        x : casadi.SX
+            Scaled deflection.
+
+        Returns
+        -------
+        casadi.SX
+            Over x; of one side at 0 that of the side.
+        """
+        if self.kind == "bend":
+            bent = 1 + ca.fabs(x) * (1 / self.number)
+            value = 1 / (bent * bent)
+        else:
+            value = ca.SX(self.number)
+            for _ in range(int(self.number) // 2):
+                value = value * (x * x)
+        if self.side == "both":
+            return value
+        return ca.if_else(x >= 0 if self.side == "positive" else x <= 0, value, 0)
 
     def most(self, reach: float) -> float:
         """Its largest magnitude.
@@ -314,6 +339,39 @@ class FittedMember:
             if term.kind == "spring":
                 left = term.softening.least(reach) if term.softening else 1.0
                 total += weight * term.rise.least_slope(reach) * left
+        return total / self.scale_rad
+
+    def first_slope_Nm_rad(self, theta_rad: float) -> float:
+        """Least slope of the torque at the first sample, which softens itself by its own strain.
+
+        Parameters
+        ----------
+        theta_rad : float
+            For deflections up to this magnitude.
+
+        Returns
+        -------
+        float
+            A lower bound of the springs' slope; all else is at rest.  With d = 1/(1 + x/a) the
+            slope of x d is d^2, that of x/(1 + x/b) d is a b (a b - x^2)/((a + x)^2 (b + x)^2),
+            which is below 0 beyond sqrt(a b), by a b/(sqrt(a) + sqrt(b))^4 at most.
+        """
+        reach, total = theta_rad / self.scale_rad, 0.0
+        for weight, term in self.used:
+            if term.kind != "spring":
+                continue
+            soft, rise = term.softening, term.rise
+            steep = rise.least_slope(reach) * (soft.least(reach) if soft else 1.0)
+            if soft and soft.kind == "strain" and rise.kind == "power":
+                steep *= soft.least(reach)
+            elif soft and soft.kind == "strain":
+                a, b = soft.number, rise.number
+                steep = -a * b / (math.sqrt(a) + math.sqrt(b)) ** 4
+                if reach**2 <= a * b:
+                    steep = a * b * (a * b - reach**2) / ((a + reach) * (b + reach)) ** 2
+                if rise.side != "both":
+                    steep = min(steep, 0.0)
+            total += weight * steep
         return total / self.scale_rad
 
     def most_slope_Nm_rad(self, theta_rad: float) -> float:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, Solved
 from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
 from esea_gen.model.family import FittedMember, Start
 from esea_gen.model.family_sensor import family_step, torque_limit
@@ -37,41 +37,44 @@ class _FamilyInverse:
 
     def __init__(self, device: DeviceData, fitted: FittedMember, start: Start, steps: int) -> None:
         file = device.file
-        self.model = family_step(device, fitted, start, derived=True)
+        self.model = family_step(device, fitted, start)
         self.steps, self.h = steps, device.period_s
         self.theta_lim = threshold(file.limits.theta_rad.value)
         self.tau_lim = torque_limit(device, fitted)
         self.omega_lim = threshold(2 * self.theta_lim / self.h)
         self.good = threshold(RESIDUAL_SHARE * self.tau_lim)
-        self.least = threshold(0.5 * fitted.least_slope_Nm_rad(2 * self.theta_lim))
+        self.far = threshold(2 * self.theta_lim)
+        self.longest = threshold(2 * self.far)
+        self.least = threshold(0.5 * fitted.least_slope_Nm_rad(self.far))
         self.domain = {
             "theta": threshold(file.domain.theta_max_rad.value),
             "omega": threshold(file.domain.omega_max_rad_s.value),
             "tau": threshold(file.domain.tau_full_scale_Nm.value),
         }
 
-    def at(self, s: Any, theta: Any, state_ok: ca.SX) -> tuple[dict[str, Any], ca.SX]:
-        """The model's next state and torque at a deflection, from this step's memory."""
+    def at(self, s: Any, theta: Any, state_ok: ca.SX) -> tuple[dict[str, Any], ca.SX, ca.SX]:
+        """The model's next state, torque and slope at a deflection, from this step's memory."""
         guard = Guard(inputs_ok=ca.SX(1), state_ok=state_ok)
-        state, sums = self.model.torque(s, theta, guard, Labels())
-        return state, sums["spring"] + sums["rate"] + sums["hysteresis"]
+        state, sums, slope = self.model.torque_and_slope(s, theta, guard, Labels())
+        return state, sums["spring"] + sums["rate"] + sums["hysteresis"], slope
 
     def solve(self, s: Any, wanted: ca.SX, last: ca.SX, state_ok: ca.SX, label: Labels) -> ca.SX:
-        symbol = ca.SX.sym("theta")
-        torque = self.at(s, symbol, state_ok)[1]
         # The bracket is wider than the limits: a request beyond them ends at a limit.
-        low, high, theta = ca.SX(-2 * self.theta_lim), ca.SX(2 * self.theta_lim), last
-        slope = ca.jacobian(torque, symbol)
+        low, high, theta = ca.SX(-self.far), ca.SX(self.far), last
         for k in range(1, self.steps + 1):
-            value, rise = ca.substitute([torque, slope], [symbol], [theta])
+            _, value, rise = self.at(s, theta, state_ok)
             missing = label(f"missing_{k}_Nm", wanted - value, f"request less torque, step {k}")
-            text = "slope, of the springs at least"
-            rise = label(f"rise_{k}_Nm_rad", ca.fmax(rise, self.least), text)
-            low = ca.if_else(missing > 0, ca.fmax(low, theta), low)
-            high = ca.if_else(missing > 0, high, ca.fmin(high, theta))
-            newton = theta + missing / rise
-            inside = ca.logic_and(newton > low, newton < high)
-            safe = ca.if_else(inside, newton, 0.5 * (low + high))
+            # No step is longer than the bracket: one that is would be refused, and its range with
+            # it would cost the others their last bits.
+            floor = ca.fmax(self.least, ca.fabs(missing) * (1 / self.longest))
+            rise = label(f"rise_{k}_Nm_rad", ca.fmax(rise, floor), "slope, of the springs at least")
+            move = label(f"move_{k}_rad", missing / rise, "Newton's step")
+            low = ca.if_else(missing > 0, theta, low)
+            high = ca.if_else(missing > 0, high, theta)
+            newton = theta + move
+            # A step too small for the number format stays where it is.
+            inside = ca.logic_and(newton >= low, newton <= high)
+            safe = clip(ca.if_else(inside, newton, 0.5 * (low + high)), -self.far, self.far)
             done = ca.fabs(missing) <= threshold(AT_REST * self.good)
             theta = label(f"theta_{k}_rad", ca.if_else(done, theta, safe), "safeguarded step")
         return clip(theta, -self.theta_lim, self.theta_lim)
@@ -85,7 +88,7 @@ class _FamilyInverse:
         solved = self.solve(s, wanted, last, guard.state_ok, label)
         theta = ca.if_else(guard.inputs_ok, solved, last)
         theta = label("set_point_rad", theta, "invalid input: hold")
-        state, torque = self.at(s, theta, guard.state_ok)
+        state, torque, _ = self.at(s, theta, guard.state_ok)
         state["primed"] = ca.logic_or(primed, guard.inputs_ok)
         residual = label("residual_Nm", u.tau_Nm - torque, "request less the model's torque")
         moved = label("moved_rad", ca.if_else(primed, theta - last, 0), "move of the set-point")
@@ -113,6 +116,24 @@ class _FamilyInverse:
             "status": status,
         }
         return state, outputs
+
+    def facts(self) -> dict[str, tuple[float, float]]:
+        """What algebra knows: the set-point is clipped, and no step is longer than the bracket."""
+        most = 1.001 * self.longest
+        moves = {f"move_{k}_rad": (-most, most) for k in range(1, self.steps + 1)}
+        return moves | {"set_point_rad": (-self.theta_lim, self.theta_lim)}
+
+    def solved(self, fitted: FittedMember) -> dict[str, Solved]:
+        """A small residual means a set-point near the exact one, as the torque rises with it."""
+        reach = self.theta_lim
+        slope = min(fitted.least_slope_Nm_rad(reach), fitted.first_slope_Nm_rad(reach))
+        if slope <= 0:
+            return {}
+        # What is missing is below the flag's threshold in exact arithmetic and in any other; so
+        # the torque is off by no more than that twice, however stiff the rubber is.
+        follows = {"omega_mid_rad_s": 1 / self.h, "tau_model_Nm": slope, "residual_Nm": slope}
+        follows |= self.model.state_slopes()
+        return {"set_point_rad": Solved("residual_Nm", 2 * self.good, slope, follows=follows)}
 
     def outputs(self) -> tuple[Port, ...]:
         room = 2 * REQUEST_ROOM * self.tau_lim
@@ -169,6 +190,8 @@ def family_inverse(
         state=inverse.model.state(),
         inputs=(request_port(inverse.tau_lim),),
         outputs=inverse.outputs(),
+        facts=inverse.facts(),
+        solved=inverse.solved(fitted),
         step=inverse.step,
     )
 

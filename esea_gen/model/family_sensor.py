@@ -55,9 +55,9 @@ def unit_terms(member: Member, period_s: float) -> Block:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         state, parts = steps.run(s, u.theta_rad, guard, label)
         columns = [ca.SX(0)] * count
-        for e, value, factors in parts:
-            for weight, softening, column in e.gains:
-                columns[column] = columns[column] + weight * value * factors[softening]
+        for p in parts:
+            for weight, softening, column in p.element.gains:
+                columns[column] = columns[column] + weight * p.value * p.factors[softening]
         return state, {"terms_Nm": ca.vertcat(*columns)}
 
     reach = 4 * max(1.0, *(e.most(UNIT_REACH) * len(steps.elements) for e in steps.elements))

@@ -27,6 +27,7 @@ SLIP_STEP = 8.0
 
 Drive = tuple[tuple[float, Rise], ...]
 Gain = tuple[float, Softening | None, int]
+Factors = dict[Softening | None, ca.SX]
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,39 @@ class FamilyElement:
 
     def most(self, reach: float) -> float:
         return sum(w * rise.most(reach) for w, rise in self.drive)
+
+    def most_slope(self, reach: float) -> float:
+        return sum(w * rise.most_slope(reach) for w, rise in self.drive)
+
+
+@dataclass(frozen=True)
+class OperatorStep:
+    """What one operator gives in a step.
+
+    value, slope: of weight 1, not softened; the slope is over x.
+    factors, softening: each softening's factor, and the slope of that over x.
+    """
+
+    element: FamilyElement
+    value: ca.SX
+    slope: ca.SX
+    factors: Factors
+    softening: Factors
+
+    def gain(self) -> ca.SX:
+        """Its weights, softened."""
+        return sum((w * self.factors[soft] for w, soft, _ in self.element.gains), ca.SX(0))
+
+    def torque_slope(self) -> ca.SX:
+        """Of its torque over x.
+
+        Only at the first sample does a factor depend on x, and all but springs are at rest then.
+        """
+        total = self.gain() * self.slope
+        if self.element.kind == "spring":
+            for w, soft, _ in self.element.gains:
+                total = total + w * self.softening.get(soft, ca.SX(0)) * self.value
+        return total
 
 
 def unit_elements(member: Member) -> tuple[FamilyElement, ...]:
@@ -141,8 +175,8 @@ class FamilyStep:
 
     def run(
         self, s: Any, theta: ca.SX, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], list[tuple[FamilyElement, ca.SX, dict[Softening | None, ca.SX]]]]:
-        """The next state, and each operator's value with the softenings."""
+    ) -> tuple[dict[str, Any], list[OperatorStep]]:
+        """The next state, and what each operator gives."""
         # The first valid sample defines where the operators start: nothing is stored in them.
         primed = ca.logic_and(s.primed, guard.state_ok)
         primed = label("primed", primed, "0 until a valid sample has been seen")
@@ -151,36 +185,52 @@ class FamilyStep:
         x_last = label("x_last", last * (1 / self.scale), "x(k-1)")
         state: dict[str, Any] = {"theta_prev_rad": theta}
         state["primed"] = ca.logic_or(primed, guard.inputs_ok)
-        factors = self.soften(s, x, primed, state, label)
-        values = self.operate(s, x, x_last, primed, state, label)
-        return state, [(e, values[i], factors) for i, e in enumerate(self.elements)]
+        factors, softening = self.soften(s, x, primed, state, label)
+        given = self.operate(s, x, x_last, primed, state, label)
+        pairs = zip(self.elements, given, strict=True)
+        return state, [OperatorStep(e, *values, factors, softening) for e, values in pairs]
 
     def torque(
         self, s: Any, theta: ca.SX, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, ca.SX]]:
         """The next state, and the torque of the springs, of the branches and of the hysteresis."""
+        state, sums, _ = self.torque_and_slope(s, theta, guard, label)
+        return state, sums
+
+    def torque_and_slope(
+        self, s: Any, theta: ca.SX, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, ca.SX], ca.SX]:
+        """As :meth:`torque`, and the whole torque's slope over this step's deflection, Nm/rad.
+
+        Written out and not CasADi's: the series of a slip is its own equation's to third order, so
+        that its slope costs a quotient, and every factor of it lies between 0 and 2, where
+        intervals see no more than that a difference of large products is divided.
+        """
         state, parts = self.run(s, theta, guard, label)
         sums = {"spring": ca.SX(0), "rate": ca.SX(0), "hysteresis": ca.SX(0)}
-        for e, value, factors in parts:
-            gain = ca.SX(0)
-            for weight, softening, _ in e.gains:
-                gain = gain + weight * factors[softening]
-            part = _PARTS.get(e.kind, "hysteresis")
-            sums[part] = sums[part] + gain * value
-        return state, sums
+        slope = ca.SX(0)
+        for p in parts:
+            name = _PARTS.get(p.element.kind, "hysteresis")
+            sums[name] = sums[name] + p.gain() * p.value
+            slope = slope + p.torque_slope()
+        return state, sums, slope * (1 / self.scale)
 
     def soften(
         self, s: Any, x: ca.SX, primed: ca.SX, state: dict[str, Any], label: Labels
-    ) -> dict[Softening | None, ca.SX]:
-        """Factors of this step, from the memory of the last one; then the memory itself."""
-        factors: dict[Softening | None, ca.SX] = {None: ca.SX(1)}
+    ) -> tuple[Factors, Factors]:
+        """Factors of this step, from the memory of the last one, and their slopes; the memory."""
+        factors: Factors = {None: ca.SX(1)}
+        slopes: Factors = {}
         if self.strains:
             reached = self.larger(s.reached, ca.if_else(primed, 0, ca.fabs(x)))
             label("reached_before", reached, "m, largest |x| before this step")
+            grows = ca.logic_and(ca.logic_not(primed), ca.fabs(x) > s.reached)
             for i, a in enumerate(self.strains, 1):
                 factor = 1 / (1 + reached * (1 / a))
                 text = f"softening by strain, 1/(1 + m/{a:g})"
-                factors[Softening("strain", a)] = label(f"strain_{i}", factor, text)
+                factor = factors[Softening("strain", a)] = label(f"strain_{i}", factor, text)
+                less = ca.sign(x) * (-1 / a) * (factor * factor)
+                slopes[Softening("strain", a)] = ca.if_else(grows, less, 0)
             state["reached"] = label("reached_now", self.larger(reached, ca.fabs(x)), "m")
         if self.paths:
             before = ca.if_else(primed, s.band, x)
@@ -196,56 +246,82 @@ class FamilyStep:
                 new = old * (1 - v * (1 - 0.5 * v))
                 kept.append(label(f"kept_{i + 1}", new, f"softening by path, exp(-s/{length:g})"))
             state |= {"band": band, "kept": ca.vertcat(*kept)}
-        return factors
+        return factors, slopes
 
     def operate(
         self, s: Any, x: ca.SX, x_last: ca.SX, primed: ca.SX, state: dict[str, Any], label: Labels
-    ) -> list[ca.SX]:
-        """q(x) - F of every operator, and its memory."""
-        values: list[ca.SX] = []
+    ) -> list[tuple[ca.SX, ca.SX]]:
+        """q(x) - F of every operator and its slope over x; and its memory."""
+        values: list[tuple[ca.SX, ca.SX]] = []
         memory: dict[str, list[ca.SX]] = {k: [] for k in self.of}
         for e in self.elements:
-            q = ca.SX(1) if e.kind == "offset" else self.drive(e, x)
+            q, rises = ca.SX(1), ca.SX(0)
+            if e.kind != "offset":
+                q, rises = self.drive(e, x), sum((w * r.slope(x) for w, r in e.drive), ca.SX(0))
             if e.kind in memory:
                 place = len(memory[e.kind])
                 step = {"maxwell": self.relax, "stop": self.stop, "slip": self.slip}[e.kind]
-                inner, value = step(e, s, place, q, self.drive(e, x_last), primed)
+                inner, value, follows = step(e, s, place, q, self.drive(e, x_last), primed)
                 name = {"maxwell": "relaxed", "stop": "play", "slip": "slip"}[e.kind]
                 text = {"maxwell": "time, s:", "stop": "threshold", "slip": "path"}[e.kind]
                 memory[e.kind].append(
                     label(f"{name}_{place + 1}", inner, f"{e.kind} branch, {text} {e.number:g}")
                 )
-                q = value if e.kind != "slip" else inner
-            values.append(q)
+                # The first sample finds every operator at rest, wherever that is.
+                q, rises = value, rises * ca.if_else(primed, follows, 0)
+            values.append((q, rises))
         ports = {"maxwell": "relaxed_Nm", "stop": "play", "slip": "slip"}
         state |= {ports[k]: ca.vertcat(*m) for k, m in memory.items() if m}
         return values
 
+    # Of each operator: its memory, q - F, and by how much that follows q.
+
     def relax(
         self, e: FamilyElement, s: Any, i: int, q: ca.SX, q_last: ca.SX, primed: ca.SX
-    ) -> tuple[ca.SX, ca.SX]:
+    ) -> tuple[ca.SX, ca.SX, ca.SX]:
         a, b = maxwell_shares(self.h / e.number)
         before = ca.if_else(primed, s.relaxed_Nm[i], q)
         inner = (1 - a - b) * before + a * q + b * q_last
-        return inner, q - inner
+        return inner, q - inner, ca.SX(1 - a)
 
     def stop(
         self, e: FamilyElement, s: Any, i: int, q: ca.SX, _q_last: ca.SX, primed: ca.SX
-    ) -> tuple[ca.SX, ca.SX]:
-        inner = self.clip(ca.if_else(primed, s.play[i], q), q - e.number, q + e.number)
-        return inner, q - inner
+    ) -> tuple[ca.SX, ca.SX, ca.SX]:
+        before = ca.if_else(primed, s.play[i], q)
+        inner = self.clip(before, q - e.number, q + e.number)
+        return inner, q - inner, ca.fabs(q - before) <= e.number
 
     def slip(
         self, e: FamilyElement, s: Any, i: int, q: ca.SX, q_last: ca.SX, primed: ca.SX
-    ) -> tuple[ca.SX, ca.SX]:
+    ) -> tuple[ca.SX, ca.SX, ca.SX]:
         # Of a larger step it remembers next to nothing; so far the series' rounding stays small.
         most = threshold(SLIP_STEP * e.number)
         went = self.clip(q - q_last, -most, most)
         v = ca.fabs(went) * (1 / e.number)
         series = 1 + v * (0.5 + v * (1 / 6))
-        raw = (ca.if_else(primed, s.slip[i], 0) + went * series) / (1 + v * series)
+        t = 1 + v * series
+        raw = (ca.if_else(primed, s.slip[i], 0) + went * series) / t
         limit = threshold(e.number)  # only rounding is clipped
-        return self.clip(raw, -limit, limit), q
+        value = self.clip(raw, -limit, limit)
+        # z = z(k-1)/T + sign L (T - 1)/T with T(v), so that dz/dq = (1 - sign z/L) T'/T.
+        forgets = ca.fmin((1 + v * (1 + v * 0.5)) / t, 1)
+        follows = (1 - ca.sign(went) * value * (1 / e.number)) * forgets
+        return value, value, ca.if_else(ca.fabs(went) < most, follows, 0)
+
+    def state_slopes(self) -> dict[str, float]:
+        """Largest slope of every next state over this step's deflection, 1/rad or Nm/rad."""
+        per = 1 / self.scale
+        most = {
+            k: max((e.most_slope(self.reach) * per for e in es), default=0.0)
+            for k, es in self.of.items()
+        }
+        return {
+            **dict.fromkeys(("reached", "band"), per),
+            **{"primed": 0.0, "theta_prev_rad": 1.0},
+            "kept": per / min(self.paths, default=1.0),
+            # A slip that turns back moves twice as far as what drives it.
+            **{"relaxed_Nm": most["maxwell"], "play": most["stop"], "slip": 2 * most["slip"]},
+        }
 
     def state(self) -> tuple[Port, ...]:
         rested = self.start == "virgin"

@@ -26,7 +26,9 @@ from esea_gen.emit.fixed.plan import (
 )
 from esea_gen.emit.fixed.values import COMPARES
 from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.ranges import RangeError
 from esea_gen.emit.walker import Kernel
+from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import INVALID, from_raw, to_raw
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.ports import Array
@@ -373,9 +375,20 @@ def compare_fixed(
 def bounds_of(device: Device) -> dict[str, Bound]:
     """Derived q31 bounds of a device's Blocks over their ports' ranges.
 
-    return: by Block: for all time where it forgets its errors, else of one step.
+    return: by Block: for all time where it forgets its errors, else of one step. :class:`UserError`
+        where there is none.
     """
-    return {b.name: any_bound(plan_block(b)) for b in device.system.kinds}
+    found = {}
+    for block in device.system.kinds:
+        try:
+            found[block.name] = any_bound(plan_block(block))
+        except RangeError as error:
+            raise UserError(
+                f"{device.origin}: no error of {block.name} in q31 can be proven ({error}).",
+                "Narrow the ranges under [limits]; a rubber whose bent springs soften by strain "
+                "needs more of a linear spring. Or use --real f32.",
+            ) from error
+    return found
 
 
 __all__ = [

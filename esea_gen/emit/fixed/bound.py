@@ -351,15 +351,14 @@ def analyse(
     flag_results: Sequence[int] = (),
     facts: Mapping[int, tuple[Array, Array]] | None = None,
     boxes: int = 1,
-    solved: Mapping[int, float] | None = None,
+    solved: Mapping[int, Span] | None = None,
     known: Known | None = None,
 ) -> tuple[list[list[Span]], tuple[str, ...], list[Span]]:
     """Push ranges and errors through a lowered kernel.
 
     flag_results: results that are status words: a decision that only they use is no assumption.
     facts: ranges of nodes that follow from algebra, or pieces of them, shape (boxes,) each.
-    solved: error of nodes that an equation defines, of which a fact is known; what leads to them
-        alone is left out.
+    solved: range and error of nodes of which they are known: what leads to them alone is left out.
     known: of earlier analyses with the same boxes and facts.
     """
     kernel = lowered.kernel
@@ -380,10 +379,7 @@ def analyse(
             values.append(known.points[i])
             continue
         if i in solved:
-            low, high = (np.broadcast_to(e, (boxes,)) for e in facts[i])
-            # The lowering cuts it to its fact, so that what is computed lies there too.
-            error = np.full(boxes, solved[i])
-            values.append(known.one(i, Span(low, high, error, np.zeros(boxes), True)))
+            values.append(known.one(i, solved[i]))
             continue
         node = _Node(lowered, i, facts.get(i), i in numeric)
         v = [_operand(values, k) for k in n.args]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise, product
 from typing import Any
 
@@ -24,7 +24,7 @@ from esea_gen.emit.fixed.bound import Array, Known, Span, analyse, numeric_nodes
 from esea_gen.emit.fixed.plan import BlockPlan, coefficients_raw
 from esea_gen.emit.ranges import Analysis, RangeError
 from esea_gen.emit.ranges import RangeValue as FloatValue
-from esea_gen.language.block import Block
+from esea_gen.language.block import Block, Solved
 
 
 def _exact_coefficients(block: Block) -> list[Array]:
@@ -152,7 +152,7 @@ class Propagation:
             for p, e in zip(self.block.state, errors, strict=True)
         ]
 
-        def analysed(solved: Mapping[int, float]) -> tuple[Any, Any, list[Span]]:
+        def analysed(solved: Mapping[int, Span]) -> tuple[Any, Any, list[Span]]:
             return analyse(
                 self.plan.step,
                 [*self.coefficients, *state, *self.inputs],
@@ -167,13 +167,36 @@ class Propagation:
             return analysed({})
         # What the residual's own computation errs by, the value being what it is; with it the
         # residual bounds the value's distance from where the exact one is 0.
-        _, _, values = analysed(dict.fromkeys(self.solved, 0.0))
-        return analysed(
-            {
-                i: (s.most + float(values[r].error.max())) / s.slope + s.jump
-                for i, (s, r) in self.solved.items()
-            }
-        )
+        _, _, values = analysed({i: self._given(i, 0.0) for i in self.solved})
+        pinned = {}
+        for i, (s, r) in self.solved.items():
+            error = (s.most + float(values[r].error.max())) / s.slope + s.jump
+            for k, slope in self._followers(s, r):
+                own = values[k]
+                pinned[k] = Span(own.low, own.high, own.error + slope * error, np.zeros(self.count))
+            pinned[i] = self._given(i, error)
+        results, assumptions, carried = analysed(pinned)
+        if len(pinned) > len(self.solved):
+            # Between the value and what follows it errors are those of the first analysis.
+            pairs = zip(carried, values, strict=True)
+            carried = [a if np.all(a.error >= b.error) else b for a, b in pairs]
+        return results, assumptions, carried
+
+    def _given(self, i: int, error: float) -> Span:
+        # The lowering cuts it to its fact, so that what is computed lies there too.
+        low, high = (np.broadcast_to(e, (self.count,)) for e in self.facts[i])
+        return Span(low, high, np.full(self.count, error), np.zeros(self.count), True)
+
+    def _followers(self, s: Solved, residual: int) -> Iterator[tuple[int, float]]:
+        # Nodes that follow a solved value by a known slope; the residual by its least.
+        if not s.follows:
+            return
+        yield residual, s.slope
+        ports = (*self.block.state, *self.block.outputs)
+        for p, nodes in zip(ports, self.plan.step.kernel.results, strict=True):
+            for k in nodes if not p.flags else ():
+                if k not in self.solved and k != residual:
+                    yield k, s.follows[p.name]
 
     def node_errors(self, errors: Errors) -> list[float]:
         """Largest |error| of every value of the step, the decisions before it being the same.

@@ -277,7 +277,7 @@ def _probe(plan: BlockPlan) -> float:
         here = defined(plan.step, here, 1)
         values = lowered_values(plan.step, here, 1)
         for s in block.solved.values():
-            if abs(float(solution[f"label_{s.residual}"])) > 1e-6 * s.most:
+            if abs(float(solution[f"label_{s.residual}"])) > RESIDUAL_SHARE * s.most:
                 continue  # the equation has no solution within its limits
             i = node[s.residual]
             found = plan.step.values[i]
