@@ -89,6 +89,9 @@ def drive_model(
     """
     plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights)
+    warm = plant.rubber.temperature
+    tunables += warm.get("tunables", ())
+    coefficients += warm.get("coefficients", ())
     gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
     gap = ("gap_rad", "give_rad_Nm") if plant.cable else ()
     wanted, references = plant.wanted(horizon, preview)
@@ -192,7 +195,7 @@ class _Drive:
         else:
             moved = t.let("moved", moved)
             delta = t.let("delta_next", x.delta + moved)
-        rubber = self.rubber.step(t, h, x, delta, None if self.cable else moved)
+        rubber = self.rubber.step(t, h, x, delta, None if self.cable else moved, p)
         angle = {"theta_l": x.theta_l + h * load_1} if self.impedance else {}
         return angle | {
             "delta": delta,
@@ -258,7 +261,8 @@ class _Drive:
         return t if self.published else fade * (1 - math.exp(-t / fade))
 
     def prepare(self, c: SimpleNamespace) -> dict[str, Any]:
-        return {
+        warm = self.rubber.temperature
+        return (warm["prepare"](c) if warm else {}) | {
             "root_q": ca.sqrt(c.Q),
             # In single precision the Hessian is not positive any more with much less: of steps over
             # the inputs' whole ranges 1 % at a share of 1e-7, 80 % at 1e-9, none at 1e-4.

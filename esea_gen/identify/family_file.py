@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.file import DeviceData
 from esea_gen.devices.numbers import Quantity, Series
-from esea_gen.devices.rubber import Family, FamilyTerm
+from esea_gen.devices.rubber import Family, FamilyTemperature, FamilyTerm
 from esea_gen.devices.writing import render_toml
 from esea_gen.identify.drafting import draft, files_of, origin_of, round_up
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import MAX_TAU_NM
-from esea_gen.model.family import FittedMember, Start, Term
+from esea_gen.model.family import FittedMember, Start, TemperatureFactor, Term
 from esea_gen.model.family_step import ROOM
 from esea_gen.model.rubber import POWERS
 
@@ -22,6 +22,8 @@ from esea_gen.model.rubber import POWERS
 FIT_RATE_HZ = 100.0
 # What a comparison chooses between is fixed before any recording is seen.
 FIXED = "fixed before the fit, not searched"
+TEMPERATURE_KEYS = tuple(FamilyTemperature.model_fields)
+Status = Literal["identified", "assumed"]
 
 
 def grid_rate(source: MappingFile) -> float:
@@ -35,12 +37,16 @@ def family_section(
     source: str,
     start: Start = "virgin",
     sigma: Mapping[int, float] | None = None,
+    warmth: FamilyTemperature | None = None,
 ) -> Family:
     """The section of a device file; terms of weight 0 are left out.
 
     source: where scale and weights come from.
     sigma: standard deviations of weights, by place among the terms.
+    warmth: the factor of temperature with its sources; of ``source`` as a whole when not given.
     """
+    if warmth is None and fitted.temperature is not None:
+        warmth = temperature_section(fitted.temperature, dict.fromkeys(TEMPERATURE_KEYS, source))
     told = {i: f"{source}; standard deviation {s:.2g}" for i, s in (sigma or {}).items()}
     pairs = zip(fitted.weights_Nm, fitted.member.terms, strict=True)
     return Family(
@@ -48,8 +54,24 @@ def family_section(
         title=fitted.member.title,
         start=start,
         scale_rad=Quantity(value=fitted.scale_rad, status="identified", source=source),
+        temperature=warmth,
         terms=tuple(_term(t, w, told.get(i, source)) for i, (w, t) in enumerate(pairs) if w),
     )
+
+
+def temperature_section(
+    factor: TemperatureFactor, sources: Mapping[str, str], status: Status = "identified"
+) -> FamilyTemperature:
+    """The factor of temperature in a device file.
+
+    sources: by key.
+    status: of all of its numbers.
+    """
+    found = {
+        k: Quantity(value=getattr(factor, k), status=status, source=sources[k])
+        for k in TEMPERATURE_KEYS
+    }
+    return FamilyTemperature(**found)
 
 
 def _term(t: Term, weight_Nm: float, source: str) -> FamilyTerm:
@@ -83,6 +105,7 @@ def family_device(
     source: str,
     start: Start = "virgin",
     sigma: Mapping[int, float] | None = None,
+    warmth: FamilyTemperature | None = None,
 ) -> Device:
     """A device whose torque model is a fitted member; checked as one that is read.
 
@@ -97,7 +120,7 @@ def family_device(
         limit = Quantity(value=most, status="assumed", source=text)
     update = {
         "elastomer": None,
-        "family": family_section(fitted, source, start, sigma),
+        "family": family_section(fitted, source, start, sigma, warmth),
         "limits": file.limits.model_copy(update={"tau_Nm": limit}),
     }
     return parse_device(render_toml(file.model_copy(update=update)), f"{file.name}.toml")

@@ -20,6 +20,11 @@ Three things follow from that form, whatever the numbers are:
   springs (:attr:`FittedMember.least_slope_Nm_rad`), so that the inverse is unique.
 * **Outside the trained range** nothing bends back, because nothing is negative there either.
 
+A factor for the rubber's temperature multiplies every term but the offset
+(:class:`TemperatureFactor`).  At a constant temperature it is one more constant, and all three
+hold.  Where it changes under load by dg, the stored energy changes by dg times what would be stored
+at the reference: a rubber that stiffens while it is bent gives that much, and no more.
+
 Softening does not recover while the model runs: stiffness that came back under load would be energy
 from nowhere.  It recovers where the coupling rests unloaded, and for the model that is its start: a
 start is either ``virgin`` or ``conditioned``.
@@ -34,9 +39,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
+
+from esea_gen.devices.rubber import LEAST_FACTOR
 
 Kind = Literal["spring", "maxwell", "stop", "slip", "offset"]
 Start = Literal["virgin", "conditioned"]
@@ -44,7 +51,6 @@ Start = Literal["virgin", "conditioned"]
 # The path counts once the deflection has left a band of this half width, so that an encoder that
 # flickers between two counts does not soften the rubber.  Of the largest trained deflection.
 PATH_BAND = 0.02
-
 
 @dataclass(frozen=True)
 class Rise:
@@ -234,6 +240,60 @@ class Term:
 
 
 @dataclass(frozen=True)
+class TemperatureFactor:
+    """What a temperature multiplies every term but the offset with: 1 + per_K (T - reference).
+
+    Parameters
+    ----------
+    reference_C : float
+        Where it is 1: the weights are those at this temperature, degC.
+    per_K : float
+        Relative change of the weights, 1/K.
+    low_C, high_C : float
+        Range in which it holds, degC.
+
+    Raises
+    ------
+    ValueError
+        For an empty range, one without the reference, or a factor below 0.2 in it.
+    """
+
+    reference_C: float
+    per_K: float
+    low_C: float
+    high_C: float
+
+    def __post_init__(self) -> None:
+        if not self.low_C <= self.reference_C <= self.high_C or not self.low_C < self.high_C:
+            raise ValueError(
+                f"{self.reference_C:g} degC is not in the range {self.low_C:g} to {self.high_C:g}"
+            )
+        if self.ends[0] < LEAST_FACTOR:
+            raise ValueError(f"a factor of temperature falls to {self.ends[0]:g}")
+
+    def at(self, temperature_C: Any) -> Any:
+        """The factor.
+
+        Parameters
+        ----------
+        temperature_C : float or casadi.SX
+            The rubber's temperature, degC.
+
+        Returns
+        -------
+        float or casadi.SX
+            1 at the reference.
+        """
+        return 1 + self.per_K * (temperature_C - self.reference_C)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Least and largest factor over the range."""
+        low, high = sorted((self.at(self.low_C), self.at(self.high_C)))
+        return low, high
+
+
+@dataclass(frozen=True)
 class Member:
     """A member of the family, its weights still unknown.
 
@@ -269,6 +329,9 @@ class FittedMember:
         Deflection for which x is 1.
     weights_Nm : tuple of float
         One a term; 0 or above, except an offset's.
+    temperature : TemperatureFactor, optional
+        What the rubber's temperature changes.  Slopes and torques here are those at the
+        temperature of its range at which they are least or largest.
 
     Raises
     ------
@@ -279,6 +342,7 @@ class FittedMember:
     member: Member
     scale_rad: float
     weights_Nm: tuple[float, ...]
+    temperature: TemperatureFactor | None = None
 
     def __post_init__(self) -> None:
         if len(self.weights_Nm) != len(self.member.terms) or not self.scale_rad > 0:
@@ -294,6 +358,11 @@ class FittedMember:
         """Weights above 0, with their terms: the others cost nothing."""
         pairs = zip(self.weights_Nm, self.member.terms, strict=True)
         return tuple((w, t) for w, t in pairs if w)
+
+    @property
+    def factors(self) -> tuple[float, float]:
+        """Least and largest factor of temperature; 1 for a member without one."""
+        return (1.0, 1.0) if self.temperature is None else self.temperature.ends
 
     def least_slope_Nm_rad(self, theta_rad: float) -> float:
         """Least slope of the torque over the present deflection.
@@ -314,7 +383,7 @@ class FittedMember:
             if term.kind == "spring":
                 left = term.softening.least(reach) if term.softening else 1.0
                 total += weight * term.rise.least_slope(reach) * left
-        return total / self.scale_rad
+        return self.factors[0] * total / self.scale_rad
 
     def most_slope_Nm_rad(self, theta_rad: float) -> float:
         """Largest slope of the torque over the present deflection.
@@ -335,7 +404,7 @@ class FittedMember:
                 steep = weight * term.rise.most_slope(reach)
                 shares = sum(share for _, share in term.shares) if term.kind == "maxwell" else 1.0
                 total += steep * shares * (2 if term.kind == "slip" else 1)
-        return total / self.scale_rad
+        return self.factors[1] * total / self.scale_rad
 
     def most_Nm(self, theta_rad: float) -> float:
         """Largest torque there can be.
@@ -352,11 +421,11 @@ class FittedMember:
         """
         reach, total = theta_rad / self.scale_rad, 0.0
         for weight, term in self.used:
-            size = 1.0 if term.kind == "offset" else term.rise.most(reach)
+            size = 1.0 if term.kind == "offset" else self.factors[1] * term.rise.most(reach)
             if term.kind == "maxwell":
                 size *= 2 * sum(share for _, share in term.shares)
             elif term.numbers:
-                size = min(2 * size, term.numbers[0])
+                size = min(2 * size, self.factors[1] * term.numbers[0])
             total += abs(weight) * size
         return total
 

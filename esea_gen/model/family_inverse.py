@@ -18,7 +18,12 @@ import casadi as ca
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
 from esea_gen.model.family import FittedMember, Start
-from esea_gen.model.family_sensor import family_step, torque_limit
+from esea_gen.model.family_sensor import (
+    factor_in,
+    family_step,
+    temperature_parts,
+    torque_limit,
+)
 from esea_gen.model.forward import REQUEST_ROOM, request_port
 
 if TYPE_CHECKING:
@@ -50,15 +55,19 @@ class _FamilyInverse:
             "tau": threshold(file.domain.tau_full_scale_Nm.value),
         }
 
-    def at(self, s: Any, theta: Any, state_ok: ca.SX) -> tuple[dict[str, Any], ca.SX]:
+    def at(
+        self, s: Any, theta: Any, state_ok: ca.SX, factor: Any
+    ) -> tuple[dict[str, Any], ca.SX]:
         """The model's next state and torque at a deflection, from this step's memory."""
         guard = Guard(inputs_ok=ca.SX(1), state_ok=state_ok)
-        state, sums = self.model.torque(s, theta, guard, Labels())
+        state, sums = self.model.torque(s, theta, guard, Labels(), factor)
         return state, sums["spring"] + sums["rate"] + sums["hysteresis"]
 
-    def solve(self, s: Any, wanted: ca.SX, last: ca.SX, state_ok: ca.SX, label: Labels) -> ca.SX:
+    def solve(
+        self, s: Any, wanted: ca.SX, last: ca.SX, state_ok: ca.SX, label: Labels, factor: Any
+    ) -> ca.SX:
         symbol = ca.SX.sym("theta")
-        torque = self.at(s, symbol, state_ok)[1]
+        torque = self.at(s, symbol, state_ok, factor)[1]
         # The bracket is wider than the limits: a request beyond them ends at a limit.
         low, high, theta = ca.SX(-2 * self.theta_lim), ca.SX(2 * self.theta_lim), last
         slope = ca.jacobian(torque, symbol)
@@ -82,10 +91,11 @@ class _FamilyInverse:
         primed = label("ready", ca.logic_and(s.primed, guard.state_ok), "there is a last set-point")
         last = label("theta_from_rad", ca.if_else(primed, s.theta_prev_rad, 0), "theta(k-1)")
         wanted = label("request_Nm", clip(u.tau_Nm, -self.tau_lim, self.tau_lim), "clamped request")
-        solved = self.solve(s, wanted, last, guard.state_ok, label)
+        factor = factor_in(c)
+        solved = self.solve(s, wanted, last, guard.state_ok, label, factor)
         theta = ca.if_else(guard.inputs_ok, solved, last)
         theta = label("set_point_rad", theta, "invalid input: hold")
-        state, torque = self.at(s, theta, guard.state_ok)
+        state, torque = self.at(s, theta, guard.state_ok, factor)
         state["primed"] = ca.logic_or(primed, guard.inputs_ok)
         residual = label("residual_Nm", u.tau_Nm - torque, "request less the model's torque")
         moved = label("moved_rad", ca.if_else(primed, theta - last, 0), "move of the set-point")
@@ -170,6 +180,7 @@ def family_inverse(
         inputs=(request_port(inverse.tau_lim),),
         outputs=inverse.outputs(),
         step=inverse.step,
+        **temperature_parts(device, fitted),
     )
 
 

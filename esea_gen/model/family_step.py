@@ -156,17 +156,27 @@ class FamilyStep:
         return state, [(e, values[i], factors) for i, e in enumerate(self.elements)]
 
     def torque(
-        self, s: Any, theta: ca.SX, guard: Guard, label: Labels
+        self, s: Any, theta: ca.SX, guard: Guard, label: Labels, factor: Any = None
     ) -> tuple[dict[str, Any], dict[str, ca.SX]]:
-        """The next state, and the torque of the springs, of the branches and of the hysteresis."""
+        """The next state, and the torque of the springs, of the branches and of the hysteresis.
+
+        factor: of temperature, for all but the offset; None for a member without one.
+        """
         state, parts = self.run(s, theta, guard, label)
+        steady = ca.SX(0)
         sums = {"spring": ca.SX(0), "rate": ca.SX(0), "hysteresis": ca.SX(0)}
         for e, value, factors in parts:
             gain = ca.SX(0)
             for weight, softening, _ in e.gains:
                 gain = gain + weight * factors[softening]
+            if factor is not None and e.kind == "offset":
+                steady = steady + gain * value
+                continue
             part = _PARTS.get(e.kind, "hysteresis")
             sums[part] = sums[part] + gain * value
+        if factor is not None:
+            sums = {k: factor * v for k, v in sums.items()}
+            sums["spring"] = sums["spring"] + steady
         return state, sums
 
     def soften(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from esea_gen.language.block import Block
 from esea_gen.model.elastomer import stop_grid, torque_sensor
-from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
+from esea_gen.model.family import FittedMember, Member, Rise, Softening, TemperatureFactor, Term
 from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_sensor
 from esea_gen.model.inverse import chosen_inverse
@@ -45,7 +45,9 @@ def fitted_of(device: DeviceData) -> FittedMember:
         raise ValueError(f"{device.origin} has no [family]")
     member = Member(family.member, family.title, tuple(_term(t) for t in family.terms))
     weights = tuple(t.weight_Nm.value for t in family.terms)
-    return FittedMember(member, family.scale_rad.value, weights)
+    t = family.temperature
+    warm = t and TemperatureFactor(*(getattr(t, n).value for n in type(t).model_fields))
+    return FittedMember(member, family.scale_rad.value, weights, warm)
 
 
 def _term(t: FamilyTerm) -> Term:
