@@ -14,6 +14,7 @@ from esea_gen.identify.drafting import draft, files_of, origin_of, round_up
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import MAX_TAU_NM
+from esea_gen.identify.temperatures import temperatures_of
 from esea_gen.model.family import FittedMember, Start, TemperatureFactor, Term
 from esea_gen.model.family_step import ROOM
 from esea_gen.model.rubber import POWERS
@@ -131,11 +132,37 @@ def drafted_member(
     recordings: list[Recording],
     fitted: FittedMember,
     sigma: Mapping[int, float] | None = None,
+    sigma_per_K: float | None = None,
 ) -> Device:
     """A device that holds the recordings, with a member that was fitted to them."""
     template = draft(source, recordings, False)
     where = origin_of(source, files_of(recordings))
-    return family_device(template, fitted, where, sigma=sigma)
+    warmth = None
+    if fitted.temperature is not None:
+        warmth = _recorded_warmth(source, recordings, fitted.temperature, where, sigma_per_K)
+    return family_device(template, fitted, where, sigma=sigma, warmth=warmth)
+
+
+def _recorded_warmth(
+    source: MappingFile,
+    recordings: list[Recording],
+    factor: TemperatureFactor,
+    where: str,
+    sigma_per_K: float | None,
+) -> FamilyTemperature:
+    given = [t.temperature_C for t in source.mapping.recording if t.temperature_C is not None]
+    assumed = any(q.status == "assumed" for q in given)
+    trained = temperatures_of(recordings, training=True)
+    where += "; temperatures assumed" if assumed else ""
+    beyond = f", {where}; trained from {trained[0]:g} to {trained[-1]:g} degC"
+    told = "" if sigma_per_K is None else f"; standard deviation {sigma_per_K:.2g}"
+    sources = {
+        "reference_C": f"mean of the temperatures in training, {where}",
+        "per_K": where + told,
+        "low_C": f"lowest temperature recorded{beyond}",
+        "high_C": f"highest temperature recorded{beyond}",
+    }
+    return temperature_section(factor, sources, "assumed" if assumed else "identified")
 
 
 __all__ = ["FIT_RATE_HZ", "drafted_member", "family_device", "family_section", "grid_rate"]

@@ -52,6 +52,7 @@ Start = Literal["virgin", "conditioned"]
 # flickers between two counts does not soften the rubber.  Of the largest trained deflection.
 PATH_BAND = 0.02
 
+
 @dataclass(frozen=True)
 class Rise:
     """An increasing odd function of the scaled deflection, or one side of it.

@@ -55,9 +55,7 @@ class _FamilyInverse:
             "tau": threshold(file.domain.tau_full_scale_Nm.value),
         }
 
-    def at(
-        self, s: Any, theta: Any, state_ok: ca.SX, factor: Any
-    ) -> tuple[dict[str, Any], ca.SX]:
+    def at(self, s: Any, theta: Any, state_ok: ca.SX, factor: Any) -> tuple[dict[str, Any], ca.SX]:
         """The model's next state and torque at a deflection, from this step's memory."""
         guard = Guard(inputs_ok=ca.SX(1), state_ok=state_ok)
         state, sums = self.model.torque(s, theta, guard, Labels(), factor)

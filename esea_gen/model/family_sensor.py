@@ -15,7 +15,16 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Flag, Port, Tunable, around, clip, flag_word, threshold
+from esea_gen.language.ports import (
+    Constant,
+    Flag,
+    Port,
+    Tunable,
+    around,
+    clip,
+    flag_word,
+    threshold,
+)
 from esea_gen.model.family import FittedMember, Member, Start
 from esea_gen.model.family_step import ROOM, FamilyStep, merged_elements, unit_elements
 from esea_gen.model.symbolic import equation
@@ -23,6 +32,8 @@ from esea_gen.model.symbolic import equation
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
 
+# Tunable of every Block that has a member with a factor of temperature.
+TEMPERATURE = "temperature_C"
 # Coefficient of every Block that has a member with a factor of temperature.
 FACTOR = "temperature_factor"
 # Its range is this much wider than what arithmetic without rounding can reach.
@@ -158,11 +169,9 @@ def temperature_parts(device: DeviceData, fitted: FittedMember) -> dict[str, Any
     text = "the rubber's temperature, by a thermometer: scales the torque model"
     least, most = (f * (1 + side * FACTOR_ROOM) for f, side in zip(t.ends, (-1, 1), strict=True))
     return {
-        "tunables": (
-            Tunable("temperature_C", t.reference_C, t.low_C, t.high_C, text, source, status),
-        ),
+        "tunables": (Tunable(TEMPERATURE, t.reference_C, t.low_C, t.high_C, text, source, status),),
         "coefficients": (Port(FACTOR, least, most, "by temperature, of all but the offset"),),
-        "prepare": lambda tunables: {FACTOR: t.at(tunables.temperature_C)},
+        "prepare": lambda tunables: {FACTOR: t.at(getattr(tunables, TEMPERATURE))},
     }
 
 
