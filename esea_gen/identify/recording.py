@@ -186,7 +186,7 @@ def _temperature(
 ) -> float | None:
     # One a recording: the mean of its column.
     if m.temperature is None:
-        return table.temperature_C and table.temperature_C.value
+        return None if table.temperature_C is None else table.temperature_C.value
     values = columns[m.temperature.column] - (KELVIN_AT_0_C if m.temperature.unit == "K" else 0.0)
     low, high = float(values.min()), float(values.max())
     if low < COLDEST_C or high > HOTTEST_C:

@@ -45,8 +45,9 @@ def fitted_of(device: DeviceData) -> FittedMember:
         raise ValueError(f"{device.origin} has no [family]")
     member = Member(family.member, family.title, tuple(_term(t) for t in family.terms))
     weights = tuple(t.weight_Nm.value for t in family.terms)
-    t = family.temperature
-    warm = t and TemperatureFactor(*(getattr(t, n).value for n in type(t).model_fields))
+    t, warm = family.temperature, None
+    if t is not None:
+        warm = TemperatureFactor(t.reference_C.value, t.per_K.value, t.low_C.value, t.high_C.value)
     return FittedMember(member, family.scale_rad.value, weights, warm)
 
 
