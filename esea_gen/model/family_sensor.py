@@ -166,7 +166,8 @@ def temperature_parts(device: DeviceData, fitted: FittedMember) -> dict[str, Any
     known = device.file.family and device.file.family.temperature
     source = known.reference_C.source if known else "identified"
     status = known.reference_C.status if known else "identified"
-    text = "the rubber's temperature, by a thermometer: scales the torque model"
+    effect = "softens" if t.per_K < 0 else "stiffens"
+    text = f"the rubber's temperature: higher {effect} the torque model"
     least, most = (f * (1 + side * FACTOR_ROOM) for f, side in zip(t.ends, (-1, 1), strict=True))
     return {
         "tunables": (Tunable(TEMPERATURE, t.reference_C, t.low_C, t.high_C, text, source, status),),
