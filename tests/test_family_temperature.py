@@ -18,6 +18,8 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.errors import UserError
+from esea_gen.export.fmu import make_fmu
+from esea_gen.export.model import block_model
 from esea_gen.hostlib.library import compile_device
 from esea_gen.identify.family_file import family_device
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, TemperatureFactor, Term
@@ -218,6 +220,14 @@ def test_without_the_section_nothing_of_it_is_in_the_c(elbow, warm):
     assert "sensor" not in dict(cold.system.tunables)
     (bundle,) = render_device(warm, ["f64"])
     assert "temperature_C" in bundle.files["esea_elbow_sensor.c"]
+
+
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_an_fmu_knows_that_0_degC_is_no_0_K(warm, fmi):
+    require_tool("gcc")
+    text = make_fmu(block_model(warm, "sensor"), fmi).files["modelDescription.xml"].decode()
+    assert '<BaseUnit K="1" offset="273.15"/>' in text
+    assert 'unit="degC"' in text
 
 
 @pytest.mark.parametrize(

@@ -55,13 +55,15 @@ def recorded(
     per_K: float = PER_K,
     stated: bool = True,
     status: str = "published",
+    law=rubber,
+    noise_Nm: float = NOISE_Nm,
 ) -> Path:
     """A mapping and a recording for each temperature, with noise."""
     rows = []
     t, theta = motion()
     for i, (c, use) in enumerate(uses.items()):
-        noise = np.random.default_rng(i).normal(0, NOISE_Nm, len(t))
-        tau = rubber(theta, c, per_K) + noise
+        noise = np.random.default_rng(i).normal(0, noise_Nm, len(t))
+        tau = law(theta, c, per_K) + noise
         (folder / f"at{c:g}.csv").write_text(table(t, np.degrees(theta), tau))
         known = f'temperature_C = {{ value = {c!r}, status = "{status}", source = "bath" }}\n'
         rows.append(f'[[recording]]\nfiles = ["at{c:g}.csv"]\nuse = "{use}"\n' + known * stated)
@@ -144,6 +146,24 @@ def test_a_temperature_left_out_is_predicted(tmp_path):
     assert without > 0.9 * off > 0.03
     assert held_out < 1.1 * trained
     assert trained < 1.5 * NOISE_Nm
+
+
+def springs(theta: np.ndarray, temperature_C: float, per_K: float) -> np.ndarray:
+    return (1 + per_K * (temperature_C - AT_23_C)) * (8 * theta + 180 * theta**3) - 0.06
+
+
+def test_weights_are_those_at_the_reference(tmp_path):
+    """Also where one temperature has three data sets and the other one."""
+    path = recorded(tmp_path, {15.0: "cycles", 31.0: "train"}, law=springs, noise_Nm=1e-5)
+    recordings = load_recordings(load_mapping(path))
+    assert [len(r.sets) for r in recordings] == [3, 1]
+    rises = (Term("spring", Rise("power", 1)), Term("spring", Rise("power", 3)), Term("offset"))
+    fitted = fit_member(
+        UnitTerms(Member("three", "three", rises), recordings, 100.0), recordings, 3.0
+    )
+    assert fitted.temperature.per_K == pytest.approx(PER_K, rel=1e-3)
+    scale = fitted.scale_rad
+    assert fitted.weights_Nm == pytest.approx((8 * scale, 180 * scale**3, -0.06), rel=1e-3)
 
 
 def test_each_temperature_is_a_condition_to_leave_out(tmp_path):
