@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,21 +16,21 @@ import pytest
 from esea_gen.device import load_device
 from esea_gen.devices.fields import field_facts
 from esea_gen.errors import UserError
-from esea_gen.identify import load_mapping, load_recordings
+from esea_gen.identify import judge, load_mapping, load_recordings
 from esea_gen.identify.candidates import members
 from esea_gen.identify.conditions import splits_of
 from esea_gen.identify.family_fit import UnitTerms, fit_member, misfits_of
 from esea_gen.identify.family_identification import identify_member
 from esea_gen.identify.notes import temperature_notes
 from esea_gen.identify.temperatures import searched_factor
-from esea_gen.model.family import FittedMember, Member, Rise, TemperatureFactor, Term
+from esea_gen.model.family import Member, Rise, TemperatureFactor, Term
 from esea_gen.report.identification import identification_page
 from tests.conftest import require_tool
 from tests.test_identify import MAPPING, says, table
 
 PER_K, AT_23_C, NOISE_Nm = -0.004, 23.0, 0.01
 MODEL = "stops, Maxwell, offset"
-HELD_OUT_RULE = '[cycles]\nhold_out_last = 1\n\n'  # fmt: skip
+HELD_OUT_RULE = "[cycles]\nhold_out_last = 1\n\n"
 
 
 def rubber(theta: np.ndarray, temperature_C: float, per_K: float = PER_K) -> np.ndarray:
@@ -209,8 +210,6 @@ def test_no_change_is_not_told_from_none(tmp_path):
     done = identify_member(recorded(tmp_path, THREE, 0.0, status="assumed"), MODEL)
     assert abs(done.fitted.temperature.per_K) < 4 * done.sigma_per_K < 2e-4
     assert done.device.file.family.temperature.per_K.status == "assumed"
-    near = FittedMember(done.fitted.member, 1.0, done.fitted.weights_Nm).temperature
-    assert near is None
     told = temperature_notes(done.recordings, TemperatureFactor(23, 1e-5, 15, 31), 1e-4)
     assert "not to be told from none" in told[-1]
     told = temperature_notes(done.recordings, TemperatureFactor(23, 3e-4, 15, 31), 1e-4)
@@ -227,10 +226,8 @@ def test_the_search_is_the_optimum_of_another_solver(truth):
     member = Member("two", "two", (Term("spring", Rise("power", 1)), Term("offset")))
     basis = np.column_stack([x, np.ones(600)])
 
-    class Known:
-        sets = (type("S", (), {"training": [0]}),)
-
-    recordings = [type("R", (Known,), {"temperature_C": c}) for c in (10.0, 20.0, 40.0)]
+    sets = (SimpleNamespace(training=[0]),)
+    recordings = [SimpleNamespace(temperature_C=c, sets=sets) for c in (10.0, 20.0, 40.0)]
     factor = searched_factor(
         member, recordings, at_C, basis, y, lambda b, t: np.linalg.lstsq(b, t, rcond=None)[0]
     )
@@ -311,8 +308,6 @@ def test_a_wrong_temperature_is_refused(tmp_path, change, parts):
 
 
 def test_a_recording_beyond_the_range_is_not_judged(found, tmp_path):
-    from esea_gen.identify.verdict import judge
-
     recordings = load_recordings(load_mapping(recorded(tmp_path, {45.0: "cycles"})))
     with pytest.raises(UserError, match=r"recorded at 45 degC, outside 15 to 31 degC"):
         judge(found.device, recordings)
