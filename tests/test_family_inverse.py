@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import casadi as ca
@@ -24,6 +25,7 @@ from esea_gen.model.family_sensor import family_step
 from esea_gen.model.family_step import FamilyStep
 from esea_gen.model.inverse import inverse_system
 from esea_gen.model.rubber import fitted_of
+from esea_gen.model.temperature import TemperatureFactor
 from esea_gen.verify.bounds import forward_residual
 from esea_gen.verify.fixed import RawExecutor, bounds_of, compare_fixed, raw_stream, states_before
 from esea_gen.verify.runs import run_symbolic
@@ -59,13 +61,13 @@ def devices(elbow) -> dict[str, Device]:
 class Tried:
     """Torque, slope and next state of a member at a deflection, from memories drawn."""
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: Device, factor: float | None = None) -> None:
         self.model = family_step(device, fitted_of(device), "virgin")
         self.ports = self.model.state()
         s = SimpleNamespace(**{p.name: ca.SX.sym(p.name, p.size) for p in self.ports})
         theta = ca.SX.sym("theta")
         guard = Guard(inputs_ok=ca.SX(1), state_ok=ca.SX(1))
-        state, sums, slope = self.model.torque_and_slope(s, theta, guard, Labels())
+        state, sums, slope = self.model.torque_and_slope(s, theta, guard, Labels(), factor)
         given = [*vars(s).values(), theta]
         after = [ca.SX(state[p.name]) for p in self.ports]
         self.given = given
@@ -110,6 +112,18 @@ class Tried:
 def test_the_slope_is_that_of_the_torque(name, devices):
     """By differences of 1e-7 rad: rounding of the torque leaves 1e-8 of the largest slope."""
     assert Tried(devices[name]).worst_slope() < 1e-6
+    assert Tried(devices[name], 0.8).worst_slope() < 1e-6  # a warm rubber
+
+
+def test_the_first_samples_slope_is_that_at_the_worst_temperature():
+    warm = TemperatureFactor(20.0, -0.02, 10.0, 30.0)  # 1.2 to 0.8
+    for spring, worst in ((LINEAR, 0.8), (Rise("bend", 0.08), 1.2)):
+        term = Term("spring", spring, softening=Softening("strain", 0.3))
+        fitted = FittedMember(Member("one", "one", (term,)), 0.2, (2.0,))
+        own = fitted.first_slope_Nm_rad(0.2)
+        assert (own > 0) is (spring is LINEAR)
+        hot = dataclasses.replace(fitted, temperature=warm)
+        assert hot.first_slope_Nm_rad(0.2) == pytest.approx(worst * own)
 
 
 @pytest.mark.parametrize("left_out", ["relax", "stop", "slip", "soften", "rise"])

@@ -83,12 +83,16 @@ def moves(rng, seconds: float, h: float) -> np.ndarray:
     return 0.18 * motion / np.abs(motion).max()
 
 
-def predicted(rubber: FamilyAhead, told: dict, deflections: np.ndarray, h: float) -> np.ndarray:
+def predicted(
+    rubber: FamilyAhead, told: dict, deflections: np.ndarray, h: float, tunables: dict
+) -> np.ndarray:
     """Torque along deflections, from what the sensor tells at the first one."""
+    prepared = rubber.temperature["prepare"](SimpleNamespace(**tunables)) if tunables else {}
+    p = SimpleNamespace(**prepared)
     x = rubber.start(SimpleNamespace(**told), 0.0) | {"delta": ca.SX(deflections[0])}
     torque = []
     for delta in deflections[1:]:
-        found = rubber.step(Values(), h, SimpleNamespace(**x), ca.SX(delta), None)
+        found = rubber.step(Values(), h, SimpleNamespace(**x), ca.SX(delta), None, p)
         x = {k: ca.SX(v) for k, v in found.items()} | {"delta": ca.SX(delta)}
         torque.append(float(x["tau_e"]))
     return np.array(torque)
@@ -100,20 +104,22 @@ def told_by(simulator, out) -> dict:
     return memory | {"tau_Nm": out["tau_Nm"].ravel()[-1:]}
 
 
-def both(device: Device, h: float, sense_s: float, seed: int, carried=lambda told: told):
+def both(
+    device: Device, h: float, sense_s: float, seed: int, carried=lambda told: told, **tunables
+):
     """Predicted torque over 0.3 s of a known motion, and the sensor's, at each substep's end."""
     rng = np.random.default_rng(seed)
     fine = round(h / sense_s)
     coarse = moves(rng, 2.3, h)
     at = np.arange(0, len(coarse) - 1 + 1e-9, 1 / fine)
     motion = np.interp(at, np.arange(len(coarse)), coarse)
-    simulator, start = sensor_at(device, sense_s).simulator(), round(2.0 / h)
+    simulator, start = sensor_at(device, sense_s).simulator(tunables), round(2.0 / h)
     zero = np.zeros(start * fine + 1)
     out, _ = simulator.run({"theta_rad": motion[: len(zero)], "omega_rad_s": zero})
     told = carried(told_by(simulator, out))
     rest = motion[len(zero) :]
     after = simulator.run({"theta_rad": rest, "omega_rad_s": 0 * rest})[0]["tau_Nm"].ravel()
-    mine = predicted(rubber_ahead(device), told, coarse[start:], h)
+    mine = predicted(rubber_ahead(device), told, coarse[start:], h, tunables)
     return mine, after[fine - 1 :: fine]
 
 

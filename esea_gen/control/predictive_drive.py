@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -88,7 +89,7 @@ def drive_model(
     (5.24) prints the other one.
     """
     plant = _Drive(device, impedance, person, train)
-    tunables, coefficients = _weights(weights)
+    tunables, coefficients = _weights(weights, plant.rubber.temperature)
     gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
     gap = ("gap_rad", "give_rad_Nm") if plant.cable else ()
     wanted, references = plant.wanted(horizon, preview)
@@ -192,7 +193,7 @@ class _Drive:
         else:
             moved = t.let("moved", moved)
             delta = t.let("delta_next", x.delta + moved)
-        rubber = self.rubber.step(t, h, x, delta, None if self.cable else moved)
+        rubber = self.rubber.step(t, h, x, delta, None if self.cable else moved, p)
         angle = {"theta_l": x.theta_l + h * load_1} if self.impedance else {}
         return angle | {
             "delta": delta,
@@ -258,7 +259,8 @@ class _Drive:
         return t if self.published else fade * (1 - math.exp(-t / fade))
 
     def prepare(self, c: SimpleNamespace) -> dict[str, Any]:
-        return {
+        warm = self.rubber.temperature
+        return (warm["prepare"](c) if warm else {}) | {
             "root_q": ca.sqrt(c.Q),
             # In single precision the Hessian is not positive any more with much less: of steps over
             # the inputs' whole ranges 1 % at a share of 1e-7, 80 % at 1e-9, none at 1e-4.
@@ -326,7 +328,9 @@ class _Drive:
         )
 
 
-def _weights(weights: tuple[float, float]) -> tuple[tuple[Tunable, ...], tuple[Port, ...]]:
+def _weights(
+    weights: tuple[float, float], temperature: Mapping[str, Any]
+) -> tuple[tuple[Tunable, ...], tuple[Port, ...]]:
     """Tunables and what they are prepared to."""
     tunables = (
         Tunable("Q", weights[0], 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
@@ -339,11 +343,13 @@ def _weights(weights: tuple[float, float]) -> tuple[tuple[Tunable, ...], tuple[P
             "thesis: 1",
         ),
         Tunable("load_free", 1.0, 0.0, 1.0, "1 free load side, 0 held fast", "the rig"),
+        *temperature.get("tunables", ()),
     )
     coefficients = (
         Port("root_q", 0.0, 1e3, "root of Q"),
         Port("root_r", 0.0, 1e6, "root of R over the motor's lag"),
         Port("load_1_kgm2", 0.0, 1e4, "1 / Jh, 0 when held fast"),
+        *temperature.get("coefficients", ()),
     )
     return tunables, coefficients
 

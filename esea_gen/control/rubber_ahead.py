@@ -16,7 +16,13 @@ from esea_gen.control.horizon import Stops, Tape
 from esea_gen.language.block import Guard, Labels
 from esea_gen.language.ports import Constant, Port, around, clip
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid
-from esea_gen.model.family_sensor import family_constants, family_step, torque_limit
+from esea_gen.model.family_sensor import (
+    factor_in,
+    family_constants,
+    family_step,
+    temperature_parts,
+    torque_limit,
+)
 from esea_gen.model.family_step import FamilyStep
 from esea_gen.model.rubber import fitted_of
 from esea_gen.model.symbolic import to_casadi
@@ -38,12 +44,14 @@ class RubberAhead(Protocol):
     stop_operators: ``stops``, ``play`` and ``deflection`` of a Model, where the rollout keeps them.
     soft_Nm_rad: one stiffness that stands for it where the cable is balanced.
     choices: numbers that are not the device file's.
+    temperature: ``tunables``, ``coefficients`` and ``prepare`` where it depends on temperature.
     """
 
     states: tuple[str, ...]
     stop_operators: Mapping[str, Any]
     soft_Nm_rad: float
     choices: tuple[Constant, ...]
+    temperature: Mapping[str, Any]
 
     def constants(self) -> tuple[Constant, ...]:
         """Of the device file."""
@@ -61,12 +69,13 @@ class RubberAhead(Protocol):
         ...
 
     def step(
-        self, t: Tape, h: float, x: SimpleNamespace, delta: Any, moved: Any
+        self, t: Tape, h: float, x: SimpleNamespace, delta: Any, moved: Any, p: SimpleNamespace
     ) -> Mapping[str, Any]:
         """The states and the torque ``tau_e`` after a step of length h from x to a deflection.
 
         delta: named on the tape last.
         moved: by how much it differs from ``x.delta``; None where that is not known by itself.
+        p: parameters of the rollout, the coefficients of ``temperature`` among them.
         """
         ...
 
@@ -82,6 +91,7 @@ class PublishedAhead:
     choices: tuple[Constant, ...] = (
         Constant("smooth_rad_s", SMOOTH_RAD_S, "differentiable viscosity", "assumed"),
     )
+    temperature: Mapping[str, Any] = {}
 
     def __init__(self, device: DeviceData) -> None:
         self.device, e = device, device.elastomer
@@ -131,7 +141,9 @@ class PublishedAhead:
             "tau_e": self.spring(self.beyond(u.delta_rad)) + tau_r + tau_memory,
         }
 
-    def step(self, t: Tape, h: float, x: SimpleNamespace, delta: Any, moved: Any) -> dict[str, Any]:
+    def step(
+        self, t: Tape, h: float, x: SimpleNamespace, delta: Any, moved: Any, p: SimpleNamespace
+    ) -> dict[str, Any]:
         """Stop operators, Maxwell element and spring at the new deflection."""
         stretch = t.let("stretch", self.beyond(delta)) if self.dead else delta
         tau_memory = t.memory(stretch)
@@ -180,6 +192,7 @@ class FamilyAhead:
 
     def __init__(self, device: DeviceData) -> None:
         self.device, self.fitted = device, fitted_of(device)
+        self.temperature: Mapping[str, Any] = temperature_parts(device, self.fitted)
         steps = self._step(device.period_s)
         self.reach = steps.theta_lim
         # The deflection of the last step is the rollout's own; its start is always a valid one.
@@ -198,7 +211,7 @@ class FamilyAhead:
             for w, t in fitted.used
             if t.kind == "spring"
         )
-        return 0.5 * max(near, sum(springs) / fitted.scale_rad)
+        return 0.5 * max(near, fitted.factors[1] * sum(springs) / fitted.scale_rad)
 
     def _step(self, h: float) -> FamilyStep:
         family = self.device.file.family
@@ -227,13 +240,16 @@ class FamilyAhead:
         held = clip(d, -self.reach, self.reach)
         return t.keep(name, held, {d: lambda _: ca.fabs(d) < self.reach})
 
-    def step(self, t: Tape, h: float, x: SimpleNamespace, delta: Any, moved: Any) -> dict[str, Any]:
+    def step(
+        self, t: Tape, h: float, x: SimpleNamespace, delta: Any, moved: Any, p: SimpleNamespace
+    ) -> dict[str, Any]:
         """One step of the sensor."""
         memory = {p.name: ca.vertcat(*(getattr(x, n) for n in _elements(p))) for p in self.kept}
         last = self._within(t, "last_within", x.delta)
         s = SimpleNamespace(primed=ca.SX(1), theta_prev_rad=last, **memory)
         guard = Guard(inputs_ok=ca.SX(1), state_ok=ca.SX(1))
-        state, sums = self._step(h).torque(s, self._within(t, "within", delta), guard, _OnTape(t))
+        within = self._within(t, "within", delta)
+        state, sums = self._step(h).torque(s, within, guard, _OnTape(t), factor_in(p))
         found = {n: v for p in self.kept for n, v in _split(p, state[p.name])}
         return found | {"tau_e": t.let("tau_e_next", sum(sums.values()))}
 

@@ -10,6 +10,8 @@ from pydantic import Field
 from esea_gen.devices.numbers import Quantity, Section, Series, number, series
 
 MAX_DEAD_ZONE_RAD = math.radians(6)
+# A factor of temperature is at least this over its range: far from 0, where no torque is left.
+LEAST_FACTOR = 0.2
 MOST_TERMS = 64
 MOST_TIMES = 16
 
@@ -82,6 +84,17 @@ class FamilyTerm(Section):
     )
 
 
+class FamilyTemperature(Section):
+    """What the rubber's temperature changes: all weights but the offset's, by one factor."""
+
+    reference_C: Quantity = number(-60, 200, "Temperature for which the weights hold.")
+    per_K: Quantity = number(
+        -0.05, 0.05, "Relative change a kelvin: the factor is 1 + per_K (T - reference_C)."
+    )
+    low_C: Quantity = number(-60, 200, "Lowest temperature for which this holds.")
+    high_C: Quantity = number(-60, 200, "Highest temperature for which this holds.")
+
+
 class Family(Section):
     """Torque model of the rubber coupling: a member of the family, in place of [elastomer]."""
 
@@ -93,6 +106,10 @@ class Family(Section):
         "trained deflection.",
     )
     scale_rad: Quantity = number(1e-4, 3.2, "Deflection for which x is 1: the largest trained one.")
+    temperature: FamilyTemperature | None = Field(
+        default=None,
+        description="Factor of temperature; leave the table out where it was not identified.",
+    )
     terms: Annotated[tuple[FamilyTerm, ...], Field(strict=False)] = Field(
         min_length=1, max_length=MOST_TERMS, description="Terms, whose sum is the torque."
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from esea_gen.devices.fields import DeviceFile
-from esea_gen.devices.rubber import FamilyTerm
+from esea_gen.devices.rubber import LEAST_FACTOR, FamilyTemperature, FamilyTerm
 from esea_gen.errors import UserError
 
 # By kind of a term: the key that it needs, and no other of these.
@@ -53,6 +53,8 @@ def _check_family(file: DeviceFile) -> Iterator[UserError]:
     assert family is not None
     for i, term in enumerate(family.terms):
         yield from _check_term(f"family.terms[{i}]", term)
+    if family.temperature is not None:
+        yield from _check_temperature(family.temperature)
     if not any(_keeps_rising(t) for t in family.terms):
         yield UserError(
             "family.terms: the torque need not rise with the deflection: a spring of "
@@ -60,6 +62,31 @@ def _check_family(file: DeviceFile) -> Iterator[UserError]:
             "weight_Nm is 0.",
             "Add one, however small its weight: only then has a torque one deflection.",
         )
+
+
+def _check_temperature(t: FamilyTemperature) -> Iterator[UserError]:
+    low, high, reference = t.low_C.value, t.high_C.value, t.reference_C.value
+    at = "family.temperature"
+    if not low < high:
+        yield UserError(
+            f"{at}.high_C = {high:g} degC is not above {at}.low_C = {low:g} degC: the factor holds "
+            "nowhere.",
+            "Give the range of temperatures that was recorded.",
+        )
+    elif not low <= reference <= high:
+        yield UserError(
+            f"{at}.reference_C = {reference:g} degC is outside {at}.low_C = {low:g} to high_C = "
+            f"{high:g} degC.",
+            "Give a temperature of that range, and the weights at it.",
+        )
+    else:
+        least, worst = min((1 + t.per_K.value * (c - reference), c) for c in (low, high))
+        if least < LEAST_FACTOR:
+            yield UserError(
+                f"{at}.per_K = {t.per_K.value:g} 1/K makes the factor {least:.3g} at {worst:g} "
+                f"degC, below its limit {LEAST_FACTOR:g}: next to no torque would be left.",
+                "Narrow the range, or correct per_K.",
+            )
 
 
 def _check_term(at: str, term: FamilyTerm) -> Iterator[UserError]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-# Exponents of kg, m, s, rad; hertz, bits and counts have no dimension of their own here.
+# Exponents of kg, m, s, rad, K; hertz, bits and counts have no dimension of their own here.
 _BASE: dict[str, dict[str, int]] = {
     "rad": {"rad": 1},
     "m": {"m": 1},
@@ -16,6 +16,8 @@ _BASE: dict[str, dict[str, int]] = {
     "J": {"kg": 1, "m": 2, "s": -2},
     "W": {"kg": 1, "m": 2, "s": -3},
     "bit": {},
+    "K": {"K": 1},
+    "degC": {"K": 1},
     "1": {},
 }
 DEGREES = {"rad": "deg", "rad/s": "deg/s"}

@@ -31,6 +31,7 @@ from esea_gen.identify.fit import Progress
 from esea_gen.identify.identification import fit_split
 from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.misfit import Misfits
+from esea_gen.identify.notes import temperature_notes
 from esea_gen.identify.peers import PEERS, fit_peer
 from esea_gen.identify.recorded import Recording, recording_rows
 from esea_gen.identify.recording import load_recordings
@@ -228,7 +229,7 @@ def compare(
         best,
         spread,
         run.devices,
-        _notes(timed, splits, able),
+        (*_notes(timed, splits, able), *temperature_notes(recordings)),
         tuple(recordings),
     )
 

@@ -1,4 +1,4 @@
-"""Conditions of recordings (rates, amplitudes, specimens), and splits that leave one out."""
+"""Conditions of recordings (rates, amplitudes, temperatures), and splits that leave one out."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from esea_gen.errors import UserError, nearest
 from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.tables import Cycles
+from esea_gen.identify.temperatures import temperature_name
 
 # With fewer, leaving one out leaves too little, or one on one side only.
 LEAST_CONDITIONS = 3
@@ -36,20 +37,32 @@ def conditions_of(recording: Recording, data: DataSet) -> tuple[str, ...]:
     return recording.conditions or (data.label,)
 
 
+def _names_of(recording: Recording, data: DataSet) -> tuple[str, ...]:
+    # With its temperature, which is a condition too.
+    own = conditions_of(recording, data)
+    return own if recording.temperature_C is None else (temperature_name(recording), *own)
+
+
 def splits_of(recordings: Sequence[Recording]) -> tuple[Split, ...]:
     """The file's own division, and one split for each condition left out as a whole.
 
-    A condition that is just what the file holds out stands for both.
+    A condition that is just what the file holds out stands for both; one that has the same files as
+    another, as where a temperature has one file, is tried once.
     """
     used = [(r, s) for r in recordings for s in r.sets if len(s.training) or len(s.held_out)]
-    known = list(dict.fromkeys(c for r, s in used for c in conditions_of(r, s)))
+    warm = [temperature_name(r) for r, _ in used if r.temperature_C is not None]
+    known = list(dict.fromkeys([*warm, *(c for r, s in used for c in conditions_of(r, s))]))
     mixed = any(len(s.training) and len(s.held_out) for _, s in used)
     judged = {s.label for _, s in used if len(s.held_out)}
-    splits = []
+    splits: list[Split] = []
+    tried: list[set[str]] = []
     for c in known:
-        inside = {s.label for r, s in used if c in conditions_of(r, s)}
+        inside = {s.label for r, s in used if c in _names_of(r, s)}
         if len(inside) == len(used):  # nothing would be left to train on
             continue
+        if warm and inside in tried:
+            continue
+        tried.append(inside)
         same = not mixed and inside == judged
         splits.append(Split(c, tuple(_without(r, c) for r in recordings), same, True))
     if not any(s.declared for s in splits):
@@ -68,10 +81,11 @@ def divided(recordings: list[Recording], rules: Cycles) -> list[Recording]:
     known = list(dict.fromkeys(c for r, s in used for c in conditions_of(r, s)))
     asked = rules.hold_out
     if asked is not None:
-        if asked not in known or len(known) < 2:
+        every = list(dict.fromkeys(c for r, s in used for c in _names_of(r, s)))
+        if asked not in every or len(every) < 2:
             raise UserError(
                 f"cycles.hold_out = '{asked}' is no condition that could be left out.",
-                f"{nearest(asked, known)}There are: {', '.join(known)}; two at least are needed.",
+                f"{nearest(asked, every)}There are: {', '.join(every)}; two at least are needed.",
             )
     elif rules.hold_out_last is None and len(known) >= LEAST_CONDITIONS:
         mixed = all(len(s.training) and len(s.held_out) for _, s in used)
@@ -88,7 +102,7 @@ def _without(recording: Recording, condition: str) -> Recording:
     sets = []
     for s in recording.sets:
         every = np.union1d(s.training, s.held_out).astype(np.intp)
-        out = condition in conditions_of(recording, s)
+        out = condition in _names_of(recording, s)
         training, held_out = (every[:0], every) if out else (every, every[:0])
         sets.append(replace(s, training=training, held_out=held_out))
     return replace(recording, sets=tuple(sets))

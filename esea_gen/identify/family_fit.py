@@ -3,7 +3,8 @@
 The Block of unit terms is compiled and run over the recordings, so that what is fitted is what the
 board computes.  The torque is linear in the weights; of the recordings' mean square error over data
 sets these are then the solution of one least-squares problem with weights of 0 or above [1]_.  What
-contributes next to nothing is left out, and the rest solved again.
+contributes next to nothing is left out, and the rest solved again.  Where recordings differ in
+temperature, the change a kelvin is searched outside, the weights solved inside.
 
 References
 ----------
@@ -25,6 +26,7 @@ from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import resample
 from esea_gen.identify.resampling import LeftOut, resampled, rows_of, whole_conditions
 from esea_gen.identify.search_problem import solve_linear
+from esea_gen.identify.temperatures import at_temperature, scaled_terms, searched_factor
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member
@@ -129,14 +131,28 @@ def fit_member(
     basis = np.concatenate([b for b, _ in sets]) * rows[:, None]
     free = [t.kind == "offset" for t in member.terms]
     floor = np.array([_floor(member, i, full_scale_Nm) for i in range(len(member.terms))])
-    weights = solve_weights(basis, target, free, floor)
+    at_C = _temperatures(recordings)
+
+    def solve(b: Array, y: Array) -> Array:
+        return solve_weights(b, y, free, floor)
+
+    factor = searched_factor(member, recordings, at_C, basis, target, solve)
+    basis = at_temperature(member, factor, at_C, basis)
+    weights = solve(basis, target)
     # The rows' squares sum to 1: these are root mean squares over the data sets.
     size = np.abs(weights) * np.sqrt(np.einsum("ij,ij->j", basis, basis))
     kept = (size >= LEAST_SHARE * full_scale_Nm) | (floor > 0)
     final = np.zeros(len(weights))
     where = np.flatnonzero(kept)
     final[where] = solve_weights(basis[:, where], target, [free[i] for i in where], floor[where])
-    return FittedMember(member, scale, tuple(float(w) for w in final))
+    return FittedMember(member, scale, tuple(float(w) for w in final), factor)
+
+
+def _temperatures(recordings: Sequence[Recording]) -> Array:
+    # Of each row that trains; NaN where it is not known.
+    known = [(r, s) for r in recordings for s in r.sets if len(s.training)]
+    at_C = [math.nan if r.temperature_C is None else r.temperature_C for r, _ in known]
+    return np.repeat(at_C, [len(s.training) for _, s in known])
 
 
 def member_spread(
@@ -144,27 +160,36 @@ def member_spread(
 ) -> tuple[dict[int, float], LeftOut]:
     """Standard deviations of the weights above 0, by place among the terms.
 
-    Which terms carry torque is taken as it was found.
+    Which terms carry torque is taken as it was found.  With a factor of temperature its ``per_K``
+    is the last parameter of what leaving out says.
     """
     columns = terms.over(fitted.scale_rad)
     used = [i for i, w in enumerate(fitted.weights_Nm) if w]
     pairs = zip(recordings, columns, strict=True)
     sets = [(r, s, c) for r, c in pairs for s in r.sets if len(s.training)]
     ways = [np.sign(np.gradient(r.theta_rad))[s.training] for r, s, _ in sets]
-    basis = np.concatenate([c[s.training][:, used] for _, s, c in sets])
+    every = np.concatenate([c[s.training] for _, s, c in sets])
+    at_C, weights = _temperatures(recordings), np.array(fitted.weights_Nm)
+    basis = at_temperature(fitted.member, fitted.temperature, at_C, every)[:, used]
     target = np.concatenate([r.tau_Nm[s.training] for r, s, _ in sets])
     weight = equal_weights(ways) * np.sqrt(len(target))
-    residual = target - basis @ np.array([fitted.weights_Nm[i] for i in used])
+    residual = target - basis @ weights[used]
+    if fitted.temperature is not None:
+        warmed = every @ (weights * scaled_terms(fitted.member))
+        basis = np.column_stack([basis, warmed * (at_C - fitted.temperature.reference_C)])
     rows = rows_of([(r, s) for r, s, _ in sets], ways)
     found = resampled(basis, residual, weight, rows, whole_conditions(recordings))
-    return dict(zip(used, found.sigma.tolist(), strict=True)), found
+    return dict(zip(used, found.sigma[: len(used)].tolist(), strict=True)), found
 
 
 def misfits_of(terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember) -> Misfits:
     """Errors of a fitted member on the recordings that its terms were run over."""
     weights = np.array(fitted.weights_Nm)
-    columns = terms.over(fitted.scale_rad)
-    errors = ((r, c @ weights - r.tau_Nm) for r, c in zip(recordings, columns, strict=True))
+    pairs = zip(recordings, terms.over(fitted.scale_rad), strict=True)
+    warmed = (
+        (r, at_temperature(fitted.member, fitted.temperature, r.temperature_C, c)) for r, c in pairs
+    )
+    errors = ((r, c @ weights - r.tau_Nm) for r, c in warmed)
     return Misfits.of("Nm", errors)
 
 

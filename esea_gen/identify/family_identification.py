@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,12 @@ from esea_gen.identify.family_fit import UnitTerms, fit_member, member_spread, t
 from esea_gen.identify.fit import Progress
 from esea_gen.identify.identified import Identified
 from esea_gen.identify.mapping import MappingFile, load_mapping
-from esea_gen.identify.notes import band_notes, recording_notes, specimen_notes
+from esea_gen.identify.notes import (
+    band_notes,
+    recording_notes,
+    specimen_notes,
+    temperature_notes,
+)
 from esea_gen.identify.quality_gate import gate_notes, gated
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import load_recordings
@@ -37,7 +42,8 @@ class FamilyIdentification(Identified):
     sigma : dict of int to float
         Standard deviations of the weights above 0, by place among the terms.
     spread : LeftOut
-        What leaving blocks out says; its band is the torque's.
+        What leaving blocks out says; its band is the torque's.  With a factor of temperature
+        ``per_K`` is its last parameter.
     device, source, recordings, verdict, notes, worth, seconds
         As in :class:`~esea_gen.identify.identified.Identified`.
     """
@@ -45,6 +51,11 @@ class FamilyIdentification(Identified):
     fitted: FittedMember
     sigma: dict[int, float]
     spread: LeftOut
+
+    @property
+    def sigma_per_K(self) -> float | None:
+        """Standard deviation of the change a kelvin; None where it was not fitted."""
+        return None if self.fitted.temperature is None else float(self.spread.sigma[-1])
 
     def to_dict(self) -> dict[str, Any]:
         """Report, JSON-ready and the same for the same input.
@@ -64,6 +75,10 @@ class FamilyIdentification(Identified):
             "least_slope_Nm_rad": self.fitted.least_slope_Nm_rad(limits.theta_rad.value),
             "terms": term_rows(self.fitted),
         }
+        if self.fitted.temperature is not None:
+            model["temperature"] = asdict(self.fitted.temperature) | {
+                "sigma_per_K": self.sigma_per_K
+            }
         for row, sigma in zip(model["terms"], self.sigma.values(), strict=True):
             row["sigma_Nm"] = sigma
         return super().to_dict() | {"model": model, "uncertainty": self.spread.to_dict()}
@@ -120,15 +135,17 @@ def identify_member(
     terms = UnitTerms(member, recordings, grid_rate(source))
     fitted = fit_member(terms, recordings, full_scale)
     sigma, spread = member_spread(terms, recordings, fitted)
+    per_K = None if fitted.temperature is None else float(spread.sigma[-1])
     offset = any(t.kind == "offset" for _, t in fitted.used)
     device = gated(
-        drafted_member(source, recordings, fitted, sigma), recordings, offset_fitted=offset
+        drafted_member(source, recordings, fitted, sigma, per_K), recordings, offset_fitted=offset
     )
     tell(0.7, "the device's C")
     verdict = judge(device, recordings)
     notes = (
         *gate_notes(recordings, offset_fitted=offset),
         *_notes(source, recordings, fitted, verdict),
+        *temperature_notes(recordings, fitted.temperature, per_K),
         *band_notes(recordings, verdict, spread, device.tau_full_scale_Nm),
     )
     tell(1.0, "done")

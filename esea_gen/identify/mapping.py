@@ -172,6 +172,7 @@ def parse_mapping(text: str, origin: str) -> Mapping:
             )
     _check_units(origin, mapping)
     _check_sampling(origin, mapping)
+    _check_temperature(origin, mapping)
     _check_text(origin, mapping)
     return mapping
 
@@ -186,6 +187,10 @@ def _quantities(
             yield prefix + key, value, {**extra, "text": field.description}
         elif isinstance(value, BaseModel):
             yield from _quantities(value, f"{prefix}{key}.")
+        elif isinstance(value, list):
+            for i, row in enumerate(value):
+                if isinstance(row, BaseModel):
+                    yield from _quantities(row, f"{prefix}{key}[{i}].")
 
 
 def _check_units(origin: str, mapping: Mapping) -> None:
@@ -215,12 +220,13 @@ def _check_units(origin: str, mapping: Mapping) -> None:
             f"{origin}: sampling.time_unit = '{s.time_unit}' is not a unit of time.",
             f"Known: {', '.join(TIME)}.",
         )
-    columns = [d.column, t.column] + ([s.time_column] if s.time_column else [])
+    more = [s.time_column, mapping.temperature and mapping.temperature.column]
+    columns = [d.column, t.column, *(c for c in more if c)]
     twice = sorted({c for c in columns if columns.count(c) > 1})
     if twice:
         raise UserError(
             f"{origin}: column '{twice[0]}' is named twice, for different quantities.",
-            "Deflection, torque and time are three columns.",
+            "Each of them has a column of its own.",
         )
 
 
@@ -249,6 +255,22 @@ def _check_sampling(origin: str, mapping: Mapping) -> None:
             f"{origin}: device.bandwidth_Hz = {bandwidth:g} Hz is above its limit, a tenth of "
             f"device.sense_rate_Hz ({0.1 * rate:g} Hz).",
             "Lower the bandwidth or raise the rate.",
+        )
+
+
+def _check_temperature(origin: str, mapping: Mapping) -> None:
+    given = [r.temperature_C is not None for r in mapping.recording]
+    if any(given) and mapping.temperature is not None:
+        raise UserError(
+            f"{origin}: recording[{given.index(True)}].temperature_C and [temperature] are both "
+            "given.",
+            "Take one of them out.",
+        )
+    if any(given) and not all(given):
+        raise UserError(
+            f"{origin}: key recording[{given.index(False)}].temperature_C is missing: other "
+            "recordings have one.",
+            "Give every recording's, or none: one that is not known cannot be told from another.",
         )
 
 

@@ -13,10 +13,13 @@ from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.parameters import at_bound
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.resampling import LeftOut, covered
+from esea_gen.identify.temperatures import LEAST_APART_K, far_apart, temperatures_of
 from esea_gen.identify.uncertainty import Uncertainty
 from esea_gen.identify.verdict import Verdict
+from esea_gen.model.temperature import TemperatureFactor
 
 ASYMMETRY_LIMIT = 0.05  # share of stiffness; ours, no figure is published
+LIKELY = 1.959964  # deviations that hold 95 % of a normal distribution
 SHARP = 0.5  # a standard deviation above this share of the value is called out
 
 
@@ -62,6 +65,7 @@ def notes_of(
         )
     notes += recording_notes(source, recordings)
     notes += specimen_notes(verdict, softens=False)
+    notes += temperature_notes(recordings)
     notes += [f"{e[0].upper()}{e[1:]}." for e in fit.edges]
     for key, value in fit.values.items():
         bound = None if key == "eps2" else at_bound(key, value)
@@ -148,4 +152,37 @@ def specimen_notes(verdict: Verdict, softens: bool) -> list[str]:
             f"{100 * max(softening):.0f} % less work than its first full one; the model has "
             f"{'softening for it' if softens else 'no term for it'}."
         )
+    return notes
+
+
+def temperature_notes(
+    recordings: Sequence[Recording],
+    factor: TemperatureFactor | None = None,
+    sigma_per_K: float | None = None,
+) -> list[str]:
+    """What the recordings' temperatures tell; nothing where none was recorded.
+
+    factor, sigma_per_K: of the model, and its standard deviation; the published model has none.
+    """
+    known = temperatures_of(recordings, training=True)
+    if not known:
+        return []
+    if factor is None and far_apart(known):
+        return [
+            f"Temperature: the recordings are at {known[0]:g} to {known[-1]:g} degC, and the "
+            "published model has no factor of temperature: it takes them for one."
+        ]
+    if factor is None or sigma_per_K is None:
+        return [
+            f"Temperature: what it changes is not known; training is at {known[0]:g} to "
+            f"{known[-1]:g} degC, and two at least {LEAST_APART_K:g} K apart would tell."
+        ]
+    low, high = (100 * (factor.per_K + side * LIKELY * sigma_per_K) for side in (-1, 1))
+    notes = [
+        f"Temperature: every weight but an offset's changes by {100 * factor.per_K:.3g} % a kelvin "
+        f"(95 %: {low:.3g} to {high:.3g}), trained from {known[0]:g} to {known[-1]:g} degC. On the "
+        "board temperature_C is the reference until somebody sets it, in every Block that has it."
+    ]
+    if not low * high > 0:
+        notes.append("The change by temperature is not to be told from none.")
     return notes

@@ -22,6 +22,7 @@ class Recording:
     dropped: samples dropped by the glitch rule.
     findings: what is wrong with it; samples that are spoilt are in no data set.
     conditions: those of the mapping that the file belongs to.
+    temperature_C: of the rubber; None where no one said it.
     """
 
     label: str
@@ -36,6 +37,7 @@ class Recording:
     sets: tuple[DataSet, ...]
     conditions: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+    temperature_C: float | None = None
 
 
 def recording_rows(recordings: Iterable[Recording]) -> list[dict[str, Any]]:
@@ -49,6 +51,7 @@ def recording_rows(recordings: Iterable[Recording]) -> list[dict[str, Any]]:
             "dropped": r.dropped,
             "timed": r.timed,
             "duration_s": float(r.time_s[-1]),
+            "temperature_C": r.temperature_C,
         }
         for r in recordings
     ]

@@ -19,6 +19,7 @@ from esea_gen.identify.quality import MOST_SPIKES, Finding, bridged, examined, j
 from esea_gen.identify.readers import READERS
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.tables import TIME, FileFormat, Mapping, RecordingTable
+from esea_gen.identify.temperatures import LEAST_APART_K
 from esea_gen.language.ports import Array
 
 MIN_SAMPLES = 50
@@ -28,6 +29,8 @@ LEAST_STEP = 0.02  # a recording's usual step, over the sensing period
 HELD_BAND = 0.02  # of its range: a deflection that stays within it is held
 MAX_STIFFNESS_NM_RAD = 1000.0  # bound of k1
 TURNED = Finding("sign", "the torque fell with the deflection and was turned round", False)
+KELVIN_AT_0_C = 273.15
+COLDEST_C, HOTTEST_C = -60.0, 200.0  # bounds of temperature_C
 MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
 
 
@@ -104,9 +107,9 @@ def _load(
 ) -> Recording:
     m = source.mapping
     form = table.format or m.format
-    wanted = [m.deflection.column, m.torque.column]
-    if m.sampling.time_column:
-        wanted.append(m.sampling.time_column)
+    thermometer = m.temperature and m.temperature.column
+    more = (m.sampling.time_column, thermometer)
+    wanted = [m.deflection.column, m.torque.column, *(c for c in more if c)]
     try:
         raw = path.read_bytes()
     except OSError as error:
@@ -162,7 +165,7 @@ def _load(
     _check_physics(source, name, theta, tau)
     cycles = divide(theta, m.cycles, table.use)
     timed = m.sampling.period_s is None or m.sampling.period_s.status != "assumed"
-    spoilt, more = examined(time, theta, tau, cycles, timed)
+    spoilt, worse = examined(time, theta, tau, cycles, timed)
     return Recording(
         label=label,
         file=name,
@@ -175,7 +178,8 @@ def _load(
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
         conditions=_conditions(m, name),
-        findings=(*found, *more),
+        findings=(*found, *worse),
+        temperature_C=_temperature(m, table, name, columns),
     )
 
 
@@ -185,6 +189,29 @@ def _jumped(jumped: npt.NDArray[np.bool_]) -> tuple[Finding, ...]:
         return ()
     text = f"{count} sample{'s' if count > 1 else ''} at which the deflection jumps and comes back"
     return (Finding("jumps", f"{text}, bridged; they neither train nor judge", False),)
+
+
+def _temperature(
+    m: Mapping, table: RecordingTable, name: str, columns: dict[str, Array]
+) -> float | None:
+    # One a recording: the mean of its column.
+    if m.temperature is None:
+        return None if table.temperature_C is None else table.temperature_C.value
+    values = columns[m.temperature.column] - (KELVIN_AT_0_C if m.temperature.unit == "K" else 0.0)
+    low, high = float(values.min()), float(values.max())
+    if low < COLDEST_C or high > HOTTEST_C:
+        raise UserError(
+            f"{name}: column '{m.temperature.column}' goes from {low:.4g} to {high:.4g} degC, "
+            f"outside {COLDEST_C:g} to {HOTTEST_C:g} degC.",
+            'Check temperature.unit: "C" or "K".',
+        )
+    if high - low > LEAST_APART_K:
+        raise UserError(
+            f"{name}: the temperature goes from {low:.4g} to {high:.4g} degC, by more than "
+            f"{LEAST_APART_K:g} K: a recording has one temperature.",
+            "Cut it into files that are each within that.",
+        )
+    return float(values.mean())
 
 
 def _spiked(spiky: npt.NDArray[np.bool_], tau: Array) -> tuple[Finding, ...]:

@@ -98,6 +98,13 @@ class Torque(_Table):
     )
 
 
+class Temperature(_Table):
+    """Column of the rubber's temperature, where files have one."""
+
+    column: str = Field(min_length=1, description="Column or variable name.")
+    unit: Literal["C", "K"] = Field(default="C", description="Of that column: degC or kelvin.")
+
+
 class Sampling(_Table):
     """Time: a column, or a nominal period."""
 
@@ -185,6 +192,9 @@ class RecordingTable(_Table):
         description="cycles: by the rules of [cycles]; train or held_out: the whole file.",
     )
     label: str | None = Field(default=None, description="Name in reports; the file's by default.")
+    temperature_C: Quantity | None = _limits(
+        -60, 200, "The rubber's temperature, where no column has it.", default=None
+    )
     format: FileFormat | None = Field(default=None, description="Where it differs from [format].")
 
 
@@ -218,6 +228,7 @@ class Mapping(_Table):
     deflection: Deflection
     torque: Torque
     sampling: Sampling
+    temperature: Temperature | None = Field(default=None)
     cycles: Cycles = Field(default=Cycles())
     search: Search = Field(default=Search())
     format: FileFormat = Field(default=FileFormat())

@@ -42,6 +42,8 @@ UNIT_SUFFIXES = {
     "_Nm_s_rad": "Nm/(rad s)",
     "_J": "J",
     "_W": "W",
+    "_C": "degC",
+    "per_K": "1/K",
 }
 
 

@@ -20,6 +20,11 @@ Three things follow from that form, whatever the numbers are:
   springs (:attr:`FittedMember.least_slope_Nm_rad`), so that the inverse is unique.
 * **Outside the trained range** nothing bends back, because nothing is negative there either.
 
+A factor for the rubber's temperature multiplies every term but the offset
+(:mod:`esea_gen.model.temperature`).  At a constant temperature it is one more constant, and all
+three hold.  Where it changes under load by dg, the stored energy changes by dg times what would be
+stored at the reference: a rubber that stiffens while it is bent gives that much, and no more.
+
 Softening does not recover while the model runs: stiffness that came back under load would be energy
 from nowhere.  It recovers where the coupling rests unloaded, and for the model that is its start: a
 start is either ``virgin`` or ``conditioned``.
@@ -38,6 +43,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import casadi as ca
+
+from esea_gen.model.temperature import TemperatureFactor
 
 Kind = Literal["spring", "maxwell", "stop", "slip", "offset"]
 Start = Literal["virgin", "conditioned"]
@@ -294,6 +301,9 @@ class FittedMember:
         Deflection for which x is 1.
     weights_Nm : tuple of float
         One a term; 0 or above, except an offset's.
+    temperature : TemperatureFactor, optional
+        What the rubber's temperature changes.  Slopes and torques here are those at the
+        temperature of its range at which they are least or largest.
 
     Raises
     ------
@@ -304,6 +314,7 @@ class FittedMember:
     member: Member
     scale_rad: float
     weights_Nm: tuple[float, ...]
+    temperature: TemperatureFactor | None = None
 
     def __post_init__(self) -> None:
         if len(self.weights_Nm) != len(self.member.terms) or not self.scale_rad > 0:
@@ -319,6 +330,11 @@ class FittedMember:
         """Weights above 0, with their terms: the others cost nothing."""
         pairs = zip(self.weights_Nm, self.member.terms, strict=True)
         return tuple((w, t) for w, t in pairs if w)
+
+    @property
+    def factors(self) -> tuple[float, float]:
+        """Least and largest factor of temperature; 1 for a member without one."""
+        return (1.0, 1.0) if self.temperature is None else self.temperature.ends
 
     def least_slope_Nm_rad(self, theta_rad: float) -> float:
         """Least slope of the torque over the present deflection.
@@ -339,7 +355,7 @@ class FittedMember:
             if term.kind == "spring":
                 left = term.softening.least(reach) if term.softening else 1.0
                 total += weight * term.rise.least_slope(reach) * left
-        return total / self.scale_rad
+        return self.factors[0] * total / self.scale_rad
 
     def first_slope_Nm_rad(self, theta_rad: float) -> float:
         """Least slope of the torque at the first sample, which softens itself by its own strain.
@@ -372,7 +388,7 @@ class FittedMember:
                 if rise.side != "both":
                     steep = min(steep, 0.0)
             total += weight * steep
-        return total / self.scale_rad
+        return min(f * total for f in self.factors) / self.scale_rad
 
     def most_slope_Nm_rad(self, theta_rad: float) -> float:
         """Largest slope of the torque over the present deflection.
@@ -393,7 +409,7 @@ class FittedMember:
                 steep = weight * term.rise.most_slope(reach)
                 shares = sum(share for _, share in term.shares) if term.kind == "maxwell" else 1.0
                 total += steep * shares * (2 if term.kind == "slip" else 1)
-        return total / self.scale_rad
+        return self.factors[1] * total / self.scale_rad
 
     def most_Nm(self, theta_rad: float) -> float:
         """Largest torque there can be.
@@ -410,11 +426,11 @@ class FittedMember:
         """
         reach, total = theta_rad / self.scale_rad, 0.0
         for weight, term in self.used:
-            size = 1.0 if term.kind == "offset" else term.rise.most(reach)
+            size = 1.0 if term.kind == "offset" else self.factors[1] * term.rise.most(reach)
             if term.kind == "maxwell":
                 size *= 2 * sum(share for _, share in term.shares)
             elif term.numbers:
-                size = min(2 * size, term.numbers[0])
+                size = min(2 * size, self.factors[1] * term.numbers[0])
             total += abs(weight) * size
         return total
 

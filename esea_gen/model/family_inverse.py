@@ -18,7 +18,12 @@ import casadi as ca
 from esea_gen.language.block import Block, Guard, Labels, Solved
 from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
 from esea_gen.model.family import FittedMember, Start
-from esea_gen.model.family_sensor import family_step, torque_limit
+from esea_gen.model.family_sensor import (
+    factor_in,
+    family_step,
+    temperature_parts,
+    torque_limit,
+)
 from esea_gen.model.forward import REQUEST_ROOM, request_port
 
 if TYPE_CHECKING:
@@ -52,17 +57,21 @@ class _FamilyInverse:
             "tau": threshold(file.domain.tau_full_scale_Nm.value),
         }
 
-    def at(self, s: Any, theta: Any, state_ok: ca.SX) -> tuple[dict[str, Any], ca.SX, ca.SX]:
+    def at(
+        self, s: Any, theta: Any, state_ok: ca.SX, factor: Any
+    ) -> tuple[dict[str, Any], ca.SX, ca.SX]:
         """The model's next state, torque and slope at a deflection, from this step's memory."""
         guard = Guard(inputs_ok=ca.SX(1), state_ok=state_ok)
-        state, sums, slope = self.model.torque_and_slope(s, theta, guard, Labels())
+        state, sums, slope = self.model.torque_and_slope(s, theta, guard, Labels(), factor)
         return state, sums["spring"] + sums["rate"] + sums["hysteresis"], slope
 
-    def solve(self, s: Any, wanted: ca.SX, last: ca.SX, state_ok: ca.SX, label: Labels) -> ca.SX:
+    def solve(
+        self, s: Any, wanted: ca.SX, last: ca.SX, state_ok: ca.SX, label: Labels, factor: Any
+    ) -> ca.SX:
         # The bracket is wider than the limits: a request beyond them ends at a limit.
         low, high, theta = ca.SX(-self.far), ca.SX(self.far), last
         for k in range(1, self.steps + 1):
-            _, value, rise = self.at(s, theta, state_ok)
+            _, value, rise = self.at(s, theta, state_ok, factor)
             missing = label(f"missing_{k}_Nm", wanted - value, f"request less torque, step {k}")
             # No step is longer than the bracket: one that is would be refused, and its range with
             # it would cost the others their last bits.
@@ -85,10 +94,11 @@ class _FamilyInverse:
         primed = label("ready", ca.logic_and(s.primed, guard.state_ok), "there is a last set-point")
         last = label("theta_from_rad", ca.if_else(primed, s.theta_prev_rad, 0), "theta(k-1)")
         wanted = label("request_Nm", clip(u.tau_Nm, -self.tau_lim, self.tau_lim), "clamped request")
-        solved = self.solve(s, wanted, last, guard.state_ok, label)
+        factor = factor_in(c)
+        solved = self.solve(s, wanted, last, guard.state_ok, label, factor)
         theta = ca.if_else(guard.inputs_ok, solved, last)
         theta = label("set_point_rad", theta, "invalid input: hold")
-        state, torque, _ = self.at(s, theta, guard.state_ok)
+        state, torque, _ = self.at(s, theta, guard.state_ok, factor)
         state["primed"] = ca.logic_or(primed, guard.inputs_ok)
         residual = label("residual_Nm", u.tau_Nm - torque, "request less the model's torque")
         moved = label("moved_rad", ca.if_else(primed, theta - last, 0), "move of the set-point")
@@ -193,6 +203,7 @@ def family_inverse(
         facts=inverse.facts(),
         solved=inverse.solved(fitted),
         step=inverse.step,
+        **temperature_parts(device, fitted),
     )
 
 

@@ -8,13 +8,23 @@ that the weights can be solved for from what the very code makes of a recording.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import sympy as sp
 
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.ports import (
+    Constant,
+    Flag,
+    Port,
+    Tunable,
+    around,
+    clip,
+    flag_word,
+    threshold,
+)
 from esea_gen.model.family import FittedMember, Member, Start
 from esea_gen.model.family_step import ROOM, FamilyStep, merged_elements, unit_elements
 from esea_gen.model.symbolic import equation
@@ -22,6 +32,12 @@ from esea_gen.model.symbolic import equation
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
 
+# Tunable of every Block that has a member with a factor of temperature.
+TEMPERATURE = "temperature_C"
+# Coefficient of every Block that has a member with a factor of temperature.
+FACTOR = "temperature_factor"
+# Its range is this much wider than what arithmetic without rounding can reach.
+FACTOR_ROOM = 1e-4
 # Of the Block of unit terms: x, far beyond any recording.
 UNIT_REACH = 16.0
 
@@ -128,6 +144,38 @@ def family_step(
     )
 
 
+def temperature_parts(device: DeviceData, fitted: FittedMember) -> dict[str, Any]:
+    """What a Block needs so that its member knows the rubber's temperature.
+
+    Parameters
+    ----------
+    device : DeviceData
+        For where the numbers come from.
+    fitted : FittedMember
+        The model.
+
+    Returns
+    -------
+    dict
+        ``tunables``, ``coefficients`` and ``prepare`` of a Block: ``temperature_C`` becomes
+        :data:`FACTOR`.  Empty for a member that has no factor of temperature.
+    """
+    t = fitted.temperature
+    if t is None:
+        return {}
+    known = device.file.family and device.file.family.temperature
+    source = known.reference_C.source if known else "identified"
+    status = known.reference_C.status if known else "identified"
+    effect = "softens" if t.per_K < 0 else "stiffens"
+    text = f"the rubber's temperature: higher {effect} the torque model"
+    least, most = (f * (1 + side * FACTOR_ROOM) for f, side in zip(t.ends, (-1, 1), strict=True))
+    return {
+        "tunables": (Tunable(TEMPERATURE, t.reference_C, t.low_C, t.high_C, text, source, status),),
+        "coefficients": (Port(FACTOR, least, most, "by temperature, of all but the offset"),),
+        "prepare": lambda tunables: {FACTOR: t.at(getattr(tunables, TEMPERATURE))},
+    }
+
+
 def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virgin") -> Block:
     """A fitted member as a torque sensor Block, with the ports of the thesis' one.
 
@@ -160,7 +208,7 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
     def step(
         c: Any, s: Any, u: Any, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        state, sums = steps.torque(s, u.theta_rad, guard, label)
+        state, sums = steps.torque(s, u.theta_rad, guard, label, factor_in(c))
         sums = {k: label(f"tau_{k}_Nm", v, f"{k}: sum of its terms") for k, v in sums.items()}
         tau = label("tau_Nm", sums["spring"] + sums["rate"] + sums["hysteresis"], "torque")
         status = flag_word(
@@ -184,9 +232,26 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
         state=steps.state(),
         inputs=_inputs(theta_lim, omega_lim),
         outputs=_outputs(tau_lim, full_scale),
-        equations=_equations(),
+        equations=_equations(fitted),
         step=step,
+        **temperature_parts(device, fitted),
     )
+
+
+def factor_in(c: SimpleNamespace) -> Any:
+    """The factor of temperature among coefficients; None for a member without one.
+
+    Parameters
+    ----------
+    c : SimpleNamespace
+        Coefficients of a step.
+
+    Returns
+    -------
+    casadi.SX or None
+        What :meth:`FamilyStep.torque` takes.
+    """
+    return getattr(c, FACTOR, None)
 
 
 def family_constants(device: DeviceData, fitted: FittedMember) -> tuple[Constant, ...]:
@@ -205,7 +270,9 @@ def family_constants(device: DeviceData, fitted: FittedMember) -> tuple[Constant
         if q.value:
             said = f"{term.text}; {q.source}"
             found.append(Constant(f"w{len(found)}_Nm", q.value, said, q.status))
-    return tuple(found)
+    t = family.temperature
+    warm = () if t is None else (("reference_C", t.reference_C), ("per_K", t.per_K))
+    return (*found, *(Constant(name, q.value, q.source, q.status) for name, q in warm))
 
 
 def _inputs(theta_lim: float, omega_lim: float) -> tuple[Port, ...]:
@@ -235,7 +302,7 @@ def _outputs(tau_lim: float, full_scale: float) -> tuple[Port, ...]:
     )
 
 
-def _equations() -> tuple[Any, ...]:
+def _equations(fitted: FittedMember) -> tuple[Any, ...]:
     x, q, last, inner = sp.symbols("x q q_k-1 F_k-1")
     a, b, r, length, m, moved = sp.symbols("a b r L m s", positive=True)
     weight, factor, value, index = (
@@ -245,6 +312,12 @@ def _equations() -> tuple[Any, ...]:
         sp.Symbol("i"),
     )
     total = sp.Sum(weight * factor * value, (index, 1, sp.Symbol("N")))
+    warm: tuple[Any, ...] = ()
+    if fitted.temperature is not None:
+        warmth, change, apart = sp.Symbol("g"), sp.Symbol("c_T"), sp.Symbol("T") - sp.Symbol("T_0")
+        total = warmth * total
+        text = "factor of all terms but the offset; c_T: per_K, T_0: reference_C"
+        warm = (equation("[temperature]", "g", 1 + change * apart, text),)
     return (
         equation("[family]", "tau", total, "every weight 0 or above"),
         equation(
@@ -255,13 +328,16 @@ def _equations() -> tuple[Any, ...]:
         equation("[slip]", "z'", 1 - sp.Symbol("z") * sp.sign(q - last) / length, "over q; Dahl"),
         equation("[strain]", "d", 1 / (1 + m / a), "m: largest |x| before this step"),
         equation("[path]", "d", sp.exp(-moved / length), "s: path before this step"),
+        *warm,
     )
 
 
 __all__ = [
+    "factor_in",
     "family_constants",
     "family_sensor",
     "family_step",
+    "temperature_parts",
     "torque_limit",
     "unit_terms",
 ]

@@ -191,14 +191,17 @@ class FamilyStep:
         return state, [OperatorStep(e, *values, factors, softening) for e, values in pairs]
 
     def torque(
-        self, s: Any, theta: ca.SX, guard: Guard, label: Labels
+        self, s: Any, theta: ca.SX, guard: Guard, label: Labels, factor: Any = None
     ) -> tuple[dict[str, Any], dict[str, ca.SX]]:
-        """The next state, and the torque of the springs, of the branches and of the hysteresis."""
-        state, sums, _ = self.torque_and_slope(s, theta, guard, label)
+        """The next state, and the torque of the springs, of the branches and of the hysteresis.
+
+        factor: of temperature, for all but the offset; None for a member without one.
+        """
+        state, sums, _ = self.torque_and_slope(s, theta, guard, label, factor)
         return state, sums
 
     def torque_and_slope(
-        self, s: Any, theta: ca.SX, guard: Guard, label: Labels
+        self, s: Any, theta: ca.SX, guard: Guard, label: Labels, factor: Any = None
     ) -> tuple[dict[str, Any], dict[str, ca.SX], ca.SX]:
         """As :meth:`torque`, and the whole torque's slope over this step's deflection, Nm/rad.
 
@@ -207,13 +210,22 @@ class FamilyStep:
         intervals see no more than that a difference of large products is divided.
         """
         state, parts = self.run(s, theta, guard, label)
+        steady = ca.SX(0)
         sums = {"spring": ca.SX(0), "rate": ca.SX(0), "hysteresis": ca.SX(0)}
         slope = ca.SX(0)
         for p in parts:
+            slope = slope + p.torque_slope()
+            if factor is not None and p.element.kind == "offset":
+                steady = steady + p.gain() * p.value
+                continue
             name = _PARTS.get(p.element.kind, "hysteresis")
             sums[name] = sums[name] + p.gain() * p.value
-            slope = slope + p.torque_slope()
-        return state, sums, slope * (1 / self.scale)
+        slope = slope * (1 / self.scale)
+        if factor is not None:
+            sums = {k: factor * v for k, v in sums.items()}
+            sums["spring"] = sums["spring"] + steady
+            slope = factor * slope  # an offset has none
+        return state, sums, slope
 
     def soften(
         self, s: Any, x: ca.SX, primed: ca.SX, state: dict[str, Any], label: Labels

@@ -14,6 +14,7 @@ from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_sensor
 from esea_gen.model.inverse import chosen_inverse
+from esea_gen.model.temperature import TemperatureFactor
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
@@ -45,7 +46,10 @@ def fitted_of(device: DeviceData) -> FittedMember:
         raise ValueError(f"{device.origin} has no [family]")
     member = Member(family.member, family.title, tuple(_term(t) for t in family.terms))
     weights = tuple(t.weight_Nm.value for t in family.terms)
-    return FittedMember(member, family.scale_rad.value, weights)
+    t, warm = family.temperature, None
+    if t is not None:
+        warm = TemperatureFactor(t.reference_C.value, t.per_K.value, t.low_C.value, t.high_C.value)
+    return FittedMember(member, family.scale_rad.value, weights, warm)
 
 
 def _term(t: FamilyTerm) -> Term:

@@ -10,6 +10,7 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.identify import MappingFile, Recording, load_mapping, load_recordings, recordings_for
+from esea_gen.identify.verdict import temperature_tunables
 from esea_gen.language.block import Block
 from esea_gen.language.ports import unit_of
 from esea_gen.language.stream import single
@@ -53,6 +54,8 @@ def _run(
     outputs = {}
     for real in REAL_NAMES:
         task = compile_device(device, real).task(device.system.tasks[0].name)
+        if recording is not None:
+            task.prepare(temperature_tunables(device, device.system, recording))
         outputs[real], _ = task.run(deflection_inputs(device.system, theta_rad), trace=False)
     time_s = np.arange(len(theta_rad)) * device.period_s
     sensor = {real: first_axis(device.system, outputs[real]) for real in REAL_NAMES}

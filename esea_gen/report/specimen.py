@@ -15,13 +15,12 @@ from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
 from esea_gen.identify import MappingFile
 from esea_gen.identify.compare import THESIS
+from esea_gen.identify.notes import LIKELY
 from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
 from esea_gen.report import figures
 from esea_gen.report.identification import dotted
 from esea_gen.report.page import PageSection, render
 from esea_gen.report.specimen_results import AGREED, COMPARED, LIFE, NAMES, SpecimenResults
-
-LIKELY = 1.959964  # deviations that hold 95 % of a normal distribution
 
 
 def specimen_page(found: SpecimenResults, command: str) -> str:
@@ -90,7 +89,14 @@ def _parameters(found: SpecimenResults) -> dict[str, Any]:
         q = known[f"family.terms[{i}].weight_Nm"]
         row = {"name": t["kind"], "meaning": t["term"], "unit": "Nm"}
         rows.append(row | _interval(t["weight_Nm"], t["sigma_Nm"], least, math.inf, q))
-    return {"parameters": rows}
+    t = content["model"].get("temperature") if "model" in content else None
+    if t is not None:
+        q = known["family.temperature.per_K"]
+        ends = field_facts("family.temperature.per_K")
+        text = "change a kelvin of every weight but an offset's, by the rubber's temperature"
+        row = {"name": "per_K", "meaning": text, "unit": "1/K"}
+        rows.append(row | _interval(t["per_K"], t["sigma_per_K"], ends["low"], ends["high"], q))
+    return {"parameters": rows, "warmth": t}
 
 
 def _interval(

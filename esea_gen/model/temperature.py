@@ -1,0 +1,65 @@
+"""What a rubber's temperature changes: one factor on its stiffness and its losses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from esea_gen.devices.rubber import LEAST_FACTOR
+
+
+@dataclass(frozen=True)
+class TemperatureFactor:
+    """What a temperature multiplies every term but the offset with: 1 + per_K (T - reference).
+
+    Parameters
+    ----------
+    reference_C : float
+        Where it is 1: the weights are those at this temperature, degC.
+    per_K : float
+        Relative change of the weights, 1/K.
+    low_C, high_C : float
+        Range in which it holds, degC.
+
+    Raises
+    ------
+    ValueError
+        For an empty range, one without the reference, or a factor below 0.2 in it.
+    """
+
+    reference_C: float
+    per_K: float
+    low_C: float
+    high_C: float
+
+    def __post_init__(self) -> None:
+        if not self.low_C <= self.reference_C <= self.high_C or not self.low_C < self.high_C:
+            raise ValueError(
+                f"{self.reference_C:g} degC is not in the range {self.low_C:g} to {self.high_C:g}"
+            )
+        if self.ends[0] < LEAST_FACTOR:
+            raise ValueError(f"a factor of temperature falls to {self.ends[0]:g}")
+
+    def at(self, temperature_C: Any) -> Any:
+        """The factor.
+
+        Parameters
+        ----------
+        temperature_C : float or casadi.SX
+            The rubber's temperature, degC.
+
+        Returns
+        -------
+        float or casadi.SX
+            1 at the reference.
+        """
+        return 1 + self.per_K * (temperature_C - self.reference_C)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Least and largest factor over the range."""
+        low, high = sorted((self.at(self.low_C), self.at(self.high_C)))
+        return low, high
+
+
+__all__ = ["TemperatureFactor"]
