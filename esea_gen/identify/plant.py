@@ -17,7 +17,7 @@ from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.parameters import with_values
 from esea_gen.identify.recorded import Recording
-from esea_gen.identify.recording import resample
+from esea_gen.identify.recording import beyond_rad, resample
 from esea_gen.identify.resampling import FitRows, rows_of, whole_conditions
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
@@ -131,7 +131,9 @@ class FittedPlant:
         measured = [s.tau_Nm[at] for s in self.streams for at in s.training]
         self.weight = equal_weights(measured)
         self.measured = np.concatenate(measured)
-        self._spring = self._collect([(s.theta_rad, s.theta_rad**3) for s in self.streams])
+        zone = device.elastomer.dead_zone_rad
+        beyond = [beyond_rad(s.theta_rad, zone.value if zone else 0.0) for s in self.streams]
+        self._spring = self._collect([(x, x**3) for x in beyond])
 
     @property
     def judged(self) -> tuple[Array, Array] | None:
