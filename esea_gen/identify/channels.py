@@ -50,6 +50,12 @@ SAID = {
     DEAD_ZONE: ("mrad", 1e3, "dead zone"),
 }
 
+TAKEN = {
+    LAG: "taken out",
+    BACKLASH: "taken out of the deflection",
+    DEAD_ZONE: "the device's dead_zone_rad",
+}
+
 
 class ChannelModel(Protocol):
     """A torque model that is fitted to the training samples of moved recordings."""
@@ -80,7 +86,7 @@ class ChannelNumber:
     found, sigma : float, optional
         What the fit says and its standard deviation; None where it could not be asked.
     why : str, optional
-        Why it is not known; None for one that is taken.
+        What keeps it from being taken: not known, or not seen; None for one that is.
     """
 
     key: str
@@ -111,21 +117,18 @@ class ChannelNumber:
     def note(self) -> str:
         """For the reader of the identification."""
         unit, factor, what = SAID[self.key]
-        asked = "" if self.found is None or self.sigma is None else (
-            f"{factor * self.found:.3g} {unit}, standard deviation {factor * self.sigma:.2g} {unit}"
-        )  # fmt: skip
+        found = ""
+        if self.found is not None and self.sigma is not None:
+            numbers = (factor * self.found, factor * self.sigma)
+            found = "{:.3g} {unit}, standard deviation {:.2g} {unit}".format(*numbers, unit=unit)
+        head = f"{self.key} = 'fit': the {what} is"
         if self.why is not None:
-            told = f" (found: {asked})" if asked else ""
-            return f"{self.key} = 'fit': the {what} is not known, {self.why}{told}; 0 is taken."
-        lead = (
-            " It is before the deflection: a viscosity that the model has no term for looks so too."
-            if self.value < 0
-            else ""
-        )
-        key = self.key.split(".")[1]
+            return f"{head} {self.why}{f' (found: {found})' if found else ''}; 0 is taken."
+        lead = " The torque leads: so does one of a viscosity that the model has no term for."
         return (
-            f"{self.key} = 'fit': the {what} is {asked}, and taken out.{lead} For other commands "
-            f'write {key} = {{ value = {self.value:.6g}, status = "identified", source = "..." }}.'
+            f"{head} {found}, and is {TAKEN[self.key]}.{lead if self.value < 0 else ''} "
+            f"For other commands write {self.key.split('.')[1]} = {{ value = {self.value:.6g}, "
+            'status = "identified", source = "identify" }.'
         )
 
 
@@ -196,11 +199,10 @@ def _judged(key: str, found: float, sigma: float, bounds: tuple[float, float]) -
     near = AT_BOUND * (high - low)
     why = None
     if not abs(found) > DEVIATIONS * sigma:
-        why = "nothing is seen beyond two deviations"
+        why = "not seen beyond two deviations"
     elif found > high - near or (low < 0 and found < low + near):
-        why = (
-            f"it ends at the bound of the search, {factor * math.copysign(high, found):.3g} {unit}"
-        )
+        end = f"{factor * math.copysign(high, found):.3g} {unit}"
+        why = f"not known: it ends at the bound of the search, {end}"
     return ChannelNumber(key, 0.0 if why else found, found, sigma, why)
 
 
@@ -255,21 +257,21 @@ def _bounds(recordings: Sequence[Recording]) -> dict[str, tuple[float, float]]:
 def _not_asked(recordings: Sequence[Recording], most_lag_s: float) -> str | None:
     # Why a lag could not be told from loss, before anything is fitted.
     if not all(r.timed for r in recordings):
-        return "no time was recorded"
+        return "not known: no time was recorded"
     cycles = _trained(recordings)
     if len(cycles) < 2:
-        return "fewer than two cycles train"
+        return "not known: fewer than two cycles train"
     for what, unit, x in (
         ("last", "s", cycles[:, 0]),
         ("move at", "rad/s", 2 * cycles[:, 1] / cycles[:, 0]),
     ):
         if x.max() < RATES * x.min():
             return (
-                f"the cycles that train {what} {x.min():.3g} to {x.max():.3g} {unit}, below a "
-                f"factor of {RATES:g}: within one rate, lag and loss are one"
+                f"not known: the cycles that train {what} {x.min():.3g} to {x.max():.3g} {unit}, "
+                f"below a factor of {RATES:g}, and within one rate lag and loss are one"
             )
     left = sum(len(s.training) for r in _inside(recordings, most_lag_s) for s in r.sets)
-    return None if left >= MIN_SAMPLES else f"{left} samples would be left to train on"
+    return None if left >= MIN_SAMPLES else f"not known: {left} samples are left to train on"
 
 
 def _inside(recordings: Sequence[Recording], most_lag_s: float) -> list[Recording]:
