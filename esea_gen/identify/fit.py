@@ -124,12 +124,13 @@ class PublishedChannels:
         self.device, self.space, self.rate_Hz = device, space, rate_Hz
         self.seed, self.count = seed, population_size or POPULATION
         self.how = replace(how or Searching(), resume=None, watch=None)
-        self._problem: SearchProblem
-        self._begun: Array
-        self._x: Array
+        self._problem: SearchProblem | None = None
+        self._begun = self._x = space.low
 
     def _plant(self, recordings: list[Recording]) -> FittedPlant:
-        return FittedPlant(self.device, recordings, self.rate_Hz, ROWS_SEARCH)
+        if self._problem is None:
+            return FittedPlant(self.device, recordings, self.rate_Hz, ROWS_SEARCH)
+        return self._problem.plant.having(recordings, ROWS_SEARCH)
 
     def _over(self, recordings: list[Recording]) -> SearchProblem:
         plant = self._plant(recordings)
@@ -138,7 +139,8 @@ class PublishedChannels:
     def start(self, recordings: list[Recording]) -> None:
         """A global search."""
         method = search_named(self.how.method)
-        self._begun = best_of(method(self._over(recordings), self.seed, self.count))[1]
+        self._problem = self._over(recordings)
+        self._begun = best_of(method(self._problem, self.seed, self.count))[1]
 
     def solve(self, recordings: list[Recording]) -> float:
         """The minimum next to the one that :meth:`start` found."""
@@ -148,11 +150,13 @@ class PublishedChannels:
 
     def torque_Nm(self, recordings: list[Recording]) -> Array:
         """With the numbers of the last :meth:`solve`."""
+        assert self._problem is not None
         linear = self._problem.weighted(self._x)[2]
         return np.asarray(self._plant(recordings).basis(self.space.shape(self._x)) @ linear)
 
     def linearised(self) -> tuple[Array, Array, Array, FitRows]:
         """In the linear numbers above 0 and the searched ones inside their bounds."""
+        assert self._problem is not None
         plant, space, x = self._problem.plant, self.space, self._x
         basis, target, linear = self._problem.weighted(x)
         inside = np.minimum(x - space.low, space.high - x) > AT_EDGE * (space.high - space.low)
