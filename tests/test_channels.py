@@ -189,8 +189,8 @@ def test_what_is_held_out_has_no_part_in_the_lag(tmp_path):
     (n,) = identify_member(written(tmp_path, good, LAG), "stops").channels
     bad = []
     for t, x, y in good:
-        # From the reversal on at which the held-out cycle begins.
-        last = np.flatnonzero(t > t[-1] * 0.8125 + 1e-9)
+        # From the third upper reversal on, at 2 1/4 of four cycles, the held-out cycle goes.
+        last = np.flatnonzero(t > t[-1] * 2.25 / 4 + 1e-9)
         late = y.copy()
         late[last] = np.interp(t[last] - 0.06, t, y)
         bad.append((t, x, late))
