@@ -177,6 +177,14 @@ def test_without_a_lag_none_is_taken_and_nothing_changes(tmp_path):
     assert len(result.notes) == len(plain.notes) + 1
 
 
+def test_one_quick_condition_of_three_tells_a_lag(tmp_path):
+    """Left out, it would leave one rate, at which any lag would do."""
+    made = [*two_rates(2, lag_s=0.012), recorded(0.1, 5, lag_s=0.012, amplitude=0.05)]
+    (n,) = identify_member(written(tmp_path, made, LAG), "stops").channels
+    assert abs(n.found - 0.012) < min(0.001, 2 * n.sigma)
+    assert n.sigma < 0.001
+
+
 def test_the_published_models_search_finds_a_lag(tmp_path):
     both = two_rates(3, lag_s=0.012, rubber=published_rubber)
     (n,) = identify(written(tmp_path, both, LAG)).channels

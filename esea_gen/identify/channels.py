@@ -22,6 +22,7 @@ import scipy  # its parts are read on first use
 
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import MAX_DEAD_ZONE_RAD
+from esea_gen.identify.conditions import conditions_of
 from esea_gen.identify.mapping import FITTABLE, MappingFile
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import (
@@ -258,7 +259,14 @@ def _not_asked(recordings: Sequence[Recording], most_lag_s: float) -> str | None
     # Why a lag could not be told from loss, before anything is fitted.
     if not all(r.timed for r in recordings):
         return "not known: no time was recorded"
-    cycles = _trained(recordings)
+    one_rate = _one_rate(_trained(recordings))
+    if one_rate:
+        return one_rate
+    left = sum(len(s.training) for r in _inside(recordings, most_lag_s) for s in r.sets)
+    return None if left >= MIN_SAMPLES else f"not known: {left} samples are left to train on"
+
+
+def _one_rate(cycles: Array) -> str | None:
     if len(cycles) < 2:
         return "not known: fewer than two cycles train"
     for what, unit, x in (
@@ -270,8 +278,20 @@ def _not_asked(recordings: Sequence[Recording], most_lag_s: float) -> str | None
                 f"not known: the cycles that train {what} {x.min():.3g} to {x.max():.3g} {unit}, "
                 f"below a factor of {RATES:g}, and within one rate lag and loss are one"
             )
-    left = sum(len(s.training) for r in _inside(recordings, most_lag_s) for s in r.sets)
-    return None if left >= MIN_SAMPLES else f"not known: {left} samples are left to train on"
+    return None
+
+
+def _cycles_alone(recordings: Sequence[Recording]) -> bool:
+    # Whether a condition left out would leave one rate: what it moves is then no deviation.
+    used = {conditions_of(r, s)[0] for r in recordings for s in r.sets if len(s.training)}
+
+    def left(r: Recording, condition: str) -> Recording:
+        out = [conditions_of(r, s)[0] == condition for s in r.sets]
+        none = np.zeros(0, dtype=np.intp)
+        sets = zip(r.sets, out, strict=True)
+        return replace(r, sets=tuple(replace(s, training=none) if o else s for s, o in sets))
+
+    return any(_one_rate(_trained([left(r, c) for r in recordings])) for c in used)
 
 
 def _inside(recordings: Sequence[Recording], most_lag_s: float) -> list[Recording]:
@@ -319,6 +339,8 @@ def _sharpened(
             model.torque_Nm([moved(r, numbers | {k: end}) for r in recordings]) for end in ends
         )
         columns.append((up - down) / (ends[1] - ends[0]))
+    if LAG in numbers and _cycles_alone(recordings):
+        rows = replace(rows, condition=np.zeros_like(rows.condition))
     whole = np.column_stack([jacobian, *columns])
     found = resampled(whole, residual, weight, rows, whole_conditions(recordings))
     first = jacobian.shape[1]

@@ -150,19 +150,15 @@ def identify(
     tell(0.95, "uncertainty")
     spread = uncertainty(plant, fit.values)
     device = sourced_device(source, recordings, device, fit, spread)
-    zone = source.mapping.deflection.dead_zone_rad
-    excused = {"backlash"} if zone is not None and zone.value else set()
+    # A dead zone is what the gate would otherwise take for backlash, too.
+    excused = {"backlash"} if device.elastomer.dead_zone_rad else set()
     device = gated(device, recordings, excused)
-    pair = without or verdict, with_rate or verdict
+    band, pair = spread.resampled, (without or verdict, with_rate or verdict)
     notes = (
         *gate_notes(recordings, excused),
         *(n.note for n in channels),
         *notes_of(source, recordings, fit, spread, verdict, pair if rate_terms else None),
-        *(
-            band_notes(recordings, verdict, spread.resampled, device.tau_full_scale_Nm)
-            if spread.resampled
-            else ()
-        ),
+        *(band_notes(recordings, verdict, band, device.tau_full_scale_Nm) if band else ()),
     )
     tell(1.0, "done")
     return Identification(
@@ -175,7 +171,7 @@ def identify(
         without_rate=without,
         with_rate=with_rate,
         notes=notes,
-        worth=worth_of(device, recordings, verdict, spread.resampled, plant.judged),
+        worth=worth_of(device, recordings, verdict, band, plant.judged),
         channels=channels,
         seconds=time.monotonic() - begun,
     )

@@ -62,7 +62,13 @@ class MappingFile:
         return sign * si * (t.scale_Nm_per_N.value if t.scale_Nm_per_N else 1.0)
 
     def fittable(self) -> dict[str, Quantity | None]:
-        """Numbers that may be left to the fit, by table and key."""
+        """Numbers that may be left to the fit.
+
+        Returns
+        -------
+        dict of str to Quantity
+            By table and key, as ``torque.lag_s``; None for a key that is not there.
+        """
         found = {}
         for name in FITTABLE:
             table, key = name.split(".")
@@ -70,7 +76,18 @@ class MappingFile:
         return found
 
     def settled(self, numbers: Numbers[str, Quantity | None]) -> MappingFile:
-        """The same with other numbers; keys as those of :meth:`fittable`."""
+        """The same with other numbers.
+
+        Parameters
+        ----------
+        numbers : mapping of str to Quantity
+            By table and key as in :meth:`fittable`; None for a key that is left out.
+
+        Returns
+        -------
+        MappingFile
+            Of the same origin.
+        """
         mapping = self.mapping
         for name, q in numbers.items():
             table, key = name.split(".")

@@ -48,7 +48,14 @@ def gated(device: Device, recordings: Sequence[Recording], excused: Collection[s
 
 def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -> tuple[str, ...]:
     """What was found, recording by recording, and whether the gate is shut."""
-    notes = [f"Quality, {r.label}: {f.text}." for r in recordings for f in r.findings]
+    labels: dict[str, list[str]] = {}
+    for r in recordings:
+        for f in r.findings:
+            labels.setdefault(f.text, []).append(r.label)
+    notes = [
+        f"Quality, {'all' if 1 < len(recordings) == len(at) else ', '.join(at)}: {text}."
+        for text, at in labels.items()
+    ]
     kinds = _stopping(recordings, excused)
     if kinds:
         notes.insert(
