@@ -41,7 +41,7 @@ PHASE = "share of a cycle"
 RATES = 2.0  # by which cycles must differ, in duration and in speed, to tell lag from loss
 MOST_LAG_S, CYCLE_SHARE = 0.5, 0.125  # of the shortest cycle that trains
 REACH_SHARE = 0.4  # of the smallest amplitude that trains: a wider gap is no gap
-POINTS, ROUNDS, CLOSE = 9, 2, 1e-4
+POINTS, AGAIN, ROUNDS, CLOSE = 9, 5, 2, 1e-3
 STEP = 1 / 200  # of the bounds, for derivatives
 DEVIATIONS = 2.0  # a number that is not that far from 0 is not taken
 AT_BOUND = 0.01
@@ -184,7 +184,7 @@ def _found(
             near = (high - low) / (POINTS - 1)
             if not first:
                 low, high = max(low, numbers[k] - near), min(high, numbers[k] + near)
-            numbers[k] = _least(cost, low, high)
+            numbers[k] = _least(cost, low, high, POINTS if first else AGAIN)
     sigma = _sharpened(model, recordings, numbers, bounds)
     return [
         ChannelNumber(k, 0.0, None, None, why[k])
@@ -305,12 +305,12 @@ def _inside(recordings: Sequence[Recording], most_lag_s: float) -> list[Recordin
     return out
 
 
-def _least(cost: Callable[[float], float], low: float, high: float) -> float:
+def _least(cost: Callable[[float], float], low: float, high: float, points: int) -> float:
     """Where a cost is least, to :data:`CLOSE` of the range: looked over, then narrowed."""
-    grid = np.linspace(low, high, POINTS)
+    grid = np.linspace(low, high, points)
     costs = [cost(float(v)) for v in grid]
     i = int(np.argmin(costs))
-    beside = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, POINTS - 1)])
+    beside = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, points - 1)])
     options = {"xatol": CLOSE * (high - low), "maxiter": 30}
     done = scipy.optimize.minimize_scalar(cost, bounds=beside, method="bounded", options=options)
     return float(done.x) if done.fun < costs[i] else float(grid[i])

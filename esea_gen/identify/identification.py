@@ -131,7 +131,6 @@ def identify(
     source = load_mapping(mapping_path, data_folder)
     source, recordings, channels = settled(source, lambda s, r: _channel_model(s, r, how))
     rate_terms = source.mapping.device.rate_terms
-
     template = draft(source, recordings, rate_terms)
     bare = draft(source, recordings, False)
     without = with_rate = None
@@ -151,7 +150,8 @@ def identify(
     spread = uncertainty(plant, fit.values)
     device = sourced_device(source, recordings, device, fit, spread)
     # A dead zone is what the gate would otherwise take for backlash, too.
-    excused = {"backlash"} if device.elastomer.dead_zone_rad else set()
+    zone = device.elastomer.dead_zone_rad
+    excused = {"backlash"} if zone is not None and zone.value else set()
     device = gated(device, recordings, excused)
     band, pair = spread.resampled, (without or verdict, with_rate or verdict)
     notes = (
