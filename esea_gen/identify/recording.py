@@ -162,8 +162,7 @@ def _load(
     jumped = jumps(theta)
     theta = bridged(theta, jumped)
     gap = m.deflection.backlash_rad
-    if gap is not None:
-        theta = followed_rad(theta, gap.value)
+    theta = followed_rad(theta, gap.value) if gap else theta
     spiky = spikes(theta, tau) if np.ptp(theta) > 0 else np.zeros(len(tau), dtype=bool)
     found = (*_jumped(jumped), *_spiked(spiky, tau))
     tau = bridged(tau, spiky)
