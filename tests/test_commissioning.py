@@ -282,13 +282,13 @@ def test_the_guided_screens(bench_of, qtbot, tmp_path):
     window.resize(1180, 860)
     window.show()
     qtbot.keyClick(window, Qt.Key.Key_S)
-    qtbot.waitUntil(lambda: not window.busy and "zero" in window.done, timeout=20000)
+    qtbot.waitUntil(lambda: not window.busy and "zero" in window.done, timeout=120_000)
     assert "✓ 1. Zero" in window.list.item(0).text()
     assert not window.picture.pixmap().isNull()
     window.list.setCurrentRow(2)
     assert "The motor moves" in window.head.text()
     window.start_button.click()
-    qtbot.waitUntil(lambda: not window.busy and "sign" in window.done, timeout=20000)
+    qtbot.waitUntil(lambda: not window.busy and "sign" in window.done, timeout=120_000)
     assert "swap two of its phases" in window.text.text()
     assert "FAILED" in window.list.item(2).text()
     folder = os.environ.get("ESEA_PICTURES")
@@ -301,7 +301,7 @@ def test_the_guided_screens(bench_of, qtbot, tmp_path):
     window.list.setCurrentRow(1)
     window.start()
     qtbot.keyClick(window, Qt.Key.Key_Space)
-    qtbot.waitUntil(lambda: not window.busy, timeout=20000)
+    qtbot.waitUntil(lambda: not window.busy, timeout=120_000)
     assert "encoders" not in window.done
     assert len(record.entries) == 2
 
@@ -314,11 +314,11 @@ def test_a_person_is_waited_for(bench_of, qtbot, tmp_path):
     window = CommissioningWindow(bench, STEPS, StepOptions(), CommissioningRecord(tmp_path, "x"))
     qtbot.addWidget(window)
     window.start()
-    qtbot.waitUntil(window.ready_button.isEnabled, timeout=5000)
+    qtbot.waitUntil(window.ready_button.isEnabled, timeout=120_000)
     assert "nobody in it" in window.text.text()
     assert not window.done
     window.go_on()
-    qtbot.waitUntil(lambda: not window.busy, timeout=20000)
+    qtbot.waitUntil(lambda: not window.busy, timeout=120_000)
     # Nobody did what was asked: the simulated person still pulls, and the zero is not taken so.
     assert not window.done["zero"].passed
     assert "FAILED" in window.text.text()

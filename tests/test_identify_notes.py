@@ -30,7 +30,14 @@ def verdict_of(rms_Nm=0.05, asymmetry=(0.02,), softening=(None,)):
 def recording(dropped=0, gap_s=0.01, timed=True):
     times = np.cumsum([0.0, *[0.01] * 97, gap_s])
     theta = 0.2 * np.sin(np.arange(99) / 5)
-    return SimpleNamespace(label="one", dropped=dropped, time_s=times, theta_rad=theta, timed=timed)
+    return SimpleNamespace(
+        label="one",
+        dropped=dropped,
+        time_s=times,
+        theta_rad=theta,
+        timed=timed,
+        temperature_C=None,
+    )
 
 
 def told(

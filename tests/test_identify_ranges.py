@@ -66,7 +66,11 @@ QUANTITIES = {
         "bandwidth_Hz": (2, 100),
         "resolution_bits": (8, 24),
     },
-    Deflection: {"scale_rad_per_m": (1e-6, 1e6)},
+    Deflection: {
+        "scale_rad_per_m": (1e-6, 1e6),
+        "backlash_rad": (0, 1),
+        "dead_zone_rad": (0, np.deg2rad(6)),
+    },
     Torque: {"scale_Nm_per_N": (1e-9, 1e6), "lag_s": (-1.0, 1.0)},
     Sampling: {"period_s": (1e-6, 100)},
     Mapping: {"full_scale_Nm": (1e-3, 1000)},

@@ -478,8 +478,17 @@ def test_an_offset_of_the_model_excuses_an_offset_and_nothing_else(offset_fitted
     def notes(*kinds: str) -> str:
         found = [SimpleNamespace(kind=k, stops=k != "spike", text=k) for k in kinds]
         one = SimpleNamespace(label="first", findings=found)
-        return "\n".join(gate_notes([one], offset_fitted=offset_fitted))
+        return "\n".join(gate_notes([one], {"offset"} if offset_fitted else ()))
 
     assert ("Quality gate: offset" in notes("offset", "spike")) is not offset_fitted
     assert "Quality gate: frozen" in notes("frozen")
     assert "Quality gate" not in notes("spike")
+
+
+def test_what_all_recordings_have_is_said_once():
+    told = [SimpleNamespace(kind="frozen", stops=True, text=t) for t in ("one", "both")]
+    made = [
+        SimpleNamespace(label=label, findings=found)
+        for label, found in (("first", told), ("second", told[1:]))
+    ]
+    assert gate_notes(made)[1:] == ("Quality, first: one.", "Quality, all: both.")

@@ -194,11 +194,11 @@ def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot):
                 qtbot.addWidget(window)
                 window.show()
             conductor.start()
-            qtbot.waitUntil(lambda: conductor.trial_s > 0.1, timeout=10_000)
+            qtbot.waitUntil(lambda: conductor.trial_s > 0.1, timeout=120_000)
             qtbot.keyClick(windows[0], Qt.Key.Key_Escape)
             board = simulated_elbow.board
-            qtbot.waitUntil(lambda: board.state_now == "STOPPED", timeout=5000)
-            qtbot.waitUntil(lambda: conductor.over, timeout=5000)
+            qtbot.waitUntil(lambda: board.state_now == "STOPPED", timeout=120_000)
+            qtbot.waitUntil(lambda: conductor.over, timeout=120_000)
             assert conductor.error is None
             assert "the operator stopped it" in conductor.reason
             # A board that does not confirm it is told in the largest letters.

@@ -155,7 +155,7 @@ def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, of):
         qtbot.addWidget(window)
         window.show()
     conductor.start()
-    qtbot.waitUntil(lambda: conductor.over, timeout=20_000)
+    qtbot.waitUntil(lambda: conductor.over, timeout=120_000)
     windows[1].refresh()
     assert conductor.error is None
     assert "DONE" in windows[1].state.text()
@@ -207,7 +207,7 @@ def windows(qtbot):
             qtbot.addWidget(window)
             window.show()
         made[1].activateWindow()
-        qtbot.waitUntil(made[1].isActiveWindow, timeout=5000)
+        qtbot.waitUntil(made[1].isActiveWindow, timeout=120_000)
         return made
 
     return of
@@ -723,7 +723,7 @@ def test_the_mouse_points_in_shares_of_the_scene(begin, windows, qtbot):
     participant.point = found.append
     participant.resize(600, 400)
     qtbot.mouseMove(participant, QPoint(400, 100))
-    qtbot.waitUntil(lambda: bool(found), timeout=2000)
+    qtbot.waitUntil(lambda: bool(found), timeout=120_000)
     assert found[-1] == pytest.approx((0.5, 0.5))
 
 

@@ -35,8 +35,11 @@ def scales_assumed(source: MappingFile) -> bool:
 
 
 def origin_of(source: MappingFile, files: str) -> str:
-    scales = "; scales assumed" if scales_assumed(source) else ""
-    return f"{files} ({source.origin}{scales})"
+    said = "; scales assumed" if scales_assumed(source) else ""
+    lag = source.mapping.torque.lag_s
+    if lag is not None and lag.status == "identified":
+        said += f"; lag of {1e3 * lag.value:.3g} ms taken out"
+    return f"{files} ({source.origin}{said})"
 
 
 def files_of(recordings: Sequence[Recording], only_training: bool = True) -> str:
@@ -105,6 +108,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
             beta_1_rad=trial(1.0),
             omega_rad=trial(0.01),
             stops=d.stops,
+            dead_zone_rad=m.deflection.dead_zone_rad,
             maxwell=maxwell if rate_terms else None,
         ),
         domain=Domain(

@@ -13,6 +13,7 @@ References
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -24,7 +25,7 @@ from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.plant import equal_weights
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import resample
-from esea_gen.identify.resampling import LeftOut, resampled, rows_of, whole_conditions
+from esea_gen.identify.resampling import FitRows, LeftOut, resampled, rows_of, whole_conditions
 from esea_gen.identify.search_problem import solve_linear
 from esea_gen.identify.temperatures import at_temperature, scaled_terms, searched_factor
 from esea_gen.language.ports import Array
@@ -70,6 +71,12 @@ class UnitTerms:
             self._known[scale_rad] = [self._run(r, scale_rad) for r in self.recordings]
         return self._known[scale_rad]
 
+    def having(self, recordings: Sequence[Recording]) -> UnitTerms:
+        """The same terms over other recordings."""
+        other = copy.copy(self)
+        other.recordings, other._known = tuple(recordings), {}
+        return other
+
     def _run(self, r: Recording, scale_rad: float) -> Array:
         x, grid = r.theta_rad, None
         if self.member.timed:
@@ -111,12 +118,15 @@ def solve_weights(basis: Array, target: Array, free: Sequence[bool], floor: Arra
 
 
 def fit_member(
-    terms: UnitTerms, recordings: Sequence[Recording], full_scale_Nm: float
+    terms: UnitTerms,
+    recordings: Sequence[Recording],
+    full_scale_Nm: float,
+    least_share: float = LEAST_SHARE,
 ) -> FittedMember:
     """Solve a member's weights on the training samples of recordings.
 
     terms: of the same recordings, however these are divided.
-    full_scale_Nm: by which a term is called negligible.
+    full_scale_Nm: by which a term is called negligible, below least_share of it.
     """
     member, scale = terms.member, trained_scale(recordings)
     columns = terms.over(scale)
@@ -141,7 +151,7 @@ def fit_member(
     weights = solve(basis, target)
     # The rows' squares sum to 1: these are root mean squares over the data sets.
     size = np.abs(weights) * np.sqrt(np.einsum("ij,ij->j", basis, basis))
-    kept = (size >= LEAST_SHARE * full_scale_Nm) | (floor > 0)
+    kept = (size >= least_share * full_scale_Nm) | (floor > 0)
     final = np.zeros(len(weights))
     where = np.flatnonzero(kept)
     final[where] = solve_weights(basis[:, where], target, [free[i] for i in where], floor[where])
@@ -163,6 +173,16 @@ def member_spread(
     Which terms carry torque is taken as it was found.  With a factor of temperature its ``per_K``
     is the last parameter of what leaving out says.
     """
+    used, basis, residual, weight, rows = _fitted_rows(terms, recordings, fitted)
+    found = resampled(basis, residual, weight, rows, whole_conditions(recordings))
+    return dict(zip(used, found.sigma[: len(used)].tolist(), strict=True)), found
+
+
+def _fitted_rows(
+    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
+) -> tuple[list[int], Array, Array, Array, FitRows]:
+    # Terms that carry torque, their torque at weight 1 and where there is a factor of temperature
+    # what a change of it by 1/K gives, residuals, weights, and the rows' blocks.
     columns = terms.over(fitted.scale_rad)
     used = [i for i, w in enumerate(fitted.weights_Nm) if w]
     pairs = zip(recordings, columns, strict=True)
@@ -177,9 +197,39 @@ def member_spread(
     if fitted.temperature is not None:
         warmed = every @ (weights * scaled_terms(fitted.member))
         basis = np.column_stack([basis, warmed * (at_C - fitted.temperature.reference_C)])
-    rows = rows_of([(r, s) for r, s, _ in sets], ways)
-    found = resampled(basis, residual, weight, rows, whole_conditions(recordings))
-    return dict(zip(used, found.sigma[: len(used)].tolist(), strict=True)), found
+    return used, basis, residual, weight, rows_of([(r, s) for r, s, _ in sets], ways)
+
+
+class MemberChannels:
+    """A member as :class:`esea_gen.identify.channels.ChannelModel`: nothing in it is searched.
+
+    full_scale_Nm: of which the linear spring keeps a little.
+    """
+
+    def __init__(self, terms: UnitTerms, full_scale_Nm: float) -> None:
+        self.terms, self.full_scale_Nm = terms, full_scale_Nm
+        self._fitted: FittedMember
+
+    def start(self, recordings: list[Recording]) -> None:
+        """Nothing: weights have one best solution."""
+
+    def solve(self, recordings: list[Recording]) -> float:
+        """Solve the weights, small ones too: what comes and goes would make the cost jump."""
+        self.terms = self.terms.having(recordings)
+        self._fitted = fit_member(self.terms, recordings, self.full_scale_Nm, 0.0)
+        _, _, residual, weight, _ = _fitted_rows(self.terms, recordings, self._fitted)
+        return float(np.mean((residual * weight) ** 2))
+
+    def torque_Nm(self, recordings: list[Recording]) -> Array:
+        """With the weights of the last solution."""
+        terms = self.terms.having(recordings)
+        used, basis, _, _, _ = _fitted_rows(terms, recordings, self._fitted)
+        weights = np.array([self._fitted.weights_Nm[i] for i in used])
+        return np.asarray(basis[:, : len(used)] @ weights)
+
+    def linearised(self) -> tuple[Array, Array, Array, FitRows]:
+        """In the weights above 0, and the change a kelvin."""
+        return _fitted_rows(self.terms, self.terms.recordings, self._fitted)[1:]
 
 
 def misfits_of(terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember) -> Misfits:
@@ -217,6 +267,7 @@ def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
 
 
 __all__ = [
+    "MemberChannels",
     "UnitTerms",
     "fit_member",
     "member_spread",

@@ -10,9 +10,16 @@ from typing import Any
 
 from esea_gen.errors import UserError, nearest
 from esea_gen.identify.candidates import members
+from esea_gen.identify.channels import settled
 from esea_gen.identify.drafting import draft
 from esea_gen.identify.family_file import drafted_member, grid_rate
-from esea_gen.identify.family_fit import UnitTerms, fit_member, member_spread, term_rows
+from esea_gen.identify.family_fit import (
+    MemberChannels,
+    UnitTerms,
+    fit_member,
+    member_spread,
+    term_rows,
+)
 from esea_gen.identify.fit import Progress
 from esea_gen.identify.identified import Identified
 from esea_gen.identify.mapping import MappingFile, load_mapping
@@ -24,7 +31,6 @@ from esea_gen.identify.notes import (
 )
 from esea_gen.identify.quality_gate import gate_notes, gated
 from esea_gen.identify.recorded import Recording
-from esea_gen.identify.recording import load_recordings
 from esea_gen.identify.resampling import LeftOut
 from esea_gen.identify.verdict import Verdict, judge
 from esea_gen.identify.worth import worth_of
@@ -44,7 +50,7 @@ class FamilyIdentification(Identified):
     spread : LeftOut
         What leaving blocks out says; its band is the torque's.  With a factor of temperature
         ``per_K`` is its last parameter.
-    device, source, recordings, verdict, notes, worth, seconds
+    device, source, recordings, verdict, notes, worth, channels, seconds
         As in :class:`~esea_gen.identify.identified.Identified`.
     """
 
@@ -129,21 +135,25 @@ def identify_member(
     tell(0.0, "reading")
     member = _member_named(name)
     source = load_mapping(mapping_path, data_folder)
-    recordings = load_recordings(source)
+    if source.mapping.deflection.dead_zone_rad is not None:
+        raise UserError(
+            f"{source.origin}: deflection.dead_zone_rad: the model '{name}' has no dead zone.",
+            "Take it out, or take the published model, which has one.",
+        )
+    source, recordings, channels = settled(source, lambda s, r: _channel_model(member, s, r))
     tell(0.2, "weights")
     full_scale = draft(source, recordings, False).tau_full_scale_Nm
     terms = UnitTerms(member, recordings, grid_rate(source))
     fitted = fit_member(terms, recordings, full_scale)
     sigma, spread = member_spread(terms, recordings, fitted)
     per_K = None if fitted.temperature is None else float(spread.sigma[-1])
-    offset = any(t.kind == "offset" for _, t in fitted.used)
-    device = gated(
-        drafted_member(source, recordings, fitted, sigma, per_K), recordings, offset_fitted=offset
-    )
+    excused = {"offset"} if any(t.kind == "offset" for _, t in fitted.used) else set()
+    device = gated(drafted_member(source, recordings, fitted, sigma, per_K), recordings, excused)
     tell(0.7, "the device's C")
     verdict = judge(device, recordings)
     notes = (
-        *gate_notes(recordings, offset_fitted=offset),
+        *gate_notes(recordings, excused),
+        *(n.note for n in channels),
         *_notes(source, recordings, fitted, verdict),
         *temperature_notes(recordings, fitted.temperature, per_K),
         *band_notes(recordings, verdict, spread, device.tau_full_scale_Nm),
@@ -156,11 +166,19 @@ def identify_member(
         verdict=verdict,
         notes=notes,
         worth=worth_of(device, recordings, verdict, spread),
+        channels=channels,
         seconds=time.monotonic() - begun,
         fitted=fitted,
         sigma=sigma,
         spread=spread,
     )
+
+
+def _channel_model(
+    member: Member, source: MappingFile, recordings: list[Recording]
+) -> MemberChannels:
+    full_scale = draft(source, recordings, False).tau_full_scale_Nm
+    return MemberChannels(UnitTerms(member, recordings, grid_rate(source)), full_scale)
 
 
 def _notes(

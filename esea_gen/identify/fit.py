@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from esea_gen.device import Device
 from esea_gen.identify.plant import ROWS_REFINE, ROWS_SEARCH, FittedPlant
 from esea_gen.identify.population import runner_up
 from esea_gen.identify.recorded import Recording
+from esea_gen.identify.resampling import FitRows
 from esea_gen.identify.search_memo import SearchMemo
 from esea_gen.identify.search_problem import Searching, SearchProblem, solve_linear
 from esea_gen.identify.searches import POPULATION, best_of, search_named
@@ -31,6 +32,8 @@ from esea_gen.language.ports import Array
 
 Progress = Callable[[float, str], None]
 FINE_STEPS = 4
+SOLVE_STEPS = 30
+AT_EDGE = 1e-4
 # Of the evaluations that a search takes, for its progress alone.
 USUAL = {False: 550, True: 650}
 
@@ -103,6 +106,66 @@ def search(
     )
 
 
+class PublishedChannels:
+    """The published model as :class:`esea_gen.identify.channels.ChannelModel`.
+
+    device, space, rate_Hz, seed, population_size, how: as of :func:`search`.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        space: Space,
+        rate_Hz: float | None,
+        seed: int,
+        population_size: int | None,
+        how: Searching | None,
+    ) -> None:
+        self.device, self.space, self.rate_Hz = device, space, rate_Hz
+        self.seed, self.count = seed, population_size or POPULATION
+        self.how = replace(how or Searching(), resume=None, watch=None)
+        self._problem: SearchProblem | None = None
+        self._begun = self._x = space.low
+
+    def _plant(self, recordings: list[Recording]) -> FittedPlant:
+        if self._problem is None:
+            return FittedPlant(self.device, recordings, self.rate_Hz, ROWS_SEARCH)
+        return self._problem.plant.having(recordings, ROWS_SEARCH)
+
+    def _over(self, recordings: list[Recording]) -> SearchProblem:
+        plant = self._plant(recordings)
+        return SearchProblem(plant, self.space, SearchMemo(), self.how, lambda _count, _best: None)
+
+    def start(self, recordings: list[Recording]) -> None:
+        """A global search."""
+        method = search_named(self.how.method)
+        self._problem = self._over(recordings)
+        self._begun = best_of(method(self._problem, self.seed, self.count))[1]
+
+    def solve(self, recordings: list[Recording]) -> float:
+        """The minimum next to the one that :meth:`start` found."""
+        self._problem = self._over(recordings)
+        cost, self._x = best_of(self._problem.refined([self._begun], SOLVE_STEPS))
+        return cost
+
+    def torque_Nm(self, recordings: list[Recording]) -> Array:
+        """With the numbers of the last :meth:`solve`."""
+        assert self._problem is not None
+        linear = self._problem.weighted(self._x)[2]
+        return np.asarray(self._plant(recordings).basis(self.space.shape(self._x)) @ linear)
+
+    def linearised(self) -> tuple[Array, Array, Array, FitRows]:
+        """In the linear numbers above 0 and the searched ones inside their bounds."""
+        assert self._problem is not None
+        plant, space, x = self._problem.plant, self.space, self._x
+        basis, target, linear = self._problem.weighted(x)
+        inside = np.minimum(x - space.low, space.high - x) > AT_EDGE * (space.high - space.low)
+        moves = self._problem.jacobian(x, basis, linear)[:, inside]
+        jacobian = np.column_stack([basis[:, linear > 0], moves]) / plant.weight[:, None]
+        residual = (target - basis @ linear) / plant.weight
+        return jacobian, residual, plant.weight * math.sqrt(len(target)), plant.rows
+
+
 def _parameters(problem: SearchProblem, x: Array) -> tuple[dict[str, float], bool]:
     basis, target, linear = problem.weighted(x)
     share = 0.0
@@ -111,4 +174,4 @@ def _parameters(problem: SearchProblem, x: Array) -> tuple[dict[str, float], boo
     return parameters_of(problem.space, x, linear, share)
 
 
-__all__ = ["Fit", "Progress", "search", "solve_linear"]
+__all__ = ["Fit", "Progress", "PublishedChannels", "search", "solve_linear"]

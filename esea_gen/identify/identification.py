@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from esea_gen.device import Device
+from esea_gen.identify.channels import settled
 from esea_gen.identify.drafting import draft, fitted_device, sourced_device
 from esea_gen.identify.family_file import grid_rate
-from esea_gen.identify.fit import Fit, Progress, search
+from esea_gen.identify.fit import Fit, Progress, PublishedChannels, search
 from esea_gen.identify.identified import Identified
 from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.notes import band_notes, notes_of
@@ -19,7 +21,6 @@ from esea_gen.identify.parameters import at_bound, bounds_of
 from esea_gen.identify.plant import FittedPlant
 from esea_gen.identify.quality_gate import gate_notes, gated
 from esea_gen.identify.recorded import Recording
-from esea_gen.identify.recording import load_recordings
 from esea_gen.identify.search_problem import Searching
 from esea_gen.identify.space import Space
 from esea_gen.identify.uncertainty import Uncertainty, uncertainty
@@ -41,7 +42,7 @@ class Identification(Identified):
         Errors of the best model without Maxwell element, where one was asked for and kept.
     with_rate : Verdict, optional
         Errors of the best model with one, where it was not better on held-out data: left out.
-    device, source, recordings, verdict, notes, worth, seconds
+    device, source, recordings, verdict, notes, worth, channels, seconds
         As in :class:`~esea_gen.identify.identified.Identified`.
     """
 
@@ -128,9 +129,8 @@ def identify(
     tell: Progress = progress or (lambda share, text: None)
     tell(0.0, "reading")
     source = load_mapping(mapping_path, data_folder)
-    recordings = load_recordings(source)
+    source, recordings, channels = settled(source, lambda s, r: _channel_model(s, r, how))
     rate_terms = source.mapping.device.rate_terms
-
     template = draft(source, recordings, rate_terms)
     bare = draft(source, recordings, False)
     without = with_rate = None
@@ -149,16 +149,16 @@ def identify(
     tell(0.95, "uncertainty")
     spread = uncertainty(plant, fit.values)
     device = sourced_device(source, recordings, device, fit, spread)
-    device = gated(device, recordings, offset_fitted=False)
-    pair = without or verdict, with_rate or verdict
+    # A dead zone is what the gate would otherwise take for backlash, too.
+    zone = device.elastomer.dead_zone_rad
+    excused = {"backlash"} if zone is not None and zone.value else set()
+    device = gated(device, recordings, excused)
+    band, pair = spread.resampled, (without or verdict, with_rate or verdict)
     notes = (
-        *gate_notes(recordings, offset_fitted=False),
+        *gate_notes(recordings, excused),
+        *(n.note for n in channels),
         *notes_of(source, recordings, fit, spread, verdict, pair if rate_terms else None),
-        *(
-            band_notes(recordings, verdict, spread.resampled, device.tau_full_scale_Nm)
-            if spread.resampled
-            else ()
-        ),
+        *(band_notes(recordings, verdict, band, device.tau_full_scale_Nm) if band else ()),
     )
     tell(1.0, "done")
     return Identification(
@@ -171,13 +171,42 @@ def identify(
         without_rate=without,
         with_rate=with_rate,
         notes=notes,
-        worth=worth_of(device, recordings, verdict, spread.resampled, plant.judged),
+        worth=worth_of(device, recordings, verdict, band, plant.judged),
+        channels=channels,
         seconds=time.monotonic() - begun,
     )
 
 
 def _part(tell: Progress, low: float, high: float) -> Progress:
     return lambda share, text: tell(low + (high - low) * share, text)
+
+
+def _channel_model(
+    source: MappingFile, recordings: list[Recording], how: Searching | None
+) -> PublishedChannels:
+    template = draft(source, recordings, source.mapping.device.rate_terms)
+    asked = source.mapping.search
+    space, rate = _searched(source, template, recordings)
+    return PublishedChannels(template, space, rate, asked.seed, asked.population, how)
+
+
+def _searched(
+    source: MappingFile, template: Device, recordings: Sequence[Recording]
+) -> tuple[Space, float | None]:
+    """What is searched, and the rate of the search; the recordings' own without rate terms."""
+    rate_terms = template.elastomer.maxwell is not None
+    rate = None
+    if rate_terms:
+        fine = source.mapping.device.sense_rate_Hz.value
+        rate = grid_rate(source)
+        rate = fine / max(1, round(fine / rate))
+    space = Space(
+        rate_terms,
+        template.file.domain.theta_max_rad.value,
+        template.file.domain.omega_max_rad_s.value,
+        max(float(r.time_s[-1]) for r in recordings),
+    )
+    return space, rate
 
 
 def fit_split(
@@ -207,18 +236,7 @@ def fit_split(
     tuple of Fit, FittedPlant, Device, Verdict
         Parameters, what they were fitted with, the device, its errors.
     """
-    rate_terms = template.elastomer.maxwell is not None
-    rate = None
-    if rate_terms:
-        fine = source.mapping.device.sense_rate_Hz.value
-        rate = grid_rate(source)
-        rate = fine / max(1, round(fine / rate))
-    space = Space(
-        rate_terms,
-        template.file.domain.theta_max_rad.value,
-        template.file.domain.omega_max_rad_s.value,
-        max(float(r.time_s[-1]) for r in recordings),
-    )
+    space, rate = _searched(source, template, recordings)
     asked = source.mapping.search
     fit = search(template, recordings, space, rate, tell, asked.seed, asked.population, how)
     if fit.rate_dropped:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device
+from esea_gen.identify.channels import ChannelNumber
 from esea_gen.identify.device_file import marked_toml, write_marked
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.recorded import Recording, recording_rows
@@ -35,6 +36,8 @@ class Identified:
         What the reader must know.
     worth : tuple of TorqueWorth
         Errors by class of torque and rate; empty where nothing was free in the fit.
+    channels : tuple of ChannelNumber
+        What the mapping left to the fit; empty where it left nothing.
     seconds : float
         Time taken; not part of :meth:`to_dict`, which is the same every time.
     """
@@ -45,6 +48,7 @@ class Identified:
     verdict: Verdict
     notes: tuple[str, ...]
     worth: tuple[TorqueWorth, ...] = ()
+    channels: tuple[ChannelNumber, ...] = ()
     seconds: float = field(compare=False)
 
     @property
@@ -82,7 +86,8 @@ class Identified:
             Device, recordings, errors per data set, notes.
         """
         q = dict(self.device.quantities())
-        return {
+        channels = {"channels": [n.to_dict() for n in self.channels]} if self.channels else {}
+        return channels | {
             "device": {"name": self.device.name, "title": self.device.title},
             "mapping": self.source.origin,
             "full_scale_Nm": self.full_scale_Nm,

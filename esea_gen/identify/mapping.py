@@ -12,7 +12,8 @@ from __future__ import annotations
 import difflib
 import typing
 from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Mapping as Numbers
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,9 @@ from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.identify.tables import ANGLE, FORCE, LENGTH, TIME, TORQUE, Mapping, RecordingTable
 from esea_gen.toml_file import Problem, checked, parse_toml, read_text, table_type
+
+# What says how the channels lie to each other, and may be left to the fit.
+FITTABLE = ("torque.lag_s", "deflection.backlash_rad", "deflection.dead_zone_rad")
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,40 @@ class MappingFile:
         si = {**FORCE, **TORQUE}[t.unit]
         sign = 1 if t.sign == "fit" else t.sign
         return sign * si * (t.scale_Nm_per_N.value if t.scale_Nm_per_N else 1.0)
+
+    def fittable(self) -> dict[str, Quantity | None]:
+        """Numbers that may be left to the fit.
+
+        Returns
+        -------
+        dict of str to Quantity
+            By table and key, as ``torque.lag_s``; None for a key that is not there.
+        """
+        found = {}
+        for name in FITTABLE:
+            table, key = name.split(".")
+            found[name] = getattr(getattr(self.mapping, table), key)
+        return found
+
+    def settled(self, numbers: Numbers[str, Quantity | None]) -> MappingFile:
+        """The same with other numbers.
+
+        Parameters
+        ----------
+        numbers : mapping of str to Quantity
+            By table and key as in :meth:`fittable`; None for a key that is left out.
+
+        Returns
+        -------
+        MappingFile
+            Of the same origin.
+        """
+        mapping = self.mapping
+        for name, q in numbers.items():
+            table, key = name.split(".")
+            changed = getattr(mapping, table).model_copy(update={key: q})
+            mapping = mapping.model_copy(update={table: changed})
+        return replace(self, mapping=mapping)
 
     def paths(self) -> Iterator[tuple[Path, str, RecordingTable]]:
         """Every file as (path, name as given, its table), patterns expanded and sorted.

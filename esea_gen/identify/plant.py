@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import math
 import threading
@@ -17,7 +18,7 @@ from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.identify.parameters import with_values
 from esea_gen.identify.recorded import Recording
-from esea_gen.identify.recording import resample
+from esea_gen.identify.recording import beyond_rad, resample
 from esea_gen.identify.resampling import FitRows, rows_of, whole_conditions
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
@@ -105,18 +106,30 @@ class FittedPlant:
         built = with_values(device, {}, timing=timing, velocity=velocity, limits=wide)
         self.built = built
         self.library = compile_system(tunable_system(built), "f64")
+        self._zone = device.elastomer.dead_zone_rad
+        self._fine_Hz = fine
+        self._estimate: CRunner | None = None
+        if rate_Hz is not None:
+            self._estimate = compile_system(
+                tunable_system(with_values(device, {}, limits=wide)), "f64"
+            ).block("velocity")
+        self._take(recordings, rows)
+
+    def having(self, recordings: list[Recording], rows: int | None = None) -> FittedPlant:
+        """The same C over other recordings."""
+        other = copy.copy(self)
+        vars(other).pop("digest", None)
+        other._take(recordings, rows)
+        return other
+
+    def _take(self, recordings: list[Recording], rows: int | None) -> None:
         self._of_thread = threading.local()
         self.streams: list[FitStream] = []
         self.evaluations = 0
-        estimate: CRunner | None = None
-        if rate_Hz is not None:
-            estimate = compile_system(
-                tunable_system(with_values(device, {}, limits=wide)), "f64"
-            ).block("velocity")
         for r in recordings:
             if not any(len(s.training) for s in r.sets):
                 continue
-            if estimate is None or rate_Hz is None:
+            if self._estimate is None or self.rate_Hz is None:
                 stream = FitStream(
                     r.theta_rad,
                     np.zeros_like(r.theta_rad),
@@ -124,14 +137,17 @@ class FittedPlant:
                     tuple(s.training for s in r.sets if len(s.training)),
                 )
             else:
-                stream = _on_grid(r, estimate, fine, rate_Hz)
+                stream = _on_grid(r, self._estimate, self._fine_Hz, self.rate_Hz)
             training = tuple(thinned(x, rows) for x in stream.training)
             self.streams.append(replace(stream, training=training))
         self.rows, self.whole = self._rows(recordings), whole_conditions(recordings)
         measured = [s.tau_Nm[at] for s in self.streams for at in s.training]
         self.weight = equal_weights(measured)
         self.measured = np.concatenate(measured)
-        self._spring = self._collect([(s.theta_rad, s.theta_rad**3) for s in self.streams])
+        beyond = [
+            beyond_rad(s.theta_rad, self._zone.value if self._zone else 0.0) for s in self.streams
+        ]
+        self._spring = self._collect([(x, x**3) for x in beyond])
 
     @property
     def judged(self) -> tuple[Array, Array] | None:

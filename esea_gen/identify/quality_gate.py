@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from esea_gen.device import Device, parse_device
@@ -11,22 +11,17 @@ from esea_gen.devices.writing import render_toml
 from esea_gen.identify.recorded import Recording
 
 
-def _stopping(recordings: Sequence[Recording], offset_fitted: bool) -> list[str]:
-    kinds = [
-        f.kind
-        for r in recordings
-        for f in r.findings
-        if f.stops and not (f.kind == "offset" and offset_fitted)
-    ]
+def _stopping(recordings: Sequence[Recording], excused: Collection[str]) -> list[str]:
+    kinds = [f.kind for r in recordings for f in r.findings if f.stops and f.kind not in excused]
     return list(dict.fromkeys(kinds))
 
 
-def gated(device: Device, recordings: Sequence[Recording], *, offset_fitted: bool) -> Device:
+def gated(device: Device, recordings: Sequence[Recording], excused: Collection[str] = ()) -> Device:
     """The device; where a recording is not sound, its torque model is assumed, not identified.
 
-    offset_fitted: whether the model has an offset of its own.
+    excused: kinds of findings that the model has a term for.
     """
-    kinds = _stopping(recordings, offset_fitted)
+    kinds = _stopping(recordings, excused)
     if not kinds:
         return device
     why = f"not identified, the recording has: {', '.join(kinds)}; "
@@ -51,10 +46,17 @@ def gated(device: Device, recordings: Sequence[Recording], *, offset_fitted: boo
     return parse_device(render_toml(file.model_copy(update=update)), device.origin)
 
 
-def gate_notes(recordings: Sequence[Recording], *, offset_fitted: bool) -> tuple[str, ...]:
+def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -> tuple[str, ...]:
     """What was found, recording by recording, and whether the gate is shut."""
-    notes = [f"Quality, {r.label}: {f.text}." for r in recordings for f in r.findings]
-    kinds = _stopping(recordings, offset_fitted)
+    labels: dict[str, list[str]] = {}
+    for r in recordings:
+        for f in r.findings:
+            labels.setdefault(f.text, []).append(r.label)
+    notes = [
+        f"Quality, {'all' if 1 < len(recordings) == len(at) else ', '.join(at)}: {text}."
+        for text, at in labels.items()
+    ]
+    kinds = _stopping(recordings, excused)
     if kinds:
         notes.insert(
             0,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.identify.conditions import divided
 from esea_gen.identify.cycles import data_sets, divide
@@ -18,7 +19,7 @@ from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.quality import MOST_SPIKES, Finding, bridged, examined, jumps, spikes
 from esea_gen.identify.readers import READERS
 from esea_gen.identify.recorded import Recording
-from esea_gen.identify.tables import TIME, FileFormat, Mapping, RecordingTable
+from esea_gen.identify.tables import TIME, FileFormat, Mapping, RecordingTable, ToFit
 from esea_gen.identify.temperatures import LEAST_APART_K
 from esea_gen.language.ports import Array
 
@@ -35,7 +36,13 @@ MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
 
 
 def load_recordings(source: MappingFile) -> list[Recording]:
-    """Load every recording of a mapping."""
+    """Load every recording of a mapping; it says all numbers, none is left to the fit."""
+    for key, q in source.fittable().items():
+        if isinstance(q, ToFit):
+            raise UserError(
+                f"{source.origin}: {key} = 'fit' is found by esea-gen identify alone.",
+                "Write what it found here: it says so in its notes and under channels in its JSON.",
+            )
     files = list(source.paths())
     labels = _labels(source.origin, [(name, table) for _, name, table in files])
     loaded = [
@@ -145,18 +152,11 @@ def _load(
     theta, tau = _zeroed(theta, m.deflection.zero), _zeroed(tau, m.torque.zero)
     _check_length(source, name, time)
     if m.torque.lag_s is not None:
-        later = time + m.torque.lag_s.value
-        known = (later >= time[0]) & (later <= time[-1])
-        if np.count_nonzero(known) < MIN_SAMPLES:
-            raise UserError(
-                f"{name}: torque.lag_s = {m.torque.lag_s.value:g} s leaves "
-                f"{np.count_nonzero(known)} samples, below the limit of {MIN_SAMPLES}.",
-                "Correct it; it is in seconds.",
-            )
-        tau = resample(time, tau, later)[known]
-        time, theta = time[known] - time[known][0], theta[known]
+        time, theta, tau = _without_lag(name, m.torque.lag_s.value, time, theta, tau)
     jumped = jumps(theta)
     theta = bridged(theta, jumped)
+    gap = m.deflection.backlash_rad
+    theta = followed_rad(theta, gap.value) if gap else theta
     spiky = spikes(theta, tau) if np.ptp(theta) > 0 else np.zeros(len(tau), dtype=bool)
     found = (*_jumped(jumped), *_spiked(spiky, tau))
     tau = bridged(tau, spiky)
@@ -178,9 +178,25 @@ def _load(
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
         conditions=_conditions(m, name),
-        findings=(*found, *worse),
+        findings=(*found, *_gap(gap), *worse),
         temperature_C=_temperature(m, table, name, columns),
     )
+
+
+def _without_lag(
+    name: str, lag_s: float, time: Array, theta: Array, tau: Array
+) -> tuple[Array, Array, Array]:
+    # The torque that was recorded later, interpolated; the ends that have none are dropped.
+    later = time + lag_s
+    known = (later >= time[0]) & (later <= time[-1])
+    if np.count_nonzero(known) < MIN_SAMPLES:
+        raise UserError(
+            f"{name}: torque.lag_s = {lag_s:g} s leaves {np.count_nonzero(known)} samples, below "
+            f"the limit of {MIN_SAMPLES}.",
+            "Correct it; it is in seconds.",
+        )
+    tau = resample(time, tau, later)[known]
+    return time[known] - time[known][0], theta[known], tau
 
 
 def _jumped(jumped: npt.NDArray[np.bool_]) -> tuple[Finding, ...]:
@@ -212,6 +228,17 @@ def _temperature(
             "Cut it into files that are each within that.",
         )
     return float(values.mean())
+
+
+def _gap(gap: Quantity | None) -> tuple[Finding, ...]:
+    # The encoders of a device stand where the recording's did, before the gap.
+    if gap is None or not gap.value:
+        return ()
+    text = (
+        f"a backlash of {gap.value:.3g} rad is taken out of the deflection: the model is of the "
+        "rubber behind it, and a device whose encoders see the gap too has no term for it"
+    )
+    return (Finding("backlash taken out", text, True),)
 
 
 def _spiked(spiky: npt.NDArray[np.bool_], tau: Array) -> tuple[Finding, ...]:
@@ -349,6 +376,28 @@ def _zeroed(x: Array, zero: str) -> Array:
         "middle": 0.5 * float(x.max() + x.min()),
     }[zero]
     return np.asarray(x - offset, dtype=np.float64)
+
+
+def beyond_rad(theta_rad: Array, half_width_rad: float) -> Array:
+    """Deflection beyond a dead zone, as the device's sensor takes it; 0 inside.
+
+    theta_rad: shape (n,).
+    """
+    return np.asarray(theta_rad - np.clip(theta_rad, -half_width_rad, half_width_rad))
+
+
+def followed_rad(theta_rad: Array, gap_rad: float) -> Array:
+    """Deflection behind a gap: it stands still until the gap has been crossed.
+
+    theta_rad: before the gap, shape (n,); it begins in the middle of it.
+    gap_rad: the whole gap.
+    """
+    half, at = 0.5 * gap_rad, float(theta_rad[0])
+    out = []
+    for x in theta_rad.tolist():
+        at = min(max(at, x - half), x + half)
+        out.append(at)
+    return np.array(out)
 
 
 def resample(time_s: Array, values: Array, grid_s: Array) -> Array:

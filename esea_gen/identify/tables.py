@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import datetime
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.devices.numbers import Quantity
+from esea_gen.devices.rubber import MAX_DEAD_ZONE_RAD
 
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295}
@@ -21,6 +22,17 @@ Use = Literal["cycles", "train", "held_out"]
 
 def _assumed(value: float, why: str) -> Quantity:
     return Quantity(value=value, status="assumed", source=why)
+
+
+class ToFit(Quantity):
+    """A number that the mapping leaves to the fit: ``"fit"``; 0 until then."""
+
+
+def _to_fit(given: Any) -> Any:
+    return ToFit(value=0.0, status="assumed", source="to be fitted") if given == "fit" else given
+
+
+Fittable = Annotated[Quantity | None, BeforeValidator(_to_fit)]
 
 
 def _limits(low: float, high: float, text: str, **more: Any) -> Any:
@@ -75,6 +87,15 @@ class Deflection(_Table):
     zero: Literal["none", "first", "mean", "middle"] = Field(
         default="none", description="What is subtracted: nothing, first value, mean, or mid-range."
     )
+    backlash_rad: Fittable = _limits(
+        0.0,
+        1.0,
+        "By how much the deflection turns before the rubber follows, the whole gap; or fit.",
+        default=None,
+    )
+    dead_zone_rad: Fittable = _limits(
+        0.0, MAX_DEAD_ZONE_RAD, "Deflection below which there is no torque; or fit.", default=None
+    )
 
 
 class Torque(_Table):
@@ -86,8 +107,11 @@ class Torque(_Table):
         default=1,
         description="-1 turns the recording's direction round; fit: where the stiffness wants it.",
     )
-    lag_s: Quantity | None = _limits(
-        -1.0, 1.0, "By how much the torque was recorded later than the deflection.", default=None
+    lag_s: Fittable = _limits(
+        -1.0,
+        1.0,
+        "By how much the torque was recorded later than the deflection; or fit.",
+        default=None,
     )
     scale_Nm_per_N: Quantity | None = _limits(
         1e-9, 1e6, "Newton-metres of coupling per newton on the specimen (forces only).",
