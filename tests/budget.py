@@ -19,24 +19,24 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 KEY = "processor_s"
-# Seconds; together under 8 minutes on two cores.
-BUDGET_S = 960.0
+# Seconds; on two cores with styles, types and `esea-gen check` together under 8 minutes.
+BUDGET_S = 800.0
 SHARES = {
-    "verify": 0.25,
-    "emit": 0.10,
-    "twin": 0.10,
-    "host": 0.12,
-    "device": 0.09,
-    "control": 0.08,
-    "studies": 0.06,
-    "identify": 0.04,
-    "report": 0.04,
-    "bench": 0.03,
-    "cli": 0.03,
-    "model": 0.02,
-    "analysis": 0.01,
+    "host": 0.17,
+    "verify": 0.15,
+    "control": 0.12,
+    "identify": 0.10,
+    "emit": 0.09,
+    "twin": 0.07,
+    "studies": 0.07,
+    "model": 0.06,
+    "device": 0.05,
+    "cli": 0.04,
+    "analysis": 0.02,
+    "report": 0.01,
+    "bench": 0.01,
     "export": 0.01,
-    "other": 0.02,
+    "other": 0.03,
 }
 
 
