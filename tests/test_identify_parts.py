@@ -386,6 +386,28 @@ def test_one_block_keeps_the_recordings_label_and_several_are_numbered():
     assert [(len(s.training), len(s.held_out)) for s in whole] == [(0, len(one))]
 
 
+@pytest.mark.parametrize("amplitudes", [(0.1, 0.05), (0.05, 0.1), (0.1, 0.05, 0.02)])
+def test_a_cycle_that_ends_elsewhere_than_it_began_is_no_loop(amplitudes):
+    # A spring and a friction that never changes: no cycle loses less than another of its amplitude.
+    theta = waves(*[a for a in amplitudes for _ in range(5)], per=400)
+    tau = 20 * theta + 0.1 * np.sign(np.gradient(theta))
+    cycles, sets = sets_of(theta, tau)
+    assert [s.amplitude_rad for s in sets] == pytest.approx(list(amplitudes), rel=1e-3)
+    for s, a in zip(sets, amplitudes, strict=True):
+        assert s.work_first_J == pytest.approx(4 * a * 0.1, rel=0.02)
+        assert s.work_last_J == pytest.approx(4 * a * 0.1, rel=0.02)
+        assert abs(s.softening) < 0.02
+        # Four closed cycles: one conditions, two train, the last judges; in the last block too.
+        assert s.cycles == {"conditioning": 1, "training": 2, "held_out": 1}
+    used = [c for c in cycles if c.role != "transition"]
+    assert len(cycles) - len(used) == len(amplitudes) - 1
+    assert max(abs(theta[c.stop] - theta[c.start]) for c in used) < 1e-3
+    # Two closed cycles and the way down: it takes neither's place.
+    short, (first, _) = sets_of(w := waves(*[0.1] * 3, *[0.05] * 5, per=400), 20 * w)
+    assert [c.role for c in short][:3] == ["conditioning", "held_out", "transition"]
+    assert first.cycles == {"conditioning": 1, "held_out": 1}
+
+
 def test_stiffer_to_one_side_is_told_as_a_share_of_the_mean():
     theta = waves(*[0.1] * 6)
     tau = np.where(theta > 0, 12.0, 8.0) * theta

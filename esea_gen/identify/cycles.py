@@ -96,7 +96,8 @@ def divide(theta: Array, rules: Cycles, use: str) -> tuple[Cycle, ...]:
     """Divide a recording into cycles and give each its role.
 
     A cycle runs from one reversal to the next of the same kind.  Before the first reversal is the
-    lead-in; a cycle that no neighbour equals in amplitude leads from one block to the next.
+    lead-in; a cycle that no neighbour equals in amplitude leads from one block to the next, and so
+    does the last one of a block that ends where the next, smaller one begins.
 
     theta: deflection, shape (n,).
     use: whether the rules apply, or the whole file serves one purpose.
@@ -115,12 +116,20 @@ def divide(theta: Array, rules: Cycles, use: str) -> tuple[Cycle, ...]:
         elif abs(x - reference) > rules.block_tolerance * reference:
             block, reference = block + 1, x
         blocks.append(block)
+    # The way down to a smaller amplitude has the range of the larger one, and is no closed loop.
+    open_ended = [
+        after != block and abs(theta[b] - theta[a]) > rules.block_tolerance * x
+        for (a, b), x, block, after in zip(spans, amplitude, blocks, blocks[1:], strict=False)
+    ]
+    open_ended.append(False)
     roles: list[Role] = []
     for i, b in enumerate(blocks):
         size, place = blocks.count(b), i - blocks.index(b)
+        alone = size == 1 and len(blocks) > 1
+        size -= open_ended[blocks.index(b) + size - 1]
         if use != "cycles":
             roles.append("training" if use == "train" else "held_out")
-        elif size == 1 and len(blocks) > 1:
+        elif open_ended[i] or alone:
             roles.append("transition")
         elif place < rules.skip_first:
             roles.append("conditioning")
@@ -215,6 +224,6 @@ def data_sets(
     out = []
     for n, b in enumerate(blocks):
         name = f"{label} block {n + 1}" if len(blocks) > 1 else label
-        own = [c for c in cycles if c.block == b]
+        own = [c for c in cycles if c.block == b and c.role != "transition"]
         out.append(_one_set(name, theta, tau, own, use, False, spoilt))
     return tuple(out)
