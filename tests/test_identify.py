@@ -121,7 +121,8 @@ def says(error: UserError, *parts: str) -> None:
         ),
         (
             'title = "Rig"',
-            'title = "Rig"\nsense_rate_Hz = { value = 100, status = "assumed", source = "x" }',
+            'title = "Rig"\nsense_rate_Hz = { value = 100, status = "assumed", source = "x" }\n'
+            'bandwidth_Hz = { value = 15, status = "assumed", source = "x" }',
             ["device.bandwidth_Hz = 15 Hz is above its limit", "10 Hz"],
         ),
         ('time_column = "t"', "", ["[sampling] has neither time_column and period_s", "assumed"]),

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.identify.notes import notes_of
+from esea_gen.identify.notes import band_notes, notes_of
 from esea_gen.identify.parameters import bounds_of
 
 VALUES = {
@@ -92,6 +92,9 @@ def test_one_sided_loading_and_softening():
     assert "Mullins" not in text
     text = told(verdict=verdict_of(asymmetry=(0.0, 0.0, 0.0), softening=(0.1, 0.25, None)))
     assert "up to 25 % less work" in text
+    text = told(verdict=verdict_of(asymmetry=(0.0, 0.0), softening=(-0.004, 0.009)))
+    assert "none seen" in text
+    assert "up to" not in text.split("scragging")[1].split("\n")[0]
 
 
 @pytest.mark.parametrize(
@@ -159,3 +162,14 @@ def test_stops_that_never_slip(omega_rad, said):
 @pytest.mark.parametrize(("alpha", "said"), [(0.0, True), (1e-9, False)])
 def test_stops_without_torque(alpha, said):
     assert ("carry no torque" in told(VALUES | {"alpha_Nm_rad": alpha})) == said
+
+
+@pytest.mark.parametrize(("friction_Nm", "way"), [(0.08, "0.08 Nm more"), (-0.08, "0.08 Nm less")])
+def test_friction_that_the_residuals_show_has_no_sign(friction_Nm, way):
+    verdict = SimpleNamespace(torque_Nm={})
+    spread = SimpleNamespace(band_Nm=0.1, friction_Nm=friction_Nm)
+    none = SimpleNamespace(label="one", tau_Nm=np.zeros(2), sets=[SimpleNamespace(held_out=[0, 1])])
+    verdict.torque_Nm["one"] = np.array([0.05, 0.2])
+    told_Nm = "\n".join(band_notes([none], verdict, spread, 4.0))
+    assert f"show {way} friction than the model has" in told_Nm
+    assert "50 % are" in told_Nm

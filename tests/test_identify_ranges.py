@@ -116,6 +116,9 @@ def test_ends_of_a_mappings_numbers_with_a_status():
     fine = {"resolution_bits": found.stops.model_copy(update={"value": 24})}
     assert found.model_copy(update=fine).bandwidth.value == 60
     assert found.model_copy(update=fine | {"bandwidth_Hz": found.stops}).bandwidth.value == 10
+    # Nobody wrote a bandwidth: it keeps to its own limit at a slow rate.
+    slow = fine | {"sense_rate_Hz": found.stops.model_copy(update={"value": 500})}
+    assert found.model_copy(update=slow).bandwidth.value == 50
 
 
 def test_a_polish_starts_a_millionth_of_the_box_inside_either_end():

@@ -50,7 +50,11 @@ def members() -> tuple[Member, ...]:
         Member("slips, strain", "slips, softened by strain", softened(slips, STRAIN)),
         Member("stops, worn", "stops, softened by strain and path", softened(stops, *WORN)),
         Member("slips, worn", "slips, softened by strain and path", softened(slips, *WORN)),
-        Member("slips, worn, offset", "the same and an offset", softened([*slips, offset], *WORN)),
+        Member(
+            "slips, worn, offset",
+            "slips, softened by strain and path, and an offset",
+            softened([*slips, offset], *WORN),
+        ),
         Member("stops, Maxwell, offset", "bent springs, stops, Maxwell, offset", tuple(friction)),
         Member(
             "stops, sides, offset", "stops, Maxwell each side, offset", (*stops, *turning, offset)

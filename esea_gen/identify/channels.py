@@ -56,6 +56,13 @@ TAKEN = {
     BACKLASH: "taken out of the deflection",
     DEAD_ZONE: "the device's dead_zone_rad",
 }
+ELSE = {
+    LAG: "A viscosity quicker than the recording, that the model has no term for, leads: by so "
+    "much the lag is found too small, below 0 where there is none.",
+    BACKLASH: "A lag of the torque that nobody took out looks like a gap where all cycles move at "
+    "one rate; so does hysteresis that the model has otherwise.",
+    DEAD_ZONE: "",
+}
 
 
 class ChannelModel(Protocol):
@@ -125,9 +132,9 @@ class ChannelNumber:
         head = f"{self.key} = 'fit': the {what} is"
         if self.why is not None:
             return f"{head} {self.why}{f' (found: {found})' if found else ''}; 0 is taken."
-        lead = " The torque leads: so does one of a viscosity that the model has no term for."
+        other = f" {ELSE[self.key]}" if ELSE[self.key] else ""
         return (
-            f"{head} {found}, and is {TAKEN[self.key]}.{lead if self.value < 0 else ''} "
+            f"{head} {found}, and is {TAKEN[self.key]}.{other} "
             f"For other commands write {self.key.split('.')[1]} = {{ value = {self.value:.6g}, "
             'status = "identified", source = "identify" }.'
         )

@@ -21,7 +21,16 @@ from pydantic import BaseModel
 
 from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
-from esea_gen.identify.tables import ANGLE, FORCE, LENGTH, TIME, TORQUE, Mapping, RecordingTable
+from esea_gen.identify.tables import (
+    ANGLE,
+    BANDWIDTH_SHARE,
+    FORCE,
+    LENGTH,
+    TIME,
+    TORQUE,
+    Mapping,
+    RecordingTable,
+)
 from esea_gen.toml_file import Problem, checked, parse_toml, read_text, table_type
 
 # What says how the channels lie to each other, and may be left to the fit.
@@ -288,10 +297,10 @@ def _check_sampling(origin: str, mapping: Mapping) -> None:
             f"device.sense_rate_Hz = {rate:g} Hz.",
             "Lower it, or leave it out.",
         )
-    if bandwidth > 0.1 * rate:
+    if bandwidth > BANDWIDTH_SHARE * rate:
         raise UserError(
             f"{origin}: device.bandwidth_Hz = {bandwidth:g} Hz is above its limit, a tenth of "
-            f"device.sense_rate_Hz ({0.1 * rate:g} Hz).",
+            f"device.sense_rate_Hz ({BANDWIDTH_SHARE * rate:g} Hz).",
             "Lower the bandwidth or raise the rate.",
         )
 

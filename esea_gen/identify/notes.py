@@ -18,6 +18,7 @@ from esea_gen.identify.uncertainty import Uncertainty
 from esea_gen.identify.verdict import Verdict
 from esea_gen.model.temperature import TemperatureFactor
 
+LEAST_SOFTENING = 0.01  # less is the noise of two loops
 ASYMMETRY_LIMIT = 0.05  # share of stiffness; ours, no figure is published
 LIKELY = 1.959964  # deviations that hold 95 % of a normal distribution
 SHARP = 0.5  # a standard deviation above this share of the value is called out
@@ -120,9 +121,10 @@ def band_notes(
         f"{100 * covered(error, spread.band_Nm):.0f} % are."
     ]
     if spread.friction_Nm is not None:
+        way = "less" if spread.friction_Nm < 0 else "more"
         notes.append(
-            f"The residuals show a friction of {spread.friction_Nm:.3g} Nm that the model has no "
-            "term for; the standard deviations hold what it would move."
+            f"The residuals show {abs(spread.friction_Nm):.3g} Nm {way} friction than the model "
+            "has; the standard deviations hold what it would move."
         )
     return notes
 
@@ -146,7 +148,12 @@ def specimen_notes(verdict: Verdict, softens: bool) -> list[str]:
             "asymmetric specimens; it prints no limit)."
         )
     softening = [s.softening for s in sets if s.softening is not None]
-    if softening:
+    if softening and max(softening) < LEAST_SOFTENING:
+        notes.append(
+            "Mullins effect or scragging: none seen, no block's last cycle loses "
+            f"{100 * LEAST_SOFTENING:g} % less work than its first full one."
+        )
+    elif softening:
         notes.append(
             f"Mullins effect or scragging: the last cycle of a block loses up to "
             f"{100 * max(softening):.0f} % less work than its first full one; the model has "

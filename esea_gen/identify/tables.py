@@ -11,6 +11,7 @@ from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import MAX_DEAD_ZONE_RAD
 
+BANDWIDTH_SHARE = 0.1  # of the sensing rate, at most
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295}
 FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "tonf": 9806.65, "lbf": 4.4482216152605}
@@ -70,8 +71,9 @@ class DeviceTable(_Table):
 
     @property
     def bandwidth(self) -> Quantity:
-        """That of the velocity estimate, as given or as suits the encoder."""
+        """That of the velocity estimate, as given or as suits encoder and sensing rate."""
         suited = suited_bandwidth_Hz(self.resolution_bits.value)
+        suited = min(suited, BANDWIDTH_SHARE * self.sense_rate_Hz.value)
         return self.bandwidth_Hz or _assumed(suited, "default of identify")
 
 
