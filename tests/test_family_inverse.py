@@ -158,6 +158,25 @@ def test_nothing_follows_the_set_point_faster_or_slower_than_said(name, devices)
     assert min(later) >= least * (1 - 1e-9)
 
 
+def test_a_slip_that_turns_back_follows_twice_as_far(devices):
+    """Dahl's friction at its end: dz/dq = 1 - sign z/L is 2 where q turns back."""
+    tried = Tried(devices["more"])
+    at, h = tried.model.theta_lim - 1e-4, 1e-7
+    memory = {p.name: np.zeros(p.size) for p in tried.ports} | {"primed": np.ones(1)}
+    memory["theta_prev_rad"] = np.array([at])
+    memory["slip"] = -np.array([e.number for e in tried.model.of["slip"]])
+    place = 2 + [p.name for p in tried.ports].index("slip")
+    near, far = (tried.run(*memory.values(), at + k * h)[place] for k in (1, 2))
+    steepest = float(np.max(np.array(far - near))) / h
+    said = tried.model.state_slopes()["slip"]
+    drive = max(
+        float(ca.evalf(tried.model.drive(e, (at + h) / 0.2) - tried.model.drive(e, at / 0.2))) / h
+        for e in tried.model.of["slip"]
+    )
+    assert steepest == pytest.approx(2 * drive, rel=1e-3)
+    assert steepest <= said < 1.01 * steepest
+
+
 def test_a_first_sample_may_rise_less_than_any_other(devices):
     """Worked out for x d(x) with d = 1/(1 + x/a): d^2; and a bend's fall beyond sqrt(a b)."""
     strain = Softening("strain", 0.3)

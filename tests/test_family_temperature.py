@@ -124,6 +124,15 @@ def test_the_inverse_is_that_of_the_sensor_at_the_same_temperature(warm, by_hand
     assert np.abs(hand["theta_rad"] - points["theta_rad"]).max() < 1e-4
 
 
+def test_what_a_higher_temperature_does_is_said(warm, elbow):
+    assert WARM.per_K < 0
+    stiffer = TemperatureFactor(WARM.reference_C, -WARM.per_K, WARM.low_C, WARM.high_C)
+    other = family_device(elbow, replace(EVERY, temperature=stiffer), "drawn")
+    for device, effect in ((warm, "softens"), (other, "stiffens")):
+        (knob,) = device.sensor.tunables
+        assert f"higher {effect} the torque model" in knob.meaning
+
+
 def test_slopes_and_torques_are_those_of_the_worst_temperature(warm, elbow):
     """Least and largest factor of 10 to 40 degC: 0.932 and 1.052; the offset has none."""
     cold = family_device(elbow, EVERY, "drawn")
