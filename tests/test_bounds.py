@@ -184,6 +184,16 @@ def test_the_inverses_bound_says_how_well_it_is_solved(blocks):
     assert "inverse: |residual_Nm| of set_point_rad is at most 0.0001" in said
 
 
+def test_a_states_error_is_that_of_its_worst_element():
+    """The first element is an input, without error; the second a product, rounded once."""
+
+    def step(c, s, u, guard, label):
+        return {"s_rad": [u.x_rad, 0.7 * u.x_rad]}, {"y_rad": s.s_rad[1]}
+
+    found = float_bound(made("pair", step, (Port("s_rad", -1, 1, "memory", 2),)))
+    assert 0.7 * 2**-25 < found.states["s_rad"] < 4 * 2**-24
+
+
 def test_a_bound_says_which_decisions_it_takes_for_equal():
     def step(c, s, u, guard, label):
         return {}, {"y_rad": ca.if_else(u.x_rad * 0.7 < 0.3, u.x_rad, -u.x_rad)}

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from esea_gen.analysis import journal
 from esea_gen.analysis.campaign import Workers, run_cases, seeded
 from esea_gen.analysis.journal import Configuration, Journal, file_digest
 from esea_gen.cli import output
@@ -197,6 +198,7 @@ def test_two_runs_do_not_share_a_journal(tmp_path):
 SCRIPT = """
 import sys
 from tests.campaign_cases import noted
+from esea_gen.analysis import journal
 from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.cluster import code_digest
 from esea_gen.analysis.journal import Configuration
@@ -294,6 +296,23 @@ def test_seeds_grow_without_changing():
     assert seeded(3, root=1) != seeded(3, root=2)
     with pytest.raises(UserError):
         seeded(0)
+
+
+def test_a_studys_code_is_every_source_and_number_file_of_its_rooms(tmp_path, monkeypatch):
+    monkeypatch.setattr(journal, "__file__", str(tmp_path / "analysis" / "journal.py"))
+    counted = ["twin/plant.py", "twin/data/plants.toml", "analysis/a.py", "studies/one/study.py"]
+    other = ["twin/notes.txt", "control/limits.py", "twin/__pycache__/plant.cpython-311.pyc"]
+    for name in (*counted, *other):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("as it was", encoding="utf-8")
+    before = journal.rooms_digest()
+    for name in (*counted, *other):
+        (tmp_path / name).write_text("changed", encoding="utf-8")
+        assert (journal.rooms_digest() != before) is (name in counted), name
+        (tmp_path / name).write_text("as it was", encoding="utf-8")
+    assert journal.rooms_digest() == before
+    (tmp_path / counted[0]).rename(tmp_path / "twin/other.py")
+    assert journal.rooms_digest() != before
 
 
 def test_a_key_depends_on_content_only(tmp_path):

@@ -22,6 +22,7 @@ from esea_gen.observe.disturbance import bandwidth_limit_1_s, drive_observer
 from esea_gen.observe.human import error_matrix, extended_state, lag_observer
 from esea_gen.observe.rates import (
     STATE_ROOM,
+    cutoff_range,
     filter_delay_s,
     load_rate,
     motor_rate,
@@ -487,3 +488,17 @@ def test_any_input_and_state_gives_numbers_in_range(libraries, name, data):
     y, _ = runner.run({k: np.array(v) for k, v in inputs.items()})
     for p in block.outputs:
         assert np.all((y[p.name] >= p.low) & (y[p.name] <= p.high)), p.name
+
+
+@pytest.mark.parametrize(
+    ("cutoff_Hz", "ends"), [(50.0, (25.0, 100.0)), (250.0, (125.0, 400.0)), (400.0, (200.0, 400.0))]
+)
+def test_a_velocity_filter_is_tuned_by_a_factor_of_two_and_below_four_tenths_of_its_rate(
+    elbow, cutoff_Hz, ends
+):
+    quantity = elbow.file.velocity.bandwidth_Hz.model_copy(update={"value": cutoff_Hz})
+    assert elbow.period_s == 1e-3
+    assert cutoff_range(elbow, quantity) == pytest.approx(ends)
+    above = quantity.model_copy(update={"value": 401.0})
+    with pytest.raises(UserError, match=r"401 Hz is above 400 Hz, 0\.4 of"):
+        cutoff_range(elbow, above)
