@@ -136,6 +136,11 @@ def test_given_is_the_work_of_the_torque_less_that_of_the_wanted_one(drive):
     for _ in range(3):
         y = block.step(**sample(tau_Nm=2.0, tau_set_Nm=1.0, theta_motor_rad=0.9))
     assert y["given_J"] == 0
+    # A torque that rises meanwhile works by its mean.
+    rising = passivity(drive).simulator()
+    rising.step(**sample(tau_Nm=1.0))
+    y = rising.step(**sample(tau_Nm=3.0, theta_motor_rad=1.01))
+    assert y["given_J"] == pytest.approx(0.02, rel=1e-6)
 
 
 def runaway(

@@ -101,7 +101,7 @@ def run(step, release, lateness: int, ticks: int = 41) -> list[float]:
         release(tick)
         if tick >= 1 + lateness and (tick - 1 - lateness) % 4 == 0:
             step("lazy")
-        seen.append(step("quick", x=float(tick)))
+        seen.append(step("quick", x=float(tick + 1)))
     return seen
 
 
@@ -115,7 +115,7 @@ def test_latched_values_do_not_depend_on_preemption(release):
     # Independently: the slow task starts at 1, 5, ...; it then sees fast's sum of one tick before,
     # and what it wrote is seen `release` ticks later, when it is added up once a tick.
     ticks = np.arange(41)
-    fast = np.cumsum(ticks)
+    fast = np.cumsum(ticks + 1)
     slow, seen = 0.0, np.zeros(41)
     for start in range(1, 41, 4):
         slow += fast[start - 1]
