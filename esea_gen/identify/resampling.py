@@ -36,6 +36,13 @@ LEAST_CONDITIONS = 3  # below, conditions say nothing of their own spread
 LEAST_BLOCKS = 6  # into which a recording of fewer cycles is cut
 CLEAR = 4.0  # friction's deviations
 BAND = 0.95
+# A direction of the parameters is not determined where it changes the torque by less than this
+# share of what the strongest does: that is rounding, and the error of a derivative by differences.
+ROUNDING = 1e-6
+TAKES_PART = 1e-3  # component in such a direction above which a parameter is in it
+# Left of what determines a direction when a block is left out; below, its deviation would be a
+# hundred times as large, and what it moves by says nothing of the whole.
+ALONE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -97,6 +104,7 @@ class LeftOut:
     conditions: how many there are.
     outside_Nm, weight: error of every row by the fit to the other blocks, measured less modelled,
         and the row's weight in the fit, shape (rows,).
+    unknown: parameters that may change with others without changing any torque.
     """
 
     covariance: Array
@@ -105,11 +113,12 @@ class LeftOut:
     conditions: int
     outside_Nm: Array
     weight: Array
+    unknown: npt.NDArray[np.bool_]
 
     @property
     def sigma(self) -> Array:
-        """Standard deviation of each parameter."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
+        """Standard deviation of each parameter; infinite for one that the data do not determine."""
+        return np.where(self.unknown, np.inf, np.sqrt(np.diag(self.covariance)))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, apart from the deviations."""
@@ -136,68 +145,113 @@ def resampled(
     names = (rows.cycle, rows.condition)
     few = len(np.unique(rows.condition)) < LEAST_CONDITIONS
     used = names[:1] if few else names
-    covariance = _mean_covariance(jacobian, residual, weight, used)
+    fit = _Determined.of(jacobian, residual, weight)
+    covariance = fit.covariance(used)
     if len(np.unique(rows.cycle)) <= jacobian.shape[1]:
         # Fewer blocks than parameters leave directions in which nothing seems to move.
-        covariance = covariance + _plain(jacobian, residual, weight)
+        covariance = covariance + fit.plain()
     friction = None
     more = np.column_stack([jacobian, rows.way])
     found = np.linalg.lstsq(more * weight[:, None], residual * weight, rcond=None)[0]
-    left = residual - more @ found
-    own = float(_mean_covariance(more, left, weight, used)[-1, -1])
-    if abs(found[-1]) > CLEAR * np.sqrt(own) and own > 0:
+    beside = _Determined.of(more, residual - more @ found, weight)
+    own = float(beside.covariance(used)[-1, -1])
+    if abs(found[-1]) > CLEAR * np.sqrt(own) and own > 0 and not beside.unknown[-1]:
         friction = float(found[-1])
         covariance = covariance + np.outer(found[:-1], found[:-1])
     by = rows.condition if whole_conditions and not few else rows.cycle
-    outside = _left_out(jacobian, residual, weight, by)
+    outside = fit.left_out(by)
     band = half_width_Nm(outside, weight)
-    return LeftOut(covariance, band, friction, len(np.unique(names[1])), outside, weight)
+    count = len(np.unique(rows.condition))
+    return LeftOut(covariance, band, friction, count, outside, weight, fit.unknown)
 
 
-def _mean_covariance(
-    jacobian: Array, residual: Array, weight: Array, names: Sequence[Blocks]
-) -> Array:
-    return np.asarray(np.mean([_covariance(jacobian, residual, weight, n) for n in names], axis=0))
+@dataclass(frozen=True)
+class _Determined:
+    """A fit in coordinates in which what determines it is the identity.
+
+    basis: torque by coordinate, rows with their weight, orthonormal, shape (rows, coordinates).
+    back: parameters by coordinate, shape (parameters, coordinates).
+    error: residuals with their weight, shape (rows,).
+    weight: shape (rows,).
+    unknown: parameters in a direction that changes no torque, shape (parameters,).
+    """
+
+    basis: Array
+    back: Array
+    error: Array
+    weight: Array
+    unknown: npt.NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, jacobian: Array, residual: Array, weight: Array) -> _Determined:
+        j = jacobian * weight[:, None]
+        # Of parameters of any unit; one without effect stays 0.
+        size = np.sqrt(np.einsum("ij,ij->j", j, j))
+        size[size == 0] = 1.0
+        u, s, v = np.linalg.svd(j / size, full_matrices=False)
+        kept = s > ROUNDING * s[0]
+        # Of all directions, in fewer rows than parameters too.
+        unknown = 1 - np.sum(v[kept] ** 2, axis=0) > TAKES_PART**2
+        back = v[kept].T / s[kept] / size[:, None]
+        return cls(u[:, kept], back, residual * weight, weight, unknown)
+
+    def plain(self) -> Array:
+        """Covariance of the right form and autoregressive noise."""
+        return self.back @ self._noise() @ self.back.T
+
+    def _noise(self) -> Array:
+        r, coordinates = self.error, self.basis.shape[1]
+        rho = autocorrelation(r)
+        noise = float(r @ r) / max(1, len(r) - coordinates) * (1 + rho) / (1 - rho)
+        return np.asarray(noise * np.eye(coordinates))
+
+    def covariance(self, names: Sequence[Blocks]) -> Array:
+        """Mean over kinds of blocks, the finest first.
+
+        In a direction that a block alone determines, leaving it out moves nothing that could be
+        compared: there the finer blocks speak, below the finest the plain covariance.
+        """
+        finer, every = None, []
+        for blocks in names:
+            moves, seen = self._moves(blocks)
+            known = np.array(list(moves.values())) @ seen
+            count, apart = len(known), known - known.mean(axis=0)
+            own = (count - 1) / count * apart.T @ apart
+            lost = np.eye(len(seen)) - seen
+            if np.trace(lost) > 0.5:
+                own = own + lost @ (self._noise() if finer is None else finer) @ lost
+            finer = own
+            every.append(own)
+        return np.asarray(self.back @ np.mean(every, axis=0) @ self.back.T)
+
+    def _moves(self, blocks: Blocks) -> tuple[dict[int, Array], Array]:
+        # Of the coordinates, when a block is left out; and the projection onto those directions
+        # that no block determines alone.
+        out, alone = {}, [np.zeros((0, self.basis.shape[1]))]
+        for b in np.unique(blocks):
+            own = self.basis[blocks == b]
+            share, v = np.linalg.eigh(own.T @ own)
+            left = 1 - share
+            kept = left > ALONE
+            alone.append(v[:, ~kept].T)
+            inverse = np.where(kept, 1 / np.where(kept, left, 1.0), 0.0)
+            out[int(b)] = -(v * inverse) @ (v.T @ (own.T @ self.error[blocks == b]))
+        _, s, v = np.linalg.svd(np.concatenate(alone), full_matrices=True)
+        free = v[np.count_nonzero(s > 1e-3) :]
+        return out, free.T @ free
+
+    def left_out(self, blocks: Blocks) -> Array:
+        """Residuals of every block by the fit to the others."""
+        out = self.error.copy()
+        for b, move in self._moves(blocks)[0].items():
+            out[blocks == b] -= self.basis[blocks == b] @ move
+        return np.asarray(out / self.weight)
 
 
 def autocorrelation(residual: Array) -> float:
     """Of neighbours, as of a first-order autoregressive noise: from 0 to just below 1."""
     rho = float(residual[1:] @ residual[:-1] / (residual @ residual))
     return min(max(rho, 0.0), 1 - 2.0 / len(residual))
-
-
-def _plain(jacobian: Array, residual: Array, weight: Array) -> Array:
-    # Right form, autoregressive noise.
-    j, r = jacobian * weight[:, None], residual * weight
-    rho = autocorrelation(r)
-    noise = float(r @ r) / max(1, len(r) - j.shape[1]) * (1 + rho) / (1 - rho)
-    return np.asarray(noise * np.linalg.pinv(j.T @ j, rcond=1e-12, hermitian=True))
-
-
-def _moves(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> dict[int, Array]:
-    # Of the parameters, when a block is left out.
-    j, r = jacobian * weight[:, None], residual * weight
-    whole = j.T @ j
-    out = {}
-    for b in np.unique(blocks):
-        own = j[blocks == b]
-        rest = np.linalg.pinv(whole - own.T @ own, rcond=1e-12, hermitian=True)
-        out[int(b)] = -rest @ (own.T @ r[blocks == b])
-    return out
-
-
-def _covariance(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> Array:
-    moves = np.array(list(_moves(jacobian, residual, weight, blocks).values()))
-    count, apart = len(moves), moves - moves.mean(axis=0)
-    return np.asarray((count - 1) / count * apart.T @ apart)
-
-
-def _left_out(jacobian: Array, residual: Array, weight: Array, blocks: Blocks) -> Array:
-    # Residuals of every block by the fit to the others.
-    out = residual.copy()
-    for b, move in _moves(jacobian, residual, weight, blocks).items():
-        out[blocks == b] -= jacobian[blocks == b] @ move
-    return out
 
 
 def half_width_Nm(error_Nm: Array, weight: Array) -> float:
