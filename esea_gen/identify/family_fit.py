@@ -129,17 +129,10 @@ def fit_member(
     full_scale_Nm: by which a term is called negligible, below least_share of it.
     """
     member, scale = terms.member, trained_scale(recordings)
-    columns = terms.over(scale)
-    sets = [
-        (c[s.training], r.tau_Nm[s.training])
-        for r, c in zip(recordings, columns, strict=True)
-        for s in r.sets
-        if len(s.training)
-    ]
-    rows = equal_weights([y for _, y in sets])
-    target = np.concatenate([y for _, y in sets]) * rows
-    basis = np.concatenate([b for b, _ in sets]) * rows[:, None]
+    basis, target = _weighted(terms, recordings, scale)
     free = [t.kind == "offset" for t in member.terms]
+    twins = list(alike(member, basis))
+    basis[:, twins] = 0.0
     floor = np.array([_floor(member, i, full_scale_Nm) for i in range(len(member.terms))])
     at_C = _temperatures(recordings)
 
@@ -156,6 +149,59 @@ def fit_member(
     where = np.flatnonzero(kept)
     final[where] = solve_weights(basis[:, where], target, [free[i] for i in where], floor[where])
     return FittedMember(member, scale, tuple(float(w) for w in final), factor)
+
+
+def _weighted(
+    terms: UnitTerms, recordings: Sequence[Recording], scale_rad: float
+) -> tuple[Array, Array]:
+    # Terms and torque of the rows that train, such that every data set counts the same.
+    sets = [
+        (c[s.training], r.tau_Nm[s.training])
+        for r, c in zip(recordings, terms.over(scale_rad), strict=True)
+        for s in r.sets
+        if len(s.training)
+    ]
+    rows = equal_weights([y for _, y in sets])
+    target = np.concatenate([y for _, y in sets]) * rows
+    return np.concatenate([b for b, _ in sets]) * rows[:, None], target
+
+
+def alike(member: Member, basis: Array) -> dict[int, int]:
+    """Terms that rows do not tell from simpler ones, with what stands for each, by place.
+
+    Any split between two such terms is as good a fit, and says something else elsewhere: so the
+    simpler one carries the torque, an unsoftened one and a spring before others.  Alike are columns
+    that differ by less than :data:`LEAST_SHARE` once scaled to each other: with all of full scale on
+    one of them, the difference would still be a torque that is left out as too small.
+
+    basis: shape (rows, terms).
+    """
+    size = np.sqrt(np.einsum("ij,ij->j", basis, basis))
+    scaled = basis / np.where(size > 0, size, 1.0)
+    near = scaled.T @ scaled
+    kept: list[int] = []
+    out: dict[int, int] = {}
+    plain = sorted(
+        np.flatnonzero(size).tolist(),
+        key=lambda i: (member.terms[i].softening is not None, member.terms[i].kind != "spring"),
+    )
+    for i in plain:
+        # The same to the sign too, as no weight is below 0.
+        same = [k for k in kept if near[i, k] > 0 and 1 - near[i, k] ** 2 < LEAST_SHARE**2]
+        if same:
+            out[i] = same[0]
+        else:
+            kept.append(i)
+    return out
+
+
+def not_seen(
+    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
+) -> dict[int, int]:
+    """As :func:`alike`, of those whose stand-in carries torque."""
+    basis, _ = _weighted(terms, recordings, fitted.scale_rad)
+    found = alike(fitted.member, basis)
+    return {i: k for i, k in found.items() if fitted.weights_Nm[k]}
 
 
 def _temperatures(recordings: Sequence[Recording]) -> Array:
