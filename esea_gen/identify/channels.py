@@ -22,7 +22,6 @@ import scipy  # its parts are read on first use
 
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import MAX_DEAD_ZONE_RAD
-from esea_gen.identify.conditions import conditions_of
 from esea_gen.identify.mapping import FITTABLE, MappingFile
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import (
@@ -32,7 +31,7 @@ from esea_gen.identify.recording import (
     load_recordings,
     resample,
 )
-from esea_gen.identify.resampling import FitRows, resampled, whole_conditions
+from esea_gen.identify.resampling import FitRows, resampled, rests_on_one, whole_conditions
 from esea_gen.identify.tables import ToFit
 from esea_gen.language.ports import Array
 
@@ -288,19 +287,6 @@ def _one_rate(cycles: Array) -> str | None:
     return None
 
 
-def _cycles_alone(recordings: Sequence[Recording]) -> bool:
-    # Whether a condition left out would leave one rate: what it moves is then no deviation.
-    used = {conditions_of(r, s)[0] for r in recordings for s in r.sets if len(s.training)}
-
-    def left(r: Recording, condition: str) -> Recording:
-        out = [conditions_of(r, s)[0] == condition for s in r.sets]
-        none = np.zeros(0, dtype=np.intp)
-        sets = zip(r.sets, out, strict=True)
-        return replace(r, sets=tuple(replace(s, training=none) if o else s for s, o in sets))
-
-    return any(_one_rate(_trained([left(r, c) for r in recordings])) for c in used)
-
-
 def _inside(recordings: Sequence[Recording], most_lag_s: float) -> list[Recording]:
     # Training samples for which every candidate has a recorded deflection.
     out = []
@@ -346,8 +332,8 @@ def _sharpened(
             model.torque_Nm([moved(r, numbers | {k: end}) for r in recordings]) for end in ends
         )
         columns.append((up - down) / (ends[1] - ends[0]))
-    if LAG in numbers and _cycles_alone(recordings):
-        rows = replace(rows, condition=np.zeros_like(rows.condition))
+    if LAG in numbers and rests_on_one(recordings, lambda left: _one_rate(_trained(left))):
+        rows = rows.cycles_alone
     whole = np.column_stack([jacobian, *columns])
     found = resampled(whole, residual, weight, rows, whole_conditions(recordings))
     first = jacobian.shape[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -49,7 +50,7 @@ def family_section(
     """
     if warmth is None and fitted.temperature is not None:
         warmth = temperature_section(fitted.temperature, dict.fromkeys(TEMPERATURE_KEYS, source))
-    told = {i: f"{source}; standard deviation {s:.2g}" for i, s in (sigma or {}).items()}
+    told = {i: _sureness(source, s) for i, s in (sigma or {}).items()}
     pairs = zip(fitted.weights_Nm, fitted.member.terms, strict=True)
     return Family(
         member=fitted.member.name,
@@ -57,7 +58,9 @@ def family_section(
         start=start,
         scale_rad=Quantity(value=fitted.scale_rad, status="identified", source=source),
         temperature=warmth,
-        terms=tuple(_term(t, w, told.get(i, source)) for i, (w, t) in enumerate(pairs) if w),
+        terms=tuple(
+            _term(t, w, *told.get(i, (source, "identified"))) for i, (w, t) in enumerate(pairs) if w
+        ),
     )
 
 
@@ -76,7 +79,14 @@ def temperature_section(
     return FamilyTemperature(**found)
 
 
-def _term(t: Term, weight_Nm: float, source: str) -> FamilyTerm:
+def _sureness(source: str, sigma: float) -> tuple[str, Status]:
+    # Source and status of a number that was fitted.
+    if math.isfinite(sigma):
+        return f"{source}; standard deviation {sigma:.2g}", "identified"
+    return f"{source}; not determined by it, others give the same torque", "assumed"
+
+
+def _term(t: Term, weight_Nm: float, source: str, status: Status) -> FamilyTerm:
     def fixed(value: float) -> Quantity:
         return Quantity(value=value, status="assumed", source=FIXED)
 
@@ -84,7 +94,7 @@ def _term(t: Term, weight_Nm: float, source: str) -> FamilyTerm:
     bent = t.rise.kind == "bend"
     row: dict[str, Any] = {
         "kind": t.kind,
-        "weight_Nm": Quantity(value=weight_Nm, status="identified", source=source),
+        "weight_Nm": Quantity(value=weight_Nm, status=status, source=source),
         "rise": "bend" if bent else powers[t.rise.number],
         "side": t.rise.side,
     }

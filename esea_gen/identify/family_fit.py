@@ -25,9 +25,21 @@ from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.plant import equal_weights
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import resample
-from esea_gen.identify.resampling import FitRows, LeftOut, resampled, rows_of, whole_conditions
+from esea_gen.identify.resampling import (
+    FitRows,
+    LeftOut,
+    resampled,
+    rests_on_one,
+    rows_of,
+    whole_conditions,
+)
 from esea_gen.identify.search_problem import solve_linear
-from esea_gen.identify.temperatures import at_temperature, scaled_terms, searched_factor
+from esea_gen.identify.temperatures import (
+    at_temperature,
+    scaled_terms,
+    searched_factor,
+    tells_none,
+)
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member
@@ -171,8 +183,8 @@ def alike(member: Member, basis: Array) -> dict[int, int]:
 
     Any split between two such terms is as good a fit, and says something else elsewhere: so the
     simpler one carries the torque, an unsoftened one and a spring before others.  Alike are columns
-    that differ by less than :data:`LEAST_SHARE` once scaled to each other: with all of full scale on
-    one of them, the difference would still be a torque that is left out as too small.
+    that, once scaled to each other, differ by less than :data:`LEAST_SHARE`: with all of full scale
+    on one of them, the difference would still be a torque that is left out as too small.
 
     basis: shape (rows, terms).
     """
@@ -240,10 +252,13 @@ def _fitted_rows(
     target = np.concatenate([r.tau_Nm[s.training] for r, s, _ in sets])
     weight = equal_weights(ways) * np.sqrt(len(target))
     residual = target - basis @ weights[used]
+    rows = rows_of([(r, s) for r, s, _ in sets], ways)
     if fitted.temperature is not None:
+        if rests_on_one(recordings, tells_none):
+            rows = rows.cycles_alone
         warmed = every @ (weights * scaled_terms(fitted.member))
         basis = np.column_stack([basis, warmed * (at_C - fitted.temperature.reference_C)])
-    return used, basis, residual, weight, rows_of([(r, s) for r, s, _ in sets], ways)
+    return used, basis, residual, weight, rows
 
 
 class MemberChannels:
@@ -315,9 +330,11 @@ def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
 __all__ = [
     "MemberChannels",
     "UnitTerms",
+    "alike",
     "fit_member",
     "member_spread",
     "misfits_of",
+    "not_seen",
     "solve_weights",
     "term_rows",
     "trained_scale",

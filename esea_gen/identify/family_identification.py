@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -18,6 +19,7 @@ from esea_gen.identify.family_fit import (
     UnitTerms,
     fit_member,
     member_spread,
+    not_seen,
     term_rows,
 )
 from esea_gen.identify.fit import Progress
@@ -28,6 +30,7 @@ from esea_gen.identify.notes import (
     recording_notes,
     specimen_notes,
     temperature_notes,
+    told_apart_notes,
 )
 from esea_gen.identify.quality_gate import gate_notes, gated
 from esea_gen.identify.recorded import Recording
@@ -86,7 +89,7 @@ class FamilyIdentification(Identified):
                 "sigma_per_K": self.sigma_per_K
             }
         for row, sigma in zip(model["terms"], self.sigma.values(), strict=True):
-            row["sigma_Nm"] = sigma
+            row["sigma_Nm"] = sigma if math.isfinite(sigma) else None
         return super().to_dict() | {"model": model, "uncertainty": self.spread.to_dict()}
 
 
@@ -155,6 +158,7 @@ def identify_member(
         *gate_notes(recordings, excused),
         *(n.note for n in channels),
         *_notes(source, recordings, fitted, verdict),
+        *told_apart_notes(fitted, not_seen(terms, recordings, fitted), sigma),
         *temperature_notes(recordings, fitted.temperature, per_K),
         *band_notes(recordings, verdict, spread, device.tau_full_scale_Nm),
     )

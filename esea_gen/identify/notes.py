@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from esea_gen.devices.rubber import LEAST_FACTOR
 from esea_gen.identify.drafting import largest_torque, scales_assumed
 from esea_gen.identify.fit import Fit
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.parameters import at_bound
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.resampling import LeftOut, covered
-from esea_gen.identify.temperatures import LEAST_APART_K, far_apart, temperatures_of
+from esea_gen.identify.temperatures import LEAST_APART_K, at_edge, far_apart, temperatures_of
 from esea_gen.identify.uncertainty import Uncertainty
 from esea_gen.identify.verdict import Verdict
+from esea_gen.model.family import FittedMember
 from esea_gen.model.temperature import TemperatureFactor
 
 LEAST_SOFTENING = 0.01  # less is the noise of two loops
 ASYMMETRY_LIMIT = 0.05  # share of stiffness; ours, no figure is published
 LIKELY = 1.959964  # deviations that hold 95 % of a normal distribution
+UNSEEN = {
+    "strain": (
+        "the largest deflection did not grow",
+        "Train from the first cycle (cycles.skip_first = 0), or with growing amplitudes.",
+    ),
+    "path": ("hardly any path was travelled", "Train over more cycles."),
+}
 SHARP = 0.5  # a standard deviation above this share of the value is called out
 
 
@@ -190,6 +199,51 @@ def temperature_notes(
         f"(95 %: {low:.3g} to {high:.3g}), trained from {known[0]:g} to {known[-1]:g} degC. On the "
         "board temperature_C is the reference until somebody sets it, in every Block that has it."
     ]
-    if not low * high > 0:
+    edge = at_edge(factor)
+    if edge is not None:
+        notes.append(
+            f"The change a kelvin is at the {edge} end of what is searched, beyond which the "
+            f"factor would fall below {LEAST_FACTOR:g} between {factor.low_C:g} and "
+            f"{factor.high_C:g} degC, or leave the device file's bounds: the rubber's own may lie "
+            "beyond, and its interval says nothing."
+        )
+    elif not low * high > 0:
         notes.append("The change by temperature is not to be told from none.")
+    return notes
+
+
+def told_apart_notes(
+    fitted: FittedMember, twins: Mapping[int, int], sigma: Mapping[int, float]
+) -> list[str]:
+    """Which terms of a member what trains does not tell apart, and what would.
+
+    twins: places of terms that others stand for, with these.
+    sigma: of the weights, by place.
+    """
+    terms, notes, others = fitted.member.terms, [], []
+    softened: dict[str, int] = {}
+    for i, k in twins.items():
+        soft = terms[i].softening
+        if soft is not None and terms[k].softening is None:
+            softened[soft.kind] = softened.get(soft.kind, 0) + 1
+        else:
+            others.append(f"{terms[i].text} ({terms[k].text})")
+    for kind, count in softened.items():
+        why, more = UNSEEN[kind]
+        notes.append(
+            f"Softening by {kind} is not seen: {why} in what trains. {count} softened "
+            f"{'term is' if count == 1 else 'terms are'} not to be told from unsoftened ones, "
+            f"which carry that torque: the model does not soften by it, the rubber may. {more}"
+        )
+    if others:
+        notes.append(
+            "Not told apart by what trains, so that the simpler one in brackets carries the "
+            f"torque: {'; '.join(others)}."
+        )
+    open_ended = [terms[i].text for i, s in sigma.items() if not math.isfinite(s)]
+    if open_ended:
+        notes.append(
+            "Not determined, other weights of these give the same torque in what trains (standard "
+            f"deviation infinite): {'; '.join(open_ended)}."
+        )
     return notes

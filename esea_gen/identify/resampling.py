@@ -16,8 +16,8 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,6 +75,11 @@ class FitRows:
             np.concatenate(cycle).astype(np.intp), np.concatenate(condition).astype(np.intp), ways
         )
 
+    @property
+    def cycles_alone(self) -> FitRows:
+        """The same of one condition, so that cycles alone are left out."""
+        return replace(self, condition=np.zeros_like(self.condition))
+
 
 def rows_of(sets: Sequence[tuple[Recording, DataSet]], ways: Sequence[Array]) -> FitRows:
     """Of data sets that train, with the direction of the deflection at their rows."""
@@ -91,6 +96,25 @@ def rows_of(sets: Sequence[tuple[Recording, DataSet]], ways: Sequence[Array]) ->
 def whole_conditions(recordings: Sequence[Recording]) -> bool:
     """Whether whole conditions judge, and not the last cycles of those that train."""
     return not any(len(s.training) and len(s.held_out) for r in recordings for s in r.sets)
+
+
+def rests_on_one(
+    recordings: Sequence[Recording], lost: Callable[[list[Recording]], object]
+) -> bool:
+    """Whether a condition left out would leave what tells no more: its move is no deviation then.
+
+    lost: whether recordings do not tell; asked of those without each condition's training.
+    """
+    used = {conditions_of(r, s)[0] for r in recordings for s in r.sets if len(s.training)}
+
+    def left(r: Recording, condition: str) -> Recording:
+        sets = (
+            replace(s, training=s.training[:0]) if conditions_of(r, s)[0] == condition else s
+            for s in r.sets
+        )
+        return replace(r, sets=tuple(sets))
+
+    return any(lost([left(r, c) for r in recordings]) for c in used)
 
 
 @dataclass(frozen=True)
@@ -274,6 +298,7 @@ __all__ = [
     "covered",
     "half_width_Nm",
     "resampled",
+    "rests_on_one",
     "rows_of",
     "whole_conditions",
 ]

@@ -20,6 +20,7 @@ LEAST_APART_K = 3.0
 GRID = 21
 # How far from the least factor the search stays, so that rounding does not pass it.
 INSIDE = 0.999
+NEAR_EDGE = 1e-4  # of the search's range, far wider than the search ends short of it
 
 
 def temperatures_of(recordings: Sequence[Recording], *, training: bool = False) -> list[float]:
@@ -38,6 +39,20 @@ def temperatures_of(recordings: Sequence[Recording], *, training: bool = False) 
 def far_apart(known_C: Sequence[float]) -> bool:
     """Whether sorted temperatures tell what a temperature does."""
     return len(known_C) > 1 and known_C[-1] - known_C[0] >= LEAST_APART_K
+
+
+def tells_none(recordings: Sequence[Recording]) -> bool:
+    """Whether what trains does not tell what a temperature does."""
+    return not far_apart(temperatures_of(recordings, training=True))
+
+
+def at_edge(factor: TemperatureFactor) -> str | None:
+    """The end of what is searched that a factor's change a kelvin sits at: low or high."""
+    low, high = _bounds(factor.reference_C, (factor.low_C, factor.high_C))
+    near = NEAR_EDGE * (high - low)
+    if factor.per_K < low + near:
+        return "low"
+    return "high" if factor.per_K > high - near else None
 
 
 def temperature_name(recording: Recording) -> str:
@@ -80,9 +95,9 @@ def searched_factor(
     solve: weights from such a basis and torque.
     return: None where the training tells of no temperature, or of none far enough apart.
     """
-    trained = temperatures_of(recordings, training=True)
-    if not far_apart(trained):
+    if tells_none(recordings):
         return None
+    trained = temperatures_of(recordings, training=True)
     known = temperatures_of(recordings)
     reference = round(float(np.mean(trained)), 1)
     # Of each temperature as many rows as terms say the same as all: the triangle of its QR.
@@ -118,10 +133,12 @@ def _bounds(reference_C: float, known_C: Sequence[float]) -> tuple[float, float]
 
 __all__ = [
     "LEAST_APART_K",
+    "at_edge",
     "at_temperature",
     "far_apart",
     "scaled_terms",
     "searched_factor",
+    "tells_none",
     "temperature_name",
     "temperatures_of",
 ]
