@@ -188,7 +188,11 @@ FORM = Member(
     "three",
     (Term("spring", Rise("power", 1)), Term("spring", Rise("power", 3)), Term("offset")),
 )
-ONE_FILE_EACH = {15.0: "cycles", 31.0: "train"}  # three conditions, and one
+USES = {
+    "two": {15.0: "cycles", 31.0: "train"},  # three conditions, and one
+    "near": {15.0: "train", 16.0: "train", 31.0: "train"},  # without 31: 1 K, which tells nothing
+    "three": THREE,
+}
 
 
 def kelvins(folder: Path, uses: dict[float, str], seeds: range) -> tuple[np.ndarray, np.ndarray]:
@@ -212,7 +216,7 @@ def kelvins(folder: Path, uses: dict[float, str], seeds: range) -> tuple[np.ndar
     return tuple(np.array(found).T)
 
 
-@pytest.mark.parametrize("uses", [ONE_FILE_EACH, THREE], ids=["two", "three"])
+@pytest.mark.parametrize("uses", USES.values(), ids=USES)
 def test_the_interval_of_the_change_a_kelvin_is_as_wide_as_its_error(tmp_path, uses):
     """With two temperatures one condition left out leaves one: that is no deviation."""
     require_tool("gcc")
@@ -222,7 +226,7 @@ def test_the_interval_of_the_change_a_kelvin_is_as_wide_as_its_error(tmp_path, u
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("uses", [ONE_FILE_EACH, THREE], ids=["two", "three"])
+@pytest.mark.parametrize("uses", USES.values(), ids=USES)
 def test_the_interval_of_the_change_a_kelvin_over_many_runs(tmp_path, uses):
     require_tool("gcc")
     error, said = kelvins(tmp_path, uses, range(1000, 1200))
