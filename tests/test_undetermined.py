@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.candidates import members
@@ -256,3 +257,30 @@ def test_the_result_is_json_where_a_number_is_not_determined(tmp_path):
     told = json.loads(json.dumps(unknown.to_dict(), allow_nan=False))
     assert told["model"]["terms"][0]["sigma_Nm"] is None
     assert told["model"]["terms"][1]["sigma_Nm"] == done.sigma[rest[0]]
+
+
+# The torque's band.
+
+
+def test_what_is_left_out_is_judged_by_a_fit_that_keeps_the_bounds():
+    """Without the largest amplitude the cube would fall below 0: refits by another solver."""
+    x, _ = cycled(4)
+    x = x * np.repeat([0.3, 0.31, 0.32, 1.0], 400)
+    ways = np.split(np.sign(np.gradient(x)), 4)
+    rows = FitRows.of([(i, 4, w) for i, w in enumerate(ways)])
+    j = np.column_stack([x, x**3])
+    y = 2 * np.tanh(2 * x) / 2 + 1.5 * x**5  # softer first, then harder
+    fit = np.linalg.lstsq(j, y, rcond=None)[0]
+    assert fit.min() > 0
+    outside, least = np.zeros(len(x)), []
+    for k in range(4):
+        out = rows.condition == k
+        outside[out] = (y - j @ nnls(j[~out], y[~out])[0])[out]
+        least.append(np.linalg.lstsq(j[~out], y[~out], rcond=None)[0].min())
+    assert min(least) < -0.5  # what no fit of the model would give
+    room = -fit, np.full(2, np.inf)
+    found = resampled(j, y - j @ fit, np.ones(len(x)), rows, True, room)
+    np.testing.assert_allclose(found.outside_Nm, outside, atol=1e-9)
+    free = resampled(j, y - j @ fit, np.ones(len(x)), rows, True)
+    assert free.band_Nm > 1.5 * found.band_Nm
+    np.testing.assert_array_equal(free.covariance, found.covariance)

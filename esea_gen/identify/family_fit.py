@@ -232,7 +232,13 @@ def member_spread(
     is the last parameter of what leaving out says.
     """
     used, basis, residual, weight, rows = _fitted_rows(terms, recordings, fitted)
-    found = resampled(basis, residual, weight, rows, whole_conditions(recordings))
+    # An offset may change its sign, and the change a kelvin; no other weight.
+    low = np.full(basis.shape[1], -np.inf)
+    for place, i in enumerate(used):
+        if fitted.member.terms[i].kind != "offset":
+            low[place] = -fitted.weights_Nm[i]
+    room = low, np.full(len(low), np.inf)
+    found = resampled(basis, residual, weight, rows, whole_conditions(recordings), room)
     return dict(zip(used, found.sigma[: len(used)].tolist(), strict=True)), found
 
 

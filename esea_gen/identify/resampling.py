@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy  # its parts are read on first use
 
 from esea_gen.identify.conditions import conditions_of
 from esea_gen.identify.cycles import DataSet
@@ -157,7 +158,12 @@ class LeftOut:
 
 
 def resampled(
-    jacobian: Array, residual: Array, weight: Array, rows: FitRows, whole_conditions: bool
+    jacobian: Array,
+    residual: Array,
+    weight: Array,
+    rows: FitRows,
+    whole_conditions: bool,
+    room: tuple[Array, Array] | None = None,
 ) -> LeftOut:
     """Leave every cycle and every condition out, in turn.
 
@@ -165,6 +171,8 @@ def resampled(
     residual: measured less modelled torque, shape (rows,).
     weight: of each row in the fit, shape (rows,); residuals are multiplied with it.
     whole_conditions: whether the torque's band is of conditions left out, or of cycles.
+    room: least and largest change of each parameter that the fit would allow, shape (parameters,)
+        each; for the band, which a fit to the rest would keep too.  Without bounds when not given.
     """
     names = (rows.cycle, rows.condition)
     few = len(np.unique(rows.condition)) < LEAST_CONDITIONS
@@ -183,7 +191,7 @@ def resampled(
         friction = float(found[-1])
         covariance = covariance + np.outer(found[:-1], found[:-1])
     by = rows.condition if whole_conditions and not few else rows.cycle
-    outside = fit.left_out(by)
+    outside = fit.left_out(by, room)
     band = half_width_Nm(outside, weight)
     count = len(np.unique(rows.condition))
     return LeftOut(covariance, band, friction, count, outside, weight, fit.unknown)
@@ -264,12 +272,27 @@ class _Determined:
         free = v[np.count_nonzero(s > 1e-3) :]
         return out, free.T @ free
 
-    def left_out(self, blocks: Blocks) -> Array:
-        """Residuals of every block by the fit to the others."""
+    def left_out(self, blocks: Blocks, room: tuple[Array, Array] | None) -> Array:
+        """Residuals of every block by the fit to the others, inside the parameters' bounds."""
         out = self.error.copy()
-        for b, move in self._moves(blocks)[0].items():
-            out[blocks == b] -= self.basis[blocks == b] @ move
+        for b, free in self._moves(blocks)[0].items():
+            own = self.basis[blocks == b]
+            move = free if room is None else self._bounded(own, free, room)
+            out[blocks == b] -= own @ move
         return np.asarray(out / self.weight)
+
+    def _bounded(self, own: Array, move: Array, room: tuple[Array, Array]) -> Array:
+        # The move inside the bounds that is best for the other rows; what they do not tell stays.
+        low, high = room
+        change = self.back @ move
+        if np.all(change >= low) and np.all(change <= high):
+            return move
+        share, v = np.linalg.eigh(own.T @ own)
+        left = np.where(1 - share > ALONE, 1 - share, 1.0)
+        root = np.sqrt(left)[:, None] * v.T
+        place = np.linalg.pinv(self.back)
+        found = scipy.optimize.lsq_linear(root @ place, root @ move, room, method="bvls")
+        return np.asarray(place @ found.x)
 
 
 def autocorrelation(residual: Array) -> float:

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from esea_gen.identify.parameters import at_bound
+from esea_gen.identify.parameters import at_bound, bounds_of
 from esea_gen.identify.resampling import FitRows, LeftOut, autocorrelation, resampled
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
@@ -90,7 +90,9 @@ def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
     jacobian = relative_jacobian(plant.torque, values, free, 1e-3) * scale[:, None]
     _, singular, v = np.linalg.svd(jacobian, full_matrices=False)
     dead = singular < 1e-9 * singular[0]
-    found = resampled(jacobian / scale[:, None], -residual / scale, scale, plant.rows, plant.whole)
+    ends = np.array([bounds_of(k) for k in free]).T / [values[k] for k in free] - 1
+    apart = jacobian / scale[:, None], -residual / scale, scale
+    found = resampled(*apart, plant.rows, plant.whole, (ends[0], ends[1]))
     for i, k in enumerate(free):
         # A direction without effect makes those parameters infinite that take part in it.
         lost = bool(np.any(dead & (np.abs(v[:, i]) > 1e-3)))
