@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.candidates import members
-from esea_gen.identify.family_file import family_section
+from esea_gen.identify.family_file import drafted_member, family_section
 from esea_gen.identify.family_fit import UnitTerms, fit_member, member_spread, not_seen
 from esea_gen.identify.family_identification import identify_member
 from esea_gen.identify.notes import temperature_notes, told_apart_notes
@@ -242,11 +242,16 @@ def test_a_change_at_the_end_of_the_search_is_called_out(tmp_path):
     """A rubber that loses 9 % a kelvin: the factor would be below 0.2."""
     require_tool("gcc")
     recordings = load_recordings(load_mapping(recorded(tmp_path, THREE, -0.09, law=springs)))
-    factor = fit_member(UnitTerms(FORM, recordings, PER), recordings, 3.0).temperature
+    fitted = fit_member(UnitTerms(FORM, recordings, PER), recordings, 3.0)
+    factor = fitted.temperature
     said = "\n".join(temperature_notes(recordings, factor, 1e-4))
     assert "at the low end of what is searched" in said
     inside = TemperatureFactor(23.0, 0.9 * factor.per_K, 15.0, 31.0)
     assert "end of what" not in "\n".join(temperature_notes(recordings, inside, 1e-4))
+    device = drafted_member(load_mapping(tmp_path / "map.toml"), recordings, fitted, None, 1e-4)
+    source = device.file.family.temperature.per_K.source
+    assert "at the low end of its search" in source
+    assert "standard deviation" not in source
 
 
 def test_the_result_is_json_where_a_number_is_not_determined(tmp_path):

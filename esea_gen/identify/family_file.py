@@ -15,7 +15,7 @@ from esea_gen.identify.drafting import draft, files_of, origin_of, round_up
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.recording import MAX_TAU_NM
-from esea_gen.identify.temperatures import temperatures_of
+from esea_gen.identify.temperatures import at_edge, temperatures_of
 from esea_gen.model.family import FittedMember, Start, Term
 from esea_gen.model.family_step import ROOM
 from esea_gen.model.rubber import POWERS
@@ -167,6 +167,8 @@ def _recorded_warmth(
     where += "; temperatures assumed" if assumed else ""
     beyond = f", {where}; trained from {trained[0]:g} to {trained[-1]:g} degC"
     told = "" if sigma_per_K is None else f"; standard deviation {sigma_per_K:.2g}"
+    edge = at_edge(factor)
+    told = told if edge is None else f"; at the {edge} end of its search"
     sources = {
         "reference_C": f"mean of the temperatures in training, {where}",
         "per_K": where + told,

@@ -52,11 +52,13 @@ class FitRows:
 
     cycle, condition: numbers of blocks, shape (rows,).
     way: direction of the deflection, -1 to 1, shape (rows,).
+    alone: whether cycles alone say how far parameters may be off.
     """
 
     cycle: Blocks
     condition: Blocks
     way: Array
+    alone: bool = False
 
     @classmethod
     def of(cls, sets: Sequence[tuple[int, int, Array]]) -> FitRows:
@@ -78,8 +80,8 @@ class FitRows:
 
     @property
     def cycles_alone(self) -> FitRows:
-        """The same of one condition, so that cycles alone are left out."""
-        return replace(self, condition=np.zeros_like(self.condition))
+        """The same, of which conditions judge the torque but no parameter."""
+        return replace(self, alone=True)
 
 
 def rows_of(sets: Sequence[tuple[Recording, DataSet]], ways: Sequence[Array]) -> FitRows:
@@ -176,7 +178,7 @@ def resampled(
     """
     names = (rows.cycle, rows.condition)
     few = len(np.unique(rows.condition)) < LEAST_CONDITIONS
-    used = names[:1] if few else names
+    used = names[:1] if few or rows.alone else names
     fit = _Determined.of(jacobian, residual, weight)
     covariance = fit.covariance(used)
     if len(np.unique(rows.cycle)) <= jacobian.shape[1]:
