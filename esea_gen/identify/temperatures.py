@@ -42,7 +42,7 @@ def far_apart(known_C: Sequence[float]) -> bool:
 
 def temperature_name(recording: Recording) -> str:
     """What all recordings at one temperature, to the degree, have in common."""
-    return "" if recording.temperature_C is None else f"{recording.temperature_C:.0f} degC"
+    return "" if recording.temperature_C is None else f"{round(recording.temperature_C)} degC"
 
 
 def at_temperature(
