@@ -342,12 +342,20 @@ def test_without_an_emulator_the_comparison_goes_on(tmp_path, monkeypatch):
     monkeypatch.setattr(comparing, "PEERS", {})
     monkeypatch.setattr(esea_gen.bench.sensor_cost, "missing_tool", lambda: "No emulator.")
     path, target = write_rig(tmp_path, {"small": 2.0, "large": 5.0}), tmp_path / "found.json"
+    head, *rows = (tmp_path / "large.csv").read_text().split()
+    moved = (r.rsplit(",", 1) for r in rows)
+    rows = [f"{a},{float(y) + 0.1:.6g}" for a, y in moved]  # an offset, beside 1.5
+    (tmp_path / "large.csv").write_text("\n".join([head, *rows]) + "\n")
     done = CliRunner().invoke(app, ["identify", str(path), "--compare", "--json", str(target)])
     assert done.exit_code == 0
     assert "instructions are not counted. No emulator." in " ".join(done.output.split())
     found = json.loads(target.read_text())
     assert {r["instructions"] for r in found["compare"]} == {None}
     assert found["chosen"] in ("published", "stops")
+    # What spoils a recording is said here, too.
+    assert found["notes"][0].startswith("Quality gate: offset.")
+    assert found["notes"][1].startswith("Quality, large: the torque has an offset of 0.0999 Nm (")
+    assert "Quality gate: offset." in done.output
 
 
 @pytest.mark.ci

@@ -19,7 +19,7 @@ from esea_gen.errors import UserError
 from esea_gen.identify import identification as identification_file
 from esea_gen.identify import identify, load_mapping, load_recordings
 from esea_gen.identify.family_identification import identify_member
-from esea_gen.identify.quality import after_gaps, jumps
+from esea_gen.identify.quality import Finding, after_gaps, jumps
 from esea_gen.identify.quality_gate import gate_notes
 from tests.conftest import require_tool
 
@@ -145,7 +145,7 @@ def test_five_spikes_change_nothing(clean, tmp_path):
     result = identify_member(written(tmp_path, t, x, y), "stops")
     assert result.full_scale_Nm == pytest.approx(clean.full_scale_Nm, rel=1e-3)
     assert held_out(result) == pytest.approx(held_out(clean), abs=0.1)
-    assert "5 spikes in the torque, up to 15 Nm" in "\n".join(result.notes)
+    assert "4 spikes (5 samples) in the torque, up to 15 Nm" in "\n".join(result.notes)
     assert np.array(result.fitted.weights_Nm) == pytest.approx(
         np.array(clean.fitted.weights_Nm), abs=0.01
     )
@@ -476,7 +476,7 @@ def test_a_torque_recorded_late_is_named_and_put_right(tmp_path, late_ms):
 @pytest.mark.parametrize("offset_fitted", [True, False])
 def test_an_offset_of_the_model_excuses_an_offset_and_nothing_else(offset_fitted):
     def notes(*kinds: str) -> str:
-        found = [SimpleNamespace(kind=k, stops=k != "spike", text=k) for k in kinds]
+        found = [Finding(k, k, k != "spike") for k in kinds]
         one = SimpleNamespace(label="first", findings=found)
         return "\n".join(gate_notes([one], {"offset"} if offset_fitted else ()))
 
@@ -486,7 +486,7 @@ def test_an_offset_of_the_model_excuses_an_offset_and_nothing_else(offset_fitted
 
 
 def test_what_all_recordings_have_is_said_once():
-    told = [SimpleNamespace(kind="frozen", stops=True, text=t) for t in ("one", "both")]
+    told = [Finding("frozen", t, True) for t in ("one", "both")]
     made = [
         SimpleNamespace(label=label, findings=found)
         for label, found in (("first", told), ("second", told[1:]))

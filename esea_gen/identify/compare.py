@@ -33,6 +33,7 @@ from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.notes import temperature_notes
 from esea_gen.identify.peers import PEERS, fit_peer
+from esea_gen.identify.quality_gate import excused_of, gate_notes
 from esea_gen.identify.recorded import Recording, recording_rows
 from esea_gen.identify.recording import load_recordings
 from esea_gen.identify.search_problem import Searching
@@ -229,7 +230,11 @@ def compare(
         best,
         spread,
         run.devices,
-        (*_notes(timed, splits, able), *temperature_notes(recordings)),
+        (
+            *gate_notes(recordings, excused_of(run.devices[chosen])),
+            *_notes(timed, splits, able),
+            *temperature_notes(recordings),
+        ),
         tuple(recordings),
     )
 

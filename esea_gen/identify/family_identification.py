@@ -32,7 +32,7 @@ from esea_gen.identify.notes import (
     temperature_notes,
     told_apart_notes,
 )
-from esea_gen.identify.quality_gate import gate_notes, gated
+from esea_gen.identify.quality_gate import excused_of, gate_notes, gated
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.resampling import LeftOut
 from esea_gen.identify.verdict import Verdict, judge
@@ -150,12 +150,11 @@ def identify_member(
     fitted = fit_member(terms, recordings, full_scale)
     sigma, spread = member_spread(terms, recordings, fitted)
     per_K = None if fitted.temperature is None else float(spread.sigma[-1])
-    excused = {"offset"} if any(t.kind == "offset" for _, t in fitted.used) else set()
-    device = gated(drafted_member(source, recordings, fitted, sigma, per_K), recordings, excused)
+    device = gated(drafted_member(source, recordings, fitted, sigma, per_K), recordings)
     tell(0.7, "the device's C")
     verdict = judge(device, recordings)
     notes = (
-        *gate_notes(recordings, excused),
+        *gate_notes(recordings, excused_of(device)),
         *(n.note for n in channels),
         *_notes(source, recordings, fitted, verdict),
         *told_apart_notes(fitted, not_seen(terms, recordings, fitted), sigma),

@@ -19,7 +19,7 @@ from esea_gen.identify.mapping import MappingFile, load_mapping
 from esea_gen.identify.notes import band_notes, notes_of
 from esea_gen.identify.parameters import at_bound, bounds_of
 from esea_gen.identify.plant import FittedPlant
-from esea_gen.identify.quality_gate import gate_notes, gated
+from esea_gen.identify.quality_gate import excused_of, gate_notes, gated
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.search_problem import Searching
 from esea_gen.identify.space import Space
@@ -149,13 +149,10 @@ def identify(
     tell(0.95, "uncertainty")
     spread = uncertainty(plant, fit.values)
     device = sourced_device(source, recordings, device, fit, spread)
-    # A dead zone is what the gate would otherwise take for backlash, too.
-    zone = device.elastomer.dead_zone_rad
-    excused = {"backlash"} if zone is not None and zone.value else set()
-    device = gated(device, recordings, excused)
+    device = gated(device, recordings)
     band, pair = spread.resampled, (without or verdict, with_rate or verdict)
     notes = (
-        *gate_notes(recordings, excused),
+        *gate_notes(recordings, excused_of(device)),
         *(n.note for n in channels),
         *notes_of(source, recordings, fit, spread, verdict, pair if rate_terms else None),
         *(band_notes(recordings, verdict, band, device.tau_full_scale_Nm) if band else ()),

@@ -361,7 +361,8 @@ def _check_text(origin: str, mapping: Mapping) -> None:
 
 def _fix(problem: Problem) -> str:
     if Quantity in (problem.within, table_type(problem.wanted)):
-        return 'Write { value = 1.0, status = "assumed", source = "why" }.'
+        fit = ' or "fit"' if problem.key in FITTABLE else ""
+        return f'Write {{ value = 1.0, status = "assumed", source = "why" }}{fit}.'
     if problem.kind == "missing":
         return "Add it; see docs/identify.md."
     return problem.text or "Correct it; see docs/identify.md."

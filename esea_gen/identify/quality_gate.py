@@ -16,12 +16,20 @@ def _stopping(recordings: Sequence[Recording], excused: Collection[str]) -> list
     return list(dict.fromkeys(kinds))
 
 
-def gated(device: Device, recordings: Sequence[Recording], excused: Collection[str] = ()) -> Device:
-    """The device; where a recording is not sound, its torque model is assumed, not identified.
+def excused_of(device: Device) -> set[str]:
+    """Kinds of findings that a device's model has a term for."""
+    family, elastomer = device.file.family, device.file.elastomer
+    zone = None if elastomer is None else elastomer.dead_zone_rad
+    # A dead zone is what the gate would otherwise take for backlash, too.
+    found = {"backlash"} if zone is not None and zone.value else set()
+    if family is not None and any(t.kind == "offset" for t in family.terms):
+        found.add("offset")
+    return found
 
-    excused: kinds of findings that the model has a term for.
-    """
-    kinds = _stopping(recordings, excused)
+
+def gated(device: Device, recordings: Sequence[Recording]) -> Device:
+    """The device; where a recording is not sound, its torque model is assumed, not identified."""
+    kinds = _stopping(recordings, excused_of(device))
     if not kinds:
         return device
     why = f"not identified, the recording has: {', '.join(kinds)}; "
@@ -47,11 +55,15 @@ def gated(device: Device, recordings: Sequence[Recording], excused: Collection[s
 
 
 def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -> tuple[str, ...]:
-    """What was found, recording by recording, and whether the gate is shut."""
+    """What was found, recording by recording, and whether the gate is shut.
+
+    excused: kinds of findings that the model has a term for.
+    """
     labels: dict[str, list[str]] = {}
     for r in recordings:
         for f in r.findings:
-            labels.setdefault(f.text, []).append(r.label)
+            text = f.text if f.kind in excused else f.text + f.advice
+            labels.setdefault(text, []).append(r.label)
     notes = [
         f"Quality, {'all' if 1 < len(recordings) == len(at) else ', '.join(at)}: {text}."
         for text, at in labels.items()
@@ -66,4 +78,4 @@ def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -
     return tuple(notes)
 
 
-__all__ = ["gate_notes", "gated"]
+__all__ = ["excused_of", "gate_notes", "gated"]

@@ -16,7 +16,7 @@ from esea_gen.errors import UserError
 from esea_gen.identify.conditions import divided
 from esea_gen.identify.cycles import data_sets, divide
 from esea_gen.identify.mapping import MappingFile
-from esea_gen.identify.quality import MOST_SPIKES, Finding, bridged, examined, jumps, spikes
+from esea_gen.identify.quality import MOST_SPIKES, Finding, bridged, examined, jumps, runs, spikes
 from esea_gen.identify.readers import READERS
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.tables import TIME, FileFormat, Mapping, RecordingTable, ToFit
@@ -245,9 +245,10 @@ def _spiked(spiky: npt.NDArray[np.bool_], tau: Array) -> tuple[Finding, ...]:
     count = int(np.count_nonzero(spiky))
     if not count:
         return ()
-    largest = float(np.abs(tau[spiky]).max())
-    text = f"{count} spike{'s' if count > 1 else ''} in the torque, up to {largest:.4g} Nm"
-    if count > MOST_SPIKES * len(tau):
+    largest, found = float(np.abs(tau[spiky]).max()), len(runs(spiky))
+    wide = f" ({count} samples)" if count > found else ""
+    text = f"{found} spike{'s' if found > 1 else ''}{wide} in the torque, up to {largest:.4g} Nm"
+    if found > MOST_SPIKES * len(tau):
         return (Finding("noise", f"{text}: more than {MOST_SPIKES:.0%} of all samples", True),)
     return (Finding("spikes", f"{text}, neither train nor judge", False),)
 

@@ -57,7 +57,7 @@ def at_edge(factor: TemperatureFactor) -> str | None:
 
 def temperature_name(recording: Recording) -> str:
     """What all recordings at one temperature, to the degree, have in common."""
-    return "" if recording.temperature_C is None else f"{recording.temperature_C:.0f} degC"
+    return "" if recording.temperature_C is None else f"{round(recording.temperature_C)} degC"
 
 
 def at_temperature(

@@ -1,0 +1,173 @@
+"""What no rubber does: a torque that leaves and comes back, a channel that stands still."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from esea_gen.errors import UserError
+from esea_gen.identify import load_mapping, load_recordings
+from esea_gen.identify.family_identification import identify_member
+from esea_gen.identify.quality import Finding, offset_Nm, runs, spikes, still, stuck
+from esea_gen.identify.quality_gate import gate_notes
+from esea_gen.identify.temperatures import temperature_name
+from tests.conftest import require_tool
+from tests.test_quality import DATA, found, held_out, mapped, rig, written
+
+ENDS = 310, 555, 900, 1100, 1333
+
+
+@pytest.mark.parametrize("width", [5, 10])
+def test_five_wide_spikes_change_nothing(tmp_path, width):
+    """Full scale from 2.9 to 15 Nm, and a held-out error that seemed better for it."""
+    require_tool("gcc")
+    t, x, y = rig()
+    clean = identify_member(written(tmp_path, t, x, y), "stops")
+    for at, size in zip(ENDS, (15, -9, 12, 12, -15), strict=True):
+        y[at : at + width] += size
+    result = identify_member(written(tmp_path, t, x, y), "stops")
+    assert result.full_scale_Nm == pytest.approx(clean.full_scale_Nm, rel=1e-3)
+    assert held_out(result) == pytest.approx(held_out(clean), abs=0.1)
+    assert f"5 spikes ({5 * width} samples) in the torque, up to 1" in "\n".join(result.notes)
+    assert {q.status for k, q in result.device.quantities() if "weight" in k} == {"identified"}
+
+
+def held(back: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """A ramp of 100 samples up and some back, held for 300; the torque relaxes by 0.4 of itself."""
+    down = np.linspace(1, 0, 101)
+    at = 100 + round(100 * back)
+    x = np.concatenate([np.linspace(0, 1, 101)[:100], down])
+    x = np.insert(x, at, np.full(300, x[at]))
+    y = 10 * x
+    y[at : at + 300] *= 0.6 + 0.4 * np.exp(-np.arange(300) / 20)
+    y[at + 300 :] *= 0.6
+    return x, y
+
+
+def test_where_the_deflection_is_held_a_wide_spike_is_found_and_relaxation_is_none():
+    x, y = held()
+    assert not np.any(spikes(x, y))
+    # Half a cycle is 250 samples or so; a tenth of a cycle, and the share of the range: 8 % of 10.
+    for a, b, size in ((250, 290, 1.5), (300, 312, -1.0), (200, 204, 9.0)):
+        spoilt = y.copy()
+        spoilt[a:b] += size
+        assert runs(spikes(x, spoilt)) == [(a, b)]
+    for a, b, size in ((250, 290, 0.6), (250, 400, 1.5), (200, 300, 1.5)):
+        spoilt = y.copy()
+        spoilt[a:b] += size
+        assert not np.any(spikes(x, spoilt)), (a, b, size)
+
+
+def test_a_torque_that_comes_back_with_the_deflection_is_no_spike():
+    x, _ = held()
+    for width in (10, 20, 40):
+        moved = x.copy()
+        moved[250 : 250 + width] -= 0.3 * np.sin(np.pi * np.arange(width) / width)
+        assert not np.any(spikes(moved, 10 * moved))
+        assert runs(spikes(x, 10 * moved)) != []
+
+
+def test_spikes_in_real_rubber_are_found_whole(tmp_path):
+    """Five of 18.5 Nm, six samples wide, beside 4.5 Nm; the bearing alone has none."""
+    (real,) = load_recordings(load_mapping(DATA / "hdrb.toml"))
+    x, y = real.theta_rad, real.tau_Nm
+    assert not np.any(spikes(x, y))
+    spoilt = y.copy()
+    for at in (500, 1717, 2500, 4001, 6002):
+        spoilt[at : at + 6] += 18.5
+    mask = spikes(x, spoilt)
+    assert [a for a, _ in runs(mask)] == [500, 1717, 2500, 4001, 6002]
+    assert np.count_nonzero(mask) <= 30 + 10  # a sample beside each end may go with it
+    assert np.abs(spoilt[~mask]).max() == np.abs(y).max()
+
+
+def test_a_large_spike_hides_no_small_one():
+    _, x, y = rig()
+    assert not np.any(spikes(x, y))
+    y[900:912] += 500.0
+    y[1050:1056] += 2.5
+    y[1400] += 1.5
+    assert runs(spikes(x, y)) == [(900, 912), (1050, 1056), (1400, 1401)]
+
+
+@pytest.mark.parametrize("dither", [0.0, 1e-5, 2e-4])
+def test_a_force_that_stands_still_but_for_its_last_digit_is_frozen(tmp_path, dither):
+    t, x, y = rig()
+    y[700:760] = y[700] + dither * np.sin(np.arange(60) ** 2)
+    told = found(written(tmp_path, t, x, y))
+    assert list(told) == ["frozen"]
+    assert "for 60 samples from sample 700" in told["frozen"]
+
+
+def test_how_near_and_how_long_a_channel_stands_still():
+    """The band is 2e-4 of the range; the other one moves by 0.04 of its own in 41 samples."""
+    k = np.arange(1001)
+    for size, seen in ((0.9e-4, [(200, 260)]), (1.1e-4, [])):
+        y = k / 1000
+        y[200:260] = 0.5 + size * (-1) ** k[200:260]
+        assert list(still(k / 1000, y)) == seen
+    for count in (40, 43):
+        y = k / 1000
+        y[200 : 200 + count] = 0.5
+        assert list(still(k / 1000, y)) == ([(200, 243)] if count == 43 else [])
+    # What drifts out of the band goes on: a slow recording, a thousandth of the band a sample.
+    assert list(still(np.sin(k), np.arange(1001.0))) == []
+
+
+def test_an_encoder_that_is_stuck_is_named_and_its_cycles_left_out(tmp_path):
+    t, x, y = rig()
+    x[700:760] = x[700]
+    told = found(written(tmp_path, t, x, y))
+    assert list(told) == ["deflection frozen"]
+    assert "frozen for 60 samples from sample 700" in told["deflection frozen"]
+
+
+def test_a_deflection_that_is_held_is_not_stuck():
+    """Relaxation after a load, after an overshoot, and recovery after a partial unload."""
+    for back in (0.0, 0.02, 0.2):
+        assert list(stuck(*held(back))) == []
+    x, y = held(0.5)
+    grows = 1 - np.exp(-np.arange(300) / 20)
+    y[150:450] = 1 + 3 * grows
+    assert list(stuck(x, y)) == []
+    # To the other side, where no torque is at this deflection, and by more than it came: 8 samples.
+    y[150:450] = 1 - 6 * grows
+    assert [b - a for a, b in stuck(x, y)] == [301]
+    # A coarse encoder stands still, too; the torque goes on by a step of it.
+    x = np.sin(2 * np.pi * np.arange(8001) / 2000)
+    assert list(stuck(np.round(x / 0.2) * 0.2, 10 * x)) == []
+
+
+def test_what_is_spoilt_makes_no_offset():
+    """A force frozen for 60 of 1601 samples was told as an offset, too."""
+    _, x, y = rig()
+    spoilt = np.zeros(len(x), dtype=bool)
+    spoilt[700:760] = True
+    stands = np.where(spoilt, 40.0, y)
+    assert abs(offset_Nm(x, stands)) > 0.5
+    assert offset_Nm(x, stands, spoilt) == pytest.approx(offset_Nm(x, y), abs=2e-3)
+    assert offset_Nm(x, y, np.arange(len(x)) >= 49) is None
+
+
+def test_who_has_an_offset_is_not_sent_for_one():
+    made = Finding("offset", "an offset", True, "; take a member with one")
+    recordings = [SimpleNamespace(label="a", findings=[made])]
+    assert gate_notes(recordings)[1:] == ("Quality, a: an offset; take a member with one.",)
+    assert gate_notes(recordings, {"offset"}) == ("Quality, a: an offset.",)
+
+
+def test_names_of_temperatures_have_no_minus_before_zero():
+    names = [temperature_name(SimpleNamespace(temperature_C=c)) for c in (-0.0007, -0.6, 22.5, 0.4)]
+    assert names == ["0 degC", "-1 degC", "22 degC", "0 degC"]
+
+
+@pytest.mark.parametrize(
+    ("key", "offered"), [("lag_s", ' or "fit".'), ("scale_Nm_per_N", 'source = "why" }.')]
+)
+def test_who_misspells_fit_is_told_of_it_where_it_goes(tmp_path, key, offered):
+    path = mapped(tmp_path, ("[torque]\n", f'[torque]\n{key} = "fitt"\n'))
+    with pytest.raises(UserError) as caught:
+        load_mapping(path)
+    assert caught.value.fix.endswith(offered)
