@@ -248,6 +248,25 @@ def test_what_the_device_file_cannot_hold_is_not_searched(tmp_path):
     assert fitted.temperature.per_K == pytest.approx(low, rel=1e-3)
 
 
+@pytest.mark.parametrize(("side", "room_K"), [(1, 42.5), (-1, 8.5)])
+def test_the_factor_keeps_its_least_at_every_known_temperature(side, room_K):
+    """Trained at 20 and 25 degC; one at -20 and one at 31 only judge, and it holds there, too."""
+    rng = np.random.default_rng(4)
+    at_C, x = np.repeat([20.0, 25.0], 100), rng.uniform(-1, 1, 200)
+    y = 2.0 * (1 + side * 0.1 * (at_C - 22.5)) * x
+    member = Member("one", "one", (Term("spring", Rise("power", 1)),))
+    trained = (SimpleNamespace(training=[0]),)
+    known = [(-20.0, ()), (20.0, trained), (25.0, trained), (31.0, ())]
+    recordings = [SimpleNamespace(temperature_C=c, sets=s) for c, s in known]
+    factor = searched_factor(
+        member, recordings, at_C, x[:, None], y, lambda b, t: np.linalg.lstsq(b, t, rcond=None)[0]
+    )
+    facts = field_facts("family.temperature.per_K")
+    most = min(0.8 / room_K, facts["high"] if side > 0 else -facts["low"])
+    assert factor.per_K == pytest.approx(side * most, rel=2e-3)
+    assert factor.ends[0] >= 0.2
+
+
 # The mapping file.
 
 
