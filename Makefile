@@ -9,7 +9,7 @@ STAMP := .venv/.stamp
 # test compiles the package anew, and each worker every assertion, a quarter of the whole.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test search docs bench test-ci test-slow proof style setup clean
+.PHONY: run test search docs bench test-ci test-slow proof style check setup clean
 
 run: setup
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
@@ -21,8 +21,8 @@ run: setup
 	@echo "Open $(OUT)/report.html (the recorded rubber), $(OUT)/elbow.html (the published elbow) and"
 	@echo "$(OUT)/demo.png (the controlled elbow on a simulated board, recorded in $(OUT)/demo.mcap and replayed to the bit)."
 
-test: setup style
-	@$(BIN)/esea-gen check
+test: setup
+	@$(MAKE) --no-print-directory -j 2 style check
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # Other examples at each run; SEED=n repeats one, TESTS=tests/test_plant.py narrows it.
@@ -51,6 +51,9 @@ test-slow: setup
 proof: export ESEA_PROOF = 1
 proof: setup
 	@ESEA_REQUIRE_TOOLS=1 $(BIN)/python -m pytest -n 2 -m "slow or not slow" tests/test_fixed_proof.py tests/test_limits_proof.py tests/test_firmware_proof.py
+
+check: setup
+	@$(BIN)/esea-gen check
 
 style: setup
 	@$(BIN)/ruff check .

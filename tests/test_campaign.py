@@ -38,6 +38,7 @@ def counted(folder):
     return case
 
 
+@pytest.mark.ci
 def test_any_number_of_workers_gives_the_same(tmp_path):
     cases = seeded(60, root=1, gain=2.0)
     one = run_cases(draw, cases, configuration=CONFIG)

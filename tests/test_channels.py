@@ -185,6 +185,7 @@ def test_one_quick_condition_of_three_tells_a_lag(tmp_path):
     assert n.sigma < 0.001
 
 
+@pytest.mark.ci
 def test_the_published_models_search_finds_a_lag(tmp_path):
     both = two_rates(3, lag_s=0.012, rubber=published_rubber)
     (n,) = identify(written(tmp_path, both, LAG)).channels
@@ -207,6 +208,7 @@ def test_what_is_held_out_has_no_part_in_the_lag(tmp_path):
     assert m.sigma == pytest.approx(n.sigma, rel=1e-9)
 
 
+@pytest.mark.ci
 def test_loss_that_the_model_lacks_is_no_lag_if_it_is_alike_at_every_rate(tmp_path):
     """An ellipse, which no sum of stops draws: the torque leads by 0.15 rad at both rates.
 
@@ -270,6 +272,7 @@ def test_a_backlash_is_found_and_taken_out(tmp_path, seed):
     assert "backlash taken out" in weight.source
 
 
+@pytest.mark.ci
 def test_without_a_backlash_none_is_taken_and_nothing_changes(tmp_path):
     result = identify_member(written(tmp_path, two_sizes(1), BACKLASH), "stops")
     (n,) = result.channels
@@ -278,6 +281,7 @@ def test_without_a_backlash_none_is_taken_and_nothing_changes(tmp_path):
     assert result.toml() == identify_member(mapped(tmp_path), "stops").toml()
 
 
+@pytest.mark.ci
 def test_a_lag_and_a_backlash_are_told_apart(tmp_path):
     off = {"lag_s": 0.012, "gap": 0.003}
     made = two_rates(4, **off)
@@ -306,6 +310,7 @@ def test_behind_a_gap_and_beyond_a_dead_zone():
 # Dead zone.
 
 
+@pytest.mark.ci
 def test_a_dead_zone_is_found_and_stands_in_the_device_file(tmp_path):
     made = [
         recorded(1.0, i, amplitude=a, dead=0.02, rubber=springy_rubber)
@@ -328,6 +333,7 @@ def test_a_dead_zone_is_found_and_stands_in_the_device_file(tmp_path):
     assert result.to_dict()["mean_rms"]["held_out_percent"] < 0.35
 
 
+@pytest.mark.ci
 def test_without_a_dead_zone_none_is_taken_and_nothing_changes(tmp_path):
     path = written(tmp_path, two_sizes(1, rubber=published_rubber), DEAD)
     result = identify(path)

@@ -166,7 +166,7 @@ def table() -> dict[str, list[str]]:
     return {c[0].strip("`"): c[1:] for c in cells}
 
 
-@pytest.mark.parametrize("controller", ["smc", "mpc"])
+@pytest.mark.parametrize("controller", ["smc", pytest.param("mpc", marks=pytest.mark.ci)])
 @pytest.mark.parametrize(
     "fault", ["freeze:load", "freeze:motor", "freeze:both", "freeze:gear", "drift:load=0.5"]
 )

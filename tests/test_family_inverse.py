@@ -262,6 +262,7 @@ def fixed(devices):
     return device, block, plan, any_bound(plan), library
 
 
+@pytest.mark.ci
 def test_whole_numbers_stay_within_what_the_residual_allows(fixed):
     """From every memory: bit for bit the executor's, and no further from float64 than derived."""
     device, block, plan, bound, library = fixed
@@ -275,6 +276,7 @@ def test_whole_numbers_stay_within_what_the_residual_allows(fixed):
         assert found.turned == 0
 
 
+@pytest.mark.ci
 def test_the_sensor_feels_what_was_asked_for(fixed):
     """The member's own sensor in float64 at the set-points of the whole-number C, jumps too."""
     device, block, _, _, library = fixed
@@ -296,6 +298,7 @@ def test_the_sensor_feels_what_was_asked_for(fixed):
     assert not np.any(found["status"].astype(int) & 0b1100011)
 
 
+@pytest.mark.ci
 def test_a_wrong_constant_is_felt(fixed):
     """The inverse then agrees with itself; the sensor does not, by what the test above allows."""
     device, *_ = fixed

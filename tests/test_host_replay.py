@@ -16,7 +16,7 @@ from esea_host.simulated import LockstepDevice, SimulatedBoard
 from .conftest import require_tool
 
 
-@pytest.fixture(scope="module", params=["sim", "sim-q31"])
+@pytest.fixture(scope="module", params=["sim", pytest.param("sim-q31", marks=pytest.mark.ci)])
 def recorded(request, tmp_path_factory):
     """Zeroed, a parameter changed, armed, a sine of torque; the board is simulated."""
     if request.param == "sim":

@@ -181,7 +181,7 @@ CURVE = {
 }
 
 
-@pytest.fixture(scope="module", params=["sim", "sim-q31"])
+@pytest.fixture(scope="module", params=["sim", pytest.param("sim-q31", marks=pytest.mark.ci)])
 def powered(request, elbow):
     require_tool("gcc")
     board = SimBoard(elbow, board=request.param)
