@@ -32,6 +32,8 @@ from tests.test_family_device import EVERY, drive, refused
 from tests.test_predictive import situation
 from tests.test_predictive_family import FamilyPlain, both
 
+pytestmark = pytest.mark.ci
+
 OFFSET_Nm = -0.1  # EVERY's last term
 WARM = TemperatureFactor(23.0, -0.004, 10.0, 40.0)
 AT_C, FACTOR = 31.0, 0.968  # 1 - 0.004 * 8

@@ -21,6 +21,8 @@ from esea_host.wrist.rig import Rig, impaired_device
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 LIMB = Limb(0.003, 0.0, 0.05, 0.0, -1.4, 1.0)
 REST = (8.0, 0.3, 0.0, 0.0, 3.0)
 FULL_NM = 4.47

@@ -41,6 +41,8 @@ from esea_host.study.task import Situation, TaskBrokenError, task_named
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 STEP_S = 0.01
 
 

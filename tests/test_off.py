@@ -35,6 +35,8 @@ from .test_experiments import shorter
 from .test_plant import P_NM_RAD, R_RAD, Rig
 from .typed import typed
 
+pytestmark = pytest.mark.ci
+
 EVERY = list(off_families())
 # What each family may touch, typed again.
 TOUCHED = {

@@ -21,6 +21,8 @@ from .result_schemas import held
 from .test_quality import rig, written
 from .test_report import Page
 
+pytestmark = pytest.mark.ci
+
 SPECIMEN = """\
 [specimen]
 name = "A3"

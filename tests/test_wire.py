@@ -28,6 +28,8 @@ from esea_gen.verify.sim import SimBoard
 
 from .conftest import require_tool
 
+pytestmark = pytest.mark.ci
+
 ANGLES = {"count_motor": 700, "count_load": 900, "count_gear": 5}
 STOP, RESET = "MAV_CMD_USER_4", "MAV_CMD_USER_1"
 
