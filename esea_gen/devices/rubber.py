@@ -10,6 +10,8 @@ from pydantic import Field
 from esea_gen.devices.numbers import Quantity, Section, Series, number, series
 
 MAX_DEAD_ZONE_RAD = math.radians(6)
+# Of a rubber.
+COLDEST_C, HOTTEST_C = -60.0, 200.0
 # A factor of temperature is at least this over its range: far from 0, where no torque is left.
 LEAST_FACTOR = 0.2
 MOST_TERMS = 64
@@ -87,12 +89,12 @@ class FamilyTerm(Section):
 class FamilyTemperature(Section):
     """What the rubber's temperature changes: all weights but the offset's, by one factor."""
 
-    reference_C: Quantity = number(-60, 200, "Temperature for which the weights hold.")
+    reference_C: Quantity = number(COLDEST_C, HOTTEST_C, "Temperature for which the weights hold.")
     per_K: Quantity = number(
         -0.05, 0.05, "Relative change a kelvin: the factor is 1 + per_K (T - reference_C)."
     )
-    low_C: Quantity = number(-60, 200, "Lowest temperature for which this holds.")
-    high_C: Quantity = number(-60, 200, "Highest temperature for which this holds.")
+    low_C: Quantity = number(COLDEST_C, HOTTEST_C, "Lowest temperature for which this holds.")
+    high_C: Quantity = number(COLDEST_C, HOTTEST_C, "Highest temperature for which this holds.")
 
 
 class Family(Section):

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.devices.numbers import Quantity
+from esea_gen.devices.rubber import COLDEST_C, HOTTEST_C
 from esea_gen.errors import UserError
 from esea_gen.identify.conditions import divided
 from esea_gen.identify.cycles import data_sets, divide
@@ -31,7 +32,6 @@ HELD_BAND = 0.02  # of its range: a deflection that stays within it is held
 MAX_STIFFNESS_NM_RAD = 1000.0  # bound of k1
 TURNED = Finding("sign", "the torque fell with the deflection and was turned round", False)
 KELVIN_AT_0_C = 273.15
-COLDEST_C, HOTTEST_C = -60.0, 200.0  # bounds of temperature_C
 MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
 
 

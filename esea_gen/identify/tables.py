@@ -9,7 +9,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.devices.numbers import Quantity
-from esea_gen.devices.rubber import MAX_DEAD_ZONE_RAD
+from esea_gen.devices.rubber import COLDEST_C, HOTTEST_C, MAX_DEAD_ZONE_RAD
 
 BANDWIDTH_SHARE = 0.1  # of the sensing rate, at most
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
@@ -219,7 +219,7 @@ class RecordingTable(_Table):
     )
     label: str | None = Field(default=None, description="Name in reports; the file's by default.")
     temperature_C: Quantity | None = _limits(
-        -60, 200, "The rubber's temperature, where no column has it.", default=None
+        COLDEST_C, HOTTEST_C, "The rubber's temperature, where no column has it.", default=None
     )
     format: FileFormat | None = Field(default=None, description="Where it differs from [format].")
 
