@@ -18,6 +18,7 @@ from scipy.integrate import quad
 
 from esea_gen.control.adaptation import adaptation
 from esea_gen.control.governor import smoothed_setpoint, torque_lead
+from esea_gen.control.impairment import impairment
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits import limits
 from esea_gen.control.passivity import passivity
@@ -47,6 +48,7 @@ from esea_gen.observe.extrapolation import parabola
 from esea_gen.observe.human import extended_state, lag_observer
 from esea_gen.observe.rates import motor_rate
 from esea_gen.twin.plant import plant_block
+from esea_host.wrist.rig import impaired_device
 
 from .shown_equations import names, value
 
@@ -151,6 +153,8 @@ TYPED = {
     "[set 2]": "1.5 * q**2 * (1 + p) / h",
     "[set 3]": "q**3 / h**2",
     "[set 4]": "delta_p + alpha * e",
+    "[set 1] differences": "(delta_k - delta_k_1) / h",
+    "[set 2] differences": "((delta_k - delta_k_1) - (delta_k_1 - delta_k_2)) / h / h",
     "(5.12)": "e_ + 2 * lambda_ * e + lambda_**2 * I",
     "[a_w]": "theta_d__ + 2 * lambda_ * e_ + lambda_**2 * e",
     "[tau_unc]": "k_1_unc * abs(delta) + k_3_unc * abs(delta)**3",
@@ -203,6 +207,9 @@ TYPED = {
     "[adapt 5]": "c + L * h * e * E",
     "[adapt 6]": "o + L * h * e / 2",
     "[adapt 7]": "a * tau_d + c * E + o",
+    # Impairment, chapter 7, with the sign of its damping put right.
+    "(7.1)": "max(0, K_p * (theta - theta_w) + K_d * omega) if theta > theta_w else 0",
+    "(7.2)": "clip(-K_v * omega - W, -tau_max, tau_max)",
     # Family: docs/identify.md.
     "[family]": "N * w_i * d_i * z_i",
     "[rise]": "x * a / (a + abs(x))",
@@ -278,6 +285,10 @@ SHOWN = {
     "governor": (lambda: torque_lead(drive()).equations, ""),
     "smoothed": (lambda: smoothed_setpoint(drive()).equations, ""),
     "set-point": (lambda: setpoint_rates(drive()).equations, ""),
+    "plain differences": (
+        lambda: setpoint_rates(drive(), "differences").equations,
+        " differences",
+    ),
     "sliding mode": (lambda: sliding_mode(drive()).equations, ""),
     "surface": (surface_equations, ""),
     "law in force": (lambda: law_switch(drive(), ["a", "b"]).equations, ""),
@@ -286,6 +297,7 @@ SHOWN = {
     "passivity": (lambda: passivity(drive()).equations, ""),
     "limits": (lambda: limits(drive()).equations, ""),
     "adaptation": (lambda: adaptation(drive()).equations, ""),
+    "impairment": (lambda: impairment(impaired_device()).equations, ""),
     "comparison": (lambda: redundancy(drive()).equations, ""),
     "family": (lambda: family_sensor(device("elbow"), FITTED).equations, ""),
 }

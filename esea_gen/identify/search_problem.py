@@ -72,6 +72,8 @@ def solve_linear(basis: Array, target: Array, low: Array, high: Array) -> Array:
     target: shape (rows,).
     low, high: bounds, shape (columns,); ``low`` is 0.
     """
+    if not len(high):  # SciPy's nnls ends the whole process here
+        return np.zeros(0)
     size = np.sqrt(np.einsum("ij,ij->j", basis, basis))
     size[size == 0] = 1.0
     scaled = basis / size
