@@ -192,6 +192,14 @@ WANTED = 3 * PUSH + 2 * SENSOR_NM / LIMB_KGM2 + 2 * SLOPE * ANGLE_RATE + SLOPE**
 EQUIVALENT_NM = 1.01 / N * (J_KGM2 * (WANTED + PUSH) + FV * SPEED + FC + SENSOR_NM)
 UNSURE_NM = 0.25 * FV * SPEED + 0.25 * FC + 1.5 * DEFLECTION_RAD + 1.5 * DEFLECTION_RAD**3
 SWITCHING_NM = 1.01 * 5 / N * (0.05 * (WANTED + PUSH) + UNSURE_NM + (J_KGM2 + 0.05) * 0.001)
+# What a hand may still be given: 30 times the bound, the drive's motion, and the motor's lag, the
+# filter of its speed and the rate of the command on the way to nothing, at the drive's fastest.
+FAST = np.sqrt(2 * 4 / J_KGM2)
+LATE_S = 2 * (np.sin(np.pi / 8) + np.sin(3 * np.pi / 8)) / (2 * np.pi * 30) + TICK_S / 2
+LAG_TICK_S = TICK_S / (1 - np.exp(-TICK_S / 0.03488))
+FALLS_S = (1 + LATE_S / LAG_TICK_S) * MOTOR_NM / 50
+MOVING_J = 0.51 * J_KGM2 * SPEED**2
+HELD_J = 1.01 * (120 + MOVING_J + FAST * N * MOTOR_NM * (0.03488 + LATE_S + FALLS_S))
 # A parabola through eleven values, 50 ms apart, by least squares: what each takes of them.
 PARABOLA = np.linalg.pinv(np.vander(-0.05 * np.arange(11), 3, increasing=True))
 ROOM = {
@@ -232,7 +240,7 @@ ROOM = {
     "passivity.square_rad2_s2": (0, 1.01 * SPEED**2),
     "passivity.damping_Nms_rad": (0, 1.001 * 0.35),
     "passivity.given_J": (0, 1.001 * 30 * 4),
-    "passivity.moving_J": (0, 0.51 * J_KGM2 * SPEED**2),
+    "passivity.moving_J": (0, MOVING_J),
     "passivity.v_Nm passivity.most_Nm": (0, 1.001 * MOTOR_NM),
     "drive_observer.passive_rad_s2 gear_observer.passive_rad_s2": 1.001
     * (PUSH + (FV * SPEED + FC + SENSOR_NM) / J_KGM2),
@@ -302,7 +310,48 @@ ROOM = {
     "inverse.tau_r_Nm torque_lead.tau_set_Nm.state": SENSOR_NM,
     "parabola.tau_h_rate_Nm_s": 1.01 * SENSOR_NM * np.abs(PARABOLA[1]).sum(),
     "parabola.tau_h_curve_Nm_s2": 2.02 * SENSOR_NM * np.abs(PARABOLA[2]).sum(),
+    "passivity.held_J": (0, HELD_J),
+    "sliding_mode.slow_rad": 1.01 * ANGLE_ERROR,
+    "sliding_mode.middle_rad": 2.02 * ANGLE_ERROR,
+    "sliding_mode.square": (0, 1.001),
+    "gear_observer.d4_rad_s2": PUSH,
+    "drive_by_gear.omega_last_rad_s": SPEED,
+    "drive_by_gear.u_held_Nm predictive.u_in_force_Nm": MOTOR_NM,
+    "parabola.last_Nm parabola.past_Nm parabola.tau_h_fit_Nm trend.last_Nm": SENSOR_NM,
+    "trend.raw_Nm trend.grown_Nm": 2 * SENSOR_NM,
+    "trend.noise_Nm": (0, 4.04 * 2 * SENSOR_NM),
+    "trend.miss_Nm": 4 * SENSOR_NM,
+    "trend.rate_Nm_s trend.tau_rate_Nm_s": FASTEST_NM_S,
+    "trend.acc_Nm_s2": FASTEST_NM_S * 6 * np.pi,
+    "reference.mode_last": (0, 2),
+    "reference.tau_range_Nm": (0, FULL_NM),
+    "limits.key": (0, 0x555555 + 0.5),
+    # Along the horizon.
+    "predictive.plan": 1,
+    "predictive.wound_rad": 1.01 * (0.03 / 2 + SENSOR_NM / 80),
+    "predictive.give_rad_Nm": (0, 1 / 80),
+    "predictive.theta_l_rad": JOINT_RAD,
+    "predictive.omega_l_rad_s": SPEED,
+    "predictive.play_rad": 2 * DEFLECTION_RAD,
+    "predictive.tau_h_rate_Nm_s": 1e4,
+    "predictive.Kp_Nm_rad": (0, 20),
+    "predictive.Kd_Nms_rad": (0, 5),
+    "predictive.residual": (0, 2),
+    "predictive.iterations": (0, 1000),
+    "predictive.root_q": (0, 1e3),
+    "predictive.root_r": (0, 1e6),
+    "predictive.load_1_kgm2": (0, 1e4),
     # Coefficients of the least and the largest tunables.
+    "velocity.alpha inverse.alpha setpoint_rates.alpha rate.gain_1 rate.gain_2": (0, 1),
+    "velocity.beta_1_s inverse.beta_1_s setpoint_rates.beta_1_s": (0, 3 / TICK_S),
+    "velocity.gamma_1_s2 inverse.gamma_1_s2 setpoint_rates.gamma_1_s2": (0, 1 / TICK_S**2),
+    "human_eso.reach_s": (0, TICK_S),
+    "encoder.offset_rad": np.pi,
+    "set_trend.quick trend.quick": (0, 1),
+    "trend.noises_1_Nm": (0, 1.01 / 0.001),
+    "limits.u_step_Nm": (0.99 * 0.5 * TICK_S, 1.01 * 50 * TICK_S),
+    "sliding_mode.lambda_1_s": (0, SLOPE),
+    "sliding_mode.lead": (0, 4 - 1),  # of the law, beside the law
     "sliding_mode.lambda2_1_s2": (0, 1.01 * SLOPE**2),
     "sliding_mode.integral_gain_1_s": (0, 1.01 * SLOPE**2 * CONTROL_S),
     "sliding_mode.layer_s_rad set_trend.noises_1_Nm": (0, 1.01 / 0.001),
@@ -327,3 +376,16 @@ def test_memories_and_derived_outputs_have_room_for_what_the_drive_can_do_and_li
         for name in names.split():
             p = found.get(f"{name}.state", found.get(name))
             assert (p.low, p.high) == pytest.approx(ends, rel=3e-5), name
+    # Nothing is left: coefficients that a tunable bounds, and what a Program works in, apart.
+    named = {n.removesuffix(".state") for names in ROOM for n in names.split()}
+    for block in drive_blocks:
+        tunables = {t.name: (t.low, t.high) for t in block.tunables}
+        for p in (*block.coefficients, *block.state, *block.inputs, *block.outputs):
+            name, ends = f"{block.name}.{p.name}", (p.low, p.high)
+            if p.flags or {name, p.name} & {*named, *RANGES, *UNIT_PORTS.split()}:
+                continue
+            if p in block.coefficients and p.name in tunables:
+                assert ends == pytest.approx(tunables[p.name], rel=1e-6), name
+            else:
+                assert block.name == "predictive", name
+                assert ends == pytest.approx((-3e38, 3e38)), name
