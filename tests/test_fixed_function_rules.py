@@ -23,13 +23,18 @@ AT_ZERO = (29, 0, 2**30)
 CORE_LOG2, CORE_EXP2 = 2.0**-34.2, 2.0**-30.1  # what the two cores err by, over all arguments
 
 
-def tried(expression, given, wide: bool = False) -> tuple[Value, list[int], list[int]]:
-    """The value that an expression is lowered to, raw operands, and raw results."""
+def tried(expression, given, wide: bool | None = False) -> tuple[Value, list[int], list[int]]:
+    """The value that an expression is lowered to, raw operands, and raw results.
+
+    wide: in 64 bits; None for all but the result.
+    """
     kernel = rewrite(fuse_selects(walk(ca.Function("f", [X], [expression]))))
     source = Source("x", "in->x", *given, "x")
-    nodes = range(len(kernel.nodes)) if wide else ()
-    lowered = lower(kernel, lambda *_: source, [[Target("y", 0)]], wide=nodes, block="tried")
     (node,) = kernel.results[0]
+    nodes = set() if wide is False else set(range(len(kernel.nodes)))
+    if wide is None:
+        nodes.remove(node)
+    lowered = lower(kernel, lambda *_: source, [[Target("y", 0)]], wide=nodes, block="tried")
     low, high = given[1:]
     raws = [low + (high - low) * k // 60 for k in range(61)]
     values = lowered_values(lowered, {"in->x": np.array(raws, object)}, len(raws))
@@ -74,6 +79,9 @@ RULES = [
     (X**0.75, AT_ZERO, False, 30, 0.0, power(0.75)),
     (X**0.75, ABOVE, True, 58, 0.0, power(0.75)),
     ((X * 0.3) ** 0.75, ABOVE, True, 60, 0.0, power(0.75, True)),
+    ((X * 0.3) ** 0.75, ABOVE, None, 30, 0.0, power(0.75, True)),
+    (ca.log(X * 0.3), ABOVE, None, 30, logarithm(math.log2(1 / 0.2236)) + 2.0**-31, 0.0),
+    (ca.exp(X + 0.25), ACROSS, None, 25, math.expm1(half(29)) * E_MOST, BY_EXP),
 ]
 EXACT = {
     str(ca.exp(X)): mpmath.exp,
