@@ -22,6 +22,8 @@ from esea_gen.emit.fixed.plan import (
     run_lowered,
 )
 from esea_gen.emit.fixed.values import (
+    NARROW_LIMIT,
+    WIDE_LIMIT,
     LoweringError,
     Source,
     Target,
@@ -58,6 +60,8 @@ def test_the_finest_format_of_a_range_is_the_last_that_holds_it():
     assert best_fraction(Fraction(0), Fraction(1), 2**61 - 1) == 60
     assert best_fraction(Fraction(0), Fraction(0)) == 30
     assert best_fraction(Fraction(0), Fraction(1, 2**80)) == 90  # no format is finer
+    # The words of C; of 64 bits two are left for rounding and for the sum of two.
+    assert (NARROW_LIMIT, WIDE_LIMIT) == (2**31 - 1, 2**61 - 1)
     assert [two(k) for k in (3, 0, -2)] == [8, 1, Fraction(1, 4)]
 
 
@@ -191,6 +195,9 @@ def test_what_ends_in_comparisons_alone_keeps_every_bit():
     lowered = lowered_of(kernel, given)
     (i,) = (k for k, n in enumerate(kernel.nodes) if n.op == "add")
     assert (lowered.values[i].expr.bits, lowered.values[i].fraction) == (32, 27)
+    # Nor is it where the last operation of all takes it as a number.
+    last = lowered_of(kernel_of(0.7 * (X + Y)), given)
+    assert [v.expr.bits for v in last.values if v is not None] == [32] * 4
     # Rounded to 2^-27 from 2^-28, or from 2^-30 before that: at most half a unit each.
     assert 2.0**-29 <= lowered.values[i].local <= 3 * 2.0**-28
 
