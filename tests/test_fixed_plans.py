@@ -159,6 +159,14 @@ def test_a_result_is_rounded_to_its_port_and_cut_at_its_ends():
     assert (lowered.results[0][0].low, lowered.results[0][0].high) == (-7, 9)
 
 
+def test_a_sign_turned_and_a_sign_taken():
+    x = [-(2**27), -1, 0, 1, 2**27]
+    lowered = lowered_of(kernel_of(-X, ca.sign(X)), [HALF], [[Target("a", 28)], [Target("b", 0)]])
+    assert run(lowered, x) == [[-v for v in x], [-1, -1, 0, 1, 1]]
+    (taken,) = (v for v in lowered.values if v is not None and (v.low, v.high) == (-1, 1))
+    assert (taken.fraction, taken.local) == (0, 0.0)
+
+
 def test_a_constant_result_and_its_error():
     lowered = lowered_of(kernel_of(ca.SX(0.3)), [HALF], [[Target("y", 20)]])
     raw = round(0.3 * 2**20)
@@ -408,6 +416,7 @@ def test_a_step_by_hand(plan):
     assert found[1] == [int(y[0] > 0.5), 1]
     assert found[2] == pytest.approx([v * 2**30 for v in y], abs=6)
     assert found[3] == [int(y[0] > 0.5), 1]
+    assert {"m_now_q30", "on_now_q0", "gain_q29", "x_0_q31"} <= {s.name for s in plan.step.steps}
     # Defined once, and no place is lost; every value that is needed has its number.
     values = defined(plan.step, places, 2)
     assert set(places) < set(values)
