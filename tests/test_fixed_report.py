@@ -200,6 +200,9 @@ def test_a_device_as_text(shown, plan):
     assert lines[0] == "quarter"
     assert report.to_dict()["not_covered"] == ["loops"]
     assert list(report.to_dict()["blocks"]) == ["quarter", "lost", "adds"]
+    # What cannot be lowered is told what would do.
+    lost = RangeReport("made", (BlockRanges("lost", None, (), None, "holds zero"),)).table()
+    assert any(line.startswith("where a range explodes:") for line in lost)
     # Nothing to say of what is small and whole.
     quiet = RangeReport("made", (BlockRanges("b", plan, ROWS[:1], BOUND, ""),)).table()
     assert not any(w in "\n".join(quiet) for w in ("look at", "explodes", "forget", "covered"))

@@ -11,8 +11,8 @@ from esea_gen.emit.error_bounds import BEYOND
 from esea_gen.emit.fixed.errors import Propagation, any_bound, block_bound, step_bound
 from esea_gen.emit.fixed.plan import BlockPlan, Planner
 from esea_gen.emit.fixed.search import AIM, SIGNIFICANT_BITS, coarse_values, search
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port, clip
+from esea_gen.language.block import Block, Solved
+from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word
 
 AIMED = 5e-5  # of the larger end of an output's range
 
@@ -250,6 +250,23 @@ def test_an_inputs_error_goes_through():
     assert small == pytest.approx(2e-4 + 1e-6, rel=1e-2)
 
 
+@pytest.mark.parametrize("gain", [0.75, 0.3])
+def test_a_coefficient_errs_by_what_its_raw_number_leaves(gain):
+    block = made(
+        lambda c, s, u, g, label: ({}, {"y": c.gain * u.x_rad}),
+        tunables=(Tunable("gain", gain, 0.25, 1.0, "gain"),),
+        coefficients=(Port("gain", 0.25, 1.0, "gain"),),
+        prepare=lambda t: {"gain": 1 * t.gain},
+    )
+    step_ = Propagation(Planner(block).plan(), {}, {})
+    ((span,),) = step_.coefficients
+    off = abs(round(gain * 2**30) / 2**30 - gain)
+    assert (float(span.low[0]), float(span.high[0])) == (gain, gain)
+    assert float(span.error[0]) == pytest.approx(off, rel=1e-9, abs=1e-18)
+    # At x = 1 all of that, and half a unit of the product.
+    assert block_bound(step_.plan).outputs["y"] == pytest.approx(off + 2.0**-31, rel=0.3)
+
+
 def test_what_results_can_be_and_err_by():
     def step(c, s, u, g, label):
         return {"m": 0.25 * s.m}, {"y": 0.5 * u.x_rad}
@@ -271,3 +288,70 @@ def test_what_results_can_be_and_err_by():
     errors = step_.node_errors([[0.5]])
     assert len(errors) == len(nodes)
     assert max(errors) == pytest.approx(0.5)
+
+
+# -- solved values -------------------------------------------------------------------------------------
+
+
+def solved(most: float, jump: float = 0.0, follows: float = 0.0) -> Block:
+    """y with 1.25 y = x, found by a coarse way; z is 3 y."""
+
+    def step(c, s, u, g, label):
+        y = label("y_rad", 1e5 * u.x_rad - 99999.2 * u.x_rad)
+        off = label("residual", 1.25 * y - u.x_rad)
+        return {}, {"y": y, "z": 3 * y, "status": flag_word([ca.fabs(off) > most])}
+
+    followed = {"y": 1.0, "z": follows} if follows else {}
+    return Block.define(
+        "solved",
+        "Solved",
+        period_s=0.001,
+        state=(),
+        inputs=(Port("x_rad", -1.0, 1.0, "input"),),
+        outputs=(
+            Port("y", -1.0, 1.0, "solution"),
+            Port("z", -4.0, 4.0, "three of it"),
+            Port("status", 0, 1, "word", flags=(Flag("OPEN", "not solved"),)),
+        ),
+        step=step,
+        facts={"y_rad": (-0.8, 0.8)},
+        solved={"y_rad": Solved("residual", most, 1.25, jump, followed)},
+    )
+
+
+@pytest.mark.parametrize(("most", "jump"), [(1e-2, 0.0), (1e-3, 0.0), (1e-3, 0.02)])
+def test_a_residual_bounds_a_solved_value_however_it_was_found(most, jump):
+    bound = block_bound(Planner(solved(most, jump)).plan())
+    error = most / 1.25 + jump
+    # The residual is only compared, so that it is kept exact; products round.
+    assert bound.outputs["y"] == pytest.approx(error, rel=1e-9)
+    assert 3 * error < bound.outputs["z"] < 3 * error + 40 * 2.0**-28
+    assert f"solved: |residual| of y_rad is at most {most:g}" in bound.assumptions
+
+
+def test_what_follows_a_solved_value_errs_by_its_stated_slope():
+    # Stated as 7 where intervals would find 3: the statement counts.
+    bound = block_bound(Planner(solved(1e-3, follows=7.0)).plan())
+    assert bound.outputs["z"] == pytest.approx(7 * 1e-3 / 1.25, rel=1e-3)
+    assert bound.outputs["y"] == pytest.approx(1e-3 / 1.25, rel=1e-3)
+
+
+def test_the_way_to_a_solved_value_is_wide_where_its_residual_would_be_large():
+    # Of 2e5 (any bits of x) 13 are left behind the point: two products and their difference of
+    # 2^-14 each, times 1.25, beside what is allowed.
+    narrow = search(Planner(solved(1e-2)))
+    assert narrow.wide == frozenset()
+    planner = Planner(solved(2e-4))
+    plan = search(planner)
+    nodes = plan.step.kernel.nodes
+    step = Propagation(plan, {}, {})
+    way = {i for i in range(len(nodes)) if i not in step.followed}
+    assert {nodes[i].op for i in plan.wide} >= {"mul", "sub"}
+    assert plan.wide == {i for i in way if nodes[i].op not in ("input", "const", "sign")
+                         and not nodes[i].boolean}  # fmt: skip
+    (why,) = set(plan.why_wide.values())
+    share = int(why.removeprefix("leads to a solved value whose residual would fill ")[:-2])
+    assert why.endswith(f" {share} %")
+    # The worst on the way: at most three halves of 2^-13 times 1.25, and a quarter at least.
+    most = 100 * 1.25 * 3 * 2.0**-14 / 2e-4
+    assert 25 < share <= most
