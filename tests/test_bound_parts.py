@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import casadi as ca
@@ -47,7 +48,7 @@ def made(step, state=(), inputs=None, most: float = 1.0, **more) -> Block:
     )
 
 
-# -- fixed points ----------------------------------------------------------------------------------------
+# -- fixed points ----------------------------------------------------------------------------------
 
 
 def found(image, zero):
@@ -72,7 +73,7 @@ def test_errors_that_grow_have_none():
 def test_an_error_that_does_not_accumulate_stays_its_own_size():
     # The second is what one step adds and no more; the third follows the first.
     def image(errors):
-        (a, b), (c,) = errors
+        (a, _b), (_c,) = errors
         return [[0.9 * a + 1e-6, 2e-6], [0.5 * (0.9 * a + 1e-6)]]
 
     (a, b), (c,) = found(image, [[0.0, 0.0], [0.0]])
@@ -82,7 +83,7 @@ def test_an_error_that_does_not_accumulate_stays_its_own_size():
     assert found(lambda errors: [[2e-6]], [[0.0]]) == [[2e-6]]
 
 
-# -- ranges and boxes --------------------------------------------------------------------------------------
+# -- ranges and boxes ------------------------------------------------------------------------------
 
 
 def test_pieces_of_a_range():
@@ -93,7 +94,7 @@ def test_pieces_of_a_range():
         ((-2.0, 3.0), (), [-2, 3]),
         ((-2.0, 3.0), (0.0, 1.0, 1.0), [-2, -1, 0, 1, 3]),
     ):
-        assert pieces(limits, cuts) == list(zip(edges, edges[1:], strict=False))
+        assert pieces(limits, cuts) == list(itertools.pairwise(edges))
 
 
 def twofold(**more) -> Block:
@@ -130,7 +131,7 @@ def test_the_worst_of_all_boxes_counts():
             assert (one.steps, one.method, one.format) == (1, "one step", "f32")
 
 
-# -- what counts -----------------------------------------------------------------------------------------
+# -- what counts -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -200,7 +201,7 @@ def test_errors_of_every_node_by_hand():
     assert high == pytest.approx(stored + 2 * U * 0.7, rel=1e-4)
 
 
-# -- linear -----------------------------------------------------------------------------------------------
+# -- linear ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

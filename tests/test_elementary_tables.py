@@ -64,7 +64,9 @@ def test_short_reciprocals_of_the_significands():
         assert abs(r - 2048 / middle) <= HALF
     low, high = coefficients.reduced_range()
     ends = [
-        (1 + Fraction(k + d, 64)) * Fraction(r, 2048) - 1 for k, r in enumerate(found) for d in (0, 1)
+        (1 + Fraction(k + d, 64)) * Fraction(r, 2048) - 1
+        for k, r in enumerate(found)
+        for d in (0, 1)
     ]
     assert (low, high) == (float(min(ends)), float(max(ends)))
     assert max(-low, high) <= 2.0**-6
@@ -178,5 +180,5 @@ def test_exponents_in_27_bits():
     assert exponent_q27(16 - 2.0**-27) == 2**31 - 1
     assert exponent_q27(2.0**-28 * 1.5) == 1  # nearest
     for beyond in (16.0, 16 - 2.0**-29, -16.0 - 1e-9, 20.5, math.nan):
-        with pytest.raises(ValueError, match="does not fit Q4.27"):
+        with pytest.raises(ValueError, match=r"does not fit Q4\.27"):
             exponent_q27(beyond)

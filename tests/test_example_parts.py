@@ -109,7 +109,7 @@ def test_an_encoder_is_asked_for_its_zero_and_its_direction(sign, zero):
     assert found.count(zero + sign * 0.51 * TURN / 4096) == 1
 
 
-# -- the recording of a drive --------------------------------------------------------------------------
+# -- the recording of a drive ----------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

@@ -73,9 +73,7 @@ def rendered(system) -> dict[str, Renderer]:
 
 
 def ports(system: System) -> dict[str, Port]:
-    return {
-        f"{i}.{p.name}": p for i, b in system.blocks.items() for p in (*b.inputs, *b.outputs)
-    }
+    return {f"{i}.{p.name}": p for i, b in system.blocks.items() for p in (*b.inputs, *b.outputs)}
 
 
 def test_declarations(system, rendered):
@@ -226,7 +224,9 @@ def test_what_a_header_says_of_a_port(system, rendered):
     first = system.blocks["first"]
     raw = "raw -1073741824 to 1073741824, Q3.28, one unit is 3.73e-09 Nm; cannot overflow"
     assert rendered["q31"].port_text(a, first, "out") == f"{port_text(a)}; {raw}"
-    assert rendered["q31"].port_text(a) == rendered["f32"].port_text(a, first, "out") == port_text(a)
+    assert (
+        rendered["q31"].port_text(a) == rendered["f32"].port_text(a, first, "out") == port_text(a)
+    )
 
 
 def test_what_is_said_of_a_fields_numbers():

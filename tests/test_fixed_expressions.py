@@ -89,8 +89,8 @@ def test_the_square_of_a_number_is_not_below_zero_and_its_rest_is_rounded():
 @pytest.mark.parametrize("shift", [1, 20, 31, 32, 33, 60, 94])
 def test_products_of_64_bits_hold_every_result(shift):
     big = 2**shift // 3
-    for low, high in ((-big, 2 * big), (big, 3 * big), (-2 * big, -big)):
-        low, high = (max(min(v, 2**60), -(2**60)) for v in (low, high))
+    for ends in ((-big, 2 * big), (big, 3 * big), (-2 * big, -big)):
+        low, high = (max(min(v, 2**60), -(2**60)) for v in ends)
         x = ex.read("a", 64, low, high)
         for c, d in SIDES:
             y = ex.read("b", 32, c, d)
@@ -124,7 +124,7 @@ def test_products_of_twice_64_bits_hold_every_result(shift):
         assert max(found) <= e.high <= max(found) + room
 
 
-# -- what is refused, and no sooner ------------------------------------------------------------------
+# -- what is refused, and no sooner ----------------------------------------------------------------
 
 M31, M63 = 2**31, 2**63
 
@@ -144,7 +144,7 @@ def r(low: int, high: int, bits: int = 32) -> ex.Expr:
 @pytest.mark.parametrize(
     ("make", "inside", "outside"),
     [
-        (lambda v: ex.literal(v), (M31 - 1, -M31), (M31, -M31 - 1)),
+        (ex.literal, (M31 - 1, -M31), (M31, -M31 - 1)),
         (lambda v: ex.literal(v, 64), (M63 - 1, -M63), (M63, -M63 - 1)),
         (lambda v: ex.literal(v, -32), (2**32 - 1, 0), (2**32, -1)),
         (lambda v: ex.literal(v, 1), (0, 1), (2, -1)),
@@ -175,7 +175,7 @@ def test_what_could_leave_its_type_is_refused_and_nothing_else(make, inside, out
     assert [fits(make, v) for v in outside] == [False] * len(outside)
 
 
-# -- decisions -----------------------------------------------------------------------------------------
+# -- decisions -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -258,7 +258,7 @@ def test_an_arm_counts_only_where_it_is_taken_and_a_broken_interval_is_found():
     assert ex.names(ex.add(x, ex.neg(ex.read("b", 32, 0, 1)), 32)) == {"a", "b"}
 
 
-# -- as C ------------------------------------------------------------------------------------------------
+# -- as C ------------------------------------------------------------------------------------------
 
 A, B = ex.read("a", 32, -1000, 1000), ex.read("b", 32, -7, 900)
 W, Z = ex.read("w", 64, -(2**40), 2**40), ex.read("z", 64, -(2**35), 2**36)

@@ -159,8 +159,6 @@ def refusal(expression, given, wide: bool = False) -> str:
     try:
         tried(expression, given, wide)
     except LoweringError as error:
-        assert "block tried: operation '" in str(error)
-        assert str(error).endswith("Or try --real f32.")
         return str(error)
     return ""
 
@@ -185,7 +183,10 @@ def refusal(expression, given, wide: bool = False) -> str:
 def test_what_a_function_cannot_take_is_refused_and_what_it_can_is_not(
     expression, refused, taken, words
 ):
-    assert words in refusal(expression, refused)
+    said = refusal(expression, refused)
+    assert said.startswith("block tried: operation '")
+    assert words in said
+    assert said.endswith("Or try --real f32.")
     if taken is not None:
         assert refusal(expression, taken) == ""
 

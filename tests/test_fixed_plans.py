@@ -43,7 +43,7 @@ from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 WORD = 2**31
 
-# -- numbers and names -------------------------------------------------------------------------------
+# -- numbers and names -----------------------------------------------------------------------------
 
 
 def test_the_finest_format_of_a_range_is_the_last_that_holds_it():
@@ -112,7 +112,7 @@ def test_a_threshold_beyond_the_type_keeps_its_number():
     assert ex.compare("le", x, threshold(WORD, x)) == ex.literal(1, 1)
 
 
-# -- lowering ------------------------------------------------------------------------------------------
+# -- lowering --------------------------------------------------------------------------------------
 
 
 def kernel_of(*expressions) -> Kernel:
@@ -300,7 +300,7 @@ def test_an_operation_without_a_rule_and_a_bare_reciprocal_are_refused():
 SEVEN = float(np.float32(0.7))  # in single precision, just below 0.7
 
 
-# -- plans ---------------------------------------------------------------------------------------------
+# -- plans -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What the search for a q31 plan holds in 64 bits: small Blocks whose need is worked out by hand."""
+"""What the search for a plan holds in 64 bits: small Blocks whose need is worked out by hand."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word
 AIMED = 5e-5  # of the larger end of an output's range
 
 
-def made(step, *, state=(), most: float = 1.0, finer: float = 1.0, inputs: int = 1, **more) -> Block:
+def made(
+    step, *, state=(), most: float = 1.0, finer: float = 1.0, inputs: int = 1, **more
+) -> Block:
     names = ("x_rad", "z_rad")[:inputs]
     return Block.define(
         "made",
@@ -150,7 +152,7 @@ def test_what_is_coarser_than_its_port_and_by_how_much():
     assert coarse_values(fine) == {}
 
 
-# -- memory ------------------------------------------------------------------------------------------
+# -- memory ----------------------------------------------------------------------------------------
 
 
 def leak(pole: float, gain: float = 1.0):
@@ -216,7 +218,7 @@ def test_a_linear_block_is_narrowed_with_its_memory_summed():
         assert score(planner.plan(fewer, fewer)) > ceiling
 
 
-# -- boxes ---------------------------------------------------------------------------------------------
+# -- boxes -----------------------------------------------------------------------------------------
 
 
 def square(c, s, u, g, label):
@@ -290,7 +292,7 @@ def test_what_results_can_be_and_err_by():
     assert max(errors) == pytest.approx(0.5)
 
 
-# -- solved values -------------------------------------------------------------------------------------
+# -- solved values ---------------------------------------------------------------------------------
 
 
 def solved(most: float, jump: float = 0.0, follows: float = 0.0) -> Block:

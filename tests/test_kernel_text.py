@@ -48,7 +48,7 @@ def lines(kernel: Kernel, fmt=F64, labels=None, words=(), others=None) -> tuple[
     return [s for s in said if s not in reads], made.results
 
 
-# -- as C ----------------------------------------------------------------------------------------------
+# -- as C ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -187,9 +187,8 @@ def test_a_status_word_is_put_together_from_its_bits(fmt):
     if fmt is F64:  # as numbers, which CasADi adds
         assert not any("esea_bit" in m for m in made)
         return
-    assert made == [
-        "uint32_t status = esea_bit(x < y, 0u) | esea_bit(y < z, 1u) | esea_bit(x < z, 2u)"
-    ] or sorted(made[0].split(" = ")[1].split(" | ")) == [
+    assert made[0].startswith("uint32_t status = ")
+    assert sorted(made[0].split(" = ")[1].split(" | ")) == [
         "esea_bit(x < y, 0u)", "esea_bit(x < z, 2u)", "esea_bit(y < z, 1u)",
     ]  # fmt: skip
     assert result == ("status",)
@@ -221,7 +220,9 @@ def test_status_words_are_found_and_what_only_looks_like_one_is_not():
     ):
         assert found(other)[1] == {}
     arm = ca.if_else(X < Y, 2.0, 0)
-    assert found(arm + ca.if_else(Y < Z, 1.0, 0), ca.fmax(arm, Z))[1] == {}  # an arm with another use
+    assert (
+        found(arm + ca.if_else(Y < Z, 1.0, 0), ca.fmax(arm, Z))[1] == {}
+    )  # an arm with another use
 
 
 def kernel_index(kernel: Kernel, argument: int) -> int:
@@ -230,7 +231,7 @@ def kernel_index(kernel: Kernel, argument: int) -> int:
     )
 
 
-# -- as nodes ----------------------------------------------------------------------------------------------
+# -- as nodes --------------------------------------------------------------------------------------
 
 
 def test_equal_values_are_one_and_what_nothing_needs_goes():
@@ -290,14 +291,11 @@ def test_long_operations_first_then_what_waits_for_none_then_the_rest():
     assert place < ops.index("sub")
     assert max(ops.index("div"), ops.index("sub")) < len(ops) - 1 - ops[::-1].index("mul")
     assert all(a < i for i, n in enumerate(ordered.nodes) for a in n.args)
-    leading = {i for i in range(place + 1)}
+    leading = set(range(place + 1))
     assert {ops[i] for i in leading} == {"input", "const", "mul", "exp"}
-    # Depth first: between an operation and its operands stands nothing that it does not need.
-    plain = calls_first(kernel_of((X + Y) * 3, (X - Y) * 5, arguments=(X, Y)))
-    said = [n.op for n in plain.nodes]
-    assert said.index("mul") < len(said) - 1 - said[::-1].index("sub") or (
-        said.index("mul") < len(said) - 1 - said[::-1].index("add")
-    )
+    # Depth first: one product is done before the other's sum or difference is begun.
+    said = [n.op for n in calls_first(kernel_of((X + Y) * 3, (X - Y) * 5)).nodes]
+    assert said.index("mul") < max(said.index("sub"), said.index("add"))
 
 
 def test_two_arms_of_one_condition_become_a_choice():
@@ -312,7 +310,7 @@ def test_two_arms_of_one_condition_become_a_choice():
     assert kernel.nodes[kernel.results[0][0]].op == "add"
 
 
-# -- names ---------------------------------------------------------------------------------------------------
+# -- names -----------------------------------------------------------------------------------------
 
 
 def test_a_name_that_is_free_stays_and_another_gets_an_ending():
@@ -379,7 +377,7 @@ def test_values_are_named_by_the_ports_that_they_come_from_and_go_to():
     assert kernel.nodes[used].op == "add"
 
 
-# -- pieces of text --------------------------------------------------------------------------------------------
+# -- pieces of text --------------------------------------------------------------------------------
 
 
 def test_brackets_round_the_whole_go_and_others_stay():
@@ -434,7 +432,7 @@ def test_a_state_is_stored_once_its_old_value_is_read_and_its_new_one_known():
     assert named[1] == ("state->memory = m_next;",)
 
 
-# -- checks ------------------------------------------------------------------------------------------------------
+# -- checks ----------------------------------------------------------------------------------------
 
 
 def checked(*conditions) -> dict[int, tuple[int, ...]]:

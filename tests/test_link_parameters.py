@@ -97,7 +97,7 @@ def test_metadata_of_a_parameter():
     assert (second["name"], second["units"]) == ("gain.share", "")
 
 
-# -- roles -----------------------------------------------------------------------------------------------
+# -- roles -----------------------------------------------------------------------------------------
 
 
 def sensing(drive: bool, flags: tuple[str, ...] = ("INPUT_INVALID",), count: int = 1) -> System:

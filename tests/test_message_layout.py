@@ -128,7 +128,7 @@ def test_messages_of_a_task_and_the_enum_of_its_word():
 def test_a_task_of_more_than_a_frame_is_refused():
     # 4 of the run, 4 an output, 4 of the word, 4 of the time: 60 outputs are 252, of 255.
     assert next(m for m in messages(tiny(60)) if m.id == 42602).payload_bytes == 252
-    with pytest.raises(UserError, match="ESEA_RUN_OUT has 64 fields in 256 bytes; .* 64 in 255"):
+    with pytest.raises(UserError, match=r"ESEA_RUN_OUT has 64 fields in 256 bytes; .* 64 in 255"):
         messages(tiny(61))
     assert next(m for m in messages(tiny(size=62)) if m.id == 42601).payload_bytes == 252
 

@@ -186,9 +186,9 @@ def triangle(most: int | None = None) -> Program:
             b.invoke("row", k)
         with b.loop(0, place.at(0), most=7, name="u"):
             b.invoke("row", place.at(0))
-        with b.loop(place.at(0), place.at(0) + 2, most=2, name="v") as v:
-            with b.loop(0, v, most=3, name="w") as w:
-                b.call("zero", [], [work[w]], zero)
+        first = place.at(0)
+        with b.loop(first, first + 2, most=2, name="v") as v, b.loop(0, v, most=3, name="w") as w:
+            b.call("zero", [], [work[w]], zero)
     return define(b)
 
 
@@ -215,7 +215,7 @@ def test_prepare_init_and_words_are_printed():
         prepare=lambda t: {"gain": 2 * t.half},
     )
     made = emit_program(program, FORMATS["f64"])
-    assert [s.expression for s in made.prepare.statements][0] == "params->half"
+    assert next(s.expression for s in made.prepare.statements) == "params->half"
     assert made.init.results[-1] == ("0.5",)
     (step,) = made.parts
     assert step.pointers == ("coeffs", "in", "out")

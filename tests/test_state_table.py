@@ -76,7 +76,7 @@ def test_every_way_names_a_state_an_event_and_guards_that_there_are():
             assert set(way.when) <= guards
 
 
-# -- as C ------------------------------------------------------------------------------------------------
+# -- as C ------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_times_and_guards_of_the_header(header):
     assert header.endswith("#endif\n")
 
 
-# -- as documentation ------------------------------------------------------------------------------------
+# -- as documentation ------------------------------------------------------------------------------
 
 
 def rows() -> dict[str, list[list[str]]]:
@@ -163,7 +163,9 @@ def test_the_ways_of_the_documentation_are_those_of_the_rules():
     for state, event, to, when in rows()["from"]:
         plain = [x.strip("`") for x in (state, event)]
         target = plain[0] if to == "stays" else to.strip("`")
-        ways.setdefault((plain[0], plain[1]), []).append((set(re.findall(r"`(\w+)`", when)), target))
+        ways.setdefault((plain[0], plain[1]), []).append(
+            (set(re.findall(r"`(\w+)`", when)), target)
+        )
     for state, event, guards in itertools.product(STATES, EVENTS, every_guard()):
         found = [to for when, to in ways.get((state.name, event.name), ()) if when <= guards]
         assert (found[0] if found else None) == rule(state.name, event.name, guards)
