@@ -167,6 +167,38 @@ def test_a_sign_turned_and_a_sign_taken():
     assert (taken.fraction, taken.local) == (0, 0.0)
 
 
+    # The least number of a word has no negative in it: 64 bits, cut at the port alone.
+    lowered = lowered_of(kernel_of(-X), [ALL], [[Target("a", 28)]])
+    assert run(lowered, [-WORD, WORD - 1, 5])[0] == [WORD - 1, 1 - WORD, -5]
+    assert lowered.saturations == ("a",)
+    assert run(lowered_of(kernel_of(-X), [(28, 1 - WORD, 9)]), [1 - WORD])[0] == [2**23]
+
+
+INSIDE = [-(2**25) - 1, -(2**25), 0, 2**26, 2**26 + 1]  # round -0.125 and 0.25
+
+
+@pytest.mark.parametrize(
+    ("condition", "low", "high", "wanted"),
+    [
+        (ca.logic_and(X <= 0.25, X >= -0.125), -(2**25), 2**26, [0, 1, 1, 1, 0]),
+        (ca.logic_and(-0.125 < X, X < 0.25), 1 - 2**25, 2**26 - 1, [0, 0, 1, 0, 0]),
+        (X <= 0.25, -WORD, 2**26, [1, 1, 1, 1, 0]),
+        (X >= -0.125, -(2**25), WORD - 1, [0, 1, 1, 1, 1]),
+        (ca.logic_and(X < 0.25, ca.logic_and(X <= 0.5, X > -0.125)), 1 - 2**25, 2**26 - 1,
+         [0, 0, 1, 0, 0]),
+        (ca.logic_or(X <= 0.25, X >= 0.5), -WORD, WORD - 1, [1, 1, 1, 1, 0]),
+        (ca.logic_and(X <= 0.25, Y > 0.25), -WORD, 2**26, [0] * 5),
+        (ca.logic_and(X <= 0.25, Y < 0.25), -WORD, 2**26, [1, 1, 1, 1, 0]),
+    ],
+)  # fmt: skip
+def test_a_choice_knows_what_its_condition_says_of_what_it_chooses(condition, low, high, wanted):
+    kernel = kernel_of(ca.if_else(condition, X, 0))
+    lowered = lowered_of(kernel, [ALL, ALL], [[Target("y", 28)]])
+    value = lowered.values[kernel.results[0][0]]
+    assert (value.low, value.high) == (Fraction(low, 2**28), Fraction(high, 2**28))
+    assert run(lowered, INSIDE)[0] == [v * w for v, w in zip(INSIDE, wanted, strict=True)]
+
+
 def test_a_constant_result_and_its_error():
     lowered = lowered_of(kernel_of(ca.SX(0.3)), [HALF], [[Target("y", 20)]])
     raw = round(0.3 * 2**20)
