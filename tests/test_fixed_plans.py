@@ -166,7 +166,6 @@ def test_a_sign_turned_and_a_sign_taken():
     (taken,) = (v for v in lowered.values if v is not None and (v.low, v.high) == (-1, 1))
     assert (taken.fraction, taken.local) == (0, 0.0)
 
-
     # The least number of a word has no negative in it: 64 bits, cut at the port alone.
     lowered = lowered_of(kernel_of(-X), [ALL], [[Target("a", 28)]])
     assert run(lowered, [-WORD, WORD - 1, 5])[0] == [WORD - 1, 1 - WORD, -5]
@@ -181,7 +180,7 @@ INSIDE = [-(2**25) - 1, -(2**25), 0, 2**26, 2**26 + 1]  # round -0.125 and 0.25
     ("condition", "low", "high", "wanted"),
     [
         (ca.logic_and(X <= 0.25, X >= -0.125), -(2**25), 2**26, [0, 1, 1, 1, 0]),
-        (ca.logic_and(-0.125 < X, X < 0.25), 1 - 2**25, 2**26 - 1, [0, 0, 1, 0, 0]),
+        (ca.logic_and(X > -0.125, X < 0.25), 1 - 2**25, 2**26 - 1, [0, 0, 1, 0, 0]),
         (X <= 0.25, -WORD, 2**26, [1, 1, 1, 1, 0]),
         (X >= -0.125, -(2**25), WORD - 1, [0, 1, 1, 1, 1]),
         (ca.logic_and(X < 0.25, ca.logic_and(X <= 0.5, X > -0.125)), 1 - 2**25, 2**26 - 1,
