@@ -108,6 +108,29 @@ def test_a_choice_takes_its_arm_where_its_condition_is_decided():
     assert value.error.tolist() == pytest.approx([0.25, 0.25, 0.0])
 
 
+@pytest.mark.parametrize(("share", "error"), [(0.0625, 0.5), (0.25, 1.25)])
+def test_an_open_choice_errs_by_its_worse_arm_at_its_largest(share, error):
+    # Half, or a share of 5, the largest of both arms.
+    flat, rising = boxes((4, 5), a=0.5), boxes((-3, -1), r=share)
+    for first, second in ((flat, rising), (rising, flat)):
+        value, _ = found(ca.if_else(X > 0, Y, Z), boxes((-1, 1)), first, second)
+        assert (ends(value), value.error.tolist()) == ([(-3, 5)], [error])
+    # Of the same kind the larger of each.
+    worse = boxes((-3, -1), a=0.75, r=share)
+    value, _ = found(ca.if_else(X > 0, Y, Z), boxes((-1, 1)), flat, worse)
+    assert value.error.tolist() == [0.75 + 5 * share]
+
+
+@pytest.mark.parametrize("high", [0.9, 1.5, 2.5])
+@pytest.mark.parametrize("c", [0.4, 2.7])
+def test_an_exponents_own_error_from_zero_on(high, c):
+    # x^c |ln x| is largest at exp(-1/c), or at the end beyond 1; times half of 2^-27.
+    value, _ = found(X**c, boxes((0.0, high)))
+    peak = min(np.exp(-1 / c), high)
+    most = max(peak**c * abs(np.log(peak)), high**c * np.log(high))
+    assert value.error[0] == pytest.approx(2.0**-28 * most, rel=0.002)
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_where_one_side_wins_for_sure_its_error_alone_counts(sign):
     pick, other = (ca.fmin, ca.fmax) if sign > 0 else (ca.fmax, ca.fmin)
