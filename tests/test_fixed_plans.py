@@ -241,6 +241,27 @@ def test_what_ends_in_comparisons_alone_keeps_every_bit():
     assert 2.0**-29 <= lowered.values[i].local <= 3 * 2.0**-28
 
 
+@pytest.mark.parametrize("wide", [False, True])
+def test_a_sum_is_computed_in_the_width_that_it_has(wide):
+    kernel = kernel_of(X + Y)
+    (i,) = kernel.results[0]
+    lowered = lowered_of(kernel, [HALF, HALF], wide={i} if wide else ())
+    (step,) = (s for s in lowered.steps if s.node == i)
+    # Halves of 28 bits behind the point fit as they are; 64 bits take each in turn.
+    assert (step.expr.op, step.expr.bits) == ("add", 64 if wide else 32)
+    assert {a.op for a in step.expr.args} == ({"cast"} if wide else {"ref"})
+    assert lowered.values[i].local == 0.0
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, -2.5])
+def test_a_condition_that_is_a_number_chooses_for_good(value):
+    nodes = (Node("input"), Node("input", source=(1, 0)), Node("const", value=value))
+    kernel = Kernel("f", (*nodes, Node("select", (2, 0, 1))), ((3,),))
+    lowered = lowered_of(kernel, [HALF, (28, -9, 9)], [[Target("y", 28)]])
+    assert run(lowered, [5, -2], [9, -9])[0] == ([5, -2] if value else [9, -9])
+    assert lowered.values[3].high == (Fraction(1, 2) if value else Fraction(9, 2**28))
+
+
 def test_steps_are_named_once_and_none_is_left_over():
     kernel = kernel_of(3.1 * X + 0.7 * X * Y, X + Y)
     (a,) = kernel.results[0]
