@@ -6,7 +6,6 @@ import math
 
 import pytest
 
-from esea_gen.device import load_device
 from esea_gen.emit.example import DriveExample, example, has_drive, tolerance, triangle
 from esea_gen.emit.example_encoders import encoder_of
 from esea_gen.language.block import Block
@@ -113,8 +112,8 @@ def test_an_encoder_is_asked_for_its_zero_and_its_direction(sign, zero):
 
 
 @pytest.fixture(scope="module")
-def system() -> System:
-    return load_device("elbow_drive").system
+def system(drive) -> System:
+    return drive.system
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import casadi as ca
 import pytest
 
-from esea_gen.device import load_device
 from esea_gen.emit.messages import messages, status_words
 from esea_gen.emit.telemetry import cost_table, stream_bytes_s, stream_costs
 from esea_gen.errors import UserError
@@ -48,14 +47,9 @@ ENUMS = {
 }
 
 
-@pytest.fixture(scope="module")
-def drive() -> System:
-    return load_device("elbow_drive").system
-
-
 def test_every_message_has_its_id_and_its_fields(drive):
-    found = {m.name: m for m in messages(drive)}
-    tasks = {f"ESEA_{t.name}_{end}".upper() for t in drive.tasks for end in ("IN", "OUT")}
+    found = {m.name: m for m in messages(drive.system)}
+    tasks = {f"ESEA_{t.name}_{end}".upper() for t in drive.system.tasks for end in ("IN", "OUT")}
     assert set(found) == set(LAYOUT) | tasks
     for name, (number, fields) in LAYOUT.items():
         assert found[name].id == number
