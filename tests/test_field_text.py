@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from esea_gen.emit.fixed.kept import plan_block, raw_tunable
-from esea_gen.emit.fixed.plan import FieldPlan
+from esea_gen.emit.fixed.plan import FieldPlan, Planner, coefficients_raw
 from esea_gen.emit.fixed.render import field_text, format_text, print_lowered, quantity
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, block_kernels, identity, port_text
@@ -287,3 +288,41 @@ def test_a_printed_plan_reads_what_it_uses(system):
     prepared = print_lowered(plan.prepare)
     assert prepared.used_arguments == frozenset({0})
     assert {s.expression for s in prepared.statements if "->" in s.expression} == {"params->gain"}
+
+
+def test_formats_of_prepared_coefficients_come_from_what_prepare_can_make():
+    """Of t from 0.5 to 1.5: thirds, a square cut by its port, a number, and what fills its port."""
+    made = (
+        # Name, what it is, port, bits of the fraction, ends.
+        ("third", lambda t: t / 3, (0.0, 9.0), 31, (1 / 6, 0.5)),
+        ("square", lambda t: t * t, (0.5, 2.0), 29, (0.5, 2.0)),
+        ("fixed", lambda t: ca.SX(0.375), (0.0, 9.0), 32 - 1, (0.375, 0.375)),
+        ("most", lambda t: 40 * t, (0.0, 50.0), 25, (20.0, 50.0)),
+        ("minus", lambda t: -t, (-9.0, 9.0), 30, (-1.5, -0.5)),
+    )
+    block = Block.define(
+        "prepared",
+        "Prepared",
+        period_s=0.001,
+        tunables=(Tunable("t", 1.0, 0.5, 1.5, "tunes"),),
+        coefficients=tuple(Port(n, *ends, n) for n, _, ends, _, _ in made),
+        prepare=lambda t: {n: f(t.t) for n, f, *_ in made},
+        state=(),
+        inputs=(Port("x_rad", -1.0, 1.0, "in"),),
+        outputs=(Port("y", -999.0, 999.0, "out"),),
+        step=lambda c, s, u, g, label: (
+            {}, {"y": u.x_rad * (c.third + c.square + c.fixed + c.most + c.minus)},
+        ),
+    )  # fmt: skip
+    plan = Planner(block).plan()
+    for (name, _, _, fraction, ends), f in zip(made, plan.fields["coeffs"], strict=True):
+        assert (f.name, f.fraction) == (name, fraction)
+        assert (f.low * f.lsb, f.high * f.lsb) == pytest.approx(ends, abs=4 * f.lsb)
+    given = {n: f(0.75) for n, f, *_ in made} | {"fixed": 0.375, "square": 0.5625}
+    for f, (raw,) in zip(plan.fields["coeffs"], coefficients_raw(plan, {"t": 0.75}), strict=True):
+        assert raw * f.lsb == pytest.approx(given[f.name], abs=2 * f.lsb)
+    # Cut where the port ends: a square of 0.25 is told as 0.5, and forty of 1.5 as 50.
+    low, high = coefficients_raw(plan, {"t": 0.5}), coefficients_raw(plan, {"t": 1.5})
+    fields = plan.fields["coeffs"]
+    assert low[1][0] == fields[1].low
+    assert high[3][0] == fields[3].high
