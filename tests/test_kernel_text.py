@@ -79,13 +79,6 @@ def lines(kernel: Kernel, fmt=F64, labels=None, words=(), others=None) -> tuple[
             ["double v2 = x / y", "double v5 = (v2 * z) + v2"],
             "v5",
         ),
-        (
-            (123456.789012345 + X) * (Y + 234567.890123456),
-            [
-                "double v6 = (123456.789012345 + x) * (y + 234567.890123456)",
-            ],
-            "v6",
-        ),
         # Conditions are of type bool and stand alone or as a number where one is wanted.
         (X < Y, ["bool v2 = x < y"], "(v2 ? 1.0 : 0.0)"),
         ((X <= Y) * Z, ["double v4 = ((x <= y) ? 1.0 : 0.0) * z"], "v4"),
@@ -162,6 +155,15 @@ def test_powers_of_single_precision_carry_their_exponent_in_whole_numbers():
     for f, name in ((ca.exp, "exp"), (ca.log, "log"), (ca.tanh, "tanh"), (ca.sqrt, "sqrt")):
         assert lines(kernel_of(f(X)), F32)[0][0].endswith(f"esea_f32_{name}(x)")
         assert lines(kernel_of(f(X)), F64)[0][0].endswith(f" {name}(x)")
+
+
+def test_a_short_sum_stands_where_it_is_used():
+    kernel = kernel_of((X + Y) * Z)
+    for letters, own in ((30, False), (31, True)):  # 34 columns of "x + y", and one more
+        names = ("x" * letters, "y", "z")
+        made = print_kernel(kernel, F64, lambda a, e, n=names: (n[a], n[a]), {})
+        sums = [s for s in made.statements if s.expression == f"{names[0]} + y"]
+        assert bool(sums) is own
 
 
 def test_labels_and_ports_name_what_they_stand_for():
