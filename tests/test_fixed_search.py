@@ -193,6 +193,25 @@ def test_what_does_not_forget_has_the_bound_of_a_step():
     assert found.outputs["y"] < AIMED
 
 
+@pytest.mark.parametrize("pole", [0.5, 0.9])
+def test_a_memory_of_something_steep_is_wide_where_that_is(pole):
+    def step(c, s, u, g, label):
+        flat = clip(label("steep", 1e6 * u.x_rad), -1, 1)
+        new = pole * s.m + (1 - pole) * flat
+        return {"m": new}, {"y": new}
+
+    planner = Planner(memory(step))
+    first = block_bound(planner.plan())
+    # An error of 2^-11 at every step, times 1 - pole, over 1 - pole.
+    assert first.outputs["y"] == pytest.approx(2.0**-11, rel=0.1)
+    plan = search(planner)
+    assert any_bound(plan).outputs["y"] <= AIMED
+    assert {plan.step.kernel.nodes[i].op for i in plan.wide} == {"mul", "if_else_zero", "fmin"}
+    for i in plan.wide:
+        fewer = {k: w for k, w in plan.why_wide.items() if k != i}
+        assert score(planner.plan(fewer, fewer)) > 1.02
+
+
 @pytest.mark.ci
 def test_a_linear_block_is_narrowed_with_its_memory_summed():
     def step(c, s, u, g, label):
