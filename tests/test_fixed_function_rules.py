@@ -118,8 +118,8 @@ def test_error_format_and_range_of_a_function(expression, given, wide, fraction,
     low, high = float(min(exact)), float(max(exact))
     assert low - slack[0] <= float(value.low) <= low + before
     assert high <= float(value.high) <= high + slack[1]
-    if float(value.high) < 2.0 ** (value.expr.bits - 1 - fraction) * 0.99:
-        assert float(value.high) >= high + min(room[1], half(fraction))
+    if "log" not in str(expression):  # which is cut to its ends, towards the exact value
+        assert float(value.high) >= high + room[1]
     assert value.expr.low <= min(found)
     assert max(found) <= value.expr.high
 
