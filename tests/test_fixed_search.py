@@ -237,6 +237,29 @@ def test_a_linear_block_is_narrowed_with_its_memory_summed():
         assert score(planner.plan(fewer, fewer)) > ceiling
 
 
+def mixed(c, s, u, g, label):
+    steep = label("steep", 1e4 * u.x_rad + s.m)
+    curved = ca.fabs(label("product", u.x_rad * s.m)) ** 0.3
+    new = clip(ca.if_else(steep > 0.25, 0.5 * s.m + 0.3 * curved, 0.2 * s.m), -1, 1)
+    return {"m": new}, {"y": clip(steep, -1, 1) * 0.5 + 0.25 * new}
+
+
+def test_plans_and_bounds_of_one_planner_are_those_of_a_fresh_one():
+    # What is kept from plan to plan, and from bound to bound, changes nothing.
+    block = memory(mixed)
+    one = Planner(block)
+    nodes = [
+        i for i, n in enumerate(one.kernel.nodes)
+        if n.op not in ("input", "const") and not n.boolean
+    ]  # fmt: skip
+    for chosen in (nodes, nodes[::2], nodes[::3], [], nodes[1::2], nodes[::2]):
+        made, fresh = one.plan(chosen), Planner(block).plan(chosen)
+        assert made.step.steps == fresh.step.steps
+        assert made.step.results == fresh.step.results
+        assert made.step.values == fresh.step.values
+        assert any_bound(made, one.known) == any_bound(fresh)
+
+
 # -- boxes -----------------------------------------------------------------------------------------
 
 
