@@ -182,3 +182,38 @@ def test_exponents_in_27_bits():
     for beyond in (16.0, 16 - 2.0**-29, -16.0 - 1e-9, 20.5, math.nan):
         with pytest.raises(ValueError, match=r"does not fit Q4\.27"):
             exponent_q27(beyond)
+
+
+def test_the_header_has_all_of_it():
+    text = coefficients.render()
+    tables = {
+        name: [int(v, 16) for v in re.findall(r"0x([0-9A-F]+)", body)]
+        for name, body in re.findall(r"(\w+)\[\d+\] = \{(.*?)\};", text, flags=re.DOTALL)
+    }
+    assert tables == {
+        "LOG2_TABLE": coefficients.log2_table(),
+        "EXP2_TABLE": coefficients.exp2_table(),
+        "ROOT_TABLE": coefficients.reciprocal_root_table(),
+        "TWO_OVER_PI": coefficients.two_over_pi_words(),
+    }
+    sizes = {n: int(k) for n, k in re.findall(r"(\w+)\[(\d+)\] = ", text)}
+    assert sizes == {n: len(v) for n, v in tables.items()}
+    defined = {
+        n: int(re.search(r"-?(0x[0-9A-F]+|\d+)", re.sub(r"U?INT64_C", "", v))[0], 0)
+        for n, v in re.findall(r"#define (\w+) (\S.*)", text)
+    }
+    log2_e = defined["LOG2_E_HIGH"] * 2**32 + defined["LOG2_E_LOW"]
+    for raw, bits, exact in (
+        (log2_e, 63, 1 / mpmath.log(2)),
+        (defined["LN_2_Q64"], 64, mpmath.log(2)),
+        (defined["LN_2_Q56"], 56, mpmath.log(2)),
+        (defined["PI_Q61"], 61, mpmath.pi),
+    ):
+        assert abs(raw - exact * 2**bits) <= mpf(0.5)
+    for name, _, integers in coefficients.polynomials():
+        assert [defined[f"{name}_{k}"] for k in range(len(integers))] == integers
+    # Beyond the largest int a constant is unsigned, and one below zero stands in brackets.
+    for value in re.findall(r"#define [A-Z0-9]+_\d (.*)", text):
+        plain = int(value.strip("()").rstrip("u"), 0)
+        assert value.endswith("u") == (plain >= 2**31)
+        assert value.startswith("(") == (plain < 0)
