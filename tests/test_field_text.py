@@ -55,14 +55,20 @@ def system() -> System:
         ),
         "second": gain("second", Port("a_Nm", -1.0, 1.0, "in"), Port("b_Nm", -64.0, 64.0, "out")),
         "third": gain("third", Port("b_Nm", -1e9, 1e9, "in", ), Port("c", -1e10, 1e10, "out")),
+        "same": gain("same", Port("a_Nm", -4.0, 4.0, "in"), Port("e_Nm", -1.0, 1.0, "out")),
         "last": gain("last", Port("a_Nm", -16.0, 16.0, "in"), Port("d_Nm", -1.0, 1.0, "out"), 2),
     }  # fmt: skip
     return System(
         "tiny",
         0.001,
         blocks,
-        (Task("quick", ("first", "second", "third")), Task("slow", ("last",), every=2)),
-        {"second.a_Nm": "first.a_Nm", "third.b_Nm": "second.b_Nm", "last.a_Nm": "first.a_Nm"},
+        (Task("quick", ("first", "second", "third", "same")), Task("slow", ("last",), every=2)),
+        {
+            "second.a_Nm": "first.a_Nm",
+            "third.b_Nm": "second.b_Nm",
+            "last.a_Nm": "first.a_Nm",
+            "same.a_Nm": "first.a_Nm",
+        },
         {"x_rad": ("first.x_rad",)},
         {"c": "third.c", "d_Nm": "last.d_Nm", "status": "first.status"},
     )
@@ -93,6 +99,7 @@ def test_what_feeds_an_input(system, rendered):
         ("first", "x_rad", "[1]"): "in->x_rad[1]",
         ("second", "a_Nm", ""): "first_out.a_Nm",
         ("third", "b_Nm", ""): "second_out.b_Nm",
+        ("same", "a_Nm", ""): "first_out.a_Nm",
         ("last", "a_Nm", ""): f"state->slow_held.{latch}",
     }
     # Torques of 4 in 28 bits behind the point go to 30 of one of 1, and to 26 of 16; 64 has 24 of
@@ -272,8 +279,19 @@ def test_counters_names_and_kernels(system, rendered):
     assert identity("esea_tiny", FORMATS["f64"], "") == "esea_tiny_f64"
     assert set(block_kernels(first)) == {"init", "step", "prepare"}
     assert set(block_kernels(system.blocks["second"])) == {"init", "step"}
-    files = {f"esea_tiny_{n}.c" for n in ("first", "second", "third", "last")}
-    assert set(renderer.own_files()) == files | {"esea_tiny.h", "esea_tiny.c", "esea_tiny_real.h"}
+    files = {f"esea_tiny_{n}.c" for n in ("first", "second", "third", "same", "last")}
+    files |= {"esea_tiny.h", "esea_tiny.c", "esea_tiny_real.h"}
+    assert set(renderer.own_files()) == files
+    beside = {
+        "f64": {f"reference/esea_tiny_casadi{e}" for e in (".c", ".h")},
+        "f32": {"esea_f32.h", "esea_f32.c", "esea_f32_tables.h"},
+        "q31": {"esea_q31.h", "esea_q31.c", "esea_f32_tables.h", "esea_q31_units.h",
+                "esea_tiny_units.h", "esea_tiny_units_link.h"},
+    }  # fmt: skip
+    for real, more in beside.items():
+        found = rendered[real].files()
+        assert set(found) == files | more
+        assert all(found[p.name] == p.read_text() for p in FORMATS[real].sources())
 
 
 def test_a_printed_plan_reads_what_it_uses(system):
