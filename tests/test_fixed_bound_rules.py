@@ -134,16 +134,17 @@ def test_an_exponents_own_error_from_zero_on(high, c):
 @pytest.mark.parametrize("sign", [1, -1])
 def test_where_one_side_wins_for_sure_its_error_alone_counts(sign):
     pick, other = (ca.fmin, ca.fmax) if sign > 0 else (ca.fmax, ca.fmin)
-    x = boxes((1, 2), (1, 2), (1, 2), (6, 7), a=0.125)
-    y = boxes((3, 5), (2.625, 5), (2.5, 5), (3, 5), a=0.5)
-    turned = [Span(-s.high, -s.low, s.a, s.r) for s in (x, y)] if sign < 0 else [x, y]
-    value, _ = found(pick(X, Y), *turned)
-    # Apart by 1, by both errors, by less; then the other one is the smaller.
-    assert value.error.tolist() == pytest.approx([0.125, 0.125, 0.5, 0.5])
-    low = [(1, 2), (1, 2), (1, 2), (3, 5)]
-    assert ends(value) == (low if sign > 0 else [(-b, -a) for a, b in low])
-    value, _ = found(other(X, Y), *turned)
-    assert value.error.tolist() == pytest.approx([0.5, 0.5, 0.5, 0.125])
+    intervals = [(1, 2)] * 3 + [(6, 7)], [(3, 5), (2.625, 5), (2.5, 5), (3, 5)]
+    for mine, yours in ((0.125, 0.5), (0.5, 0.125)):
+        x, y = boxes(*intervals[0], a=mine), boxes(*intervals[1], a=yours)
+        turned = [Span(-s.high, -s.low, s.a, s.r) for s in (x, y)] if sign < 0 else [x, y]
+        value, _ = found(pick(X, Y), *turned)
+        # Apart by 1, by both errors, by less; then the other one is the smaller.
+        assert value.error.tolist() == pytest.approx([mine, mine, 0.5, yours])
+        low = [(1, 2), (1, 2), (1, 2), (3, 5)]
+        assert ends(value) == (low if sign > 0 else [(-b, -a) for a, b in low])
+        value, _ = found(other(X, Y), *turned)
+        assert value.error.tolist() == pytest.approx([yours, yours, 0.5, mine])
 
 
 def test_an_absolute_error_is_carried_as_a_share_where_it_is_small():
