@@ -143,3 +143,19 @@ def test_an_exponential_beyond_all_numbers_is_refused_and_no_crash():
         with pytest.raises(RangeError, match=r"value v\d+ \(exp\) has no finite range"):
             bound(block, F32)
     assert whole_nodes(block, fuse_selects(walk(block.step)), F32) == frozenset()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_shares_add_up_as_shares_only_where_nothing_cancels(sign):
+    share = 2.0**-6
+
+    def parts(x: tuple[float, float], y: tuple[float, float]) -> tuple[float, float]:
+        turned = [sorted(sign * v for v in s) for s in (x, y)]
+        value = found(X + Y, *(RangeValue(*s, 0.0, share) for s in turned))
+        return value.a, value.r
+
+    for x, y in (((0, 5), (0, 3)), ((1, 5), (2, 3))):
+        assert parts(x, y) == (pytest.approx(0, abs=1e-40), pytest.approx(share, rel=1e-4))
+    # A little beyond zero on one side is enough: then the largest of both count.
+    for x, y in (((-0.5, 5), (0, 3)), ((0, 5), (-0.5, 3)), ((-1, 5), (-1, 3))):
+        assert parts(x, y) == (pytest.approx(8 * share, rel=1e-4), pytest.approx(U))

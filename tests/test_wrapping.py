@@ -57,6 +57,10 @@ CODE = {
         "    a_function_of_twenty_s(one_of_twenty_four_letters);",
         "    a_function_of_twenty_s(\n            one_of_twenty_four_letters);",
     ),
+    "behind the outer of two brackets": (
+        "    outer_function_name(inner(a_long_argumen));",
+        "    outer_function_name(\n            inner(a_long_argumen));",
+    ),
     "a macro carries on": (
         "#define NAME (aaaaaaaaaaaaa + bbbbbbbb + ccccccccccc)",
         "#define NAME (aaaaaaaaaaaaa + bbbbbbbb \\\n        + ccccccccccc)",
