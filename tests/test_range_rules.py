@@ -159,3 +159,21 @@ def test_shares_add_up_as_shares_only_where_nothing_cancels(sign):
     # A little beyond zero on one side is enough: then the largest of both count.
     for x, y in (((-0.5, 5), (0, 3)), ((0, 5), (-0.5, 3)), ((-1, 5), (-1, 3))):
         assert parts(x, y) == (pytest.approx(8 * share, rel=1e-4), pytest.approx(U))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "a", "ends", "error"),
+    [
+        (0.25, 0.75, 0.0, (1, 1), 0.0),
+        (-0.75, -0.25, 0.0, (-1, -1), 0.0),
+        (0.0, 0.5, 0.0, (0, 1), 0.0),
+        (-0.5, 0.0, 0.0, (-1, 0), 0.0),
+        (-0.5, 0.5, 0.0, (-1, 1), 0.0),
+        (0.25, 0.75, 0.125, (1, 1), 0.0),  # which no rounding turns
+        (0.25, 0.75, 0.375, (1, 1), 2.0),
+        (-0.75, -0.25, 0.375, (-1, -1), 2.0),
+    ],
+)
+def test_a_sign_is_wrong_by_two_where_rounding_may_turn_it(low, high, a, ends, error):
+    value = found(ca.sign(X), RangeValue(low, high, a))
+    assert ((value.low, value.high), value.error) == (ends, error)
