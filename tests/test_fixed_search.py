@@ -244,6 +244,7 @@ def mixed(c, s, u, g, label):
     return {"m": new}, {"y": clip(steep, -1, 1) * 0.5 + 0.25 * new}
 
 
+@pytest.mark.ci
 def test_plans_and_bounds_of_one_planner_are_those_of_a_fresh_one():
     # What is kept from plan to plan, and from bound to bound, changes nothing.
     block = memory(mixed)
