@@ -12,6 +12,7 @@ from esea_gen.emit.error_bounds import Bound
 from esea_gen.emit.fixed.plan import BlockPlan, Planner
 from esea_gen.emit.fixed.report import BlockRanges, RangeReport, range_report
 from esea_gen.emit.fixed.table import NARROW, ROOM, WIDE, RangeRow, draw_headroom, range_rows
+from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
@@ -275,3 +276,19 @@ def test_a_report_of_a_system():
     # x is exact, and so is a gain of 1: the sum of the product and 1 is half a unit off or two.
     assert 0 <= found.bound.outputs["y_Nm"] <= 2.0**-28
     assert list(found.rows) == range_rows(found.plan)
+
+
+@pytest.mark.parametrize(("size", "said"), [(1, "of x_rad_used)"), (2, "of inputs_ok, x_rad[1])")])
+def test_a_refusal_names_the_label_or_the_element_of_a_vector(size, said):
+    refused = Block.define(
+        "inverse",
+        "One over it",
+        period_s=0.001,
+        state=(),
+        inputs=(Port("x_rad", -1.0, 1.0, "input", size, on_invalid=0.5),),
+        outputs=(Port("y", -2.0, 2.0, "output"),),
+        step=lambda c, s, u, g, label: ({}, {"y": 1 / u.x_rad[size - 1]}),
+    )
+    with pytest.raises(LoweringError, match="holds zero") as told:
+        Planner(refused).plan()
+    assert said in str(told.value)
