@@ -312,6 +312,14 @@ def test_a_coefficient_errs_by_what_its_raw_number_leaves(gain):
     assert block_bound(step_.plan).outputs["y"] == pytest.approx(off + 2.0**-31, rel=0.3)
 
 
+def test_an_input_that_errs_has_passed_its_check_all_the_same():
+    # Else what stands for an invalid one, 0, would be among what is possible.
+    plan = Planner(made(lambda c, s, u, g, label: ({}, {"y": 0.5 * u.x_rad}))).plan()
+    (y,) = Propagation(plan, {"u_x_rad": (0.5, 1.0)}, {"x_rad": 1e-3}).once([]).results[0]
+    assert (y.low, y.high) == (0.25, 0.5)
+    assert y.error == pytest.approx(5e-4, rel=1e-3)
+
+
 def test_what_results_can_be_and_err_by():
     def step(c, s, u, g, label):
         return {"m": 0.25 * s.m}, {"y": 0.5 * u.x_rad}
@@ -376,7 +384,10 @@ def test_a_residual_bounds_a_solved_value_however_it_was_found(most, jump):
 
 def test_what_follows_a_solved_value_errs_by_its_stated_slope():
     # Stated as 7 where intervals would find 3: the statement counts.
-    bound = block_bound(Planner(solved(1e-3, follows=7.0)).plan())
+    plan = Planner(solved(1e-3, follows=7.0)).plan()
+    bound = block_bound(plan)
+    (z,) = Propagation(plan, {}, {}).once([]).results[1]
+    assert (z.low, z.high) == pytest.approx((-2.4, 2.4))  # of 0.8 to either side
     assert bound.outputs["z"] == pytest.approx(7 * 1e-3 / 1.25, rel=1e-3)
     assert bound.outputs["y"] == pytest.approx(1e-3 / 1.25, rel=1e-3)
 
