@@ -272,6 +272,15 @@ def test_an_error_comes_through_an_operation_by_its_slope(name):
     assert found.near == 0
 
 
+def test_ways_of_different_length_from_one_rounding_are_added_with_their_signs():
+    p, q = float(np.float32(1.2)), float(np.float32(0.61))
+    v = p * q
+    for sign in (1, -1):
+        f = program(lambda x, y, s=sign: x * y + s * (x * y) * (x * y))
+        expected = U * (abs(1 + 2 * sign * v) * v + v * v + abs(v + sign * v * v))
+        assert PointAnalysis(f).bound(p=p, q=q).errors["y"] == pytest.approx(expected, rel=1e-9)
+
+
 def test_numbers_that_float32_holds_nearly_count_with_what_is_lost():
     lost = {v: abs(float(np.float32(v)) - v) for v in (0.1, 0.3, 0.7)}
     f = program(lambda p, q: p - 0.3)
