@@ -39,8 +39,8 @@ ROUNDED = {
     "twice": lambda x, y: x + x,
     "inv": lambda x, y: 1 / y,
     "sign": lambda x, y: math.copysign(1, x) if x else 0.0,
-    "fmin": lambda x, y: min(x, y),
-    "fmax": lambda x, y: max(x, y),
+    "fmin": min,
+    "fmax": max,
     "if_else_zero": lambda x, y: y if x else 0.0,
     "lt": lambda x, y: x < y,
     "le": lambda x, y: x <= y,
@@ -270,6 +270,11 @@ def test_an_error_comes_through_an_operation_by_its_slope(name):
     assert found.exact["y"] == pytest.approx(value, rel=1e-15)
     assert found.errors["y"] == pytest.approx(expected, rel=1e-9, abs=1e-30)
     assert found.near == 0
+    # Beside another way from the same rounding its sign counts too.
+    more = PointAnalysis(program(lambda x, y: f(x * y)[0] + 0.25 * (x * y))).bound(p=p, q=q)
+    total = value + 0.25 * p * q
+    expected += (abs(slope + 0.25) - abs(slope)) * U * abs(p * q) + U * abs(total)
+    assert more.errors["y"] == pytest.approx(expected, rel=1e-9, abs=1e-30)
 
 
 def test_ways_of_different_length_from_one_rounding_are_added_with_their_signs():
