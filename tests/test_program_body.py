@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from esea_gen.language.builder import Builder, declare_ports, guard_inputs
-from esea_gen.language.ports import Port
+from esea_gen.language.ports import Port, threshold
 from esea_gen.language.program import Program
 from esea_gen.language.statements import (
     Call,
@@ -232,7 +232,7 @@ def test_parts_indices_and_work():
     assert [p.name for p in program.carried] == ["kept"]
     work = program.state[-1]
     assert (work.name, work.low, work.high, work.size, work.meaning) == (
-        *("place", float(np.float32(-3e38)), float(np.float32(3e38)), 2, "work: where"),
+        *("place", -threshold(3e38), threshold(3e38), 2, "work: where"),
     )
     assert list(program.kernels) == ["k1_take", "k2_put2", "k3_copy", "k4_put7", "k5_put1"]
     s = program.simulator()
