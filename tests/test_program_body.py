@@ -10,6 +10,7 @@ from esea_gen.language.builder import Builder, declare_ports, guard_inputs
 from esea_gen.language.ports import Port, threshold
 from esea_gen.language.program import Program
 from esea_gen.language.statements import (
+    EPSILON,
     Call,
     Exit,
     For,
@@ -83,7 +84,12 @@ def test_slices_are_a_start_a_number_of_elements_and_a_stride():
     assert m[i] == Ref("a", i, 1, 1)
     assert m[2:3] == Ref("a", Ix(2), 3, 1)
     assert m[i + 1 : 2 : 3] == Ref("a", i + 1, 2, 3)
-    assert m[0:4] == Ref("a", Ix(0), 4, 1)
+    assert m[0:4] == m[0:4:1] == Ref("a", Ix(0), 4, 1)
+    # From the start on is all of it only where no number is given either.
+    with pytest.raises(TypeError):
+        m[2:]
+    with pytest.raises(TypeError):
+        m[:2]
     assert m.at(2) == Ix(0, (), ((1, "a", Ix(2)),))
 
 
@@ -105,6 +111,8 @@ def test_arrays_and_tables():
     b = Builder()
     with pytest.raises(ProgramError, match="array a: the name is taken or the size 0 is below 1"):
         b.array("a", 0)
+    halves = {"f64": np.finfo(float).eps / 2, "f32": float(np.finfo(np.float32).eps) / 2}
+    assert halves == EPSILON
     assert b.array("a", 1) == Memory("a", 1, "work", "", None)
     assert b.array("l", 2, "local", "of a part") == Memory("l", 2, "local", "of a part", None)
     same = b.table("t", [1, 2.5, 3], "numbers")
@@ -139,6 +147,8 @@ def test_a_loop_goes_as_often_as_its_range_says():
     simulator = made(b).simulator()
     for _ in range(2):  # totals are of one step
         assert simulator.step(x=np.zeros(3))["y"].tolist() == [5.0, 3.0, 0.0, 1.0 + 2.0 + 3.0]
+    loops = [s for s in walk_statements(b.parts["step"].body) if isinstance(s, For)]
+    assert [(s.unroll, s.total) for s in loops] == [*3 * [(False, None)], (False, 3), (False, 6)]
     assert simulator.passes == {"l0_1": 5, "l1_2": 3, "l2_3": 0, "counted4": 3, "i5": 3}
 
 
