@@ -1,4 +1,4 @@
-"""What surrounds the second executor's steps: settings, counters, arguments, and streams at ties."""
+"""What surrounds the second executor's steps: settings, counters, arguments, streams at ties."""
 
 from __future__ import annotations
 

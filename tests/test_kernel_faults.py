@@ -352,6 +352,15 @@ ALIKE = [
         (("lt", 2, "n"), ("le", 3, ("add", 0.5, "n"))),
     ),
     (("pow", "z", 0.75), ("pow", "z", 0.75)),
+    (("lt", "x", 0), ("lt", ("mul", "x", 1.5), 0)),
+    (
+        ("select", B, 0, ("lt", "z", 1)),
+        ("lt", ("add", ("select", B, 2, 0), ("select", B, 0, "z")), 1),
+    ),
+    (
+        ("select", B, ("lt", ("add", "z", 2), 4), ("lt", ("add", "z", 3), 4)),
+        ("lt", ("add", "z", ("select", B, 2, 3)), 4),
+    ),
 ]
 OTHERS = [
     *((("sub", "x", "y"), ("sub", "y", "x")), (("div", "x", "y"), ("div", "y", "x"))),
@@ -383,6 +392,14 @@ def test_what_is_one_by_algebra_has_one_number(one, other):
     assert a == b
     _, (b, a) = numbered(other, one)
     assert a == b
+    # And of another kernel, of whose conditions nothing is known beforehand.
+    for first, second in ((one, other), (other, one)):
+        own, (number,) = numbered(first)
+        nodes, (place,) = built(second)
+        numbers: list[int] = []
+        for i in range(len(nodes)):
+            numbers.append(own.number(nodes, i, numbers, {}))
+        assert numbers[place] == number
 
 
 @pytest.mark.parametrize(("one", "other"), OTHERS, ids=str)
