@@ -374,6 +374,12 @@ OTHERS = [
     *((("pow", "z", 0.75), ("pow", "z", 0.75 + 2.0**-27)), (B, ("select", B, "x", "y"))),
     *((("and", B, "n"), ("or", B, "n")), (("div", 1, "x"), "x"), (("not", "x"), "x")),
     (("select", B, "x", ("select", B, "y", "z")), ("select", B, "x", "y")),
+    tuple((op, ("select", B, "x", 0), ("select", B, 0, "z")) for op in ("add", "mul")),
+    tuple(("add", ("select", B, "x", 0), ("select", c, 0, "z")) for c in (B, ("lt", "x", "z"))),
+    (
+        ("lt", ("add", ("select", B, 2, 0), ("select", B, 0, "z")), 1),
+        ("lt", ("add", ("select", B, 2, 0.5), ("select", B, 0, "z")), 1),
+    ),
 ]
 
 
