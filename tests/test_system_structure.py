@@ -82,7 +82,7 @@ def parts(asked: str = "coeffs_ok") -> dict:
 
 def test_the_structure():
     s = System(**parts())
-    fast, medium, lazy = s.tasks
+    _, medium, lazy = s.tasks
     assert [t.release_ticks for t in s.tasks] == [1, 2, 3]
     assert s.task("medium") is medium
     assert s.task_of("also") is lazy
