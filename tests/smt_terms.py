@@ -98,8 +98,8 @@ def computed(head: str, args: list[Any]) -> Any:
         return SIGNED[head](*map(signed, args))
     if head in PLAIN:
         return PLAIN[head](value, args[1][0])
-    if head == "bvneg":
-        return -value % 2**bits, bits
+    if head in ("bvneg", "bvnot"):
+        return (-value - (head == "bvnot")) % 2**bits, bits
     if head in WORDS:
         return WORDS[head](value, args[1][0]) % 2**bits, bits
     count = min(args[1][0], bits)
