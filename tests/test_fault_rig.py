@@ -376,6 +376,10 @@ def test_clock_link_and_inputs(bench):
     low, high = bench.ranges["frame_error_gear"]
     seen = [m["frame_error_gear"] for m in bench.board.measured]
     assert seen == pytest.approx(AT * [0.0] + AFTER * [0.3 * (high - low)])
+    bench.run(MOVED, BoardFault("frame_error_gear", "ramp", 0.5), AT, seed=1)
+    seen = [m["frame_error_gear"] for m in bench.board.measured]
+    rising = [0.5 * (high - low) * 1e-3 * age for age in range(AFTER)]
+    assert seen == pytest.approx(AT * [0.0] + rising)
     # What the host wants is wrong from its next command on; the rest of the command stays.
     sound = bench.run(MOVED, None, AT, seed=1)
     right = wanted_at(bench.board.done)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from esea_gen.language.block import Block
-from esea_gen.language.ports import Constant, Flag, Port
+from esea_gen.language.ports import Constant, Flag, Port, Tunable
 from esea_gen.language.stream import SPECIAL, single
 from esea_gen.language.system import System, Task
+from esea_gen.verify import memories
 from esea_gen.verify.streams import at_the_limits, inside, streams, working_inputs
 
 MARK, EDGE = 0.3, 2.75
@@ -328,3 +330,69 @@ def test_a_controlling_system_is_worked_as_it_says(drive):
         by_hand = 0.2 * high * np.sin(np.arange(50) / (37 + 5 * k))
         for column in found[name].reshape(50, -1).T:
             assert column == pytest.approx(by_hand, abs=1e-6)
+
+
+# -- other memories --------------------------------------------------------------------------------
+
+
+def tuned() -> Block:
+    """Four tunables that stand as they are in its coefficients; two counters."""
+    names, flags = "abcd", (Flag("ONE", "one", True), Flag("NONE", "no"), Flag("TWO", "two", True))
+    ends = {n: (0.1 * k, 1.0 + k) for k, n in enumerate(names, 1)}
+    return Block.define(
+        *("tuned", "made up"),
+        period_s=1e-3,
+        tunables=tuple(Tunable(n, 0.75, *ends[n], n) for n in names),
+        coefficients=tuple(Port(n, 0, 9, n) for n in names),
+        prepare=lambda t: {n: 1 * getattr(t, n) for n in names},
+        state=(Port("s_rad", -1, 1, "s"),),
+        inputs=(Port("x_rad", -1, 1, "x"),),
+        outputs=(Port("y", -9, 9, "y"), Port("status", 0, 7, "status", flags=flags)),
+        step=lambda c, s, u, guard, label: ({"s_rad": u.x_rad}, {"y": c.a, "status": 0}),
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_tunables_and_counters_at_their_ends(dtype, monkeypatch):
+    aimed = []
+
+    def recorded(block, tried, kind):
+        aimed.append(([s.name for s in tried], [s.steps for s in tried], np.dtype(kind)))
+        return []
+
+    monkeypatch.setattr(memories, "aimed_stream", recorded)
+    block = tuned()
+    first, *counted = memories.other_memories(block, dtype, steps=81)
+    # Aimed from a thousand steps of each stream.
+    ordinary = [s.name for s in streams(block, steps=30)]
+    assert aimed == [(ordinary, len(ordinary) * [1000], np.dtype(dtype))]
+    # The first three in every combination of their ends, for as long as each other.
+    base = at_the_limits(block, dtype, seed=2, steps=81)
+    np.testing.assert_array_equal(first.inputs["x_rad"], base.inputs["x_rad"])
+    assert list(first.injections) == list(base.injections)
+    assert first.name == "tunables at their ends"
+    assert list(first.coefficients) == [81 * k // 8 for k in range(8)]
+    ends = {t.name: (t.low, t.high) for t in block.tunables}
+    seen = [tuple(float(c[n][0]) for n in "abc") for c in first.coefficients.values()]
+    assert sorted(seen) == sorted(itertools.product(*(ends[n] for n in "abc")))
+    last = {float(c["d"][0]) for c in first.coefficients.values()}
+    assert len(last) > 1
+    assert last <= {*ends["d"], 0.75}
+    # Each counter full in turn, the other at none, beside what is put in anyway.
+    names = [n for n in ordinary if n not in ("corrupt states", "chirp", "random walk")]
+    assert [s.name for s in counted] == [f"{n}, counters at their ends" for n in names]
+    for s in counted:
+        assert s.steps == 600
+        assert list(s.injections) == list(range(10, 600, 30))
+        tops = [(int(one["n_one"]), int(one["n_two"])) for one in s.injections.values()]
+        assert tops == [(2**32 - 1, 0), (0, 2**32 - 1)] * 10
+
+
+def test_a_block_without_tunables_or_counters_has_no_such_memories(monkeypatch):
+    monkeypatch.setattr(memories, "aimed_stream", lambda *given: [])
+    plain = replace(tuned(), tunables=())
+    names = [s.name for s in memories.other_memories(plain)]
+    assert names
+    assert "tunables at their ends" not in names
+    no_flags = replace(plain, outputs=plain.outputs[:1])
+    assert memories.other_memories(no_flags) == []
