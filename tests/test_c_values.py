@@ -278,6 +278,7 @@ def facts(free: str, kind: CType, op: str, x, y, result) -> bool:
     return all(Terms(bench.script.lines, words).facts)
 
 
+@pytest.mark.ci
 def test_what_is_stated_of_free_operators_holds_and_says_something():
     numbers = [0.0, -2.0, 300.0, -70000.0, 1e18]
     for x, y in itertools.product(numbers, repeat=2):
@@ -406,8 +407,7 @@ def test_a_field_against_a_bound(fraction):
         assert terms(x.finite()) == (value is not None)
 
 
-@pytest.mark.parametrize("other", [0, 2, 20])
-@pytest.mark.parametrize("fraction", [0, 2, 20])
+@pytest.mark.parametrize(("fraction", "other"), [(0, 0), (2, 20), (20, 0)])
 def test_fields_of_different_scale(fraction, other):
     x, y = of_field("|x|", fraction), of_field("|y|", other)
 
@@ -416,7 +416,8 @@ def test_fields_of_different_scale(fraction, other):
         assert bits == WIDE
         return Fraction(value - 2**bits if value >> bits - 1 else value, 2**made.fraction)
 
-    for (a, raw_a), (b, raw_b) in itertools.product(field_values(fraction), field_values(other)):
+    pairs = itertools.product(field_values(fraction)[::2], field_values(other)[::2])
+    for (a, raw_a), (b, raw_b) in pairs:
         terms = Terms([], {"x": raw_a, "y": raw_b})
         for by in COMPARE.values():
             assert terms(by(x, y)) == by(a, b)

@@ -207,6 +207,7 @@ def test_structs_by_their_fields(folder, compiled):
         Reader(folder / "tried.c", Script()).call("step", frozenset({"in"}))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -236,37 +237,40 @@ def test_what_is_not_understood_is_refused(tmp_path, text, words):
         Reader(path, Script()).result("f")
 
 
-@pytest.mark.parametrize(
-    ("text", "value", "signed", "long"),
-    [
-        ("7", 7, True, False),
-        ("0x7FFFFFFF", 2**31 - 1, True, False),
-        ("2147483648", 2**31, True, True),
-        ("0x80000000", 2**31, False, False),
-        ("010", 8, True, False),
-        ("0", 0, True, False),
-        ("5u", 5, False, False),
-        ("5L", 5, True, True),
-        ("5uL", 5, False, True),
-        ("0xFFu", 255, False, False),
-        ("0x1FFFFFFFF", 2**33 - 1, True, True),
-        ("4294967296u", 2**32, False, True),
-    ],
-)
-def test_a_constant_has_the_type_that_c_gives_it(tmp_path, text, value, signed, long):
+CONSTANTS = [
+    # Text, value, whether it has a sign, whether it has 64 bits.
+    ("7", 7, True, False),
+    ("0x7FFFFFFF", 2**31 - 1, True, False),
+    ("2147483648", 2**31, True, True),
+    ("0x80000000", 2**31, False, False),
+    ("010", 8, True, False),
+    ("0", 0, True, False),
+    ("5u", 5, False, False),
+    ("5L", 5, True, True),
+    ("5uL", 5, False, True),
+    ("0xFFu", 255, False, False),
+    ("0x1FFFFFFFF", 2**33 - 1, True, True),
+    ("4294967296u", 2**32, False, True),
+]
+
+
+def test_a_constant_has_the_type_that_c_gives_it(tmp_path):
     require_tool("gcc")
     path = tmp_path / "one.c"
-    path.write_text(
-        f"{HEAD} int64_t value(int32_t x) {{ return {text}; }}\n"
-        f"int32_t below(int32_t x) {{ return {text} * 0 - 1 < 0; }}\n"
-        f"int32_t wide(int32_t x) {{ return ({text} * 0 + 2147483647u) * 4 > 4294967295u; }}\n"
-    )
+    lines = [
+        f"int64_t value{k}(int32_t x) {{ return {text}; }}\n"
+        f"int32_t below{k}(int32_t x) {{ return {text} * 0 - 1 < 0; }}\n"
+        f"int32_t wide{k}(int32_t x) {{ return ({text} * 0 + 2147483647u) * 4 > 4294967295u; }}\n"
+        for k, (text, *_) in enumerate(CONSTANTS)
+    ]
+    path.write_text(HEAD + "".join(lines))
     script = Script()
     reader = Reader(path, script)
-    found = {n: reader.result(n)[1]["return"] for n in ("value", "below", "wide")}
-    terms = {n: reader.term(v) for n, v in found.items()}
-    at = Terms(script.lines, {"x": word(0)})
-    assert [number(at(t)) for t in terms.values()] == [value, signed, long]
+    for k, (text, *expected) in enumerate(CONSTANTS):
+        made = [reader.result(f"{n}{k}")[1]["return"] for n in ("value", "below", "wide")]
+        terms = [reader.term(v) for v in made]
+        at = Terms(script.lines, {"x": word(0)})
+        assert [number(at(t)) for t in terms] == expected, text
 
 
 def test_what_the_preprocessor_refuses(tmp_path):

@@ -416,6 +416,7 @@ def test_what_settled_a_value_is_told():
     assert list(why) == ["the values compared lie in [-8, 8] and [9, 9]"]
 
 
+@pytest.mark.ci
 @settings(max_examples=30)
 @given(st.lists(st.one_of(trees(), trees(truth=True)), min_size=2, max_size=5))
 def test_values_of_one_number_are_equal_whatever_comes_in(made):

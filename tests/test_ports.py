@@ -7,7 +7,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.language.block import Block, Simulator, Solved
@@ -67,6 +67,7 @@ def test_a_name_ends_in_its_unit(suffix, unit):
     assert word.unit == "bits"
 
 
+@settings(max_examples=40)
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
 def test_ends_are_the_nearest_float32_numbers_inside(low, width):
     high = low + width

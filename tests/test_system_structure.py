@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from esea_gen.language.wires import External, Latch, Signal, Task
 H = 1e-3
 
 
+@cache
 def block(name: str, every: int = 1, gain: bool = False, inputs=None, latched=False) -> Block:
     """y is ten times x (or the gain times it) and the sum of all else; twice it is told too."""
     inputs = inputs or (Port("x_rad", -9e9, 9e9, "x"),)
@@ -238,6 +241,7 @@ def test_a_schedule_by_hand():
         late.release(k)
         late.step("fast", given_rad=1.0)
     assert late.watch.late_level > 0
+    assert late.watch.coeffs_ok == 0  # for the checking run has not ended
     assert late.held["medium"] == {"first_y_rad": 10.0}
     # The medium task's runs were due at 3 and 5, the lazy one's at 5; one is forgotten a tick.
     assert late.seen["lazy"]["late_level"] == (16 - 2) + 2 * 16 - 1

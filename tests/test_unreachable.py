@@ -41,6 +41,7 @@ def sides_taken(op: str, args: list[np.ndarray], value: np.ndarray) -> list[np.n
     }.get(op, lambda: [value != 0, value == 0])()
 
 
+@pytest.mark.ci
 @settings(max_examples=25)
 @given(st.lists(st.one_of(trees(), trees(truth=True)), min_size=2, max_size=4))
 def test_nothing_that_happens_was_called_impossible(made):
@@ -296,6 +297,7 @@ def test_what_the_guard_lets_pass():
         (("select", 2, "x", "z"), Interval(-2, 3)),
         (("if_else_zero", 2, "x"), Interval(-2, 3)),
         (("if_else_zero", "n", ("add", "z", 1)), Interval(0, 5)),
+        (("if_else_zero", "n", ("sub", "y", 5)), Interval(-6, 0)),
         (("not", ("add", "n", 1)), Interval(0, 0)),
         (("and", ("add", "n", 1), ("sub", "z", 9)), Interval(1, 1)),
         (("or", 0, 0), Interval(0, 0)),
