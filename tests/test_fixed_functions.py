@@ -158,6 +158,66 @@ def test_functions_equal_their_python(lib, data):
     assert got == functions.divide(wide, d, k, low, high)
 
 
+@pytest.fixture(scope="module")
+def host():
+    require_tool("gcc")
+    files = {p.name: p.read_text() for p in functions.source_files()} | {"t.c": WRAPPERS}
+    ffi = cffi.FFI()
+    ffi.cdef(DECLARATIONS)
+    return ffi.dlopen(str(compile_sources(files)))
+
+
+def numbers(most_bits: int) -> list[int]:
+    """Whole numbers of every size, of both signs, ends and middles of their words among them."""
+    rng = np.random.default_rng(11)
+    found = [0, 1, 2, 3, -1]
+    for k in range(2, most_bits):
+        found += [2**k - 1, 2**k, 2**k + int(rng.integers(0, 2**k)), -(2**k) - k]
+    return found
+
+
+def test_python_and_c_agree_on_numbers_of_every_size(host):
+    exponents = [1, 2**26, 2**27, 361_234_567, 2**30 + 9, -(2**27), -300_000_001]
+    for k, x in enumerate(numbers(62)):
+        y, f, at = exponents[k % 7], 5 + 7 * k % 34, 3 + 5 * k % 50
+        for top in (2**61, 2**40 + k):
+            got = host.esea_q63_pow(x, at, y, f, top)
+            assert got == functions.power(x, at, y, f, top), (x, at, y, f)
+        assert host.esea_q63_log(x, at, f) == functions.logarithm(x, at, f), (x, at, f)
+        for n in (min(k % 60 - 30, 62 - x.bit_length()), 62 - x.bit_length()):
+            assert host.esea_q31_sqrt(x, n) == functions.root(x, n), (x, n)
+    for k, x in enumerate(numbers(31)):
+        for at in (2, 9, 24, 29, 31, 40, 62):
+            assert host.esea_q31_tanh(x, at) == functions.tangent(x, at), (x, at)
+            for f in (0, 20, 31, 33, 55):
+                args = x, at, f, 2**61 - k
+                assert host.esea_q63_exp(*args) == functions.exponential(*args), args
+    for k, d in enumerate(numbers(62)):
+        for n in (2**61 + 17 * k, -(2**20) - k, 5):
+            for shift in (d.bit_length() - 2, k % 100 - 50, 60 - n.bit_length(), -127, 127):
+                args = n, d, shift, -(2**62), 2**61 + k
+                assert host.esea_q63_divide(*args) == functions.divide(*args), args
+
+
+def test_where_a_result_has_no_place_it_is_the_end():
+    # 2^z in units of 2^-f: nothing below half a unit, the top beyond 2^62.
+    one = 1 << 20
+    for x, f, expected in ((one, 0, 1), (one, 30, 2**30), (one, 61, 2**61), (one, 63, 2**62)):
+        assert functions.power(x, 20, 2**27, f, 2**62) == expected
+    assert functions.power(1, 20, 2**27, 19, 9) == 1  # half a unit is one
+    assert functions.power(1, 20, 2**27, 18, 9) == 0
+    assert functions.power(0, 20, 2**27, 18, 9) == functions.power(-5, 20, 2**27, 18, 9) == 0
+    assert functions.exponential(-101 << 20, 20, 60, 5) == 0
+    assert functions.exponential(101 << 20, 20, 0, 5) == 5
+    assert functions.divide(1, 0, 0, -9, 9) == functions.divide(0, 1, 0, -9, 9) == 0
+    assert functions.divide(7, 2, 0, -9, 9) == 4  # a half goes away from zero
+    assert functions.divide(-7, 2, 0, -9, 9) == -4
+    assert functions.divide(-7, 2, 1, -6, 9) == -6
+    assert functions.divide(1, 3, 100, -9, 9) == 9
+    assert functions.root(2**62, 0) == 2**31 - 1
+    assert functions.root(99, 0) == 9
+
+
 def test_products_and_quotients_at_the_ends(lib):
     """Powers of two and their neighbours, where words carry: a reciprocal is then 2^32 itself."""
     ends = sorted(

@@ -24,7 +24,6 @@ from esea_gen.language.system import External, System, Task
 from esea_gen.model.drive import NominalDrive
 
 SAMPLES = 12  # of a triangle
-LEAST_PEAK = SAMPLES  # lattice steps, for a count: below, samples of the triangle would coincide
 MOST_PEAK = 255
 DIGITS = 6  # behind the point
 
@@ -167,7 +166,7 @@ def _lattice(port: Port) -> tuple[int, int, float]:
     middle = 0.0 if inside else port.low + 0.25 * (port.high - port.low)
     reach = 0.5 * min(port.high - middle, middle - port.low)
     shift = 8 - math.frexp(reach)[1]
-    if not inside and reach >= LEAST_PEAK + 1:
+    if not inside:
         shift = max(shift, 0)
     start = round(middle * 2.0**shift)
     return start, min(int(reach * 2.0**shift), MOST_PEAK), 2.0**-shift
@@ -297,10 +296,9 @@ def _default(system: System, kind: str, name: str) -> float:
 
 
 def _wave(x: float) -> float:
-    # Of parabolas, with the zeros and peaks of sin(x pi / 2): sums and products are the same on
-    # every machine, a sine is not.
-    y = x % 2.0
-    return y * (2.0 - y) * (1.0 if x % 4.0 < 2.0 else -1.0)
+    # A parabola for sin(x pi / 2), up to its zero at 2: sums and products are the same on every
+    # machine, a sine is not.
+    return x * (2.0 - x)
 
 
 class _Recording:

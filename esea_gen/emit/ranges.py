@@ -287,7 +287,10 @@ def analyse(
         elif n.op in ("and", "or"):
             result = _logic(n.op, v[0], v[1])
         else:
-            result = _operation(arithmetic, kernel, n, v)
+            try:
+                result = _operation(arithmetic, kernel, n, v)
+            except OverflowError:  # of an exponential or a power, in float64
+                result = RangeValue(-math.inf, math.inf)
         if i in known:
             low, high = known[i]
             low, high = max(result.low, low), min(result.high, high)

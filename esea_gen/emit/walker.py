@@ -6,7 +6,6 @@ error analysis, the cost count and the content hash.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -141,13 +140,7 @@ def _walked(function: ca.Function) -> Kernel:
         op = function.instruction_id(k)
         i, o = function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_CONST:
-            # -0.0 and 0.0 compare equal: keep them apart by not sharing negative zero.
-            value = float(function.instruction_constant(k))
-            if value == 0 and math.copysign(1, value) < 0:
-                nodes.append(Node("const", value=value))
-                work[o[0]] = len(nodes) - 1
-            else:
-                work[o[0]] = add(Node("const", value=value))
+            work[o[0]] = add(Node("const", value=float(function.instruction_constant(k))))
         elif op == ca.OP_INPUT:
             work[o[0]] = add(Node("input", source=(i[0], i[1])))
         elif op == ca.OP_OUTPUT:

@@ -266,8 +266,9 @@ class ProgramSimulator(Executor):
 
     def _advance(self) -> None:
         self._passed: dict[str, int] = {}
+        indices: dict[str, int] = {}
         for s in self._code["step"]:
-            s({})
+            s(indices)
 
     # -- the interpreter: statements become closures ---------------------------------------------
 

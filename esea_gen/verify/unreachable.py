@@ -105,7 +105,7 @@ def _by_range(op: str, v: Sequence[Interval], side: str) -> str:
         return f"the condition is always {str(side != 'true').lower()}" if known else ""
     if op == "not":
         known = v[0].settled and (v[0].low == 0) != (side == "true")
-        return f"the operand is always {str(side == 'false').lower()}" if known else ""
+        return f"the operand is always {str(side == 'true').lower()}" if known else ""
     if op not in ("fmin", "fmax", "lt", "le"):
         return ""
     # What may be NaN is neither less nor not: it decides for "false".
