@@ -220,7 +220,6 @@ def test_where_the_analysis_of_errors_cuts_the_viscosity(name, dead):
     e = {k.removeprefix("elastomer."): q.value for k, q in device.quantities()}
     dead = e["dead_zone_rad"] if dead is None else dead
     limits, block = device.file.limits, torque_sensor(device)
-    theta_lim = limits.theta_rad.value
     assert block.facts == {"share": (0.0, 1.0)}
     assert set(block.split) == {"s_theta_prev_rad", "u_omega_rad_s"}
     for port, own, names, reach in (
