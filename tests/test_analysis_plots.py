@@ -115,6 +115,7 @@ def test_bars_stand_side_by_side_published_ones_first():
     assert axes.get_xticks().tolist() == [0, 1]
     assert axes.get_xlim() == (-0.6, 1.6)
     assert axes.get_ylim()[0] == 0
+    assert not any(g.get_visible() for g in axes.xaxis.get_gridlines())
     assert axes.get_ylabel() == "RMS error, mN·m"
     assert legend(figure) == ["mpc, thesis", "mpc, ours", "own, ours", "smc, thesis"]
 
@@ -219,27 +220,28 @@ def test_where_the_gains_are_passive():
         stable=stable,
         passive=passive,
         kp_Nm_rad=np.array([10.0, 20.0]),
-        kd_Nms_rad=np.array([0.0, 1.0, 4.0]),
+        kd_Nms_rad=np.array([0.5, 1.0, 4.5]),
     )
-    figure = gain_map(region, [("left", 12.0, 1.5), ("right", 18.0, 2.5)], title="a loop")
+    figure = gain_map(region, [("left", 12.0, 2.4), ("right", 18.0, 2.51)], title="a loop")
     (axes,) = figure.axes
     (mesh,) = [c for c in axes.collections if isinstance(c, QuadMesh)]
     # 0 unstable (whatever its energy), 1 stable, 2 passive too.
     assert np.asarray(mesh.get_array()).tolist() == [[2, 1, 2], [1, 0, 0]]
     assert mesh.get_clim() == (0, 2)
+    assert not any(g.get_visible() for g in axes.xaxis.get_gridlines())
     edges = np.asarray(mesh.get_coordinates())
-    assert edges[0, :, 0].tolist() == [-0.5, 0.5, 2.5, 5.5]
+    assert edges[0, :, 0].tolist() == [0.25, 0.75, 2.75, 6.25]
     assert edges[:, 0, 1].tolist() == [5.0, 15.0, 25.0]
     colours = ["#efc9b0", "#cfdde8", MODEL]
     assert [to_hex(mesh.cmap(k)) for k in range(3)] == colours
     (box,) = figure.legends
     assert [to_hex(p.get_facecolor()) for p in box.get_patches()] == colours
     assert legend(figure) == ["unstable with a hand", "stable with every hand", "passive"]
-    assert [line(a)[1:] for a in axes.lines] == [([1.5], [12.0]), ([2.5], [18.0])]
-    # Right of the middle (2) a name stands left of its mark.
+    assert [line(a)[1:] for a in axes.lines] == [([2.4], [12.0]), ([2.51], [18.0])]
+    # Right of the middle (2.5) a name stands left of its mark.
     assert [(t.get_text(), t.xy, t.get_ha(), t.xyann) for t in axes.texts] == [
-        ("left", (1.5, 12.0), "left", (8, 4)),
-        ("right", (2.5, 18.0), "right", (-8, 4)),
+        ("left", (2.4, 12.0), "left", (8, 4)),
+        ("right", (2.51, 18.0), "right", (-8, 4)),
     ]
     assert words(axes)["title"] == "a loop"
     assert (axes.get_xlabel(), axes.get_ylabel()) == (
