@@ -57,6 +57,38 @@ def test_motions_stay_in_the_domain_and_are_what_they_say():
     assert "hold" not in {m.kind for m in motions(0.2, 0.05)}
 
 
+def test_the_motions_of_a_domain_by_hand():
+    # 0.4 rad and 2 rad/s: a sine of a quarter of it may have 2 / (2 pi 0.1) = 3.18 Hz, of the
+    # whole 0.796 Hz; a hold rises to its deflection in half a second.
+    found = motions(0.4, 2.0)
+    most = [2.0 / (2 * math.pi * a) for a in (0.1, 0.2, 0.3, 0.4)]
+    rows = []
+    for a, fastest in zip((0.1, 0.2, 0.3, 0.4), most, strict=True):
+        for f in (0.01, 0.05, 0.2, 0.5, 1.0, 1.5):
+            if f < fastest:
+                rows.append(("cycles", a, f, f, 5.0 + max(1, 20 * f) / f))
+        if fastest < 1.5:  # and at the fastest itself, in whole cycles
+            rows.append(("cycles", a, fastest, fastest, 5.0 + math.ceil(20 * fastest) / fastest))
+        rows.append(("sweep", a, 0.0, min(1.5, fastest), 65.0))
+        rows.append(("hold", a, 0.0, 0.0, 125.0))
+    told = [(m.kind, m.amplitude_rad, m.first_Hz, m.last_Hz, m.seconds) for m in found]
+    assert [m[0] for m in told] == [r[0] for r in rows]
+    for one, row in zip(told, rows, strict=True):
+        assert one[1:] == pytest.approx(row[1:])
+    # A rise of exactly the domain's rate is one still; without time one frequency is enough.
+    assert "hold" in {m.kind for m in motions(0.4, 0.8)[-1:]}
+    assert "hold" not in {m.kind for m in motions(0.4, 0.799)[-1:]}
+    untimed = motions(0.4, 0.3, timed=False)
+    assert [(m.kind, m.amplitude_rad, m.first_Hz, m.seconds) for m in untimed] == [
+        ("cycles", a, pytest.approx(f), pytest.approx(5 + count / f))
+        for a, f, count in (
+            *((pytest.approx(0.1), 0.2, 4), (pytest.approx(0.2), 0.2, 4)),
+            (pytest.approx(0.3), 0.3 / (0.6 * math.pi), 4),
+            (pytest.approx(0.4), 0.3 / (0.8 * math.pi), 3),
+        )
+    ]
+
+
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     """Nearly all cycles small: the cubic spring is hardly known."""

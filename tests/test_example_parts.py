@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import casadi as ca
 import pytest
 
 from esea_gen.emit.example import DriveExample, example, has_drive, tolerance, triangle
@@ -106,6 +107,30 @@ def test_an_encoder_is_asked_for_its_zero_and_its_direction(sign, zero):
     assert found.count(zero + sign * TURN) == 0
     assert found.count(zero + sign * 0.49 * TURN / 4096) == 0
     assert found.count(zero + sign * 0.51 * TURN / 4096) == 1
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("part", [0.001, 0.005, 0.009])
+def test_a_direction_is_told_by_the_short_way_round(sign, part):
+    # The angle jumps by a turn within the hundredth from count 0 on, at 0.1, 0.5 or 0.9 of it.
+    full = 4096
+
+    def step(_c, _s, u, _guard, _label):
+        turns = u.count / full
+        turns = turns - ca.if_else(turns > part, 1, 0)
+        return {}, {"theta_rad": sign * (turns * TURN + 3.0) + 0 * u.frame_error}
+
+    block = Block.define(
+        "encoder",
+        "Counts",
+        period_s=0.001,
+        state=(),
+        inputs=(Port("count", 0, full - 1, "count"), Port("frame_error", 0, 1, "bad")),
+        outputs=(Port("theta_rad", -9, 9, "angle"),),
+        step=step,
+    )
+    found = encoder_of(block, {})
+    assert (found.sign, found.at_zero_rad) == (sign, pytest.approx(sign * 3.0))
 
 
 # -- the recording of a drive ----------------------------------------------------------------------

@@ -6,6 +6,7 @@ import json
 import math
 import re
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
@@ -13,7 +14,13 @@ from scipy.signal import butter, freqz, lfilter
 
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
-from esea_gen.model.velocity_properties import VelocityProperties, velocity_properties
+from esea_gen.model.velocity_properties import (
+    EXCESS,
+    LAG,
+    P,
+    VelocityProperties,
+    velocity_properties,
+)
 from esea_gen.studies.discretisation import at_rate
 
 from .conftest import ROOT
@@ -104,6 +111,23 @@ def test_low_frequency_forms_are_the_limits(elbow, bandwidth, mid):
     phase = [-np.angle(v.response(x, mid)) for x in (f - df, f + df)]
     group = (phase[1] - phase[0]) / (4 * math.pi * df)
     assert group - low == pytest.approx(3 * v.delay_growth_s(f, mid), rel=0.1)
+
+
+@pytest.mark.parametrize("mid", [False, True])
+@pytest.mark.parametrize("pole", ["0.2", "0.9"])
+def test_low_frequency_forms_to_many_digits(mid, pole):
+    # The transfer functions of the docstring at a phase of 1e-8 a sample, with 60 digits.
+    with mpmath.workdps(60):
+        p, turn = mpmath.mpf(pole), mpmath.mpf("1e-8")
+        z, q = mpmath.expj(turn), 1 - p
+        b, g = 3 * q**2 * (1 + p) / 2, q**3
+        top = (z - 1) * ((b + g / 2) * (z - 1) + g) if mid else z * (z - 1) * (b * (z - 1) + g)
+        ratio = top / (z - p) ** 3 / (1j * turn)
+        excess = (abs(ratio) - 1) / turn**2
+        lag = (-mpmath.arg(ratio) / turn - (mpmath.mpf(1) / 2 if mid else 0)) / turn**2
+    at = {P: float(pole)}
+    assert float(EXCESS[mid].subs(at)) == pytest.approx(float(excess), rel=1e-10)
+    assert float(LAG[mid].subs(at)) == pytest.approx(float(lag), rel=1e-10)
 
 
 def test_the_default_in_numbers(elbow):

@@ -1,0 +1,90 @@
+"""Streams of the adaptation and of passivity, sample by sample."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from esea_gen.control.adaptation import adaptation
+from esea_gen.control.adaptation_streams import STREAMS as OF_ADAPTATION
+from esea_gen.control.passivity import passivity
+from esea_gen.control.passivity_streams import STREAMS as OF_PASSIVITY
+
+
+@pytest.fixture(scope="module")
+def masses(drive):
+    block = adaptation(drive)
+    return block, OF_ADAPTATION.memories(block, np.dtype("f4"), np.random.default_rng(1))
+
+
+def test_a_mass_swings_and_the_sensor_shows_it_scaled(masses):
+    block, found = masses
+    ports = {p.name: p for p in block.inputs}
+    tunables = {t.name: t for t in block.tunables}
+    mass = 0.6 * tunables["mass_Nm"].high
+    t = np.arange(1600) * block.period_s
+    # Half a turn a second, 1.3 rad about 1.2 rad.
+    angle, rate = 1.2 + 1.3 * np.sin(np.pi * t), 1.3 * np.pi * np.cos(np.pi * t)
+    assert [s.name for s in found] == [
+        *("a mass", "a soft rubber", "a stiff rubber", "another mass", "beyond the horizontal")
+    ]
+    scales = ((1.1, 0.02, 1.2), (1.6, 0.4, 1.2), (0.6, -0.4, 1.2), (-1.0, 0, 1.2), (1.0, 0, 0))
+    held = 0.9 * ports["tau_Nm"].high
+    assert ports["tau_Nm"].low == -ports["tau_Nm"].high
+    cut = 0
+    for stream, (scale, offset, zero) in zip(found, scales, strict=True):
+        x = stream.inputs
+        assert x["theta_load_rad"] == pytest.approx(angle, abs=1e-6)
+        assert x["omega_load_rad_s"] == pytest.approx(rate, abs=1e-6)
+        shown = scale * mass * np.sin(angle - zero) + offset + 0.2 * np.sign(rate)
+        assert x["tau_Nm"] == pytest.approx(np.clip(shown, -held, held), abs=1e-5)
+        cut += np.count_nonzero(abs(shown) > held)
+        doubted = np.flatnonzero(x["sensing_ok"] != 1)
+        assert doubted.tolist() == [800, 801, 802, 803, 804, 1598, 1599]
+        assert x["sensing_ok"][800:805].tolist() == [0] * 5
+        assert np.isnan(x["sensing_ok"][1598:]).all()
+        wanted = x["tau_desired_Nm"]
+        assert (-3 <= wanted.min() < -2.9, 2.9 < wanted.max() <= 3) == (True, True)
+        hung = {"mass_Nm": mass, "mass_angle_rad": zero, "share": 1.0}
+        for word, end in (("soft", "high"), ("stiff", "low")):
+            if word in stream.name:
+                hung |= {n: getattr(tunables[n], end) for n in ("gain", "loss", "offset_Nm")}
+        changes = {k: {n: v.tolist() for n, v in c.items()} for k, c in stream.coefficients.items()}
+        taken_off = {1500: {"mass_Nm": [0.0]}} if stream.name == "a mass" else {}
+        assert changes == {0: {n: [pytest.approx(v)] for n, v in hung.items()}} | taken_off
+
+
+def test_coefficients_of_passivity_at_and_beyond_their_ends(drive):
+    block = passivity(drive)
+    (stream,) = OF_PASSIVITY.memories(block, np.dtype("f4"), np.random.default_rng(1))
+    coefficients = block.coefficients
+    cases = [{}]
+    for p in coefficients:
+        low, high = np.float32(p.low), np.float32(p.high)
+        outside = [np.nextafter(low, np.float32("-inf")), np.nextafter(high, np.float32("inf"))]
+        values = [low, high, *outside, np.nan, np.inf, -np.inf]
+        cases += [{p.name: float(v)} for v in values]
+    cases.append({p.name: np.nan for p in coefficients})
+    found = [
+        {n: float(v[0]) for n, v in stream.coefficients[k].items()}
+        for k in sorted(stream.coefficients)
+    ]
+
+    def key(case):
+        return sorted((n, repr(v)) for n, v in case.items())
+
+    # Every one of them, held for eight steps; what is no number in whatever order.
+    assert sorted(stream.coefficients) == [8 * k for k in range(len(found))]
+    expected = {repr(key(c)) for c in cases}
+    assert expected <= {repr(key(c)) for c in found}
+    assert found[0] == {}
+    assert set(found[-1]) == {p.name for p in coefficients}
+    assert np.isnan(list(found[-1].values())).all()
+    assert stream.steps == 8 * len(found)
+    x = stream.inputs
+    assert x["mode"].tolist() == [k // 8 % 3 for k in range(stream.steps)]
+    assert set(x["sensing_ok"]) == set(x["request_ok"]) == {1.0}
+    for p in block.inputs:
+        if p.name not in ("mode", "sensing_ok", "request_ok"):
+            assert 0.5 * p.low <= x[p.name].min() <= 0.45 * p.low
+            assert 0.45 * p.high <= x[p.name].max() <= 0.5 * p.high
