@@ -84,7 +84,7 @@ def test_stretches_of_a_mask():
 
 def test_of_six_half_cycles_none_is_twice_as_stiff_as_the_median():
     turns = [0, 10, 20, 30, 40, 50, 60]
-    theta = np.interp(np.arange(71), [*turns, 70], [0, 10, 0, 10, 0, 10, 0, 0])
+    theta = np.interp(np.arange(71), [*turns, 70], [0, 0.5, 0, 0.5, 0, 0.5, 0, 0])
     slope = np.array([1.0, 2.0, 3.0, 4.0, 9.0, 50.0])
     # A turn's own sample belongs to both half cycles: there the torque is largest.
     tau = np.zeros(71)
@@ -93,7 +93,7 @@ def test_of_six_half_cycles_none_is_twice_as_stiff_as_the_median():
         tau[b] = max(tau[b], 0.0)
     tau[turns] = 5 * np.array([1, 1, 3, 3, 9, 9, 90.0])
     spans = [tau[a : b + 1] for a, b in pairwise(turns)]
-    by_hand = np.median([(max(s) - min(s)) / 10 for s in spans])
+    by_hand = np.median([(max(s) - min(s)) / 0.5 for s in spans])
     assert quality._stiffest(theta, tau, turns) == pytest.approx(2 * by_hand, rel=1e-12)
     # One in which the deflection does not move says nothing; five say nothing either.
     assert quality._stiffest(theta, tau, [*turns, 70]) == pytest.approx(2 * by_hand, rel=1e-12)
@@ -125,7 +125,7 @@ def test_narrow_spikes_are_those_by_the_rule_typed_again():
     # Beside a turn of the deflection, so many samples off, what it allows goes by its size.
     for apart in range(5):
         bend = 0.02 * np.linspace(0.0, 1.0, 61)
-        theta = np.linspace(0.0, 1.0, len(tau)) + bumps(bend, 1, 30)
+        theta = 3 * (np.linspace(0.0, 1.0, len(tau)) + bumps(bend, 1, 30))
         moved = bumps(np.full(61, 1.5), 1, 30)
         tau = np.where(np.arange(len(theta)) >= len(theta) - 25, 10.0, np.roll(moved, apart))
         expected = spikes_typed(theta, tau, np.zeros(len(tau), dtype=bool))
@@ -164,7 +164,7 @@ def wide_typed(theta: np.ndarray, tau: np.ndarray, turns: list[int]) -> np.ndarr
 
 
 @pytest.mark.parametrize("cycles", [2, 3, 6])
-@pytest.mark.parametrize(("per", "noise"), [(400, 0.0), (400, 0.03), (686, 0.01), (1000, 0.0)])
+@pytest.mark.parametrize(("per", "noise"), [(400, 0.0), (400, 0.5), (686, 0.2), (1000, 0.0)])
 def test_wide_spikes_are_those_by_the_rule_typed_again(cycles, per, noise):
     """Bumps of many sizes, three samples wide to wider than any; six half cycles and fewer."""
     rng = np.random.default_rng(per + cycles)
@@ -178,8 +178,8 @@ def test_wide_spikes_are_those_by_the_rule_typed_again(cycles, per, noise):
         for at in range(60, len(k) - 60, 97):
             size = rng.uniform(0.3, 12.0) * rng.choice([-1, 1])
             tau[at : at + width] += size * np.hanning(width + 2)[1:-1]
-        expected = wide_typed(theta, tau, turns)
-        assert np.array_equal(quality._wide_spikes(theta, tau), expected)
+        expected = wide_typed(0.3 * theta, tau, turns)
+        assert np.array_equal(quality._wide_spikes(0.3 * theta, tau), expected)
         seen += np.count_nonzero(expected)
     assert seen > 20
 
@@ -188,6 +188,15 @@ def turned(theta: np.ndarray) -> list[int]:
     """The first sample of each hold, at which the deflection turned."""
     ends = np.flatnonzero((np.diff(theta, prepend=0.5) != 0) & np.isin(theta, (0.0, 1.0)))
     return [int(v) for v in ends if 0 < v < len(theta) - 1]
+
+
+@pytest.mark.parametrize(("half", "found"), [(153, False), (155, True)])
+def test_a_spike_is_no_wider_than_a_tenth_of_a_cycle(half, found):
+    # Widths grow by 1.4, to whole samples: 4, 5, 7, 9, 12, 16, 22; 30.8 is a tenth of 308 samples.
+    theta = np.interp(np.arange(10 * half + 1) % (2 * half), [0, half, 2 * half], [0.0, 1, 0])
+    tau = 10 * theta
+    tau[700:728] += 100.0
+    assert np.any(quality._wide_spikes(theta, tau)) == found
 
 
 def jumps_typed(theta: np.ndarray) -> np.ndarray:
@@ -211,7 +220,7 @@ def test_jumps_are_those_by_the_rule_typed_again():
         seen = 0
         for width in (1, 2, 3):
             for sizes in np.linspace(0.5, 3.5, 60).reshape(20, 3):
-                moved = x + np.pad(bumps(allowed * sizes, width, 300), (0, 10))
+                moved = 3 * (x + np.pad(bumps(allowed * sizes, width, 300), (0, 10)))
                 found = quality.jumps(moved)
                 assert np.array_equal(found, jumps_typed(moved))
                 seen += np.count_nonzero(found[300:-300:300])
@@ -249,7 +258,7 @@ def test_a_gap_is_ten_steps_long_and_the_deflection_moves_in_it(length, speed, p
     moves[250:350] = 1.0
     moves[250] -= speed
     time, theta = (np.concatenate([[0.0], np.cumsum(v)]) for v in (steps, moves))
-    assert quality.gaps(time, theta) == ([100] if found else [])
+    assert quality.gaps(0.25 * time, theta) == ([100] if found else [])
 
 
 def test_what_the_deflection_moves_across_a_gap_counts_and_is_no_speed():

@@ -258,7 +258,7 @@ def offset_Nm(theta: Array, tau: Array, spoilt: Mask | None = None) -> float | N
     if len(theta) < LEAST_KEPT:
         return None
     high, low = float(theta.max()), float(theta.min())
-    if high <= 0 or low >= 0 or min(high, -low) < 0.2 * max(high, -low):
+    if min(high, -low) <= 0.2 * max(high, -low):
         return None
     x = theta / max(high, -low)
     loop = way * np.sqrt(np.clip(1 - x * x, 0, 1))
