@@ -333,6 +333,12 @@ def test_a_channel_stands_still_by_the_rule_typed_again(noise):
     assert seen > 40
 
 
+def test_a_channel_may_stand_still_from_the_first_sample_and_to_the_last():
+    k = np.arange(1001)
+    y = np.where(k < 60, 0.06, np.where(k > 940, 0.94, k / 1000))
+    assert list(quality.still(k / 1000, y)) == [(0, 61), (940, 1001)]
+
+
 def stands(by: float, back: float = 0.0, start: int = 2300) -> tuple[np.ndarray, np.ndarray]:
     """Six cycles of a spring of 10; the deflection stops for 60 samples, the torque goes on.
 
