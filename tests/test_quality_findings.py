@@ -126,6 +126,8 @@ def test_only_a_pass_through_zero_counts_and_not_at_a_cycles_end():
         ((6, 4, 2), (2, 4), 0.0),
     ):
         assert width(passing(left=left, right=right)) == pytest.approx(wide), (left, right)
+    # What counts are the samples that are next to it.
+    assert width(passing(left=(6, -4, 2))) == width(passing(right=(2, -4, 6))) == 8.0
     # The first sample of a cycle says nothing of the slope.
     assert width(passing(left=(90, 3, 2), right=(2, 3, 4, 5, 6, 7))) == pytest.approx(9 - 2)
     x, y = passing(left=(3, 2), right=(2, 6, 10))

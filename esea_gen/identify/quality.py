@@ -261,7 +261,7 @@ def offset_Nm(theta: Array, tau: Array, spoilt: Mask | None = None) -> float | N
     if min(high, -low) <= 0.2 * max(high, -low):
         return None
     x = theta / max(high, -low)
-    loop = way * np.sqrt(np.clip(1 - x * x, 0, 1))
+    loop = way * np.sqrt(1 - x * x)
     columns = [np.ones_like(x), x, x * np.abs(x), x**3, loop]
     found = np.linalg.lstsq(np.stack(columns, axis=1), tau, rcond=None)[0]
     return float(found[0])
