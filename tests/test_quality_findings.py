@@ -198,6 +198,10 @@ def test_gaps_are_counted_and_the_longest_is_named():
     assert f.text.startswith(f"2 drop-outs, {said}")
     assert np.flatnonzero(mask).tolist() == list(range(400, 2000))
     assert examined(*two, cycles[:5], False)[1] == ()
+    # The longest is not the first; after it 2.3 s go on as usual.
+    t, x, y = without(t, x, y, (450, 480), (1500, 1571), (1800, 1830))
+    (f,) = examined(t, x, y, cycles[:5], True)[1]
+    assert f.text.startswith("3 drop-outs, the longest of 0.72 s at 14.99 s; the cycle")
 
 
 @pytest.mark.parametrize(
@@ -229,12 +233,12 @@ def test_a_torque_that_stands_still_by_where_it_does(level, kind):
 
 def test_a_deflection_that_stands_still_spoils_its_cycles_and_the_next():
     t, x, y, cycles = swings()
-    # Across the cycle's end at 800 the torque goes from 0 to 2 and back; the deflection stays at 0.
-    x[780:960] = x[780]
+    # Across the cycle's end at 800 and to the next one at 1200 the torque goes on through its loop.
+    x[780:1200] = x[780]
     mask, found = examined(t, x, y, cycles, True)
     (f,) = [f for f in found if f.kind == "deflection frozen"]
     assert f.stops
-    assert f.text.startswith("the deflection is frozen for 180 samples from sample 780, while the")
+    assert f.text.startswith("the deflection is frozen for 420 samples from sample 780, while the")
     assert np.flatnonzero(mask).tolist() == list(range(400, 1600))
 
 
