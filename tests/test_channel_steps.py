@@ -221,6 +221,9 @@ def test_the_least_cost_is_looked_for_on_a_grid_and_then_between_neighbours():
     assert 5 < len(asked) - 9 < 25
     # Not much finer than that: what is asked last is a thousandth apart.
     assert abs(asked[-1] - asked[-2]) > 1e-4
+    # Over a narrow range as fine as that, too.
+    narrow = channels._least(lambda v: (v - 37e-5) ** 2 + abs(v - 37e-5), -2e-3, 2e-3, 9)
+    assert narrow == pytest.approx(37e-5, abs=4e-6)
     # At an end, and where nothing between is better than a point of the grid.
     assert channels._least(lambda v: v, -2.0, 2.0, 5) == -2.0
     assert channels._least(lambda v: -v, -2.0, 2.0, 5) == 2.0
@@ -352,6 +355,10 @@ def test_each_number_is_looked_for_alone_and_again_nearby(plain):
     grid = [a[DEAD_ZONE] for a in model.asked[model.marks[1] :]]
     at = model.started[1][DEAD_ZONE]
     assert grid[:5] == pytest.approx(np.linspace(at - 0.0025, at + 0.0025, 5))
+    # Of the lag, whose range goes to both sides, from an eighth of the whole range, too.
+    at = model.started[1][LAG]
+    grid = [a[LAG] for a in model.asked[model.marks[1] :] if a[LAG] != at]
+    assert grid[:2] == pytest.approx([at - 0.025, at - 0.0125])
     # What was found is what the last step makes of it.
     sharp, fixed = sharpened_typed(model, model.asked[-1])
     assert [n.found for n in found] == pytest.approx([fixed[n.key] for n in found], rel=1e-9)

@@ -11,9 +11,11 @@ import pytest
 from esea_gen.device import Device
 from esea_gen.identify import quality
 from esea_gen.identify.cycles import Cycle
+from esea_gen.identify.family_file import family_device
 from esea_gen.identify.parameters import with_values
 from esea_gen.identify.quality import Finding, backlash_rad, examined, offset_Nm
 from esea_gen.identify.quality_gate import excused_of, gate_notes, gated
+from esea_gen.model.family import FittedMember, Member, Term
 
 # Offset.
 
@@ -95,9 +97,7 @@ def test_the_width_is_what_the_stiffness_beside_it_does_not_explain():
     assert width(passing(right=(4, 8, 12))) == width(passing(left=(12, 8, 4))) == pytest.approx(8.0)
     assert width(passing(right=(4, 8, 12), left=(12, 8, 4))) == pytest.approx(8.5)
     # The slope is that up to six times next to no torque, and no farther.
-    assert width(passing(left=(96, 6.01, 4, 2), right=(2, 4, 6.01, 96))) == pytest.approx(
-        9 - 2 / (4.01 / 2)
-    )
+    assert width(passing(left=(96, 6.0, 4, 2), right=(2, 4, 6.0, 96))) == pytest.approx(8.0)
     both = {"left": (96, 93, 5.99, 4, 2), "right": (2, 4, 5.99, 93, 96)}
     assert width(passing(**both)) == pytest.approx(9 - 2 / (91 / 3))
     # By where the torque is not zero, to either side.
@@ -105,12 +105,13 @@ def test_the_width_is_what_the_stiffness_beside_it_does_not_explain():
 
 
 def test_next_to_no_torque_is_less_than_a_share_of_the_full_scale():
-    for at, wide in ((0.995, 8.0), (-0.995, 8.0), (1.005, 0.0), (-1.005, 0.0)):
+    assert 0.015 * FULL == 1.0
+    for at, wide in ((1.0, 0.0), (0.995, 8.0), (-0.995, 8.0), (1.005, 0.0), (-1.005, 0.0)):
         assert width(passing(at=at)) == pytest.approx(wide)
 
 
 def test_a_width_counts_from_thrice_what_is_explained():
-    for spread, wide in ((1.005, 2.015), (0.995, 0.0)):
+    for spread, wide in ((1.005, 2.015), (1.0, 0.0), (0.995, 0.0)):
         assert width(passing(loose=4, spread=spread)) == pytest.approx(wide)
     # And from 3 % of the whole range on.
     for reach, wide in ((265.0, 8.0), (268.0, 0.0)):
@@ -294,9 +295,12 @@ def test_of_one_kind_the_first_is_told_and_how_many_more():
     )
     assert found == (Finding("frozen", "at 1, and 2 more such stretches", True), b)
     assert quality._shortened([a, b]) == (a, b)
+    assert quality._shortened([a, a])[0].text == "at 1, and 1 more such stretches"
 
 
 # The gate.
+
+SPRUNG = "spring", "offset"
 
 
 def seen(*kinds: str, stops: bool = True) -> SimpleNamespace:
@@ -307,6 +311,33 @@ def test_a_dead_zone_excuses_backlash_where_the_device_has_one(elbow):
     assert excused_of(elbow) == set()
     for value, excused in ((0.01, {"backlash"}), (0.0, set())):
         assert excused_of(with_values(elbow, {"dead_zone_rad": value})) == excused
+
+
+def member(*kinds: str) -> FittedMember:
+    terms = tuple(Term(k) for k in kinds)
+    return FittedMember(Member("own", "own", terms), 0.2, tuple(1.0 for _ in kinds))
+
+
+def test_a_member_with_an_offset_excuses_one_and_its_terms_are_doubted_one_by_one(elbow):
+    plain, own = (family_device(elbow, member(*k), "drawn") for k in (("spring",), SPRUNG))
+    assert (excused_of(plain), excused_of(own)) == (set(), {"offset"})
+    before = statuses(own)
+    assert gated(own, [seen("offset")]) is own
+    shut = statuses(gated(own, [seen("offset", "lag")]))
+    changed = {k for k, v in shut.items() if v != before[k]}
+    assert changed == {
+        k for k, v in before.items() if k.startswith("family.") and v[0] == "identified"
+    }
+    assert {"family.scale_rad", *(f"family.terms[{i}].weight_Nm" for i in (0, 1))} <= changed
+    assert shut["family.terms[1].weight_Nm"][0] == "assumed"
+    assert gated(plain, [seen("offset")]) is not plain
+
+
+def test_who_has_a_term_for_it_needs_no_advice():
+    told = Finding("offset", "an offset", True, "; zero it")
+    one = [SimpleNamespace(label="rig", findings=[told])]
+    assert gate_notes(one)[1:] == ("Quality, rig: an offset; zero it.",)
+    assert gate_notes(one, {"offset"}) == ("Quality, rig: an offset.",)
 
 
 def statuses(device: Device) -> dict[str, tuple[str, str]]:

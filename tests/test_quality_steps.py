@@ -371,3 +371,11 @@ def test_a_stuck_deflection_by_how_far_the_torque_goes_on(sign, start):
         assert found == ([(start, start + 60)] if beyond > most else []), by
         seen.append(len(found))
     assert 0 < sum(seen) < len(seen)
+
+
+def test_a_place_that_is_nowhere_else_may_be_held():
+    """There and back by a jump: nothing is known of the torque elsewhere but where it arrived."""
+    x = np.interp(np.arange(2001) % 1000, [0, 500, 1000], [0.0, 0.5, 0.0])
+    y = 10 * x
+    x[400:460], y[400:460] = 0.9, np.linspace(9.0, 10.0, 60)
+    assert list(quality.stuck(x, y)) == []

@@ -93,6 +93,9 @@ def test_as_many_samples_as_terms_and_one_block_leave_a_number():
     # Mean 3; pulls -3 and 3: 18 / 9, times 2/1 and 3/2.
     assert one.covariance.shape == (1, 1)
     assert one.covariance[0, 0] == pytest.approx(6.0)
+    # Of two samples 1 and 3: pulls -1 and 1, 2 / 4, times 2/1 and 2/1.
+    two = fit_linear(np.ones((2, 1)), np.array([1.0, 3.0]), np.array([0, 1]))
+    assert two.covariance[0, 0] == pytest.approx(2.0)
     # Rounding below 0 is no deviation.
     odd = LeastSquares(np.zeros(1), np.array([[-1e-20]]), np.zeros(3), 3)
     assert odd.deviation(0) == 0

@@ -227,7 +227,7 @@ def _flat(x: Array, band: float) -> Iterator[tuple[int, int]]:
 def runs(mask: Mask) -> list[tuple[int, int]]:
     """Stretches that are True: first sample, and the one after the last."""
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def stuck(theta: Array, tau: Array) -> Iterator[tuple[int, int]]:
