@@ -131,7 +131,7 @@ def test_loss_is_told_from_a_thousandth_of_the_loops_box():
     # Of a single cycle, or of a whole file, there is no first and last.
     tau = 2.5 * theta + np.where(up, 0.5, -0.5)
     (whole,) = data_sets("rig", theta, tau, cycles, "train")
-    (one,) = data_sets("rig", theta, tau, cycles[:1], "cycles")
+    (one,) = data_sets("rig", theta, tau, cycles[1:2], "cycles")
     assert whole.work_first_J is whole.work_last_J is one.work_first_J is one.work_last_J is None
 
 
