@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.recorded import Recording
@@ -253,6 +254,52 @@ def test_what_one_cycle_alone_determines_has_the_plain_deviation():
     assert found.covariance[1, 1] == pytest.approx(expected[1, 1], rel=1e-9)
     fine, coarse = (jackknife(j[:, :1], noise, b)[0, 0] for b in (rows.cycle, rows.condition))
     assert found.covariance[0, 0] == pytest.approx(0.5 * (fine + coarse), rel=1e-9)
+
+
+@pytest.mark.parametrize(("elsewhere", "plainly"), [(0.99e-4, True), (1.005e-4, False)])
+def test_a_block_alone_determines_what_has_a_ten_thousandth_elsewhere(elsewhere, plainly):
+    j, noise, rows = case(2, 5, 1)
+    own = rows.cycle == 7
+    z = np.random.default_rng(8).normal(size=len(noise))
+    for b in np.unique(rows.cycle):  # nothing shared with the first column
+        a = j[rows.cycle == b, 0]
+        z[rows.cycle == b] -= a * float(a @ z[rows.cycle == b]) / float(a @ a)
+    z[own] *= math.sqrt((1 - elsewhere) / float(z[own] @ z[own]))
+    z[~own] *= math.sqrt(elsewhere / float(z[~own] @ z[~own]))
+    j = np.column_stack([j, z])
+    noise -= j @ np.linalg.lstsq(j, noise, rcond=None)[0]
+    found = resampled(j, noise, np.ones(len(noise)), rows, True)
+    fine, flat = jackknife(j, noise, rows.cycle), plain(j, noise, np.ones(len(noise)))
+    assert fine[1, 1] > 100 * flat[1, 1]
+    expected = flat if plainly else fine
+    assert found.covariance[1, 1] == pytest.approx(expected[1, 1], rel=1e-3)
+
+
+def test_inside_bounds_what_the_other_rows_do_not_tell_stays():
+    """A column of one condition alone, and bounds that the move without it would pass."""
+    j, noise, rows = case(3, 4, 2)
+    here = rows.condition == 0
+    j[~here, 1] = 0.0
+    j[here, 1] += 0.7 * j[here, 0]
+    noise += np.where(here, 0.2, -0.1) * j[:, 0]
+    noise -= j @ np.linalg.lstsq(j, noise, rcond=None)[0]
+    room = np.array([-0.02, -0.005]), np.array([0.02, 0.03])
+    found = resampled(j, noise, np.ones(len(noise)), rows, True, room)
+    outside, ends = noise.copy(), 0
+    for c in range(3):
+        out = rows.condition == c
+        left, wanted = j[~out], noise[~out]
+        if c == 0:
+            # In what all rows tell, the direction that only these have is their own column.
+            alone = j[:, 1] / np.linalg.norm(j[:, 1])
+            left, wanted = np.vstack([left, alone @ j]), np.append(wanted, 0.0)
+        done = lsq_linear(left, wanted, room, method="trf", tol=1e-15)
+        outside[out] -= j[out] @ done.x
+        ends += np.sum(
+            np.isclose(done.x, room[0], atol=1e-6) | np.isclose(done.x, room[1], atol=1e-6)
+        )
+    assert ends >= 2
+    np.testing.assert_allclose(found.outside_Nm, outside, atol=1e-6)
 
 
 # The band.
