@@ -155,6 +155,26 @@ def test_softening_is_what_the_last_loop_no_longer_has():
     assert softening(0.5, 0.25) == 0.5
 
 
+@pytest.mark.parametrize("unit", [0.03, 40.0])
+def test_the_unit_of_the_deflection_is_of_no_matter(unit):
+    for theta in (
+        waves(2, 2, 2, 2, 1, 1, 1, 1),
+        waves(1, 1, 1, 1, 1.08, 1.08, 1.3, 1.3, 1.3),
+        waves(1, 1, 1, low=-0.09),
+        waves(1, 1, 1, low=-0.11),
+        -waves(1, 1, 1, low=-0.09),
+    ):
+        found = divide(unit * theta, Cycles(), "cycles")
+        plain = divide(theta, Cycles(), "cycles")
+        assert [(c.start, c.stop, c.block, c.role) for c in found] == [
+            (c.start, c.stop, c.block, c.role) for c in plain
+        ]
+    theta = unit * waves(*[1.0] * 6)
+    tau = np.where(theta > 0, 12.0, 8.0) * theta
+    (s,) = data_sets("rig", theta, tau, divide(theta, Cycles(), "cycles"), "cycles")
+    assert s.asymmetry == pytest.approx(0.4)
+
+
 def test_samples_of_each_role_without_those_that_are_spoilt():
     theta = waves(*[1.0] * 5, *[2.0] * 5)
     cycles = divide(theta, Cycles(), "cycles")

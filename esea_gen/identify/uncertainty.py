@@ -68,7 +68,7 @@ class Fitted(Protocol):
 def free_keys(values: Mapping[str, float]) -> list[str]:
     """Parameters that a fit can move: neither fixed nor at a bound."""
     keys = (k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2")
-    return [k for k in keys if at_bound(k, values[k]) is None and values[k] > 0]
+    return [k for k in keys if at_bound(k, values[k]) is None]
 
 
 def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
@@ -77,12 +77,11 @@ def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
     The Jacobian says which parameters the torque does not depend on, and in which direction the fit
     is weakest.
     """
-    keys = [k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2"]
     free = free_keys(values)
     rows = len(plant.measured)
     scale = plant.weight * math.sqrt(rows)  # unit weight on average
     residual = (plant.torque(values) - plant.measured) * scale
-    sigma: dict[str, float | None] = {k: None for k in (*keys, "eps2") if k in values}
+    sigma: dict[str, float | None] = {k: None for k in (*MODEL_KEYS, *RATE_KEYS) if k in values}
     rho = autocorrelation(residual)
     factor = math.sqrt((1 + rho) / (1 - rho))
     if not free:
