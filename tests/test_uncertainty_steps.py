@@ -17,7 +17,14 @@ from esea_gen.identify.parameters import (
     with_parameters,
     with_values,
 )
-from esea_gen.identify.plays import PlayPlant, phi_range, play_at_bound, play_bounds, play_spread
+from esea_gen.identify.plays import (
+    PlayPlant,
+    phi_range,
+    play_at_bound,
+    play_bounds,
+    play_space,
+    play_spread,
+)
 from esea_gen.identify.recorded import Recording
 from esea_gen.identify.resampling import FitRows, resampled
 from esea_gen.identify.uncertainty import free_keys, uncertainty
@@ -100,6 +107,26 @@ def test_in_a_direction_without_effect_those_are_infinite_that_take_part():
     plant.measured = plant.torque(VALUES) + plant.noise
     infinite = {k for k, s in uncertainty(plant, VALUES).sigma.items() if s == math.inf}
     assert infinite == {"k1_Nm_rad"}
+
+
+@pytest.mark.parametrize("unit", [1e4, 1e-4])
+@pytest.mark.parametrize(("share", "lost"), [(5e-10, True), (2e-9, False)])
+def test_an_effect_counts_from_a_thousand_millionth_of_the_strongest_on(unit, share, lost):
+    values = {"k1_Nm_rad": 10.0, "k3_Nm_rad3": 240.0}
+    plant = linear(values)
+    plant.weight = np.full(240, 1 / math.sqrt(240))
+    columns = np.linalg.qr(np.random.default_rng(3).normal(size=(240, 3)))[0]
+    for k, column, size in zip(values, columns.T, (1.0, share), strict=False):
+        plant.basis[k] = unit * size * column / values[k]
+    plant.measured = plant.torque(values) + 1e-3 * unit * share * columns[:, 2]
+    asked = []
+    plant_torque = plant.torque
+    plant.torque = lambda v: asked.append(dict(v)) or plant_torque(v)
+    told = uncertainty(plant, values)
+    assert [told.sigma[k] == math.inf for k in values] == [False, lost]
+    # By a thousandth of each number, either way.
+    moved = [v["k3_Nm_rad3"] for v in asked if v["k3_Nm_rad3"] != 240.0]
+    assert moved == pytest.approx([240.24, 239.76], rel=1e-12)
 
 
 def test_what_is_fixed_or_at_a_bound_is_not_free():
@@ -299,6 +326,29 @@ def test_what_tells_no_deviation_of_the_play_operators():
     )
 
 
+@pytest.mark.parametrize(("third", "known"), [(5e-9, False), (2e-8, True)])
+@pytest.mark.parametrize("unit", [1.0, 1e-10])
+def test_a_direction_is_known_from_a_thousand_millionth_of_the_strongest_on(third, known, unit):
+    values = {"kappa_rad": 1.0, "phi_1_rad": 1.0, "chi_rad": 0.5}
+    rng = np.random.default_rng(2)
+    columns = np.linalg.qr(rng.normal(size=(60, 3)))[0] * unit * [10.0, 1.0, third]
+    basis = columns / [*values.values()]
+    measured = basis @ [*values.values()] + 1e-3 * unit * rng.normal(size=60)
+    sigma, _ = play_spread(spread_plant(basis, measured, np.full(60, 1 / math.sqrt(60))), values)
+    assert (sigma["kappa_rad"] is not None) == known
+
+
+@pytest.mark.parametrize("k3", [0.5, 3.0])
+def test_play_operators_reach_as_far_as_the_cubic_spring(k3):
+    rubber = SimpleNamespace(
+        k1_Nm_rad=SimpleNamespace(value=1.0), k3_Nm_rad3=SimpleNamespace(value=k3)
+    )
+    torque = np.array([0.1, -(0.5 + k3 * 0.5**3)])  # at 0.5 rad
+    low, high = play_space(SimpleNamespace(elastomer=rubber), [SimpleNamespace(tau_Nm=torque)])
+    assert np.exp([low[1], high[1]]) == pytest.approx([1e-4, 0.5], rel=1e-9)
+    assert (low[0], high[0]) == (0.0, 5.0)
+
+
 def test_ends_of_the_play_operators_numbers():
     for key, ends in (("kappa_rad", (0, 5)), ("phi_1_rad", (0, 5)), ("chi_rad", (1e-6, 1))):
         assert play_bounds(key) == ends
@@ -323,3 +373,11 @@ def test_the_range_of_phi_is_by_a_hundredth_of_the_least_error_whatever_that_is(
         assert phi_range(plant, np.array([4.0, -5.0]), low, high) == (2.0, 6.0)
         far = np.array([4.3, -5.17])
         assert phi_range(plant, far, low, high)[0] == 2.0
+
+    # Just below and just above a hundredth: at 2 and at 6.
+    rises = {2.0: 0.00995, 6.0: 0.01005}
+    plant = SimpleNamespace(
+        solve=lambda phi, chi: (0.0, np.array([7 * (1 + rises.get(phi, 0.0)), math.log(chi) + 5]))
+    )
+    rises |= {p: 1.0 for p in np.linspace(0, 10, 11).tolist() if p not in (2.0, 4.0, 6.0)}
+    assert phi_range(plant, np.array([4.0, -5.0]), low, high) == (2.0, 4.0)

@@ -128,13 +128,12 @@ def play_spread(
     """
     sigma: dict[str, float | None] = dict.fromkeys(values)
     free = [k for k in KEYS if play_at_bound(k, values[k]) is None]
-    scale = plant.weight * math.sqrt(len(plant.measured))
 
     def run(v: dict[str, float]) -> Array:
-        out: Array = scale * plant.set_point(v["kappa_rad"], v["phi_1_rad"], v["chi_rad"])
+        out: Array = plant.weight * plant.set_point(v["kappa_rad"], v["phi_1_rad"], v["chi_rad"])
         return out
 
-    error = run(values) - scale * plant.measured
+    error = run(values) - plant.weight * plant.measured
     if not free or not error @ error > 0:
         return sigma, {}
     jacobian = relative_jacobian(run, values, free, 1e-4)

@@ -70,7 +70,7 @@ class FitRows:
         cycle, condition, first = [], [], 0
         for number, cycles, way in sets:
             count = max(cycles, cut)
-            cycle.append(first + np.arange(len(way)) * count // max(len(way), 1))
+            cycle.append(first + np.arange(len(way)) * count // len(way))
             condition.append(np.full(len(way), number))
             first += count
         ways = np.concatenate([w for _, _, w in sets])

@@ -89,9 +89,9 @@ def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
     jacobian = relative_jacobian(plant.torque, values, free, 1e-3) * scale[:, None]
     _, singular, v = np.linalg.svd(jacobian, full_matrices=False)
     dead = singular < 1e-9 * singular[0]
-    ends = np.array([bounds_of(k) for k in free]).T / [values[k] for k in free] - 1
+    low, high = np.array([bounds_of(k) for k in free]).T / [values[k] for k in free] - 1
     apart = jacobian / scale[:, None], -residual / scale, scale
-    found = resampled(*apart, plant.rows, plant.whole, (ends[0], ends[1]))
+    found = resampled(*apart, plant.rows, plant.whole, (low, high))
     for i, k in enumerate(free):
         # A direction without effect makes those parameters infinite that take part in it.
         lost = bool(np.any(dead & (np.abs(v[:, i]) > 1e-3)))
