@@ -12,9 +12,9 @@ import pytest
 from esea_gen.errors import UserError
 from esea_gen.identify.conditions import conditions_of, divided, splits_of
 from esea_gen.identify.cycles import DataSet
-from esea_gen.identify.misfit import Misfit, Misfits
+from esea_gen.identify.misfit import Misfits
 from esea_gen.identify.recorded import Recording, recording_rows
-from esea_gen.identify.replay import _replay
+from esea_gen.identify.replay import _replay, recorded_deflections, recordings_for
 from esea_gen.identify.tables import Cycles
 
 BOTH, ONLY, JUDGE, UNUSED = ([0, 1], [2]), ([0, 1, 2], []), ([], [0, 1, 2]), ([], [])
@@ -169,6 +169,40 @@ def test_a_replay_is_on_the_devices_grid_and_knows_what_was_not_seen():
         _replay(device, "map.toml", r)
 
 
+def test_a_grid_that_rounding_puts_behind_the_last_sample_ends_with_it():
+    t = np.append(0.1 + 0.02 * np.arange(2), 0.137)  # 0.1 + 37 * 0.001 is more than 0.137
+    r = replace(recording(data("a", ([0, 1], [2]))), time_s=t)
+    limits = SimpleNamespace(theta_rad=SimpleNamespace(value=9.0))
+    device = SimpleNamespace(name="rig", period_s=0.001, file=SimpleNamespace(limits=limits))
+    found = _replay(device, "map.toml", r)
+    assert 0.1 + found.time_s[-1] >= 0.137
+    assert len(found.held_out) == 38
+    assert found.held_out[-17:].all()
+    assert not found.held_out[:20].any()
+
+
+def test_replays_of_a_mapping_are_by_its_own_folder_or_another(tmp_path, elbow):
+    angle = 2 * np.pi * np.arange(501) / 100
+    rows = zip(angle / (2 * np.pi), np.sin(angle), 2 * np.sin(angle), strict=True)
+    (tmp_path / "data").mkdir()
+    lines = ["t,x,y", *(",".join(f"{v:.12g}" for v in r) for r in rows)]
+    (tmp_path / "data" / "rig.csv").write_text("\n".join(lines))
+    (tmp_path / "map.toml").write_text(
+        'schema = 1\n[device]\nname = "rig"\ntitle = "Rig"\nrate_terms = false\n'
+        '[deflection]\ncolumn = "x"\nunit = "mrad"\n[torque]\ncolumn = "y"\nunit = "mNm"\n'
+        '[sampling]\ntime_column = "t"\n[[recording]]\nfiles = ["rig.csv"]\n'
+    )
+    (found,) = recordings_for(elbow, tmp_path / "map.toml", tmp_path / "data")
+    assert found.label == "rig"
+    assert len(found.time_s) == 5000  # 5 s at 1 kHz
+    assert found.theta_rad[250] == pytest.approx(1e-3)
+    told = recorded_deflections(elbow, tmp_path / "map.toml", tmp_path / "data")
+    assert list(told) == ["rig"]
+    np.testing.assert_array_equal(told["rig"], found.theta_rad)
+    (tmp_path / "data" / "map.toml").write_text((tmp_path / "map.toml").read_text())
+    assert len(recordings_for(elbow, tmp_path / "data" / "map.toml")[0].time_s) == 5000
+
+
 def test_what_a_result_was_made_of():
     one = replace(recording(data("a", BOTH), temperature=21.5), time_s=np.array([0.0, 1.0, 7.5]))
     assert recording_rows([replace(one, dropped=3)]) == [
@@ -210,7 +244,14 @@ def test_errors_are_by_data_set_and_their_mean_is_over_data_sets():
     )
     rows = found.rows(20.0)
     assert [s.label for s, _ in rows] == ["a", "b", "c"]
-    assert rows[0][1]["training"] == Misfit(math.sqrt(12.5), 4.0).to_dict("Nm", 20.0)
+    assert rows[0][1]["training"] == pytest.approx(
+        {
+            "rms_Nm": math.sqrt(12.5),
+            "rms_percent": 5 * math.sqrt(12.5),
+            "max_Nm": 4.0,
+            "max_percent": 20.0,
+        }
+    )
     assert rows[0][1]["held_out"]["max_percent"] == 5.0
     assert rows[1][1]["held_out"] is rows[2][1]["training"] is None
     assert rows[2][1]["held_out"]["max_Nm"] == 6.0
