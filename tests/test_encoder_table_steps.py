@@ -69,6 +69,24 @@ def test_a_play_that_is_exact_is_found_beside_the_table(direction):
 
 
 @pytest.mark.parametrize("way", [1, -1])
+def test_standing_still_is_neither_way(way):
+    turned = np.concatenate(
+        [np.linspace(10, 17, 2000), np.full(850, 17.0), np.linspace(17, 16.5, 150)]
+    )
+    found = fit_table("motor", way * turned % TURN / TURN * FULL, way * turned, FULL, NODES)
+    assert found.play_rad is None
+
+
+@pytest.mark.parametrize("zero", [0.0, 3.1, -3.1])
+def test_a_zero_anywhere_in_the_turn_is_found(zero):
+    count, reference = recorded(1.3 * TURN, 3000, 1)
+    found = fit_table("load", count, reference + ZERO_rad - zero, FULL, NODES)
+    assert found.zero_rad == pytest.approx(zero, abs=1e-9)
+    np.testing.assert_allclose([v.value for v in found.values], TRUE, atol=1e-9)
+    assert found.before_rad < 0.1
+
+
+@pytest.mark.parametrize("way", [1, -1])
 def test_a_play_needs_a_tenth_of_the_samples_either_way(way):
     """Up for most of the time, and back for a tenth of it."""
     seen = []
