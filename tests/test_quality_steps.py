@@ -99,6 +99,9 @@ def test_of_six_half_cycles_none_is_twice_as_stiff_as_the_median():
     assert quality._stiffest(theta, tau, [*turns, 70]) == pytest.approx(2 * by_hand, rel=1e-12)
     assert quality._stiffest(theta, tau, turns[:-1]) == np.inf
     assert quality._stiffest(theta, tau, [*turns[:-1], 70, 70]) < np.inf
+    # Both channels are taken over the same samples.
+    ramp = np.arange(71) / 20
+    assert quality._stiffest(ramp, 7 * ramp, turns) == pytest.approx(14.0, rel=1e-12)
 
 
 # Spikes.
@@ -199,6 +202,17 @@ def test_a_spike_is_no_wider_than_a_tenth_of_a_cycle(half, found):
     assert np.any(quality._wide_spikes(theta, tau)) == found
 
 
+@pytest.mark.parametrize(("back", "found"), [(0.0502, False), (0.0498, True)])
+def test_a_deflection_turns_by_a_twentieth_of_its_range(back, found):
+    # Half way it goes back for 20 samples: a turn makes half cycles of 140 of those of 310, of
+    # which a spike of 28 samples is no tenth of a cycle.
+    up = np.interp(np.arange(310), [0, 145, 165, 310], [0.0, 0.5, 0.5 - back, 1.0])
+    theta = np.concatenate([up, 1 - up, up, [1.0]])
+    tau = 10 * theta
+    tau[700:728] += 100.0
+    assert np.any(quality._wide_spikes(theta, tau)) == found
+
+
 def jumps_typed(theta: np.ndarray) -> np.ndarray:
     calm = around(theta, 3, np.median)
     steps = np.abs(calm[4:] - calm[:-4]) / 4
@@ -225,6 +239,11 @@ def test_jumps_are_those_by_the_rule_typed_again():
                 assert np.array_equal(found, jumps_typed(moved))
                 seen += np.count_nonzero(found[300:-300:300])
         assert 20 < seen < 170
+    # As much as is allowed is none: 0.004 of 250.
+    for size, found in ((1.0, []), (1.001, [100])):
+        x = np.where(np.arange(300) > 250, 250.0, 0.0)
+        x[100] = size
+        assert np.flatnonzero(quality.jumps(x)).tolist() == found
     # Of 400 samples four may be, and none at an end, where nothing is beside it.
     for places, expected in (
         ([100, 150, 200, 250], [100, 150, 200, 250]),
