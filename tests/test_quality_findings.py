@@ -232,6 +232,14 @@ def test_a_torque_that_stands_still_by_where_it_does(level, kind):
         assert f.text == f"the torque is {kind} at {level:.4g} Nm for 60 samples from sample 700"
 
 
+@pytest.mark.parametrize("level", [196.0, -196.0, 3.0, -3.0])
+def test_just_a_hundredth_from_an_end_and_just_off_zero_it_is_frozen(level):
+    t, x, y, cycles = swings()
+    y *= 100.0  # 200 Nm: a hundredth of the range is 4, 1.5 % of the largest 3
+    y[700:760] = level
+    assert [f.kind for f in examined(t, x, y, cycles, True)[1]] == ["frozen"]
+
+
 def test_a_deflection_that_stands_still_spoils_its_cycles_and_the_next():
     t, x, y, cycles = swings()
     # Across the cycle's end at 800 and to the next one at 1200 the torque goes on through its loop.

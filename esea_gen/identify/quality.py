@@ -263,7 +263,7 @@ def offset_Nm(theta: Array, tau: Array, spoilt: Mask | None = None) -> float | N
     x = theta / max(high, -low)
     loop = way * np.sqrt(1 - x * x)
     columns = [np.ones_like(x), x, x * np.abs(x), x**3, loop]
-    found = np.linalg.lstsq(np.stack(columns, axis=1), tau, rcond=None)[0]
+    found = np.linalg.lstsq(np.column_stack(columns), tau, rcond=None)[0]
     return float(found[0])
 
 

@@ -31,7 +31,7 @@ def relative_jacobian(
         step = share * values[k]
         up, down = (run({**values, k: values[k] + s}) for s in (step, -step))
         columns.append((up - down) / (2 * step) * values[k])
-    return np.stack(columns, axis=1)
+    return np.column_stack(columns)
 
 
 @dataclass(frozen=True)
