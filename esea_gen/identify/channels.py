@@ -304,7 +304,7 @@ def _least(cost: Callable[[float], float], low: float, high: float, points: int)
     costs = [cost(float(v)) for v in grid]
     i = int(np.argmin(costs))
     beside = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, points - 1)])
-    options = {"xatol": CLOSE * (high - low), "maxiter": 30}
+    options = {"xatol": CLOSE * (high - low)}
     done = scipy.optimize.minimize_scalar(cost, bounds=beside, method="bounded", options=options)
     return float(done.x) if done.fun < costs[i] else float(grid[i])
 

@@ -145,11 +145,7 @@ def divide(theta: Array, rules: Cycles, use: str) -> tuple[Cycle, ...]:
 
 def _stiffness_asymmetry(theta: Array, tau: Array) -> float | None:
     high, low = int(theta.argmax()), int(theta.argmin())
-    if (
-        theta[high] <= 0
-        or theta[low] >= 0
-        or min(theta[high], -theta[low]) < 0.2 * max(theta[high], -theta[low])
-    ):
+    if min(theta[high], -theta[low]) <= 0.2 * max(theta[high], -theta[low]):
         return None
     positive, negative = tau[high] / theta[high], tau[low] / theta[low]
     return float(2 * (positive - negative) / (positive + negative))

@@ -128,13 +128,12 @@ def play_spread(
     """
     sigma: dict[str, float | None] = dict.fromkeys(values)
     free = [k for k in KEYS if play_at_bound(k, values[k]) is None]
-    scale = plant.weight * math.sqrt(len(plant.measured))
 
     def run(v: dict[str, float]) -> Array:
-        out: Array = scale * plant.set_point(v["kappa_rad"], v["phi_1_rad"], v["chi_rad"])
+        out: Array = plant.weight * plant.set_point(v["kappa_rad"], v["phi_1_rad"], v["chi_rad"])
         return out
 
-    error = run(values) - scale * plant.measured
+    error = run(values) - plant.weight * plant.measured
     if not free or not error @ error > 0:
         return sigma, {}
     jacobian = relative_jacobian(run, values, free, 1e-4)
@@ -157,17 +156,24 @@ def play_spread(
 
 def phi_range(plant: PlayPlant, best: Array, low: Array, high: Array) -> tuple[float, float]:
     """Where the RMS error stays within ``SEEN`` of the least one, kappa and chi refitted."""
+    (own, own_chi), (least_phi, least_chi), (most_phi, most_chi) = map(
+        np.ndarray.tolist, (best, low, high)
+    )
 
-    def rms(phi: float) -> float:
+    def rms(phi: float, log_chi: float) -> float:
+        _, error = plant.solve(phi, math.exp(log_chi))
+        return float(np.linalg.norm(error))
+
+    def refitted(phi: float) -> float:
         done = scipy.optimize.minimize_scalar(
-            lambda s: float(np.linalg.norm(plant.solve(phi, math.exp(s))[1])),
-            bounds=(max(low[1], best[1] - 1.5), min(high[1], best[1] + 1.5)),
+            lambda s: rms(phi, s),
+            bounds=(max(least_chi, own_chi - 1.5), min(most_chi, own_chi + 1.5)),
             method="bounded",
             options={"maxiter": 25, "xatol": 1e-4},
         )
         return float(done.fun)
 
-    grid = np.linspace(low[0], high[0], PROFILE)
-    least = float(np.linalg.norm(plant.solve(float(best[0]), math.exp(best[1]))[1]))
-    inside = [float(p) for p in grid if rms(float(p)) <= (1 + SEEN) * least]
-    return min([float(best[0]), *inside]), max([float(best[0]), *inside])
+    most = (1 + SEEN) * rms(own, own_chi)
+    grid = np.linspace(least_phi, most_phi, PROFILE).tolist()
+    inside = [own, *(p for p in grid if refitted(p) <= most)]
+    return min(inside), max(inside)

@@ -227,7 +227,7 @@ def _flat(x: Array, band: float) -> Iterator[tuple[int, int]]:
 def runs(mask: Mask) -> list[tuple[int, int]]:
     """Stretches that are True: first sample, and the one after the last."""
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def stuck(theta: Array, tau: Array) -> Iterator[tuple[int, int]]:
@@ -258,12 +258,12 @@ def offset_Nm(theta: Array, tau: Array, spoilt: Mask | None = None) -> float | N
     if len(theta) < LEAST_KEPT:
         return None
     high, low = float(theta.max()), float(theta.min())
-    if high <= 0 or low >= 0 or min(high, -low) < 0.2 * max(high, -low):
+    if min(high, -low) <= 0.2 * max(high, -low):
         return None
     x = theta / max(high, -low)
-    loop = way * np.sqrt(np.clip(1 - x * x, 0, 1))
+    loop = way * np.sqrt(1 - x * x)
     columns = [np.ones_like(x), x, x * np.abs(x), x**3, loop]
-    found = np.linalg.lstsq(np.stack(columns, axis=1), tau, rcond=None)[0]
+    found = np.linalg.lstsq(np.column_stack(columns), tau, rcond=None)[0]
     return float(found[0])
 
 

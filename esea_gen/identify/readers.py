@@ -91,7 +91,8 @@ def read_json(raw: bytes, name: str, form: FileFormat, wanted: Sequence[str]) ->
 
 
 def _numbers(values: list[Any]) -> Any:
-    plain = all(v is None or (isinstance(v, int | float) and v is not True) for v in values)
+    # To Python true and false are integers; of a file they are no numbers.
+    plain = all(v is None or type(v) in (int, float) for v in values)
     return np.array(values, dtype=np.float64 if plain else object)
 
 

@@ -63,11 +63,7 @@ def read_csv(
             if not index:
                 header = [str(i + 1) for i in range(len(cells))]
                 index = _columns(name, header, wanted)
-            if (
-                header is not None
-                and len(cells) > len(header)
-                and any(c.strip() for c in cells[len(header) :])
-            ):
+            if header is not None and any(c.strip() for c in cells[len(header) :]):
                 raise UserError(
                     f"{name}: line {line} has {len(cells)} cells, but there are {len(header)} "
                     "columns.",
@@ -129,11 +125,10 @@ def _numbers(
     index: list[int],
     form: FileFormat,
 ) -> list[float]:
-    if form.decimal == ".":
-        try:
-            return [float(cells[i]) for i in index]
-        except (ValueError, IndexError):
-            pass  # which cell it is, below
+    try:
+        return [float(cells[i]) for i in index]
+    except (ValueError, IndexError):
+        pass  # a decimal comma, or which cell it is, below
     out = []
     for w, i in zip(wanted, index, strict=True):
         if i >= len(cells):

@@ -157,10 +157,11 @@ def _load(
     theta = bridged(theta, jumped)
     gap = m.deflection.backlash_rad
     theta = followed_rad(theta, gap.value) if gap else theta
-    spiky = spikes(theta, tau) if np.ptp(theta) > 0 else np.zeros(len(tau), dtype=bool)
+    _check_moves(name, theta, m.deflection.column)
+    spiky = spikes(theta, tau)
     found = (*_jumped(jumped), *_spiked(spiky, tau))
     tau = bridged(tau, spiky)
-    if m.torque.sign == "fit" and np.ptp(theta) > 0 and _stiffness(theta, tau) < 0:
+    if m.torque.sign == "fit" and _stiffness(theta, tau) < 0:
         tau, found = -tau, (*found, TURNED)
     _check_physics(source, name, theta, tau)
     cycles = divide(theta, m.cycles, table.use)
@@ -315,15 +316,16 @@ def _check_time(time: Array, rows: npt.NDArray[np.intp], name: str, column: str,
         )
 
 
-def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> None:
-    m = source.mapping
-    column = m.deflection.column
+def _check_moves(name: str, theta: Array, column: str) -> None:
     if np.ptp(theta) <= 1e-9:
         raise UserError(
             f"{name}: the deflection is constant (column '{column}').",
             "Check the column, unit and scale in the mapping file.",
         )
-    factor = m.device.limit_factor
+
+
+def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> None:
+    factor = source.mapping.device.limit_factor
     for what, value, unit, limit in (
         ("deflection", np.abs(theta).max(), "rad", MAX_THETA_RAD / factor),
         ("torque", np.abs(tau).max(), "Nm", MAX_TAU_NM),

@@ -67,11 +67,11 @@ class LeastSquares:
 
     def deviation(self, k: int) -> float:
         """Standard deviation of a coefficient."""
-        return float(np.sqrt(max(float(self.covariance[k, k]), 0.0)))
+        return float(np.sqrt(np.maximum(self.covariance[k, k], 0.0)))
 
     def estimate(self, gradient: Array, value: float) -> Estimate:
         """Of something that depends on the coefficients, from its gradient."""
-        spread = float(np.sqrt(max(float(gradient @ self.covariance @ gradient), 0.0)))
+        spread = float(np.sqrt(np.maximum(gradient @ self.covariance @ gradient, 0.0)))
         return Estimate.of(value, spread, self.blocks)
 
     @property
@@ -96,11 +96,8 @@ def fit_linear(terms: Array, wanted: Array, blocks: Array) -> LeastSquares:
     found = bread @ (terms.T @ wanted)
     found = found + bread @ (terms.T @ (wanted - terms @ found))
     left = wanted - terms @ found
-    return LeastSquares(found, *_with(left, _sandwich(terms, left, blocks)))
-
-
-def _with(left: Array, spread: tuple[Array, int]) -> tuple[Array, Array, int]:
-    return spread[0], left, spread[1]
+    covariance, count = _sandwich(terms, left, blocks)
+    return LeastSquares(found, covariance, left, count)
 
 
 def fit_separable(
@@ -136,7 +133,8 @@ def fit_separable(
     jacobian = np.column_stack([*(-m for m in moved), terms])
     residual = left(p)
     values = np.concatenate([p, inverse @ y])
-    return LeastSquares(values, *_with(residual, _sandwich(jacobian, residual, blocks)))
+    covariance, count = _sandwich(jacobian, residual, blocks)
+    return LeastSquares(values, covariance, residual, count)
 
 
 __all__ = ["CONFIDENCE", "Estimate", "LeastSquares", "fit_linear", "fit_separable"]

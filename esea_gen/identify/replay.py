@@ -79,7 +79,8 @@ def _replay(device: Device, origin: str, r: Recording) -> Replay:
             "Change the mapping's deflection scale, or use a device with a wider limit.",
         )
     grid = np.arange(r.time_s[0], r.time_s[-1], device.period_s)
-    nearest = np.clip(np.searchsorted(r.time_s, grid), 0, len(r.time_s) - 1)
+    # Rounding may put the grid's last step behind the last sample.
+    nearest = np.minimum(np.searchsorted(r.time_s, grid), len(r.time_s) - 1)
     unseen = np.zeros(len(r.time_s), dtype=bool)
     for s in r.sets:
         unseen[list(s.held_out)] = True

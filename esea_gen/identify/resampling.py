@@ -66,11 +66,11 @@ class FitRows:
 
         sets: of each its condition, how many cycles its rows span, and the rows' direction.
         """
-        cut = max(1, -(-LEAST_BLOCKS // len(sets))) if len(sets) < LEAST_BLOCKS else 1
+        cut = -(-LEAST_BLOCKS // len(sets))
         cycle, condition, first = [], [], 0
         for number, cycles, way in sets:
             count = max(cycles, cut)
-            cycle.append(first + np.arange(len(way)) * count // max(len(way), 1))
+            cycle.append(first + np.arange(len(way)) * count // len(way))
             condition.append(np.full(len(way), number))
             first += count
         ways = np.concatenate([w for _, _, w in sets])
@@ -90,7 +90,7 @@ def rows_of(sets: Sequence[tuple[Recording, DataSet]], ways: Sequence[Array]) ->
     names = list(dict.fromkeys(known))
     return FitRows.of(
         [
-            (names.index(c), s.cycles.get("training", 1), way)
+            (names.index(c), s.cycles.get("training", 0), way)
             for c, (_, s), way in zip(known, sets, ways, strict=True)
         ]
     )
@@ -176,9 +176,8 @@ def resampled(
     room: least and largest change of each parameter that the fit would allow, shape (parameters,)
         each; for the band, which a fit to the rest would keep too.  Without bounds when not given.
     """
-    names = (rows.cycle, rows.condition)
     few = len(np.unique(rows.condition)) < LEAST_CONDITIONS
-    used = names[:1] if few or rows.alone else names
+    used = (rows.cycle,) if few or rows.alone else (rows.cycle, rows.condition)
     fit = _Determined.of(jacobian, residual, weight)
     covariance = fit.covariance(used)
     if len(np.unique(rows.cycle)) <= jacobian.shape[1]:
@@ -261,14 +260,14 @@ class _Determined:
     def _moves(self, blocks: Blocks) -> tuple[dict[int, Array], Array]:
         # Of the coordinates, when a block is left out; and the projection onto those directions
         # that no block determines alone.
-        out, alone = {}, [np.zeros((0, self.basis.shape[1]))]
+        out, alone = {}, []
         for b in np.unique(blocks):
             own = self.basis[blocks == b]
             share, v = np.linalg.eigh(own.T @ own)
             left = 1 - share
             kept = left > ALONE
             alone.append(v[:, ~kept].T)
-            inverse = np.where(kept, 1 / np.where(kept, left, 1.0), 0.0)
+            inverse = np.divide(1, left, out=np.zeros(len(left)), where=kept)
             out[int(b)] = -(v * inverse) @ (v.T @ (own.T @ self.error[blocks == b]))
         _, s, v = np.linalg.svd(np.concatenate(alone), full_matrices=True)
         free = v[np.count_nonzero(s > 1e-3) :]
@@ -308,7 +307,7 @@ def half_width_Nm(error_Nm: Array, weight: Array) -> float:
     sizes, often = np.abs(error_Nm), weight**2
     order = np.argsort(sizes)
     share = np.cumsum(often[order]) / often.sum()
-    return float(sizes[order][min(int(np.searchsorted(share, BAND)), len(sizes) - 1)])
+    return float(sizes[order][np.searchsorted(share, BAND)])
 
 
 def covered(error: Array, band_Nm: float) -> float:

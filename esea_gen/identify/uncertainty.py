@@ -31,7 +31,7 @@ def relative_jacobian(
         step = share * values[k]
         up, down = (run({**values, k: values[k] + s}) for s in (step, -step))
         columns.append((up - down) / (2 * step) * values[k])
-    return np.stack(columns, axis=1)
+    return np.column_stack(columns)
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Fitted(Protocol):
 def free_keys(values: Mapping[str, float]) -> list[str]:
     """Parameters that a fit can move: neither fixed nor at a bound."""
     keys = (k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2")
-    return [k for k in keys if at_bound(k, values[k]) is None and values[k] > 0]
+    return [k for k in keys if at_bound(k, values[k]) is None]
 
 
 def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
@@ -77,12 +77,11 @@ def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
     The Jacobian says which parameters the torque does not depend on, and in which direction the fit
     is weakest.
     """
-    keys = [k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2"]
     free = free_keys(values)
     rows = len(plant.measured)
     scale = plant.weight * math.sqrt(rows)  # unit weight on average
     residual = (plant.torque(values) - plant.measured) * scale
-    sigma: dict[str, float | None] = {k: None for k in (*keys, "eps2") if k in values}
+    sigma: dict[str, float | None] = {k: None for k in (*MODEL_KEYS, *RATE_KEYS) if k in values}
     rho = autocorrelation(residual)
     factor = math.sqrt((1 + rho) / (1 - rho))
     if not free:
@@ -90,9 +89,9 @@ def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
     jacobian = relative_jacobian(plant.torque, values, free, 1e-3) * scale[:, None]
     _, singular, v = np.linalg.svd(jacobian, full_matrices=False)
     dead = singular < 1e-9 * singular[0]
-    ends = np.array([bounds_of(k) for k in free]).T / [values[k] for k in free] - 1
+    low, high = np.array([bounds_of(k) for k in free]).T / [values[k] for k in free] - 1
     apart = jacobian / scale[:, None], -residual / scale, scale
-    found = resampled(*apart, plant.rows, plant.whole, (ends[0], ends[1]))
+    found = resampled(*apart, plant.rows, plant.whole, (low, high))
     for i, k in enumerate(free):
         # A direction without effect makes those parameters infinite that take part in it.
         lost = bool(np.any(dead & (np.abs(v[:, i]) > 1e-3)))

@@ -1,0 +1,260 @@
+"""Which recordings train and which judge, at a device's rate, and their errors; all by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from esea_gen.errors import UserError
+from esea_gen.identify.conditions import conditions_of, divided, splits_of
+from esea_gen.identify.cycles import DataSet
+from esea_gen.identify.misfit import Misfits
+from esea_gen.identify.recorded import Recording, recording_rows
+from esea_gen.identify.replay import _replay, recorded_deflections, recordings_for
+from esea_gen.identify.tables import Cycles
+
+BOTH, ONLY, JUDGE, UNUSED = ([0, 1], [2]), ([0, 1, 2], []), ([], [0, 1, 2]), ([], [])
+
+
+def data(label: str, use: tuple[list, list], amplitude: float = 0.1) -> DataSet:
+    training, held_out = (np.array(v, dtype=np.intp) for v in use)
+    return DataSet(label, amplitude, training, held_out, {}, None, None, None)
+
+
+def recording(*sets: DataSet, conditions=(), temperature=None) -> Recording:
+    x = np.arange(3.0)
+    head = (sets[0].label, f"{sets[0].label}.csv", "ab" * 8)
+    more = {"conditions": conditions, "temperature_C": temperature}
+    return Recording(*head, x, x, x, True, 0, (), sets, **more)
+
+
+def used(recordings) -> dict[str, str]:
+    """By data set: whether all that was used trains or judges."""
+    out = {}
+    for r in recordings:
+        for s in r.sets:
+            both = sorted([*s.training.tolist(), *s.held_out.tolist()])
+            assert s.training.dtype == s.held_out.dtype == np.intp
+            kind = "train" if len(s.training) == len(both) else "judge"
+            out[s.label] = kind if len(s.held_out) in (0, len(both)) else "both"
+            out[s.label] += "" if both == [0, 1, 2] else f" {both}"
+    return out
+
+
+def told(splits) -> list[tuple[str, bool, bool]]:
+    return [(s.condition, s.declared, s.whole) for s in splits]
+
+
+def test_each_condition_judges_once_beside_the_files_own_cycles():
+    made = [
+        recording(data("a", BOTH), data("b", BOTH)),
+        recording(data("c", BOTH), conditions=("x", "y")),
+        recording(data("d", BOTH), conditions=("y",)),
+        recording(data("e", UNUSED)),
+    ]
+    splits = splits_of(made)
+    assert told(splits) == [
+        ("last cycles", True, False),
+        *[(c, False, True) for c in ("a", "b", "x", "y")],
+    ]
+    assert [conditions_of(r, r.sets[0]) for r in made[1:]] == [("x", "y"), ("y",), ("e",)]
+    assert used(splits[0].recordings) == dict.fromkeys("abcd", "both") | {"e": "train []"}
+    assert used(splits[2].recordings) == {"e": "train []", "b": "judge"} | dict.fromkeys(
+        "acd", "train"
+    )
+    assert used(splits[4].recordings) == {
+        "a": "train", "b": "train", "c": "judge", "d": "judge", "e": "train []"}  # fmt: skip
+
+
+def test_what_has_all_data_sets_leaves_nothing_to_train_on():
+    one = splits_of([recording(data("a", BOTH))])
+    assert told(one) == [("last cycles", True, False)]
+    two = [recording(data(k, BOTH), conditions=("x",)) for k in "ab"]
+    assert told(splits_of(two)) == [("last cycles", True, False)]
+
+
+def test_a_condition_that_the_file_holds_out_stands_for_both():
+    made = [recording(data("a", ONLY)), recording(data("b", ONLY)), recording(data("c", JUDGE))]
+    assert told(splits_of(made)) == [("a", False, True), ("b", False, True), ("c", True, True)]
+    more = [*made, recording(data("d", JUDGE))]
+    assert told(splits_of(more)) == [
+        ("as declared", True, False),
+        *[(c, False, True) for c in "abcd"],
+    ]
+    # Beside one that does both it does not stand for the file's own.
+    mixed = [recording(data("a", BOTH)), recording(data("c", JUDGE))]
+    assert told(splits_of(mixed))[0] == ("last cycles", True, False)
+
+
+def test_a_temperature_is_a_condition_and_one_file_is_tried_once():
+    made = [recording(data(k, BOTH), temperature=c) for k, c in (("a", 15.2), ("b", 23), ("c", 23))]
+    splits = splits_of(made)
+    # At 15 degC there is a alone; b and c are 23 degC together, and each alone.
+    assert told(splits)[1:] == [(c, False, True) for c in ("15 degC", "23 degC", "b", "c")]
+    assert used(splits[2].recordings) == {"a": "train", "b": "judge", "c": "judge"}
+    # Without a temperature two names of the same files are both tried.
+    twice = [recording(data("a", BOTH), conditions=("x", "y")), recording(data("b", BOTH))]
+    assert [s.condition for s in splits_of(twice)] == ["last cycles", "x", "y", "b"]
+
+
+def amplitudes(*sizes: float, use=BOTH, **more) -> list[Recording]:
+    return [recording(data(k, use, a), **more) for k, a in zip("abcdef", sizes, strict=False)]
+
+
+def test_of_three_conditions_the_one_of_middle_amplitude_judges():
+    for sizes, middle in (
+        ((0.3, 0.1, 0.2), "c"),
+        ((0.1, 0.2, 0.3), "b"),
+        ((0.4, 0.1, 0.3, 0.2), "c"),
+        ((0.5, 0.4, 0.3, 0.2, 0.1), "c"),
+    ):
+        found = used(divided(amplitudes(*sizes), Cycles()))
+        assert {k for k, v in found.items() if v == "judge"} == {middle}
+        assert {v for k, v in found.items() if k != middle} == {"train"}
+    # Of a condition of several sets the mean counts.
+    made = amplitudes(0.1, 0.2, 0.3)
+    made += [recording(data(k, BOTH, 0.05), conditions=("own",)) for k in "xy"]
+    made += [recording(data("z", BOTH, 0.65), conditions=("own",))]  # 0.25
+    assert {k for k, v in used(divided(made, Cycles())).items() if v == "judge"} == set("xyz")
+
+
+def test_what_is_said_or_not_of_cycles_alone_stays_as_it_is():
+    three = amplitudes(0.1, 0.2, 0.3)
+    for made, rules in (
+        (amplitudes(0.1, 0.2), Cycles()),
+        (three, Cycles(hold_out_last=1)),
+        ([*three, recording(data("d", ONLY))], Cycles()),
+        ([*three, recording(data("d", BOTH), conditions=("x", "y"))], Cycles()),
+    ):
+        assert divided(made, rules) is made
+    unused = [*three, recording(data("d", UNUSED))]
+    assert {k for k, v in used(divided(unused, Cycles())).items() if v == "judge"} == {"b"}
+
+
+def test_a_condition_that_is_asked_for_judges_if_it_can_be_left_out():
+    made = amplitudes(0.1, 0.2)
+    assert used(divided(made, Cycles(hold_out="b"))) == {"a": "train", "b": "judge"}
+    warm = [replace(r, temperature_C=c) for r, c in zip(made, (20.0, 30.0), strict=True)]
+    assert used(divided(warm, Cycles(hold_out="20 degC"))) == {"a": "judge", "b": "train"}
+    for recordings, name in ((made, "bb"), (made[:1], "a")):
+        with pytest.raises(UserError, match=f"cycles.hold_out = '{name}' is no condition"):
+            divided(recordings, Cycles(hold_out=name))
+
+
+# At a device's rate.
+
+
+def test_a_replay_is_on_the_devices_grid_and_knows_what_was_not_seen():
+    t = np.array([2.0, 2.25, 2.5, 3.0, 3.5])
+    x, y = np.array([0.0, 1.0, -2.0, 0.0, 2.0]), np.array([0.0, 4.0, 8.0, 16.0, 8.0])
+    sets = (data("a", ([0], [1])), data("b", ([2], [3])))
+    r = Recording("own", "own.csv", "12" * 8, t, x, y, False, 0, (), sets)
+    limits = SimpleNamespace(theta_rad=SimpleNamespace(value=2.0))
+    device = SimpleNamespace(name="rig", period_s=0.125, file=SimpleNamespace(limits=limits))
+    found = _replay(device, "map.toml", r)
+    grid = 0.125 * np.arange(12)  # up to just before the last sample
+    assert found.time_s.tolist() == grid.tolist()
+    assert found.theta_rad.tolist() == [
+        0, 0.5, 1, -0.5, -2, -1.5, -1, -0.5, 0, 0.5, 1, 1.5]  # fmt: skip
+    assert found.tau_Nm.tolist() == [0, 2, 4, 6, 8, 10, 12, 14, 16, 14, 12, 10]
+    # Between two samples what counts is the later one: the second and the fourth judge.
+    assert np.flatnonzero(found.held_out).tolist() == [1, 2, 5, 6, 7, 8]
+    assert (found.label, found.timed, found.digest) == ("own", False, "12" * 8)
+    limits.theta_rad.value = 1.99
+    with pytest.raises(UserError, match=r"own reaches 2 rad, above rig's limits.theta_rad = 1.99"):
+        _replay(device, "map.toml", r)
+
+
+def test_a_grid_that_rounding_puts_behind_the_last_sample_ends_with_it():
+    t = np.append(0.1 + 0.02 * np.arange(2), 0.137)  # 0.1 + 37 * 0.001 is more than 0.137
+    r = replace(recording(data("a", ([0, 1], [2]))), time_s=t)
+    limits = SimpleNamespace(theta_rad=SimpleNamespace(value=9.0))
+    device = SimpleNamespace(name="rig", period_s=0.001, file=SimpleNamespace(limits=limits))
+    found = _replay(device, "map.toml", r)
+    assert 0.1 + found.time_s[-1] >= 0.137
+    assert len(found.held_out) == 38
+    assert found.held_out[-17:].all()
+    assert not found.held_out[:20].any()
+
+
+def test_replays_of_a_mapping_are_by_its_own_folder_or_another(tmp_path, elbow):
+    angle = 2 * np.pi * np.arange(501) / 100
+    rows = zip(angle / (2 * np.pi), np.sin(angle), 2 * np.sin(angle), strict=True)
+    (tmp_path / "data").mkdir()
+    lines = ["t,x,y", *(",".join(f"{v:.12g}" for v in r) for r in rows)]
+    (tmp_path / "data" / "rig.csv").write_text("\n".join(lines))
+    (tmp_path / "map.toml").write_text(
+        'schema = 1\n[device]\nname = "rig"\ntitle = "Rig"\nrate_terms = false\n'
+        '[deflection]\ncolumn = "x"\nunit = "mrad"\n[torque]\ncolumn = "y"\nunit = "mNm"\n'
+        '[sampling]\ntime_column = "t"\n[[recording]]\nfiles = ["rig.csv"]\n'
+    )
+    (found,) = recordings_for(elbow, tmp_path / "map.toml", tmp_path / "data")
+    assert found.label == "rig"
+    assert len(found.time_s) == 5000  # 5 s at 1 kHz
+    assert found.theta_rad[250] == pytest.approx(1e-3)
+    told = recorded_deflections(elbow, tmp_path / "map.toml", tmp_path / "data")
+    assert list(told) == ["rig"]
+    np.testing.assert_array_equal(told["rig"], found.theta_rad)
+    (tmp_path / "data" / "map.toml").write_text((tmp_path / "map.toml").read_text())
+    assert len(recordings_for(elbow, tmp_path / "data" / "map.toml")[0].time_s) == 5000
+
+
+def test_what_a_result_was_made_of():
+    one = replace(recording(data("a", BOTH), temperature=21.5), time_s=np.array([0.0, 1.0, 7.5]))
+    assert recording_rows([replace(one, dropped=3)]) == [
+        {
+            "label": "a",
+            "file": "a.csv",
+            "sha256": "ab" * 8,
+            "samples": 3,
+            "dropped": 3,
+            "timed": True,
+            "duration_s": 7.5,
+            "temperature_C": 21.5,
+        }
+    ]
+
+
+# Errors.
+
+
+def test_errors_are_by_data_set_and_their_mean_is_over_data_sets():
+    made = [
+        recording(data("a", BOTH), data("b", ONLY)),
+        recording(data("c", JUDGE)),
+    ]
+    errors = [np.array([3.0, -4.0, -1.0]), np.array([0.0, 0.0, -6.0])]
+    found = Misfits.of("Nm", zip(made, errors, strict=True))
+    third = math.sqrt(26 / 3)
+    # a: 3 and -4, then -1; b: all three; c: two nothings and 6.
+    assert found.mean_rms(False) == pytest.approx((math.sqrt(12.5) + third) / 2)
+    assert found.mean_rms(True) == pytest.approx((1 + math.sqrt(12)) / 2)
+    means = found.means(50.0)
+    assert means == pytest.approx(
+        {
+            "training_Nm": (math.sqrt(12.5) + third) / 2,
+            "training_percent": math.sqrt(12.5) + third,
+            "held_out_Nm": (1 + math.sqrt(12)) / 2,
+            "held_out_percent": 1 + math.sqrt(12),
+        }
+    )
+    rows = found.rows(20.0)
+    assert [s.label for s, _ in rows] == ["a", "b", "c"]
+    assert rows[0][1]["training"] == pytest.approx(
+        {
+            "rms_Nm": math.sqrt(12.5),
+            "rms_percent": 5 * math.sqrt(12.5),
+            "max_Nm": 4.0,
+            "max_percent": 20.0,
+        }
+    )
+    assert rows[0][1]["held_out"]["max_percent"] == 5.0
+    assert rows[1][1]["held_out"] is rows[2][1]["training"] is None
+    assert rows[2][1]["held_out"]["max_Nm"] == 6.0
+    none = Misfits.of("rad", [(made[1], errors[1])])
+    assert math.isnan(none.mean_rms(False))
+    assert none.means(1.0)["training_rad"] is none.means(1.0)["training_percent"] is None

@@ -1,0 +1,161 @@
+"""Least squares with intervals by blocks, against loops over blocks and another solver."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+
+from esea_gen.identify.regression import (
+    CONFIDENCE,
+    Estimate,
+    LeastSquares,
+    fit_linear,
+    fit_separable,
+)
+
+# Student's t for 97.5 %, from printed tables.
+QUANTILES = {1: 12.7062, 2: 4.3027, 4: 2.7764, 9: 2.2622, 30: 2.0423}
+
+
+@pytest.mark.parametrize("degrees", QUANTILES)
+def test_an_interval_is_students_with_a_degree_less_than_blocks(degrees):
+    found = Estimate.of(3.0, 0.5, degrees + 1)
+    half = QUANTILES[degrees] * 0.5
+    assert (found.value, found.low, found.high) == pytest.approx((3, 3 - half, 3 + half), rel=4e-5)
+    assert found.half == pytest.approx(half, rel=4e-5)
+    assert CONFIDENCE == 0.95
+    # One block says no more than two.
+    assert Estimate.of(3.0, 0.5, 1) == Estimate.of(3.0, 0.5, 2)
+
+
+def test_an_estimate_has_its_unit_in_every_key():
+    e = Estimate(2.0, 1.5, 3.5)
+    assert e.half == 1.0
+    assert e.to_dict("Nm") == {"value_Nm": 2.0, "low_Nm": 1.5, "high_Nm": 3.5}
+    assert e.to_dict("1") == {"value": 2.0, "low": 1.5, "high": 3.5}
+
+
+def clustered(jacobian: np.ndarray, residual: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """Sum over blocks, one after another; m/(m-1) and n/(n-p) as of Cameron and Miller."""
+    n, p = jacobian.shape
+    square = sum(np.outer(row, row) for row in jacobian)
+    meat = np.zeros((p, p))
+    for b in set(blocks.tolist()):
+        pull = sum(jacobian[k] * residual[k] for k in np.flatnonzero(blocks == b))
+        meat += np.outer(pull, pull)
+    m, inverse = len(set(blocks.tolist())), np.linalg.inv(square)
+    return inverse @ meat @ inverse * m / (m - 1) * n / (n - p)
+
+
+def test_a_linear_fit_is_that_of_singular_values_with_the_blocks_covariance():
+    rng = np.random.default_rng(7)
+    # The columns are of other sizes, and nearly alike.
+    terms = rng.normal(size=(60, 3)) @ np.array([[1, 10, 0], [0, 1, 0.02], [0, 0, 0.1]])
+    wanted = terms @ [2.0, -0.01, 300.0] + rng.normal(0, 0.1, 60)
+    blocks = np.repeat([4.0, 1.0, 7.0, 2.0, 9.0], [20, 5, 5, 18, 12])
+    found = fit_linear(terms, wanted, blocks)
+    expected = np.linalg.lstsq(terms, wanted, rcond=None)[0]
+    np.testing.assert_allclose(found.values, expected, rtol=1e-9)
+    left = wanted - terms @ expected
+    np.testing.assert_allclose(found.residual, left, atol=1e-9)
+    assert found.blocks == 5
+    covariance = clustered(terms, left, blocks)
+    np.testing.assert_allclose(found.covariance, covariance, rtol=1e-6)
+    assert found.rms == pytest.approx(math.sqrt(float(left @ left) / 60), rel=1e-9)
+    for k in range(3):
+        assert found.deviation(k) == pytest.approx(math.sqrt(covariance[k, k]), rel=1e-6)
+    # Of a sum of coefficients: the deviation by its gradient, and Student's t of four degrees.
+    g = np.array([1.0, -2.0, 0.003])
+    e = found.estimate(g, 5.0)
+    spread = math.sqrt(float(g @ covariance @ g))
+    assert e.half == pytest.approx(QUANTILES[4] * spread, rel=4e-5)
+    assert e.value == 5.0
+
+
+def test_a_second_pass_takes_back_what_normal_equations_lose():
+    x = np.linspace(0, 1, 200)
+    terms = np.stack([x**k for k in range(7)], axis=1)  # a condition of 1e5, squared 1e10
+    true = np.arange(1.0, 8.0)
+    found = fit_linear(terms, terms @ true, np.arange(200) // 20)
+    np.testing.assert_allclose(found.values, true, rtol=1e-8)
+
+
+def test_as_many_samples_as_terms_and_one_block_leave_a_number():
+    terms, wanted = np.eye(2), np.array([3.0, 4.0])
+    found = fit_linear(terms, wanted, np.zeros(2))
+    assert found.values.tolist() == [3.0, 4.0]
+    assert (found.blocks, found.deviation(0)) == (1, 0.0)
+    # A residual that no term takes; one block: its pull is what the fit has made 0.
+    one = fit_linear(np.ones((3, 1)), np.array([1.0, 2.0, 6.0]), np.array([0, 0, 1]))
+    # Mean 3; pulls -3 and 3: 18 / 9, times 2/1 and 3/2.
+    assert one.covariance.shape == (1, 1)
+    assert one.covariance[0, 0] == pytest.approx(6.0)
+    # Of two samples 1 and 3: pulls -1 and 1, 2 / 4, times 2/1 and 2/1.
+    two = fit_linear(np.ones((2, 1)), np.array([1.0, 3.0]), np.array([0, 1]))
+    assert two.covariance[0, 0] == pytest.approx(2.0)
+    # Rounding below 0 is no deviation.
+    odd = LeastSquares(np.zeros(1), np.array([[-1e-20]]), np.zeros(3), 3)
+    assert odd.deviation(0) == 0
+    assert odd.estimate(np.ones(1), 1.0).half == 0
+
+
+LOW, HIGH = np.array([0.2, 1.0]), np.array([1.0, 4.0])
+
+
+def curved(x: np.ndarray, y: np.ndarray):
+    """What is wanted of two parameters; they may never be asked beyond their ends."""
+    asked = []
+
+    def wanted(p: np.ndarray) -> np.ndarray:
+        assert np.all((p >= LOW) & (p <= HIGH)), p
+        asked.append(p.copy())
+        return y - 3 * np.exp(-p[0] * x) - np.sin(p[1] * x)
+
+    return wanted, asked
+
+
+@pytest.mark.parametrize("middle", [(0.503, 0.497), (0.497, 0.503)])
+def test_a_fit_of_a_few_more_parameters_is_that_of_another_solver(middle):
+    """Both parameters a little beside the middle of their ranges, to either side."""
+    rng = np.random.default_rng(11)
+    x = np.linspace(0, 4, 80)
+    terms, blocks = np.stack([np.ones(80), x], axis=1), np.arange(80) // 8
+    true = np.array(middle) * (LOW + HIGH)
+    y = 3 * np.exp(-true[0] * x) + np.sin(true[1] * x) + 0.5 - 0.2 * x + rng.normal(0, 1e-4, 80)
+    wanted, asked = curved(x, y)
+    found = fit_separable(terms, wanted, np.array([2.0, 3.0]), LOW, HIGH, blocks)
+    assert asked[0] == pytest.approx([1.0, 3.0])  # started inside
+
+    def model(x, a, b, c, d):
+        return 3 * np.exp(-a * x) + np.sin(b * x) + c + d * x
+
+    other = curve_fit(model, x, y, [*true, 0.5, -0.2], xtol=1e-14, ftol=1e-14)[0]
+    np.testing.assert_allclose(found.values, other, rtol=1e-5)
+    p = found.values[:2]
+    # Differences of a hundred-thousandth of the range, towards its middle.
+    columns = []
+    for k, size in enumerate(1e-5 * (HIGH - LOW)):
+        step = np.zeros(2)
+        step[k] = size if middle[k] < 0.5 else -size
+        before, after = ([3 * np.exp(-q[0] * x) + np.sin(q[1] * x)][0] for q in (p, p + step))
+        columns.append((after - before) / step[k])
+    jacobian = np.column_stack([*columns, terms])
+    left = y - model(x, *found.values)
+    np.testing.assert_allclose(found.residual, left, atol=1e-12)
+    np.testing.assert_allclose(found.covariance, clustered(jacobian, left, blocks), rtol=2e-8)
+    assert found.blocks == 10
+
+
+@pytest.mark.parametrize("end", [(0, 1), (1, 0)])
+def test_at_an_end_the_derivative_is_taken_inside(end):
+    x = np.linspace(0, 4, 80)
+    true = np.where(np.array(end) == 1, HIGH + 0.1, LOW - 0.1)
+    y = 3 * np.exp(-true[0] * x) + np.sin(true[1] * x)
+    wanted, _ = curved(x, y)
+    found = fit_separable(np.ones((80, 1)), wanted, true, LOW, HIGH, np.arange(80) // 8)
+    edges = np.where(np.array(end) == 1, HIGH, LOW)
+    assert np.any(np.abs(found.values[:2] - edges) < 1e-6)
+    assert found.values.shape == (3,)
