@@ -300,6 +300,11 @@ def test_the_play_operators_deviations_are_of_weighted_rows():
     covariance = np.linalg.inv(w.T @ w) * float(r @ r) / 57 * (1 + rho) / (1 - rho)
     deviation = np.sqrt(np.diag(covariance))
     assert [sigma[k] for k in values] == pytest.approx(deviation, rel=1e-5)
+    # By a ten-thousandth of each number, either way.
+    asked, given = [], plant.set_point
+    plant.set_point = lambda *v: asked.append(v[0]) or given(*v)
+    play_spread(plant, values)
+    assert [v for v in asked if v != 0.4] == pytest.approx([0.40004, 0.39996], rel=1e-12)
     expected = covariance[1, 0] / deviation[0] / deviation[1]
     assert correlation["phi_1_rad kappa_rad"] == pytest.approx(expected, rel=1e-5)
 
