@@ -293,3 +293,15 @@ def test_sizes_and_caps_are_refused():
             box_qp(n)
     with pytest.raises(UserError, match="cap is -1"):
         box_qp(3, cap=-1)
+
+
+def test_the_shares_that_count_as_rounding():
+    """Double precision has 53 bits, single 24: half of the last one is 2^-53 and 2^-24."""
+    shares = {m.name: m.values for m in box_qp(3).memory.values() if m.region == "table"}
+    powers = {"qp_still": 0.7, "qp_fine": 0.8, "qp_near": 0.5}
+    for real, bits in (("f64", 53), ("f32", 24)):
+        found = {name: values[real] for name, values in shares.items()}
+        assert found == {
+            "qp_tiny": (2.0 ** (3 - bits),),
+            **{name: (pytest.approx(2 ** (-bits * p)),) for name, p in powers.items()},
+        }

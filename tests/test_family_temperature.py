@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from esea_gen.export.model import block_model
 from esea_gen.hostlib.library import compile_device
 from esea_gen.identify.family_file import family_device
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
+from esea_gen.model.family_sensor import temperature_parts
 from esea_gen.model.rubber import fitted_of, rubber_inverse, stiffness_range_Nm_rad
 from esea_gen.model.temperature import TemperatureFactor
 from tests.conftest import require_tool
@@ -232,6 +234,20 @@ def test_without_the_section_nothing_of_it_is_in_the_c(elbow, warm):
     assert "sensor" not in dict(cold.system.tunables)
     (bundle,) = render_device(warm, ["f64"])
     assert "temperature_C" in bundle.files["esea_elbow_sensor.c"]
+
+
+def test_a_factor_beyond_its_range_by_a_ten_thousandth_is_still_one(elbow):
+    for per_K, ends in ((-0.004, (0.932, 1.052)), (0.01, (0.87, 1.17))):
+        fitted = replace(EVERY, temperature=TemperatureFactor(23.0, per_K, 10.0, 40.0))
+        parts = temperature_parts(elbow, fitted)
+        (factor,) = parts["coefficients"]
+        wanted = (0.9999 * ends[0], 1.0001 * ends[1])
+        assert (factor.low, factor.high) == pytest.approx(wanted, rel=1e-7)
+        (t,) = parts["tunables"]
+        assert (t.name, t.default, t.low, t.high) == ("temperature_C", 23.0, 10.0, 40.0)
+        (at_top,) = parts["prepare"](SimpleNamespace(temperature_C=40.0)).values()
+        assert at_top == pytest.approx(1 + 17 * per_K)
+    assert temperature_parts(elbow, EVERY) == {}
 
 
 @pytest.mark.parametrize("fmi", ["2", "3"])

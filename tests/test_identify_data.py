@@ -267,6 +267,13 @@ def test_the_devices_own_torque_is_fitted_without_error(elbow):
     plant = FittedPlant(elbow, [recording], 1 / elbow.period_s)
     values = parameters(elbow)
     del values["stops"]
+    tau_Nm, omega_rad_s = plant.judged
+    np.testing.assert_array_equal(tau_Nm, plant.measured)
+    estimate = elbow.velocity.simulator()
+    rates = [estimate.step(theta_rad=x)["omega_mid_rad_s"] for x in recording.theta_rad.tolist()]
+    assert omega_rad_s == pytest.approx(np.ravel(rates), abs=1e-9)
+    assert max(rates) > 1.5
+    assert FittedPlant(elbow, [recording]).judged is None  # no rates where the samples are taken
     # The sensor takes the rate of the same step; one step off is 0.02 Nm here.
     assert plant.evaluations == 0
     assert np.max(np.abs(plant.torque(values) - plant.measured)) < 1e-9

@@ -92,8 +92,10 @@ def test_one_sided_loading_and_softening():
     assert "Mullins" not in text
     text = told(verdict=verdict_of(asymmetry=(0.0, 0.0, 0.0), softening=(0.1, 0.25, None)))
     assert "up to 25 % less work" in text
+    text = told(verdict=verdict_of(asymmetry=(0.0,), softening=(0.0101,)))
+    assert "up to 1 % less work" in text
     text = told(verdict=verdict_of(asymmetry=(0.0, 0.0), softening=(-0.004, 0.009)))
-    assert "none seen" in text
+    assert "none seen, no block's last cycle loses 1 % less work than its first" in text
     assert "up to" not in text.split("scragging")[1].split("\n")[0]
 
 

@@ -1,4 +1,4 @@
-"""Streams of the adaptation and of passivity, sample by sample."""
+"""Streams of the adaptation, of passivity and of the limits, sample by sample."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import pytest
 
 from esea_gen.control.adaptation import adaptation
 from esea_gen.control.adaptation_streams import STREAMS as OF_ADAPTATION
+from esea_gen.control.limits import limits
+from esea_gen.control.limits_streams import STREAMS as OF_LIMITS
 from esea_gen.control.passivity import passivity
 from esea_gen.control.passivity_streams import STREAMS as OF_PASSIVITY
 
@@ -90,3 +92,45 @@ def test_coefficients_of_passivity_at_and_beyond_their_ends(drive):
             near = 0.02 * (p.high - p.low)
             assert 0.5 * p.low <= x[p.name].min() <= 0.5 * p.low + near
             assert 0.5 * p.high - near <= x[p.name].max() <= 0.5 * p.high
+
+
+def test_memory_of_the_limits_that_contradicts_itself(drive):
+    block = limits(drive)
+    found = {s.name: s for s in OF_LIMITS.events(block, np.random.default_rng(1))}
+    stream = found["memory that contradicts itself"]
+    ends = {p.name: p.high for p in block.state}
+    injected = [
+        {n: float(v[0]) for n, v in stream.injections[k].items()} for k in sorted(stream.injections)
+    ]
+    # Each twice: while released, and latched by a stop.
+    assert list(map(repr, injected[::2])) == list(map(repr, injected[1::2]))
+    step = injected[8]["u_mirror_Nm"]
+    assert 0.2 < step / ends["u_last_Nm"] < 0.4
+    assert list(map(repr, injected[::2])) == list(
+        map(
+            repr,
+            [
+                {"fault_mirror": -3.0},
+                {"fault_stored": 4.0},
+                {"rearm_mirror": 0.0},
+                {"rearm_last": 5.0},
+                {"u_mirror_Nm": step},
+                {"u_last_Nm": step},
+                {"key": 0.0},
+                {"key": 1.0},
+                {"key": float(np.float32(ends["key"]))},
+                {"fault_stored": 4.0, "fault_mirror": -4.0},
+                {"fault_stored": 0.0, "fault_mirror": 0.0},
+                {"u_last_Nm": step, "u_mirror_Nm": -step},
+                {"rearm_last": -1.0, "rearm_mirror": 1.0},
+                {"key": 0.0, "fault_stored": 2.0, "fault_mirror": -2.0},
+                {"key": 0.0, "fault_stored": 0.0, "fault_mirror": 0.0},
+                {"key": np.nan},
+                {"age": np.inf},
+            ],
+        )
+    )
+    # Two steps after the last release, or after a stop of two.
+    for k, at in enumerate(sorted(stream.injections)):
+        before = stream.inputs["stop"][at - 4 : at]
+        assert before.tolist() == ([1.0, 1.0, 0.0, 0.0] if k % 2 else [0.0] * 4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cache
 
 import numpy as np
@@ -237,3 +238,17 @@ def test_a_step_is_followed_as_by_a_held_torque(tmp_path):
     moving = Case("ramp", fixed_output("ramp", np.clip(np.arange(2500) / 1000 - 1, 0, 1), 1000))
     runs = [run_case(moving, Setting(c), 0) for c in ("mpc-no-preview", held(tmp_path))]
     assert not np.array_equal(runs[0].controller["u_Nm"], runs[1].controller["u_Nm"])
+
+
+def test_a_slow_task_has_a_lower_bandwidth():
+    """At most a tenth of the rate, and the lowest at most half of the highest."""
+    device = load_device("elbow_drive")
+    for rate_Hz, numbers in ((200, (16, 0.5, 20)), (20, (2, 0.5, 2)), (5, (0.5, 0.25, 0.5))):
+        rate = device.file.timing.control_rate_Hz.model_copy(update={"value": float(rate_Hz)})
+        timing = device.file.timing.model_copy(update={"control_rate_Hz": rate})
+        slow = copy(device)
+        slow.file = device.file.model_copy(update={"timing": timing})
+        bandwidth, quiet = trend(slow).tunables
+        assert (bandwidth.name, quiet.name) == ("bandwidth_Hz", "quiet_Nm")
+        assert (bandwidth.default, bandwidth.low, bandwidth.high) == pytest.approx(numbers)
+        assert (quiet.default, quiet.low, quiet.high) == pytest.approx((0.018, 0.001, 1))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from esea_gen.device import Device, load_device
@@ -24,6 +25,7 @@ from esea_gen.twin.parameters import (
 from esea_gen.twin.passive import passive_block, passive_system
 from esea_gen.twin.people import PEOPLE, STEP_S, person_tunables
 from esea_gen.twin.plant import bodies_of, plant_block, plant_system, start_state, true_sensor
+from esea_gen.twin.weighing import found_by, weighing_case
 
 # Default, lowest and highest, in the order in which C has them.
 DRIVE = {
@@ -353,3 +355,44 @@ def test_where_a_run_starts(device, block):
         start_state(block, 0.0, {key: value, "theta_l_rad": value if "theta" in key else 0.0})
         with pytest.raises(UserError, match=f"Initial {key}"):
             start_state(block, 0.0, {key: value * 1.01})
+
+
+def test_the_mass_that_is_swung_to_adapt():
+    case = weighing_case()
+    path, t = case.trajectory, np.arange(40_000) / 1000
+    for still in (path.theta_p_rad, path.omega_p_rad_s, path.alpha_p_rad_s2):
+        assert still.tolist() == [0.0] * 40_000
+    # 1.7 Nm at 0.3 Hz, faded in over 5 s; what is judged begins there.
+    wanted = 1.7 * np.where(t < 5, t / 5, 1) * np.sin(0.6 * np.pi * t)
+    assert path.tau_desired_Nm == pytest.approx(wanted, abs=1e-12)
+    assert (path.start, path.end, path.clamped) == (5000, 40_000, False)
+    assert case.mode == 1
+    assert case.tunables == {
+        "adaptation": {"mass_Nm": 3.5, "mass_kgm2": 0.2, "mass_angle_rad": 1.2}
+    }
+    assert case.plant == {
+        "spring_Nm_rad": 0,
+        "damping_Nms_rad": 0,
+        "feedforward": 0,
+        "torque_noise_Nm": 0,
+        "gravity_Nm": 3.5,
+        "Jh_kgm2": 0.2,
+        "own_damping_Nms_rad": 0.02,
+        "motor_offset_rad": 1.2,
+        "load_offset_rad": 1.2,
+        "joint_min_rad": -2,
+        "joint_max_rad": 2,
+    }
+
+
+def test_what_was_adapted_is_what_the_run_ends_with_put_in_force():
+    ends = {"adapted_gain": 0.9, "adapted_loss": 0.1, "adapted_offset_Nm": -0.05}
+    told = {name: np.array([7.0, end]) for name, end in ends.items()}
+    run = SimpleNamespace(controller={**told, "fault": np.array([0.0, 0.0])})
+    assert found_by(run) == {"share": 1, "gain": 0.9, "loss": 0.1, "offset_Nm": -0.05}
+    # Latched at the end; a latch that was there before and released is none.
+    run.controller["fault"] = np.array([1.0, 0.0])
+    assert found_by(run)["gain"] == 0.9
+    run.controller["fault"] = np.array([0.0, 1.0])
+    with pytest.raises(UserError, match=r"latched \(fault 1\) while the mass was swung"):
+        found_by(run)
