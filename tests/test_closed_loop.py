@@ -18,7 +18,7 @@ from esea_gen.language.system import System, Task
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.people import ideal_plant, random_plant, real_plant
 from esea_gen.twin.plant import start_state
-from esea_gen.twin.trajectories import backdriven, bread, fixed_sinusoid, impedance
+from esea_gen.twin.trajectories import backdriven, bread, fixed_sinusoid, impedance, tuning
 
 from .conftest import require_tool
 
@@ -410,6 +410,11 @@ def test_fixed_sinusoids(hertz, cycles, settle):
     assert np.sqrt(np.mean(path.tau_desired_Nm[path.window] ** 2)) == pytest.approx(
         3 / math.sqrt(2), rel=1e-3
     )
+
+
+def test_the_tuning_case_is_1_7_Nm_at_0_6_Hz():
+    t = np.arange(round(22 / 0.6 * 1000)) / 1000
+    assert tuning().tau_desired_Nm == pytest.approx(1.7 * np.sin(1.2 * np.pi * t), abs=1e-9)
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf])

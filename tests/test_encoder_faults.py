@@ -67,9 +67,17 @@ def test_what_each_kind_makes_of_the_angle(sound):
     truth = sound.plant["count_load"]
     frozen = run("freeze:load@4").plant["count_load"]
     assert set(frozen[4000:]) == {truth[4000]}
+    # The gear's encoder turns 74 times as far as the joint and has 17 bits.
+    gear = run("drift:gear@4=0.05").plant["count_gear"]
+    expected = np.floor(0.05e-3 * np.arange(5) * 74 * 2**17 / (2 * np.pi))
+    step = moved(gear[after], sound.plant["count_gear"][after], 2**17)
+    assert step == pytest.approx(expected, abs=1)
     drift = run("drift:load@4=10").plant["count_load"]
     expected = np.floor(10 * 1e-3 * np.arange(5) * 4096 / (2 * np.pi))
     assert moved(drift[after], truth[after], 4096) == pytest.approx(expected, abs=1)
+    # Whole counts of a turn, also of one that drifts past its zero.
+    far = run("drift:load@4=10").plant["count_load"]
+    assert (far.min(), far.max()) == (0, 4095)
     load = run("gain:load@4=0.5")
     theta = load.plant["theta_l_rad"][4000:4200]
     seen = moved(load.plant["count_load"][4000:4200], load.plant["count_load"][4000], 4096)
@@ -99,6 +107,21 @@ def test_what_is_no_fault_is_refused(text, said):
         parse_fault(text)
     assert str(parse_fault("drift:gear@2=0.1")) == "drift:gear@2=0.1"
     assert str(parse_fault("freeze:both@2")) == "freeze:both@2"
+
+
+def test_what_an_encoder_does_where_no_amount_is_given():
+    """4.8 degrees, a twentieth of a radian a second, a fifth too little; at most 10 of each."""
+    amounts = {"freeze": 0, "slip": 0.0838, "drift": 0.05, "gain": 0.8}
+    assert {k: parse_fault(f"{k}:load@4").amount for k in amounts} == amounts
+    for text in ("slip:load@10000=10", "slip:load@0=-10"):
+        assert str(parse_fault(text)) == text
+    for text, said in (
+        ("slip:load@10001", r"'slip:load@10001': the time '10001' is not a number from 0 to 10000"),
+        ("gain:load@4=10.01", r"the amount '10.01' is not a number from -10 to 10"),
+        ("gain:load@4=-10.01", r"the amount '-10.01' is not a number from -10 to 10"),
+    ):
+        with pytest.raises(UserError, match=said):
+            parse_fault(text)
 
 
 # -- its figures, on a run made by hand ------------------------------------------------------------
