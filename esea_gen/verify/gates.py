@@ -51,7 +51,7 @@ _HOST_DOUBLE = _A64_DOUBLE if platform.machine() in ("aarch64", "arm64") else _X
 # device with torque control wires 13 Blocks in its sensing task; a program's parts call each other,
 # and its inputs are wide.
 CONTROL_STACK_BYTES = 256
-PROGRAM_STACK_BYTES = 384
+PROGRAM_STACK_BYTES = 448
 
 TARGETS = {p.name: p for p in PROCESSORS.values() if p.stack_limit_bytes is not None}
 
