@@ -184,8 +184,7 @@ def test_no_arithmetic_on_truth_values(name, real):
             if m[2]:
                 types[m[2]] = m[1]
             elif m.start() in of:
-                name = of[m.start()]
-                assert types.get(name) != "bool", (file, name)
+                assert types.get(of[m.start()]) != "bool", (file, of[m.start()])
     assert any("const bool" in text for text in texts(name, real).values())
 
 
