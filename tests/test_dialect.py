@@ -17,7 +17,7 @@ import pytest
 from esea_gen.control.faults import Fault
 from esea_gen.device import load_device
 from esea_gen.emit import dialect
-from esea_gen.emit.build import MANIFEST, differences, render_device
+from esea_gen.emit.build import MANIFEST, Bundle, differences, render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.messages import messages
 from esea_gen.emit.render import Renderer
@@ -396,3 +396,20 @@ def test_one_numbering_of_faults_in_the_link_the_header_and_the_docs():
     rows = re.findall(r"^\| (\d+) \| ([^|]+) \| \| (\d+) \| ([^|]+) \|", limits, re.MULTILINE)
     numbers = [int(n) for row in rows for n in (row[0], row[2])]
     assert sorted(numbers) == sorted(v for v in link.values() if v < 100)
+
+
+def test_what_differs_is_shown_with_two_lines_around(tmp_path):
+    lines = [f"line {k}" for k in range(20)]
+    kept = {"same.h": "x\n", "changed.c": "\n".join(lines), "missing.c": "new\n", "empty.c": ""}
+    (tmp_path / "f32").mkdir()
+    lines[9] = "what somebody wrote"
+    (tmp_path / "f32" / "changed.c").write_text("\n".join(lines))
+    (tmp_path / "f32" / "same.h").write_text("x\n")
+    (tmp_path / "f32" / "old.c").write_text("left over\n")
+    assert differences([Bundle("f32", kept)], tmp_path) == [
+        "--- f32/changed.c (on disk)\n+++ f32/changed.c (as generated now)\n@@ -8,5 +8,5 @@\n"
+        " line 7\n line 8\n-what somebody wrote\n+line 9\n line 10\n line 11",
+        "f32/empty.c: empty file missing or left over",
+        "--- (missing)\n+++ f32/missing.c (as generated now)\n@@ -0,0 +1 @@\n+new",
+        "--- f32/old.c (on disk)\n+++ (not generated)\n@@ -1 +0,0 @@\n-left over",
+    ]

@@ -48,10 +48,10 @@ def test_a_sound_fit_is_told_in_one_line_how_the_filter_is_chosen():
     ("x", "words"),
     [
         (LOW, "as small as allowed"),
-        (LOW + 3.9e-3, "as small as allowed"),
-        (LOW + 4.1e-3, None),
-        (HIGH - 4.1e-3, None),
-        (HIGH - 3.9e-3, "as large as the recorded range"),
+        (LOW + 3.99e-3, "as small as allowed"),
+        (LOW + 4.01e-3, None),
+        (HIGH - 4.01e-3, None),
+        (HIGH - 3.99e-3, "as large as the recorded range"),
     ],
 )
 def test_thresholds_within_a_thousandth_of_an_end(x, words):

@@ -339,3 +339,9 @@ def test_who_watches_sees_each_improvement_and_the_end(plant):
     assert len(figure.axes) == 1 + len(best.sets)
     line = figure.axes[1].get_lines()[1]
     assert line.get_ydata() == pytest.approx(best.sets[0][2])
+
+
+@pytest.mark.parametrize(("jobs", "threads"), [(1, 1), (3, 3), (0, 6), (-1, 6)])
+def test_as_many_threads_as_asked_for_else_one_a_core(monkeypatch, jobs, threads):
+    monkeypatch.setattr("os.sched_getaffinity", lambda pid: set(range(6)))
+    assert problem(jobs=jobs).threads == threads

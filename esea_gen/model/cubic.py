@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
@@ -11,10 +11,6 @@ from esea_gen.language.block import Labels
 from esea_gen.language.ports import Equation
 from esea_gen.model.elastomer import K1, K3
 from esea_gen.model.symbolic import equation, to_casadi
-
-if TYPE_CHECKING:
-    pass
-
 
 LINEAR, LOAD = sp.symbols("a d", real=True)
 

@@ -31,7 +31,6 @@ class Forward:
         self.block = torque_sensor(device)
         names = {p.name for p in self.block.state}
         self.state = self.block.state
-        self.omega_high = self.block.inputs[1].high
         self.tau_r_high = next(p.high for p in self.block.state if p.name == "tau_r_Nm")
         self.has_rate = "x" in {n for n, _ in self.block.labels}
         if names != {"primed", "theta_prev_rad", "tau_r_Nm", "play_rad"}:
