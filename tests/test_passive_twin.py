@@ -133,3 +133,19 @@ def test_a_device_without_a_motor_has_two_encoders(knee):
     system = passive_system(knee)
     assert [p.name for p in system.blocks["encoders"].outputs] == ["count_motor", "count_load"]
     assert system.blocks["plant"].period_s == STEP_S
+
+
+@pytest.mark.parametrize("angle", [-0.4, 0.7])
+def test_wherever_in_a_turn_the_encoders_start(twin, angle):
+    # Motor's and limb's encoder start at these shares of a turn; a limb held still, no hands.
+    t = np.arange(500) * 1e-3
+    for seed, shares in (
+        (1, (0.51, 0.95)),
+        (5, (0.81, 0.81)),
+        (2, (0.26, 0.30)),
+        (4, (0.94, 0.51)),
+    ):
+        assert np.random.default_rng(seed).random(2) == pytest.approx(shares, abs=0.005)
+        run = twin.run(t, 0 * t, 0 * t + angle, np.random.default_rng(seed))
+        assert np.abs(run.theta_l_rad - angle).max() < 1.5 * twin.count_rad + 5 * ENCODER_NOISE_RAD
+        assert np.abs(run.tau_Nm).max() == 0  # inside the dead zone
