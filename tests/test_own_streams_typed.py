@@ -12,6 +12,8 @@ from esea_gen.control.limits_streams import STREAMS as OF_LIMITS
 from esea_gen.control.passivity import passivity
 from esea_gen.control.passivity_streams import STREAMS as OF_PASSIVITY
 
+from .limits_model import SHIPPED
+
 
 @pytest.fixture(scope="module")
 def masses(drive):
@@ -134,3 +136,47 @@ def test_memory_of_the_limits_that_contradicts_itself(drive):
     for k, at in enumerate(sorted(stream.injections)):
         before = stream.inputs["stop"][at - 4 : at]
         assert before.tolist() == ([1.0, 1.0, 0.0, 0.0] if k % 2 else [0.0] * 4)
+
+
+def streams_of_limits(drive):
+    block = limits(drive)
+    found = {s.name: s for s in OF_LIMITS.events(block, np.random.default_rng(1))}
+    return block, found
+
+
+def values_of(x):
+    """What an input takes on, what is no number once."""
+    return {"nan" if np.isnan(v) else float(np.float32(v)) for v in np.unique(x)}
+
+
+def test_each_cause_of_the_limits_is_tried_with_its_own_values(drive):
+    block, found = streams_of_limits(drive)
+    x, n = found["every fault, and its release"].inputs, SHIPPED
+    middle, bent = 0.5 * (n.low + n.high), 0.2 * n.theta
+    edges = (n.low - n.margin - 0.01, n.high + n.margin + 0.01)
+    own = {
+        "stop": {0, 1, 0.5},
+        "sensing_ok": {0, 1, 0.5},
+        "request_ok": {0, 1},
+        "clock_ok": {0, 1, 0.5},
+        "coeffs_ok": {0, 1, 0.5},
+        "late_level": {0, 129},
+        "theta_rad": {bent, 1.02 * n.theta, -1.02 * n.theta},
+        "tau_Nm": {0.1 * n.tau, 1.02 * n.tau, -1.02 * n.tau},
+        "omega_load_rad_s": {0, 1.02 * n.omega, -1.02 * n.omega},
+        "omega_motor_rad_s": {0, 1.02 * n.omega, -1.02 * n.omega},
+        "theta_load_rad": {middle, *edges},
+        "theta_motor_rad": {
+            *(middle + bent, middle + 1.02 * n.theta, middle - 1.02 * n.theta),
+            *(e + bent for e in edges),
+        },
+    }
+    for p in block.inputs:
+        beyond = {2 * p.high + 1, 2 * min(p.low, 0) - 1}
+        tried = values_of(x[p.name])
+        assert "nan" in tried, p.name
+        if p.name in own:
+            wanted = sorted(own[p.name] | beyond)
+            assert sorted(tried - {"nan"}) == pytest.approx(wanted, rel=1e-6), p.name
+        else:
+            assert {float(np.float32(v)) for v in beyond} <= tried, p.name
