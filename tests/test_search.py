@@ -341,6 +341,30 @@ def test_who_watches_sees_each_improvement_and_the_end(plant):
     assert line.get_ydata() == pytest.approx(best.sets[0][2])
 
 
+def test_generations_begin_all_over_the_box_and_are_of_parents():
+    low, high, called = np.array([-3.0, 10.0]), np.array([-1.0, 50.0]), []
+
+    def costs(points):
+        called.append(points.copy())
+        return np.sum((points - [-1.3, 17.0]) ** 2, axis=1)
+
+    genetic(costs, low, high, 7, GeneticSettings(population=40, generations=2))
+    first, second, third = called
+    assert first == pytest.approx(low + [2, 40] * np.random.default_rng(7).random((40, 2)))
+    # Two in forty live on; of the others 32 are mixed of what both parents have, in each number.
+    order = np.argsort(np.sum((first - [-1.3, 17.0]) ** 2, axis=1))
+    assert second.shape == third.shape == (38, 2)
+    for child in second[:32]:
+        assert child[0] in first[:, 0]
+        assert child[1] in first[:, 1]
+    moved = [child for child in second[32:] if child[0] not in first[:, 0]]
+    assert 0 < len(moved) < 6
+    # The best are chosen more often than the worst.
+    chosen = [np.flatnonzero(first[order, 0] == x)[0] for x in second[:32, 0]]
+    assert np.mean(chosen) < 15
+    assert ((second >= low) & (second <= high)).all()
+
+
 @pytest.mark.parametrize(("jobs", "threads"), [(1, 1), (3, 3), (0, 6), (-1, 6)])
 def test_as_many_threads_as_asked_for_else_one_a_core(monkeypatch, jobs, threads):
     monkeypatch.setattr("os.sched_getaffinity", lambda pid: set(range(6)))
