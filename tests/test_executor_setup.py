@@ -12,6 +12,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.stream import Stream, single
+from esea_gen.language.system import System, Task
 from esea_gen.verify.coverage import recorded_arguments
 from esea_gen.verify.executor import (
     KernelTrajectory,
@@ -24,8 +25,10 @@ from esea_gen.verify.executor import (
     initial_state,
     step_arguments,
 )
-from esea_gen.verify.runs import changed, run_symbolic
+from esea_gen.verify.runs import CasadiOracle, changed, run_symbolic
 from esea_gen.verify.ties import aimed_stream
+
+from .conftest import require_tool
 
 F32, F64 = FORMATS["f32"], FORMATS["f64"]
 
@@ -311,3 +314,36 @@ def test_only_steps_inside_all_ranges_are_gone_out_from():
     assert np.max(states["s"]) <= 0.9
     edge = Stream("edge", {"v": np.tile([1.0, -1.0], (5, 1))})  # the ends are inside
     assert aimed_stream(block, [edge], trials=2) != []
+
+
+def test_casadis_own_c_has_the_steps_of_the_symbolic_block():
+    """With coefficients and states put in from outside, at the steps where they are."""
+    require_tool("gcc")
+    block = made_up()
+    put = {3: {"last": np.array([0.25, 0.75])}, 4: {"sum": np.array([1.0])}}
+    other = {2: {"pair": np.array([0.7, 0.8])}, 5: {"gain": np.array([3.0])}}
+    stream = streams_of(injections=put, coefficients=other)
+    system = System("made", 1e-3, {"made": block}, (Task("run", ("made",)),), {}, *wired(block))
+    initial = [np.array([0.3]), np.full(2, -0.5)]
+    oracle = CasadiOracle(system)
+    found = oracle.run(block, coefficients_of(block, F64, {}), initial, stream)
+    for ours, theirs in zip(run_symbolic(block, stream), found, strict=True):
+        assert sorted(ours) == sorted(theirs)
+        for name, values in ours.items():
+            np.testing.assert_array_equal(np.squeeze(theirs[name]), np.squeeze(values))
+    # And by hand: y = sum + gain (v[1] - pair[0] x), gain 0.05 and pair (0.5, 0.1) at first.
+    x, v, y = stream.inputs["x"], stream.inputs["v"][:, 1], np.ravel(found[0]["y"])
+    total, steps = 0.3, []
+    for k in range(6):
+        total = 1.0 if k == 4 else total
+        gain, share = 3.0 if k == 5 else 0.05, 0.5 if k < 2 or k == 5 else 0.7
+        steps.append(total + gain * (v[k] - share * x[k]))
+        total = min(max(steps[-1], -2), 2)
+    assert y == pytest.approx(steps, rel=1e-12)
+
+
+def wired(block):
+    return (
+        {p.name: (f"made.{p.name}",) for p in block.inputs},
+        {p.name: f"made.{p.name}" for p in block.outputs},
+    )
