@@ -7,6 +7,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -16,7 +17,7 @@ from esea_gen.cli import app
 from esea_gen.plotting import svg
 from esea_gen.report import builder, drive
 from esea_gen.report.board import BoardRun, run_board
-from esea_gen.report.builder import gather
+from esea_gen.report.builder import Report, gather
 from esea_gen.studies.simulation import simulate
 from esea_gen.twin.case import Setting
 from esea_gen.verify import equivalence
@@ -201,6 +202,22 @@ def test_a_failure_turns_the_banner(findings, how):
     assert 'class="banner failed"' in text
     assert all(p in Page(text).text for p in failed.problems)
     assert "FAILED" in failed.summary()[0]
+
+
+@pytest.mark.parametrize(("count", "more"), [(0, []), (10, []), (13, ["3 more"])])
+def test_ten_problems_are_told_and_how_many_more_there_are(count, more):
+    found = SimpleNamespace(
+        device=SimpleNamespace(title="Elbow"),
+        verification=SimpleNamespace(content_hash="abc"),
+        problems=[f"problem {k}" for k in range(count)],
+        passed=not count,
+        kind=SimpleNamespace(summary=lambda report: ["of its kind"]),
+    )
+    first, *rest, last = Report.summary(found)
+    assert first == f"Elbow: {'FAILED' if count else 'passed'} (content abc)"
+    assert rest[:10] == found.problems[:10]
+    assert rest[10:] == [f"... {n} problems, see the page" for n in more]
+    assert last == "of its kind"
 
 
 def test_a_recording_is_refused_for_a_drive(tmp_path: Path):

@@ -320,6 +320,7 @@ def test_casadis_own_c_has_the_steps_of_the_symbolic_block():
     """With coefficients and states put in from outside, at the steps where they are."""
     require_tool("gcc")
     block = made_up()
+    assert not block.starts_latched  # nothing to release where nobody says so
     put = {3: {"last": np.array([0.25, 0.75])}, 4: {"sum": np.array([1.0])}}
     other = {2: {"pair": np.array([0.7, 0.8])}, 5: {"gain": np.array([3.0])}}
     stream = streams_of(injections=put, coefficients=other)

@@ -18,7 +18,7 @@ from esea_gen.hostlib.library import compile_system
 from esea_gen.identify import Identification, Recording, identify, load_mapping, load_recordings
 from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.inverse import refit_inverse
-from esea_gen.identify.plant import FittedPlant
+from esea_gen.identify.plant import FittedPlant, _on_grid
 from esea_gen.identify.plays import KEYS, play_spread
 from esea_gen.identify.resampling import FitRows
 from esea_gen.identify.uncertainty import uncertainty
@@ -279,6 +279,16 @@ def test_the_devices_own_torque_is_fitted_without_error(elbow):
     assert np.max(np.abs(plant.torque(values) - plant.measured)) < 1e-9
     assert np.max(np.abs(plant.measured)) > 1
     assert plant.evaluations == 1
+
+
+def test_no_grid_is_finer_than_the_devices_own(elbow):
+    require_tool("gcc")
+    recording = replayed(elbow, 0.1 * np.sin(np.arange(400) / 40))
+    fine_Hz = 1 / elbow.period_s
+    estimate = FittedPlant(elbow, [recording], fine_Hz)._estimate
+    grids = [_on_grid(recording, estimate, fine_Hz, rate * fine_Hz) for rate in (1, 3)]
+    for a, b in ((getattr(g, n) for g in grids) for n in ("theta_rad", "omega_rad_s", "tau_Nm")):
+        np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.ci
