@@ -144,6 +144,7 @@ def test_the_default_in_numbers(elbow):
     content = v.to_dict()
     assert json.loads(json.dumps(content)) == content
     assert content["omega_rad_s"]["noise_rad_s"]["14"] == v.noise_rad_s(14)
+    assert content["omega_rad_s"]["f_Hz"] == 1.5
     assert {e.number for e in v.equations} == {f"[obs {i}]" for i in range(4, 10)}
     with pytest.raises(ValueError, match="outside"):
         velocity_properties(elbow, 101.0)
