@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn
@@ -140,3 +141,12 @@ def simulated_elbow():
     made = SimulatedBoard("elbow_drive")
     yield made
     made.close()
+
+
+def until(condition, limit_s=60.0):
+    """What a condition says, once it says something."""
+    end = time.monotonic() + limit_s
+    while not (found := condition()):
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.02)
+    return found

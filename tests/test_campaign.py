@@ -24,7 +24,7 @@ from esea_gen.cli import output
 from esea_gen.errors import UserError
 
 from .campaign_cases import draw, noted
-from .conftest import ROOT
+from .conftest import ROOT, until
 
 PATHS = os.pathsep.join((str(ROOT), str(ROOT / "host")))
 CONFIG = Configuration({"controller": "abc", "plant": "def"})
@@ -209,14 +209,6 @@ if __name__ == "__main__":
     run_cases(noted, cases, configuration=Configuration({"a": 1}), folder=folder + "/journal",
               workers=Workers(int(jobs), cluster or None))
 """
-
-
-def until(condition, limit_s=60.0):
-    end = time.monotonic() + limit_s
-    while not (found := condition()):
-        assert time.monotonic() < end, "nothing happened"
-        time.sleep(0.02)
-    return found
 
 
 def killed_and_resumed(tmp_path, jobs=1, cluster=None):

@@ -30,6 +30,8 @@ from esea_host.connection.receiver import Receiver, Subscription
 from esea_host.simulated import LockstepDevice, NoisyTransport, SimulatedBoard
 from esea_host.simulated.server import serve_hosts
 
+from .conftest import until
+
 
 @pytest.fixture
 def drive(simulated_elbow):
@@ -336,27 +338,20 @@ class Proxy:
             link.close()
 
 
-def wait_for(reached) -> None:
-    deadline_s = time.monotonic() + 60
-    while not reached():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
-
-
 def test_a_cable_pulled_out_and_put_back_is_one_gap_and_the_recording_goes_on(
     server, drive, tmp_path
 ):
     proxy = Proxy(server)
     with esea_host.open_device(proxy.address, "elbow_drive") as device:
         with device.record(tmp_path / "a.mcap") as recording:
-            wait_for(lambda: recording.rows >= 2000)
+            until(lambda: recording.rows >= 2000)
             # The board runs on while nothing comes through: a quick hand would lose no run.
             proxy.loses, pulled = True, drive.ticks
-            wait_for(lambda: drive.ticks >= pulled + 100)
+            until(lambda: drive.ticks >= pulled + 100)
             proxy.pull()
-            wait_for(lambda: device.receiver.reconnects)
+            until(lambda: device.receiver.reconnects)
             before = recording.rows
-            wait_for(lambda: recording.rows >= before + 3000)
+            until(lambda: recording.rows >= before + 3000)
         assert device.health()["reconnects"] == 1
     proxy.close()
     log = esea_host.open_log(tmp_path / "a.mcap")

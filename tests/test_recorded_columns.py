@@ -16,6 +16,8 @@ from esea_gen.identify.readers import read_json
 from esea_gen.identify.reading import read_csv, read_table
 from esea_gen.identify.tables import FileFormat, ToFit
 
+from .test_recording_steps import MAPPING as ONE
+
 # Texts.
 
 
@@ -165,25 +167,7 @@ def test_a_table_has_finite_numbers_and_a_format_of_its_own(tmp_path: Path):
 
 # Mapping.
 
-MAPPING = """\
-schema = 1
-[device]
-name = "rig"
-title = "Rig"
-rate_terms = false
-[deflection]
-column = "x"
-unit = "rad"
-[torque]
-column = "y"
-unit = "Nm"
-[sampling]
-time_column = "t"
-[[recording]]
-files = ["a.csv"]
-[[recording]]
-files = ["b.csv"]
-"""
+MAPPING = ONE.replace("rig.csv", "a.csv") + '[[recording]]\nfiles = ["b.csv"]\n'
 
 
 def parsed(*changes: tuple[str, str]) -> MappingFile:
