@@ -141,6 +141,16 @@ def test_arithmetic_keeps_the_error_it_states_and_is_as_fine_as_fits(rule, x, y,
     assert found.bits == (64 if wide else 32)
 
 
+@pytest.mark.parametrize("power", [31, 60, 61, 62, 70, 80])
+def test_a_power_of_two_so_small_that_no_format_has_its_bits_is_a_number_like_any_other(power):
+    found = Found(X * 2.0**-power, "fine", "above", False)
+    assert found.value.fraction == min(30 + power, 90)
+    error = float(max(found.errors(lambda a, b: a / 2**power)[1]))
+    # Below the last of 90 bits its own rounding counts, for operands up to 2.
+    assert error <= 2 * max(found.value.constants.values(), default=0.0)
+    assert (error == 0) == (power <= 60)
+
+
 @pytest.mark.parametrize("wide", [False, True], ids=["32", "64"])
 @pytest.mark.parametrize(("x", "y"), [*PAIRS, ("above", "short"), ("below", "small")])
 def test_what_loses_nothing_says_so_and_what_must_be_cut_is_cut_once(x, y, wide):

@@ -212,7 +212,8 @@ def test_faults_are_noticed_or_told(checkout):
     assert 0 < report.score < 1
     assert report.score == pytest.approx(1 - len(report.survivors) / TRIED)
     # Repeatable, and the checkout is as it was.
-    again = mutate_python(checkout, [f"small:{TRIED}"], limit_s=60, seed=SEED)
+    # However many at a time.
+    again = mutate_python(checkout, [f"small:{TRIED}"], limit_s=60, seed=SEED, jobs=3)
     assert again.to_dict() == report.to_dict()
     assert {p: p.read_bytes() for p in checkout.rglob("*.py")} == before
     told = json.loads(json.dumps(report.to_dict()))
@@ -450,12 +451,13 @@ def test_what_each_test_enters_is_kept_and_asked_first(checkout, tmp_path):
         "test_second": ["small/sums.py:5", "small/sums.py:9"],
     }
     assert told["tests/test_sums.py::test_slow"]["time_s"] > 0.2
-    # The quickest first, within the time; of a module none are known.
+    # The quickest first, within the time; for what stands outside functions, all of the file's.
     source, tests = "esea_gen/small/sums.py", ["tests/test_sums.py"]
     first, slow = (f"tests/test_sums.py::test_{n}" for n in ("first", "slow"))
     assert entered.quick(tests, source, 1, 100)[0] == [first, slow]
-    assert entered.quick(tests, source, 1, 0.5)[0] == [first]
-    assert entered.quick(tests, source, 0, 100) == ([], 0.0)
+    assert entered.quick(tests, source, 1, 0.1)[0] == [first]
+    assert entered.quick(tests, source, 7, 100) == ([], 0.0)
+    assert set(entered.quick(tests, source, 0, 100)[0]) == set(told)
     # Asked first, they notice what no other test file is asked for any more.
     (checkout / "tests/test_a.py").write_text("import esea_gen.small.sums\n\ndef test_a(): ...\n")
     (again,) = mutate_python(checkout, what, entered=kept, sample=1).found

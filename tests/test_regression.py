@@ -159,3 +159,16 @@ def test_at_an_end_the_derivative_is_taken_inside(end):
     edges = np.where(np.array(end) == 1, HIGH, LOW)
     assert np.any(np.abs(found.values[:2] - edges) < 1e-6)
     assert found.values.shape == (3,)
+
+
+def test_a_range_that_ends_at_zero_or_below_is_searched_as_any_other():
+    x = np.linspace(0, 4, 60)
+    for shift in (0.0, -3.0):
+        # exp(-(p - shift) x), p as far below the end.
+        low, high, true = np.array([shift - 2.0]), np.array([shift]), shift - 0.4
+
+        def wanted(p, shift=shift, true=true):
+            return np.exp((p[0] - shift) * x) - np.exp((true - shift) * x) + 1.5
+
+        found = fit_separable(np.ones((60, 1)), wanted, low, low, high, np.arange(60) // 6)
+        assert found.values == pytest.approx([true, 1.5], abs=1e-6)

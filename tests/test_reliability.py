@@ -155,3 +155,15 @@ def test_limits_of_agreement_worked_out_by_hand():
     assert (low, high) == pytest.approx((0.5 - 3.098975, 0.5 + 3.098975), abs=1e-6)
     # Of a limit: sd sqrt(1/5 + z^2 / 8), as var(sd) is sd^2 / (2 (n - 1)) [Bland, Altman 1999].
     assert half == pytest.approx(2.776445 * 1.581139 * np.sqrt(0.2 + 3.841459 / 8), rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-5, 1.0, 1e7])
+def test_what_rounding_alone_leaves_is_no_variance_whatever_the_torques_size(size):
+    true = size * np.array([0.1, 0.7, -0.3, 0.9, 0.2, -0.8])
+    shifted = true + 0.3 * size  # rounded once more in each row
+    with pytest.raises(UserError, match="differ by nothing but a constant"):
+        reliability({"a": true, "b": shifted})
+    # A billionth of the torque is a difference.
+    rng = np.random.default_rng(3)
+    found = reliability({"a": true, "b": shifted + 1e-9 * size * rng.normal(size=6)})
+    assert found.consistent.value == pytest.approx(1.0)

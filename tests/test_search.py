@@ -369,3 +369,71 @@ def test_generations_begin_all_over_the_box_and_are_of_parents():
 def test_as_many_threads_as_asked_for_else_one_a_core(monkeypatch, jobs, threads):
     monkeypatch.setattr("os.sched_getaffinity", lambda pid: set(range(6)))
     assert problem(jobs=jobs).threads == threads
+
+
+def test_parents_are_chosen_as_often_as_their_rank_deserves():
+    """Spokes at equal distances: each parent's count is its share, rounded up or down [Baker]."""
+    n, children, called = 60, 40, []
+
+    def costs(points):
+        called.append(points.copy())
+        return np.sum(points, axis=1)
+
+    settings = GeneticSettings(population=children, generations=1, elite=0.0, crossed=1.0)
+    low, high = np.zeros(n), np.ones(n)
+    for seed in range(4):
+        called.clear()
+        genetic(costs, low, high, seed, settings)
+        first, second = called
+        order = np.argsort(first.sum(axis=1))
+        # Of sixty numbers either parent gave some: whose they are tells who the parents were.
+        count = np.zeros(children)
+        for child in second:
+            parents = {int(np.flatnonzero(first[:, k] == child[k])[0]) for k in range(n)}
+            count[list(parents)] += 1 if len(parents) == 2 else 2
+        fitness = 1 / np.sqrt(np.arange(1, children + 1))
+        share = 2 * children * fitness / fitness.sum()
+        assert np.all(np.abs(count[order] - share) < 1)
+
+
+def test_minima_along_the_thresholds_are_looked_for_with_the_other_numbers_held():
+    low, high, best = np.array([0.0, 2.0, -7.0]), np.array([1.0, 12.0, 9.0]), [0.9, 5.0, 4.0]
+    asked = []
+
+    def costs(points):
+        asked.append(points)
+        omega, beta, _ = points.T
+        # Valleys at 0.25 and 0.75, the second the deeper; across them least at 8.
+        return np.cos(4 * np.pi * omega) - 0.1 * omega + 0.01 * (beta - 8) ** 2
+
+    problem = SimpleNamespace(low=low, high=high, costs=costs)
+    found = searches._threshold_minima(problem, np.array(best))
+    assert [x[0] for x in found[:2]] == pytest.approx([0.75, 0.25], abs=0.02)
+    assert {x[1] for x in found} == {8.0}  # 2, 4 ... 12
+    assert {x[2] for x in found} == {4.0}
+    points = np.concatenate(asked)
+    assert points.min(axis=0) == pytest.approx([0, 2, 4])
+    assert points.max(axis=0) == pytest.approx([1, 12, 4])
+
+
+def test_runs_of_the_interior_point_method_are_counted_kept_or_not(monkeypatch):
+    memo = SearchMemo()
+    for begun in (1000, 100):
+        p, asked = problem(memo=memo), []
+        p.evaluations = begun
+        own = p.gradient
+
+        def gradient(x, own=own, asked=asked):
+            asked.append(x)
+            return own(x)
+
+        monkeypatch.setattr(p, "gradient", gradient)
+        before = p.plant.calls
+        interior_point(p, at(0.052, 2.0))
+        if begun == 1000:
+            runs = p.evaluations - 1000
+            assert runs == len(asked) > 3
+        else:  # what is kept is not run again, and counts the same
+            assert asked == []
+            assert p.plant.calls == before
+            assert p.evaluations == 100 + runs

@@ -1,6 +1,7 @@
 """Several specimens: one model for all of them, and how far their recordings agree."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.errors import UserError
+from esea_gen.identify import specimens as specimens_file
 from esea_gen.identify.mapping import load_mapping
 from esea_gen.identify.recording import load_recordings
 from esea_gen.identify.reliability import coefficients
@@ -86,3 +88,36 @@ def test_what_is_no_set_of_specimens_is_refused(tmp_path):
     recordings = load_recordings(load_mapping(path))
     with pytest.raises(UserError, match="different numbers of files"):
         torque_table({"a": recordings[:2], "b": recordings[2:]})
+
+
+def test_errors_are_means_over_a_specimens_blocks_in_percent_of_one_full_scale(
+    tmp_path, monkeypatch
+):
+    """Every fit is made up: errors by what it trains on and by block; a block without one too."""
+    rms_Nm = {"all": {"a": 0.4, "b": 0.1}, "a": {"a": 0.2}, "b": {"b": 0.05}}
+    said, fits = [], []
+
+    def fit(source, some, template, tell, how):
+        specimens = sorted({c for r in some for c in r.conditions})
+        of = rms_Nm["all" if len(specimens) > 1 else specimens[0]]
+        fits.append(specimens)
+        blocks = [(s, r.conditions[0]) for r in some for s in r.sets]
+        sets = [(s, None, SimpleNamespace(rms=of[c])) for s, c in blocks]
+        sets.append((SimpleNamespace(label="nothing held out"), None, None))
+        # The full scale is that of the fit to all.
+        device = SimpleNamespace(tau_full_scale_Nm=8.0 if len(specimens) > 1 else 5.0)
+        return None, None, device, SimpleNamespace(misfits=SimpleNamespace(sets=sets))
+
+    monkeypatch.setattr(specimens_file, "fit_split", fit)
+    monkeypatch.setattr(specimens_file, "draft", lambda source, some, rate: None)
+    path = recorded(tmp_path, {"a": 1.0, "b": 0.8})
+    found = joint_fit(path, progress=lambda share, text: said.append((share, text)))
+    assert fits == [["a", "b"], ["a"], ["b"]]
+    assert found.full_scale_Nm == 8.0
+    assert found.joint_pct == pytest.approx({"a": 5.0, "b": 1.25})
+    assert found.own_pct == pytest.approx({"a": 2.5, "b": 0.625})
+    assert said == [
+        (0, "fit of all together"),
+        (pytest.approx(1 / 3), "fit of a"),
+        (pytest.approx(2 / 3), "fit of b"),
+    ]

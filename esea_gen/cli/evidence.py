@@ -275,6 +275,7 @@ def mutate_python_command(
         Path | None,
         typer.Option("--entered", metavar="DIR", help="Keep here which functions a test enters."),
     ] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="So many faults at a time.")] = 1,
     json_file: JsonOption = None,
 ) -> None:
     """Put one fault at a time into Python sources of this checkout and run its tests."""
@@ -291,6 +292,7 @@ def mutate_python_command(
             widen=widen,
             limit_s=limit_s,
             entered=entered,
+            jobs=jobs,
             progress=say,
         )
     show(result, json_file, "mutate-python")

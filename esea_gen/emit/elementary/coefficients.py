@@ -107,10 +107,7 @@ def reciprocal_root_table() -> list[int]:
 
     return: one seed for each value 16 to 63 of the six leading bits.
     """
-    return [
-        min(65535, fixed(1 / mpmath.sqrt((mpf(index) + mpf(0.5)) / 16), 16))
-        for index in range(16, 64)
-    ]
+    return [fixed(1 / mpmath.sqrt((mpf(index) + mpf(0.5)) / 16), 16) for index in range(16, 64)]
 
 
 def two_over_pi_words() -> list[int]:

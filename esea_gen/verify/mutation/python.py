@@ -8,19 +8,21 @@ whoever made the fault would accept its output too.
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from compileall import compile_dir
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any, Literal
 
 from esea_gen.errors import UserError
@@ -36,8 +38,11 @@ from esea_gen.verify.mutation.python_tests import (
 
 NOT_COPIED = (".git", ".venv", "out", "dist", "build", "__pycache__", ".*_cache", ".hypothesis")
 NO_TESTS = 5  # what pytest gives where nothing is left to run
-SPARE_S = 20.0  # a test file gets three times its time without a fault, and this
-QUICK_S = 12.0  # so much time for the tests that enter the function, before whole files
+# A test gets so many times its time without a fault, and this: nothing is kept from one fault to
+# the next, so what a sound run had compiled already is compiled again.
+SPARE_S, TIMES = 60.0, 6.0
+QUICK_S = 8.0  # so much time for the tests that enter the function, before whole files
+SLOW_S = 60.0  # and after them, for those that enter it in all other files
 PLUGIN = "esea_entered"
 # A test that fails without a fault: so many are set aside before the file is given up.
 BROKEN_MOST = 5
@@ -137,9 +142,18 @@ def sources_of(root: Path, what: str) -> list[Path]:
 
 
 class _Copy:
-    # A copy of the checkout, and its tests in a child process.
+    # A copy of the checkout, and its tests in child processes of one that is ready for them.
+    # What is known of the tests, broken or sound, copies share.
 
-    def __init__(self, root: Path, folder: Path, independent: bool, entered: Path | None) -> None:
+    def __init__(
+        self,
+        root: Path,
+        folder: Path,
+        independent: bool,
+        entered: Path,
+        broken: set[str],
+        sound: set[str],
+    ) -> None:
         self.root = folder / "checkout"
         shutil.copytree(root, self.root, ignore=shutil.ignore_patterns(*NOT_COPIED))
         # Plans and libraries of faulty code are nothing to keep.
@@ -147,56 +161,71 @@ class _Copy:
         shutil.copy(Path(__file__).with_name("entered.py"), folder / "plugin" / f"{PLUGIN}.py")
         paths = os.pathsep.join(map(str, (self.root, self.root / "host", folder / "plugin")))
         fixed = {"PYTHONPATH": paths, "PYTHONHASHSEED": "0", "XDG_CACHE_HOME": str(folder)}
-        self.env = os.environ | fixed | {"PYTHONDONTWRITEBYTECODE": "1"}
         # Bytecode of the sound sources; a fault must not meet that of another one.
         compile_dir(self.root / PACKAGE, quiet=2)
+        self.said = folder / "said.txt"
+        self.ready = subprocess.Popen(
+            [sys.executable, "-P", Path(__file__).with_name("ready.py")],
+            cwd=self.root,
+            env=os.environ | fixed | {"PYTHONDONTWRITEBYTECODE": "1"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         self.select = ["-m", "not slow"]
         if independent:
             self.select += ["-k", f"not {COMMITTED_TEST}"]
-        self.broken: set[str] = set()
-        self.sound: set[str] = set()
-        self.entered = Entered(self.root, (entered or folder / "entered").absolute())
+        self.broken, self.sound = broken, sound
+        self.entered = Entered(self.root, entered)
 
     def run(
         self, tests: Sequence[str], limit_s: float | None, *more: str, **env: str
     ) -> tuple[int | None, str]:
-        command = [sys.executable, "-m", "pytest", "-q", "-rfE", *(more or ["-x"])]
-        command += ["-p", "no:cacheprovider", "-p", "no:xdist", *self.select]
-        child = subprocess.Popen(
-            [*command, *(f"--deselect={name}" for name in sorted(self.broken)), *tests],
-            cwd=self.root,
-            env=self.env | env,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
-        try:
-            said, _ = child.communicate(timeout=limit_s)
-        except subprocess.TimeoutExpired:
-            os.killpg(child.pid, signal.SIGKILL)
-            child.communicate()
-            return None, ""
-        return child.returncode, said
+        arguments = ["-q", "-rfE", *(more or ["-x"])]
+        arguments += ["-p", "no:cacheprovider", "-p", "no:xdist", *self.select]
+        arguments += [f"--deselect={name}" for name in sorted(self.broken)]
+        request = {
+            "arguments": [*arguments, *tests],
+            "env": env,
+            "said": str(self.said),
+            "limit_s": limit_s,
+        }
+        assert self.ready.stdin is not None
+        assert self.ready.stdout is not None
+        self.ready.stdin.write(json.dumps(request) + "\n")
+        self.ready.stdin.flush()
+        code: int | None = json.loads(self.ready.stdout.readline())
+        return code, self.said.read_text(encoding="utf-8", errors="replace")
+
+    def close(self) -> None:
+        """Let the process that is ready end."""
+        if self.ready.stdin:
+            self.ready.stdin.close()
+        self.ready.wait()
 
     def limit_of(self, test: str) -> float:
         """Time that a test file may take, from a run without a fault that tells what it enters."""
         record = self.entered.file(test)
         if not record.is_file():
             self.run([test], None, "-p", PLUGIN, ESEA_ENTERED=str(record))
-        return SPARE_S + 3 * float(sum(t["time_s"] for t in self.entered.of(test).values()))
+        return SPARE_S + TIMES * float(sum(t["time_s"] for t in self.entered.of(test).values()))
 
     def fate_of(
         self, mutant: PythonMutant, near: Sequence[str], all_: Sequence[str], limit_s: float | None
     ) -> tuple[Fate, str]:
-        """Who notices: a test known to enter the function, else one of the nearest files, whole."""
+        """Who notices: a test known to enter the function, one of the nearest files, the rest."""
         quick, time_s = self.entered.quick(all_, mutant.path, mutant.function, QUICK_S)
         if quick:
-            found = self.who_notices(mutant, quick, limit_s or SPARE_S + 3 * time_s)
+            found = self.who_notices(mutant, quick, limit_s or SPARE_S + TIMES * time_s)
             if found[0] != "survived":
                 return found
         # Limits first: finding them runs the files without the fault.
-        return self.who_notices(mutant, near, limit_s or sum(map(self.limit_of, near)))
+        found = self.who_notices(mutant, near, limit_s or sum(map(self.limit_of, near)))
+        far = [t for t in all_ if t not in near]
+        slow, time_s = self.entered.quick(far, mutant.path, mutant.function, SLOW_S)
+        if found[0] != "survived" or not slow:
+            return found
+        return self.who_notices(mutant, slow, limit_s or SPARE_S + TIMES * time_s)
 
     def who_notices(
         self, mutant: PythonMutant, tests: Sequence[str], limit_s: float
@@ -273,6 +302,7 @@ def mutate_python(
     widen: int = 0,
     limit_s: float | None = None,
     entered: Path | None = None,
+    jobs: int = 1,
     progress: Callable[[str], None] | None = None,
 ) -> PythonReport:
     """Plant faults into rooms or files and run tests against each.
@@ -285,6 +315,7 @@ def mutate_python(
     widen: so many more test files for a fault that the nearest do not notice.
     limit_s: time of one test file; from three times that without a fault when not given.
     entered: folder that keeps, from one call to the next, which functions each test enters.
+    jobs: so many faults at a time, each in a copy of its own.
     """
     say = progress or (lambda _: None)
     drawn: list[tuple[str, PythonMutant]] = []
@@ -296,6 +327,7 @@ def mutate_python(
         left_out += sum(f.left_out for f in files)
         places += sum(f.left_out + len(f) for f in files)
     graph = Importers(root)
+    sound: set[str] = set()
     # Before the first is tried: a file that no test imports is refused at once.
     asked_of, all_of = {}, {}
     for path in {m.path for _, m in drawn if not tests}:
@@ -303,18 +335,34 @@ def mutate_python(
         asked_of[path] = [p.as_posix() for ps in near for p in ps]
         all_of[path] = usable_tests(graph, Path(path), independent)
     report = PythonReport(seed, left_out=(left_out, places))
-    with tempfile.TemporaryDirectory(prefix="esea-mutate-") as scratch:
-        copy = _Copy(root, Path(scratch), independent, entered)
-        for k, (name, mutant) in enumerate(drawn):
-            say(f"fault {k + 1} of {len(drawn)}, {len(report.survivors)} survived")
+    with tempfile.TemporaryDirectory(prefix="esea-mutate-") as scratch, ExitStack() as stack:
+        kept = (entered or Path(scratch) / "entered").absolute()
+        copies: SimpleQueue[_Copy] = SimpleQueue()
+        for k in range(min(jobs, len(drawn))):
+            folder = Path(scratch) / str(k)
+            folder.mkdir()
+            copy = _Copy(root, folder, independent, kept, report.broken, sound)
+            copies.put(stack.enter_context(closing(copy)))
+
+        def found(one: tuple[str, PythonMutant]) -> Found:
+            name, mutant = one
             asked = [*tests] or asked_of[mutant.path]
-            fate, noticed_by = copy.fate_of(mutant, asked, all_of.get(mutant.path, asked), limit_s)
-            if copy.broken.issuperset(asked):
+            copy = copies.get()
+            try:
+                all_ = all_of.get(mutant.path, asked)
+                fate, noticed_by = copy.fate_of(mutant, asked, all_, limit_s)
+            finally:
+                copies.put(copy)
+            if report.broken.issuperset(asked):
                 raise UserError(
                     f"The tests do not pass without a fault ({', '.join(asked) or 'none'}).",
                     "Mend them, or choose others with --tests.",
                 )
-            report.found.append(Found(name, mutant, fate, noticed_by, tuple(asked)))
-            say(str(report.found[-1]))
-    report.broken = copy.broken
+            return Found(name, mutant, fate, noticed_by, tuple(asked))
+
+        with ThreadPoolExecutor(jobs) as pool:
+            for k, one in enumerate(pool.map(found, drawn)):
+                report.found.append(one)
+                say(str(one))
+                say(f"{k + 1} of {len(drawn)} faults, {len(report.survivors)} survived")
     return report

@@ -16,7 +16,7 @@ PACKAGE = "esea_gen"
 # Tests that hold against committed output, or against the whole checkout.
 COMMITTED = ("test_traces.py", "test_docs.py", "test_house.py", "test_wheel.py", "test_main_job.py")
 LEAST = 4  # so many test files are asked at least, for the nearest need not run the line
-QUICK_FILES = 5  # so many are read for their tests that enter a function
+QUICK_FILES = 15  # so many are read at most for their tests that enter a function
 COMMITTED_TEST = "committed"  # in the name of a test that does so in another file
 
 
@@ -112,6 +112,7 @@ class Entered:
 
     def __init__(self, root: Path, folder: Path) -> None:
         self.root, self.folder = root, folder
+        self._read: dict[Path, dict[str, Any]] = {}
         folder.mkdir(parents=True, exist_ok=True)
 
     def file(self, test: str) -> Path:
@@ -127,29 +128,30 @@ class Entered:
         path = self.file(test)
         if not path.is_file():
             return {}
-        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        return found
+        if path not in self._read:
+            self._read[path] = json.loads(path.read_text(encoding="utf-8"))
+        return self._read[path]
 
     def quick(
         self, tests: Iterable[str], path: str, function: int, most_s: float
     ) -> tuple[list[str], float]:
-        """Tests that entered a function of the package, and their time.
+        """The quickest tests that entered a function of the package, and their time.
 
-        Of the first files that have any: each gets its share of the time for its quickest tests.
+        function: its first line; 0, of what stands outside every one, for any of the file's.
         """
-        place = f"{path.removeprefix(f'{PACKAGE}/')}:{function}"
-        names: list[str] = []
-        total_s, files = 0.0, 0
-        for test in tests:
-            found = sorted(
-                (t["time_s"], n) for n, t in self.of(test).items() if place in t["entered"]
-            )
-            files += bool(found)
-            for time_s, name in found:
-                if total_s + time_s > most_s * min(1, files / QUICK_FILES):
-                    break
-                total_s += time_s
-                names.append(name)
-            if files == QUICK_FILES:
+        place = f"{path.removeprefix(f'{PACKAGE}/')}:{function or ''}"
+        known = sorted(
+            (told["time_s"], name, test)
+            for test in tests
+            for name, told in self.of(test).items()
+            if any(e == place or (not function and e.startswith(place)) for e in told["entered"])
+        )
+        names, files, total_s = list[str](), set[str](), 0.0
+        for time_s, name, test in known:
+            if total_s + time_s > most_s:
                 break
+            if test in files or len(files) < QUICK_FILES:
+                files.add(test)
+                names.append(name)
+                total_s += time_s
         return names, total_s
