@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from esea_gen.identify.compare import CompareRow, ModelComparison
@@ -193,9 +194,14 @@ def test_a_motion_says_what_to_do(motion, said):
 
 
 def test_a_hold_goes_to_one_side_and_then_the_other():
-    said = CommandedMotion("hold", 0.2, 0.0, 0.0, 125.0).text
-    assert said.startswith("rest 5 s, then go to 11.5 deg in 0.5 s and hold ")
-    assert said.endswith(" s; the same to the other side")
+    motion = CommandedMotion("hold", 0.2, 0.0, 0.0, 125.0)
+    there = "rest 5 s, then go to 11.5 deg in 0.5 s and hold 59 s; the same to the other side"
+    assert motion.text == there
+    # As its deflection does: in 100 samples a second.
+    t, theta = motion.deflection()
+    for side in (0.2, -0.2):
+        held = t[np.isclose(theta, side)]
+        assert held[-1] - held[0] == pytest.approx(59.0)
 
 
 def test_advice_counts_its_motions_and_their_minutes():

@@ -220,14 +220,21 @@ CAMPAIGN_LINES = [
     "| current | drift | 2 | 2 | – | 20 | 1.3 | 2.4 | 0.13 | – | – |",
     "elbow_drive, simulated: 6 faults, 5 found; 3 with a stated bound.",
     "Envelope 8 Nm until the motor is off, 13.2 Nm after, 15.5 J; largest 2.2 Nm, 5.6 Nm, 16.7 J.",
-    "OUTSIDE: encoder load stuck high 1.5, reach, seed 3, tick 900: found 6 of 7, 3.6 Nm, 0.1 J",
-    "OUTSIDE: memory.sensor.rate bit 0.25, hold, seed 11, tick 950: found 12 of 9, 5.6 Nm, 16.7 J",
+    "OUTSIDE: encoder load stuck high 1.5, reach, seed 3, tick 900: found after 6 ticks, bound 7, "
+    "3.6 Nm, 0.1 J",
+    "OUTSIDE: memory.sensor.rate bit 0.25, hold, seed 11, tick 950: found after 12 ticks, "
+    "bound 9, 5.6 Nm, 16.7 J",
     "2 outside.",
 ]
 
 
 def test_a_campaign_says_by_place_what_was_found_and_run_by_run_what_was_outside():
     assert CAMPAIGN.table() == CAMPAIGN_LINES
+    lost = replace(CAMPAIGN, runs=(replace(RUNS[2], inside=False),)).table()
+    assert lost[-2] == (
+        "OUTSIDE: memory.sensor.state[2] bit 0.25, hold, seed 11, tick 950: not found, 4.4 Nm, "
+        "0.2 J"
+    )
     inside = replace(CAMPAIGN, runs=RUNS[:1]).table()
     assert inside[2:] == [
         "| encoder load | stuck high | 1 | 1 | 5 | 4 | 1.3 | 2.4 | 0.13 | – | – |",
@@ -241,11 +248,16 @@ def test_a_campaign_says_by_place_what_was_found_and_run_by_run_what_was_outside
 def test_a_campaign_says_which_runs_differ_in_the_emulator():
     same = EmulatedFault("current", "stuck", "reach", 1200, 904, 6, 6, None)
     other = EmulatedFault("encoder load", "drift", "hold", 800, 901, 6, 2, 77)
+    reason = replace(other, first_difference=None)
+    assert replace(CAMPAIGN, emulated=(reason,)).table()[-1] == (
+        "DIFFERS in the emulator: encoder load drift, hold: motor command the same, fault 2 for 6"
+    )
     assert replace(CAMPAIGN, emulated=(same, other, same)).table() == [
         *CAMPAIGN_LINES,
         "In the emulator: 2 of 3 runs (3200 ticks) with the same motor command in every bit of "
         "every tick, and the same fault.",
-        "DIFFERS in the emulator: encoder load drift, hold: tick 77, fault 2 for 6",
+        "DIFFERS in the emulator: encoder load drift, hold: motor command from tick 77, fault 2 "
+        "for 6",
     ]
 
 

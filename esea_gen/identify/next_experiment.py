@@ -58,7 +58,7 @@ class CommandedMotion:
         deg, lasts = math.degrees(self.amplitude_rad), self.seconds - REST_s
         rest = f"rest {REST_s:g} s, then"
         if self.kind == "hold":
-            way = f"go to {deg:.1f} deg in {RAMP_s:g} s and hold {lasts / 2 - RAMP_s:g} s"
+            way = f"go to {deg:.1f} deg in {RAMP_s:g} s and hold {lasts / 2 - 2 * RAMP_s:g} s"
             return f"{rest} {way}; the same to the other side"
         if self.kind == "sweep":
             span = f"from {self.first_Hz:.2g} to {self.last_Hz:.2g} Hz in {lasts:g} s"

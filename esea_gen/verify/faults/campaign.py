@@ -52,6 +52,11 @@ class FaultRun:
     inside: bool
 
 
+def _when(r: FaultRun) -> str:
+    found = "not found" if r.found_ticks is None else f"found after {r.found_ticks} ticks"
+    return found + ("" if r.bound_ticks is None else f", bound {r.bound_ticks}")
+
+
 @dataclass(frozen=True)
 class FaultCampaign:
     """A campaign's result; everything in it is simulated.
@@ -112,7 +117,7 @@ class FaultCampaign:
             f"{max(r.energy_J for r in self.runs):.1f} J.",
             *(
                 f"OUTSIDE: {r.input} {r.kind} {r.amount:g}, {r.scene}, seed {r.seed}, tick "
-                f"{r.at_tick}: found {r.found_ticks} of {r.bound_ticks}, "
+                f"{r.at_tick}: {_when(r)}, "
                 f"{r.peak_torque_Nm:.1f} Nm, {r.energy_J:.1f} J"
                 for r in self.outside
             ),
@@ -129,8 +134,9 @@ class FaultCampaign:
             f"In the emulator: {same} of {len(self.emulated)} runs ({ticks} ticks) with the same "
             "motor command in every bit of every tick, and the same fault.",
             *(
-                f"DIFFERS in the emulator: {f.input} {f.kind}, {f.scene}: tick "
-                f"{f.first_difference}, fault {f.emulated} for {f.fault}"
+                f"DIFFERS in the emulator: {f.input} {f.kind}, {f.scene}: motor command "
+                + ("the same" if f.first_difference is None else f"from tick {f.first_difference}")
+                + f", fault {f.emulated} for {f.fault}"
                 for f in self.emulated
                 if not f.same
             ),

@@ -237,7 +237,7 @@ class _Copy:
             if code in (0, NO_TESTS):
                 return "survived", ""
             if code is None:
-                return "no end", tests[0]
+                return self.without_end(tests, limit_s)
             failed = re.search(
                 r"^(?:FAILED|ERROR) (\S+?(?:::[^\n]*?)?)(?: - .*)?$", said, re.MULTILINE
             )
@@ -250,6 +250,12 @@ class _Copy:
             self.sound.add(name)
             return "killed", name
         return "survived", ""
+
+    def without_end(self, tests: Sequence[str], limit_s: float) -> tuple[Fate, str]:
+        """Whether it is the fault that makes tests last so long, or the machine."""
+        with tempfile.TemporaryDirectory(dir=self.root.parent) as empty:
+            sound = self.run(tests, limit_s, XDG_CACHE_HOME=empty)[0]
+        return ("survived", "") if sound is None else ("no end", tests[0])
 
     @contextmanager
     def fault(self, mutant: PythonMutant) -> Iterator[None]:
