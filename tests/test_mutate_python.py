@@ -237,6 +237,16 @@ def test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed(checkout):
     assert "survived: esea_gen/small/sums.py:2: not: n  ->  not n" in report.table()
 
 
+def test_a_test_that_is_slow_without_the_fault_too_tells_nothing(checkout):
+    (checkout / "tests/test_sums.py").write_text(
+        "import time\nfrom esea_gen.small.sums import ends\n\n"
+        "def test_ends():\n    time.sleep(30)\n    assert ends(3) == 0\n"
+    )
+    (checkout / "esea_gen/small/sums.py").write_text("def ends(n):\n    return 0 * n\n")
+    (found,) = mutate_python(checkout, ["esea_gen/small/sums.py:1"], limit_s=2).found
+    assert found.fate == "survived"
+
+
 def test_what_may_do_nothing_is_told_as_such():
     faults = PythonFaults("a.py", 'y = 1 if a < b else 2\nz = f"{100 * a}"\n')
     made = [m for m in map(faults.make, range(len(faults))) if m is not None]
