@@ -1,7 +1,7 @@
 """Mutation of this program's own sources, to see whether its tests notice.
 
 A copy of the checkout gets one fault at a time, and child processes run tests against it until one
-fails: first those that are known to enter the function with the fault, the quickest first, then the
+fails: first those that are known to enter the function with the fault and little else, then the
 nearest test files whole.  Left out by default are tests that only compare with committed output:
 whoever made the fault would accept its output too.
 """

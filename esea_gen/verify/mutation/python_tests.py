@@ -16,7 +16,8 @@ PACKAGE = "esea_gen"
 # Tests that hold against committed output, or against the whole checkout.
 COMMITTED = ("test_traces.py", "test_docs.py", "test_house.py", "test_wheel.py", "test_main_job.py")
 LEAST = 4  # so many test files are asked at least, for the nearest need not run the line
-QUICK_FILES = 8  # so many are read at most for their tests that enter a function
+# Of the tests that enter a function so many are asked at most, of so many files.
+QUICK_TESTS, QUICK_FILES = 60, 8
 COMMITTED_TEST = "committed"  # in the name of a test that does so in another file
 
 
@@ -135,22 +136,21 @@ class Entered:
     def quick(
         self, tests: Iterable[str], path: str, function: int, most_s: float
     ) -> tuple[list[str], float]:
-        """The quickest tests that entered a function of the package, and their time.
+        """Tests that entered a function of the package and little else, and their time.
 
         function: its first line; 0, of what stands outside every one, for any of the file's.
         """
         place = f"{path.removeprefix(f'{PACKAGE}/')}:{function or ''}"
         known = sorted(
-            (told["time_s"], name, test)
+            (len(told["entered"]), told["time_s"], name, test)
             for test in tests
             for name, told in self.of(test).items()
             if any(e == place or (not function and e.startswith(place)) for e in told["entered"])
         )
         names, files, total_s = list[str](), set[str](), 0.0
-        for time_s, name, test in known:
-            if total_s + time_s > most_s:
-                break
-            if test in files or len(files) < QUICK_FILES:
+        for _, time_s, name, test in known:
+            near = test in files or len(files) < QUICK_FILES
+            if near and total_s + time_s <= most_s and len(names) < QUICK_TESTS:
                 files.add(test)
                 names.append(name)
                 total_s += time_s
