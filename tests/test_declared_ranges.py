@@ -389,3 +389,38 @@ def test_memories_and_derived_outputs_have_room_for_what_the_drive_can_do_and_li
             else:
                 assert block.name == "predictive", name
                 assert ends == pytest.approx((-3e38, 3e38)), name
+
+
+# What a flag compares its value with, from the numbers of the drive's file: the motor's torque, gear
+# and inertia, the sensing period, the identified domain, the least decay of the person's torque.
+ACCELERATION = 0.221 * 74 / 0.663
+THRESHOLDS = {
+    "velocity.RATE_CLIPPED setpoint.RATE_CLIPPED": 25,
+    "motor_rate.RATE_CLIPPED load_rate.RATE_CLIPPED set_rate.RATE_CLIPPED": SPEED,
+    "sensor.TORQUE_OUTSIDE reference.CLIPPED": FULL_NM,
+    "sensor.RATE_TORQUE_CLIPPED human.TORQUE_CLIPPED": SENSOR_NM,
+    "joint.DEFLECTION_OUTSIDE inverse.REQUEST_CLAMPED": DEFLECTION_RAD,
+    "inverse.THETA_OUTSIDE": np.deg2rad(11.5),
+    "inverse.RATE_OUTSIDE": np.deg2rad(61.6),
+    "inverse.STEP_CLIPPED": 25 * 1e-3,
+    "inverse.NOT_CONVERGED": 5e-6 * SENSOR_NM,
+    "setpoint.ACCELERATION_CLIPPED": 3 * ACCELERATION,
+    "drive.CLIPPED gear.CLIPPED drive_by_gear.CLIPPED": ACCELERATION,
+    "human.OMEGA_CLIPPED": SPEED,
+    "human.TORQUE_RATE_CLIPPED": 2 * SENSOR_NM / 0.06,
+    "limits.ENERGY": 15,
+    "smc.SATURATED": MOTOR_NM,
+    "smc.LAYER_LEFT": 1.5,
+}
+
+
+def test_every_flag_that_compares_has_its_threshold():
+    found = {}
+    for device in (load_device("elbow_drive"), load_device("elbow_mpc")):
+        for name, block in device.system.blocks.items():
+            port = getattr(block, "status_port", None)
+            for flag in port.flags if port else ():
+                if flag.threshold:
+                    found[f"{name}.{flag.name}"] = flag.threshold
+    wanted = {name: most for names, most in THRESHOLDS.items() for name in names.split()}
+    assert found == {name: pytest.approx(most, rel=1e-6) for name, most in wanted.items()}

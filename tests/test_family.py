@@ -375,6 +375,20 @@ def test_the_inverse_gives_the_request_back(name, hdrb_device):
     assert np.all(y["status"].astype(int) & 0b1100011 == 0)
 
 
+def test_the_set_points_rate_is_its_move_in_a_period_and_none_at_first(hdrb_device):
+    device = family_device(hdrb_device, "slips, worn")
+    inverse = family_inverse(device, fitted_of(device)).simulator()
+    for wanted in (0.5, 0.5), (-0.3, 0.4):
+        inverse.reset()
+        first, second = (inverse.step(tau_Nm=x) for x in wanted)
+        assert abs(first["theta_rad"]) > 1e-3
+        assert first["omega_mid_rad_s"] == 0
+        rate = (second["theta_rad"] - first["theta_rad"]) / device.period_s
+        most = device.file.limits.omega_rad_s.value
+        clipped = pytest.approx(np.clip(rate, -most, most), rel=1e-6)
+        assert second["omega_mid_rad_s"] == clipped
+
+
 @pytest.mark.parametrize("name", ["slips, worn", *TIMED])
 def test_the_inverse_finds_the_one_root(name, hdrb_device):
     """Brent's method on the sensor's own torque, from the same memory, jumps included."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from fractions import Fraction
 
 import casadi as ca
@@ -296,6 +297,21 @@ def test_a_checked_number_is_cut_for_all_but_its_check():
     assert {s.name for s in lowered.steps} >= {"x0_held_q28", "x0_q28"}
     trusted = lowered_of(kernel, [HALF, HALF], [[Target("y", 28)]])
     assert not any("held" in s.name for s in trusted.steps)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.25, 0.5), (0.5, 0.25), (-0.5, -0.5)])
+@pytest.mark.parametrize(
+    ("op", "holds"),
+    [("lt", operator.lt), ("le", operator.le), ("eq", operator.eq), ("ne", operator.ne)],
+)
+def test_two_numbers_are_compared_for_good(a, b, op, holds):
+    numbers = (Node("const", value=a), Node("const", value=b), Node(op, (2, 3)))
+    nodes = (Node("input"), Node("input", source=(1, 0)), *numbers, Node("select", (4, 0, 1)))
+    lowered = lowered_of(Kernel("f", nodes, ((5,),)), [HALF, (28, -9, 9)], [[Target("y", 28)]])
+    assert run(lowered, [5, -2], [9, -9])[0] == ([5, -2] if holds(a, b) else [9, -9])
+    condition = lowered.values[4]
+    assert (condition.expr.op, condition.expr.bits, condition.fraction) == ("literal", 1, 0)
+    assert (condition.expr.low, condition.expr.high) == (int(holds(a, b)),) * 2
 
 
 def test_one_over_x_is_a_quotient():

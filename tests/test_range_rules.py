@@ -177,3 +177,12 @@ def test_shares_add_up_as_shares_only_where_nothing_cancels(sign):
 def test_a_sign_is_wrong_by_two_where_rounding_may_turn_it(low, high, a, ends, error):
     value = found(ca.sign(X), RangeValue(low, high, a))
     assert ((value.low, value.high), value.error) == (ends, error)
+
+
+def test_a_product_that_underflows_is_off_by_no_more_than_the_smallest_number():
+    tiny, small = float(np.finfo(np.float32).smallest_subnormal), 2.0**-75
+    for expression, exact in ((X * Y, small * small), (X * X, small * small), (X / 2, tiny / 2)):
+        value = found(expression, RangeValue(0, max(small, tiny)), RangeValue(0, small))
+        # Off by the whole result, of which the relative part is next to nothing.
+        assert value.a + value.r * exact >= exact
+        assert tiny / 2 <= value.a <= 1.01 * tiny
