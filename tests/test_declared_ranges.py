@@ -391,8 +391,8 @@ def test_memories_and_derived_outputs_have_room_for_what_the_drive_can_do_and_li
                 assert ends == pytest.approx((-3e38, 3e38)), name
 
 
-# What a flag compares its value with, from the numbers of the drive's file: the motor's torque, gear
-# and inertia, the sensing period, the identified domain, the least decay of the person's torque.
+# What a flag compares its value with, from the numbers of the drive's file: the motor's torque,
+# gear and inertia, the sensing period, the identified domain, least decay of the person's torque.
 ACCELERATION = 0.221 * 74 / 0.663
 THRESHOLDS = {
     "velocity.RATE_CLIPPED setpoint.RATE_CLIPPED": 25,

@@ -12,12 +12,16 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
+from esea_gen.verify.driven import CURRENT_FAULTS
 from esea_gen.verify.faults import campaign, rig
 from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks, envelope
 from esea_gen.verify.faults.campaign import FaultCampaign, FaultRun
 from esea_gen.verify.faults.emulated import EmulatedFault
 from esea_gen.verify.faults.kinds import (
+    AMOUNTS,
+    CLOCK_KINDS,
     INPUT_KINDS,
+    MOST_DELAY,
     BoardFault,
     Distortion,
     Word,
@@ -47,6 +51,20 @@ def test_words_of_a_struct_by_their_bytes():
     expected = [f"one.{n}" for n in names]
     expected += [f"pair[{k}].{n}" for k in (0, 1) for n in names] + ["n"]
     assert words(outer) == [Word(n, 4 * k) for k, n in enumerate(expected)]
+
+
+def test_amounts_go_both_ways_and_from_one_tick_to_what_no_watch_may_miss():
+    for kind in ("jump", "ramp"):
+        amounts = AMOUNTS[kind]
+        assert sorted(-a for a in amounts) == sorted(amounts)
+        assert {abs(a) for a in amounts} == {0.02, 0.3}
+    # Frames that are lost: one, as many as are bridged, and most of a second.
+    assert AMOUNTS["drop"] == (1, 3, 5, 20, 700)
+    assert AMOUNTS["delay"] == (2, 5, 10, MOST_DELAY)
+    assert AMOUNTS["duplicate"] == (2, 3, 5)
+    assert CLOCK_KINDS == {"lost ticks": (1, 2, 7, 60), "control starved": (5, 10, 25, 60, 200)}
+    # Both ends of a converter of twelve bits.
+    assert CURRENT_FAULTS == {"saturated low": 0, "saturated high": 2**12 - 1}
 
 
 def test_a_round_has_every_input_four_times_and_every_word_once(drive):
