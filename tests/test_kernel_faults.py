@@ -251,6 +251,9 @@ def test_status_words_results_and_fields():
     wrong = [e for e in kernel_edits(kernel, F64, groups) if "field" in e.kind]
     assert [(e.site, e.now.source) for e in wrong] == [(0, (0, 1)), (1, (0, 2)), (2, (0, 0))]
     assert at_points(wrong[0].apply(kernel)[0]) == (POINTS[:, 1] - POINTS[:, 2]).tolist()
+    pairs = kernel_edits(kernel, F64, [((0, 0), (0, 1)), ((0, 2),)])
+    wrong_of_two = [(e.site, e.now.source) for e in pairs if "field" in e.kind]
+    assert wrong_of_two == [(0, (0, 1)), (1, (0, 0))]
     # An element is read once: what is read already is used again.
     changed, place = wrong[2].apply(kernel)
     assert place[2] == place[0]

@@ -12,7 +12,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.twin.mechanics import Gear, move_load, move_with_cable
+from esea_gen.twin.mechanics import Gear, gear_torques, move_load, move_with_cable
+from esea_gen.twin.parameters import SINES
 
 Q = 1e-4
 CABLE = SimpleNamespace(
@@ -117,3 +118,31 @@ def test_the_load_at_a_stop(x, v, beyond):
     assert number(load.noise) == pytest.approx(noise)
     assert number(load.end) == pytest.approx(beyond)
     assert number(load.tau_end) == pytest.approx(stop(v))
+
+
+@pytest.mark.parametrize("v_g", [0.0, 0.02, -0.05, 1.5])
+@pytest.mark.parametrize("x_g", [0.3, -1.1])
+def test_torques_of_the_gear_and_the_slope_of_its_friction(x_g, v_g):
+    """(5.2) in NumPy; the slope by differences of the friction."""
+    turns, phases = np.arange(1, SINES + 1) / 7, np.linspace(0, 0.9, SINES)
+    c = SimpleNamespace(
+        fv_Nms_rad=0.5551,
+        fc_Nm=0.4688,
+        coulomb_width_rad_s=0.05,
+        J_kgm2=0.663,
+        d4_amplitude_rad_s2=0.7,
+        wave_turns=ca.SX(ca.DM(turns)),
+        phase_turns=ca.SX(ca.DM(phases)),
+    )
+
+    def at(v: float) -> Gear:
+        return gear_torques(c, ca.SX(x_g), ca.SX(v), ca.SX(2.0), label)
+
+    found, h = at(v_g), 1e-6
+    d4 = 0.7 * np.sin(2 * np.pi * (turns * x_g + phases)).sum()
+    friction = 0.5551 * v_g + 0.4688 * np.tanh(v_g / 0.05)
+    assert number(found.d4) == pytest.approx(d4, abs=1e-9)
+    assert number(found.friction) == pytest.approx(friction, rel=1e-12)
+    assert number(found.free) == pytest.approx(2.0 + 0.663 * d4 - friction, abs=1e-9)
+    slope = (number(at(v_g + h).friction) - number(at(v_g - h).friction)) / (2 * h)
+    assert number(found.slope) == pytest.approx(slope, rel=1e-6)
