@@ -225,6 +225,17 @@ def test_lag_of_the_motor(rigid):
     assert got["u_a_Nm"][-1] == pytest.approx(0.221 * np.expm1(-got["t"][-1] / 0.02), rel=1e-12)
 
 
+def test_a_clamped_joint_feels_no_person(rigid):
+    person = {"spring_Nm_rad": 15.0, "damping_Nms_rad": 1.0, "gravity_Nm": 2.0}
+    given = {"start_rad": 0.5, "path": lambda t: (0.7 + 0 * t, 0 * t, 0 * t), **person}
+    free, clamped = (rigid.run(np.full(300, 0.05), clamped=c, **given) for c in (0, 1))
+    assert np.abs(free["tau_h_Nm"]).max() > 1e-3
+    assert np.all(clamped["tau_h_Nm"] == 0)
+    assert np.all(clamped["omega_l_rad_s"] == 0)
+    # What the motor does against the rubber goes nowhere else.
+    assert np.all(clamped["work_person_J"] == 0)
+
+
 def test_linear_spring_swings_as_the_textbook_says(device):
     linear = with_elastomer(device, False, k1_Nm_rad=30.0, k3_Nm_rad3=0.0, alpha_Nm_rad=0.0)
     rig = Rig(linear, False)
