@@ -159,6 +159,12 @@ def test_expected_deviations_follow_from_the_information_of_the_motions(monkeypa
     expected = np.sqrt(np.diag(np.linalg.inv(then)))
     assert list(advice.sigma_now.values()) == pytest.approx([K1 * sigma[0], K3 * sigma[1]])
     assert list(advice.sigma_then.values()) == pytest.approx(expected * [K1, K3], rel=1e-2)
+    inside = "Inside the domain of the recording; the expected figures take the model's form for "
+    untimed = "Record the time: without it no rate term can be identified."
+    assert advice.notes == (f"{inside}right.", *([] if timed else [untimed]))
+    result.recordings[0].timed = result.recordings[1].timed = True
+    without = "The model has no rate terms: frequencies do not matter to this advice."
+    assert advise(result, 3.0).notes[1:] == (() if timed else (without,))
     # No other choice of as long motions of one size tells more of both.
     for a in (0.1, 0.2, 0.3):
         lasts = sum(n * (m.seconds - REST_s) for n, m in advice.motions)

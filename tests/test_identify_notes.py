@@ -175,3 +175,13 @@ def test_friction_that_the_residuals_show_has_no_sign(friction_Nm, way):
     told_Nm = "\n".join(band_notes([none], verdict, spread, 4.0))
     assert f"show {way} friction than the model has" in told_Nm
     assert "50 % are" in told_Nm
+
+
+def test_the_band_is_told_in_percent_of_full_scale_and_beside_what_was_held_out():
+    r = SimpleNamespace(label="one", tau_Nm=np.zeros(5), sets=[SimpleNamespace(held_out=[0, 2, 4])])
+    verdict = SimpleNamespace(torque_Nm={"one": np.array([0.01, 9.0, -0.02, 9.0, 0.4])})
+    spread = SimpleNamespace(band_Nm=0.396, friction_Nm=None)
+    assert band_notes([r], verdict, spread, 4.0) == [
+        "Torque: 95 % of errors in blocks left out are below 0.396 Nm (9.9 % of full scale); of "
+        "the held-out samples 67 % are."
+    ]

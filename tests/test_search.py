@@ -437,3 +437,34 @@ def test_runs_of_the_interior_point_method_are_counted_kept_or_not(monkeypatch):
             assert asked == []
             assert p.plant.calls == before
             assert p.evaluations == 100 + runs
+
+
+def test_differential_evolution_is_asked_for_the_box_and_refined_from_its_best(monkeypatch):
+    asked, refined = {}, []
+
+    def evolve(costs, box, **how):
+        asked.update(how, box=box, costs=costs(np.array([[1.0, 3.0], [2.0, 4.0], [0.0, 5.0]])))
+        return SimpleNamespace(x=[0.5, 0.25, 0.75])
+
+    def refine(starts, steps):
+        refined.append((steps, [x.tolist() for x in starts]))
+        return [(0.0, x) for x in starts]
+
+    monkeypatch.setattr(searches.scipy.optimize, "differential_evolution", evolve)
+    low, high = np.array([0.0, 1.0, -2.0]), np.array([1.0, 3.0, 7.0])
+    points = []
+    p = SimpleNamespace(
+        low=low, high=high, costs=lambda x: points.append(x) or x.sum(axis=1), refined=refine
+    )
+    assert [x.tolist() for _, x in searches.evolution(p, 11, 0)] == [[0.5, 0.25, 0.75]]
+    assert refined == [(60, [[0.5, 0.25, 0.75]])]
+    assert asked["box"] == [(0, 1), (1, 3), (-2, 7)]
+    # SciPy gives a column a point; costs take a row.
+    assert points[0].tolist() == [[1, 2, 0], [3, 4, 5]]
+    assert asked["costs"].tolist() == [3, 12]
+    del asked["box"], asked["costs"]
+    assert asked == {
+        **{"seed": 11, "polish": False, "init": "sobol", "vectorized": True},
+        **{"updating": "deferred", "popsize": 15, "maxiter": 150, "tol": 1e-4},
+        "mutation": (0.5, 1.0),
+    }

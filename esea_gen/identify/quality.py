@@ -56,7 +56,8 @@ NO_LOSS, MOST_LAG = 1e-3, 51  # of the loop's box; steps between samples
 class Finding:
     """Something wrong with a recording.
 
-    kind: jumps, spikes, noise, gap, frozen, saturated, deflection frozen, offset or backlash.
+    kind: jumps, spikes, noise, gap, frozen, saturated, deflection frozen, offset, backlash, lag,
+        sign, or what was taken out of a channel.
     stops: whether parameters that were fitted to it are not called ``identified``.
     advice: what to do, where the model has no term for it.
     """

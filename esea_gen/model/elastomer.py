@@ -196,7 +196,7 @@ def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
 class _TorqueSensor:
     """The model's numbers, one method an equation group, and the ports."""
 
-    def __init__(self, device: DeviceData, tunable: bool = False) -> None:
+    def __init__(self, device: DeviceData, tunable: bool) -> None:
         self.tunable = tunable
         file = device.file
         self.stops = int(device.elastomer.stops.value)
