@@ -143,3 +143,18 @@ def a_run(label="a", recording=None, status=(0, 1, 2, 3, 2), tau=(1.0, 2.0, -3.0
 def a_recording(sets, timed=True):
     t = np.array([1.0, 2.0, 3.0])
     return Of(time_s=t, theta_rad=0.5 * t, tau_Nm=-t, sets=tuple(sets), timed=timed)
+
+
+def case(name, rms, **more):
+    made = {"name": name, "rms_true_Nm": rms, "rms_model_Nm": 0.5, "max_true_Nm": 3.0}
+    return made | {"unstable": False} | more
+
+
+class Study:
+    """A closed-loop study that is over."""
+
+    def __init__(self, title, *cases, thesis=None, content=None):
+        self.study = Of(title=title, thesis_Nm=thesis or {})
+        self.cases = lambda: list(cases)
+        self.to_dict = lambda: content or {}
+        self.figure = lambda: f"figure of {title}"

@@ -265,6 +265,11 @@ def test_of_an_encoder_motion_gaps_slips_and_turns(drive):
     for sign in (1, -1):
         assert np.sum(np.abs(sign * step - 0.9 * most) <= 0.5) > 1000
         assert np.sum(step[np.abs(sign * step - 0.9 * most) <= 0.5]) * sign > 5 * full
+    # The last two legs begin afresh and go round six times, one each way.
+    begun = [*sorted(first.injections)[1:], len(count)]
+    for sign, (start, end) in zip((1, -1), pairwise(begun), strict=True):
+        leg = step[start : end - 1]
+        assert sign * leg.sum() == pytest.approx(6 * full, abs=2 * most)
     # As many bad frames in a row as may be bridged, and one more.
     bad = first.inputs["frame_error"] != 0
     runs = [len(r) for r in "".join("x" if b else " " for b in bad).split()]
