@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import casadi as ca
+import numpy as np
 import pytest
 
+from esea_gen.emit.fixed.bound import Span, analyse
+from esea_gen.emit.fixed.lowering import lower, rewrite
 from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.fixed.search import search
+from esea_gen.emit.fixed.values import Source, Target, Value
+from esea_gen.emit.walker import fuse_selects, walk
 from esea_gen.language.block import Block, Solved
 from esea_gen.language.ports import Flag, Port, flag_word
+
+from .test_fixed_bound import lowered
+
+X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 
 # -- the run that a residual is looked at over -----------------------------------------------------
 
@@ -59,13 +69,91 @@ def test_a_residual_is_looked_at_from_small_inputs_to_a_fifteenth_of_the_range(a
 
 @pytest.mark.parametrize(("raw", "wide"), [(64, False), (65, True)])
 def test_a_residual_may_fill_a_quarter_and_no_more(raw, wide):
-    # The way leaves the residual in units of 2^-13 of which it may be 256; what is exact is 0.
+    # Where the way errs at all the residual is told as so many of the 256 units that it may be; far
+    # from where it is looked at it is larger, for what cannot be too large is not computed.
     most = 256 * 2.0**-13
 
     def told(x, off):
-        return ca.if_else(off == 0, 0.0, raw * 2.0**-13)
+        errs = ca.if_else(ca.fabs(off) > 1e-9, raw * 2.0**-13, 0.0)
+        return ca.if_else(x > 0.5, 1.0, errs)
 
     plan = search(Planner(solved(told, most)))
     assert bool(plan.wide) == wide
     if wide:
         assert {f"{100 * raw / 256:.0f} %" in w for w in plan.why_wide.values()} == {True}
+
+
+# -- one operation in whole numbers ----------------------------------------------------------------
+
+
+def lowered_value(expression, *given: tuple[int, int, int], wide: bool = False) -> Value:
+    """What an expression of x and y is lowered to; of each its fraction bits and raw ends."""
+    kernel = rewrite(fuse_selects(walk(ca.Function("f", [X, Y], [expression]))))
+    given = (*given, (30, -(2**30), 2**30))
+
+    def source(argument: int, _element: int) -> Source:
+        return Source(f"x{argument}", f"in->x{argument}", *given[argument], "x")
+
+    nodes = range(len(kernel.nodes)) if wide else ()
+    lowered = lower(kernel, source, [[Target("y", 30)]], wide=nodes, block="tried")
+    (node,) = kernel.results[0]
+    value = lowered.values[node]
+    assert value is not None
+    return value
+
+
+def test_a_division_by_a_number_keeps_all_bits_of_the_product_where_they_fit():
+    # A third has 32 bits behind the point, in 31; times raw 1 they are all there are, nothing is
+    # cut.  Times raw 2 one is.
+    value = lowered_value(X / 3, (28, 0, 1))
+    assert (value.fraction, value.local) == (60, 0.0)
+    assert 0 < value.relative <= 2.0**-33 * 3
+    value = lowered_value(X / 3, (28, 0, 2))
+    assert (value.fraction, value.local) == (59, 2.0**-60)
+    # With 64 bits a product has one bit less than both factors.
+    value = lowered_value((X * 1.0 + Y) / 3, (30, 0, 1), wide=True)
+    assert value.local > 0
+
+
+@pytest.mark.parametrize("pick", [ca.fmin, ca.fmax])
+def test_a_limit_is_never_passed_by_its_own_rounding(pick):
+    # 0.7 and 0.3 lie a third and two thirds of a unit beyond the number that is nearer to zero.
+    for limit in (0.7, 0.3, -0.7, -0.3):
+        for fraction in (3, 4, 5, 6, 7):
+            value = lowered_value(pick(X, limit), (fraction, -(2**fraction), 2**fraction))
+            # As fine as what is limited: the limit could fill more bits, and adds none.
+            assert value.fraction == fraction
+            end = float(value.high if pick is ca.fmin else value.low)
+            assert end == math.trunc(limit * 2**fraction) / 2**fraction
+
+
+# -- errors ----------------------------------------------------------------------------------------
+
+
+def share(low: float, high: float, a: float, r: float) -> Span:
+    return Span(*(np.array([v]) for v in (low, high, a, r)))
+
+
+@pytest.mark.parametrize("own", [0.0, 0.1, 0.5])
+def test_what_an_operation_adds_as_a_share_it_adds_of_the_erring_result(own):
+    # Computed as (2 x (1 + r) + 2 a) (1 + own) + local at most.
+    kernel = walk(ca.Function("f", [X], [2 * X]))
+    work = lowered(kernel, 0.25)
+    value = work.values[0]
+    work.values = [SimpleNamespace(**vars(value) | {"relative": own})] * len(kernel.nodes)
+    results, _, _ = analyse(work, [[share(-1.0, 4.0, 0.125, 0.2)]])
+    found = results[0][0]
+    assert float(found.a[0]) == pytest.approx(2 * 0.125 * (1 + own) + 0.25)
+    assert float(found.r[0]) == pytest.approx((1 + 0.2) * (1 + own) - 1)
+
+
+@pytest.mark.parametrize("c", [0.4, 2.7])
+def test_from_hardly_above_zero_an_exponents_error_is_as_from_zero(c):
+    # 2^-28 x^c |ln x|, largest at exp(-1/c); as a share of x^c it would be |ln| of the least x.
+    kernel = walk(ca.Function("f", [X], [X**c]))
+    results, _, _ = analyse(lowered(kernel), [[share(1e-12, 1.0, 0.0, 0.0)]])
+    assert results[0][0].error[0] == pytest.approx(2.0**-28 / (c * math.e), rel=0.002)
+    # A share where that is no more than eight times as much: |ln x| of 1/2 beside 1/e.
+    results, _, _ = analyse(lowered(kernel), [[share(0.5, 1.0, 0.0, 0.0)]])
+    assert float(results[0][0].a[0]) == 0.0
+    assert results[0][0].r[0] == pytest.approx(2.0**-28 * math.log(2), rel=0.002)

@@ -377,14 +377,18 @@ def test_the_inverse_gives_the_request_back(name, hdrb_device):
 
 def test_the_set_points_rate_is_its_move_in_a_period_and_none_at_first(hdrb_device):
     device = family_device(hdrb_device, "slips, worn")
-    inverse = family_inverse(device, fitted_of(device)).simulator()
+    block = family_inverse(device, fitted_of(device))
+    inverse, limits = block.simulator(), device.file.limits
+    # From one end of the deflection to the other in a period.
+    fastest = 2 * limits.theta_rad.value / device.period_s
+    most = {p.name: p.high for p in block.outputs}["omega_mid_rad_s"]
+    assert most == pytest.approx(fastest, rel=1e-6)
     for wanted in (0.5, 0.5), (-0.3, 0.4):
         inverse.reset()
         first, second = (inverse.step(tau_Nm=x) for x in wanted)
         assert abs(first["theta_rad"]) > 1e-3
         assert first["omega_mid_rad_s"] == 0
         rate = (second["theta_rad"] - first["theta_rad"]) / device.period_s
-        most = device.file.limits.omega_rad_s.value
         clipped = pytest.approx(np.clip(rate, -most, most), rel=1e-6)
         assert second["omega_mid_rad_s"] == clipped
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -56,3 +58,13 @@ def test_a_path_gets_there(term):
     expected = 2 * X if term.kind == "maxwell" else X
     assert largest == pytest.approx(expected, rel=0.01)
     assert largest <= most((1.0, term))
+
+
+@pytest.mark.parametrize(("way", "met"), [(3.0, 3.0), (7.9, 7.9), (8.0, 8.0), (20.0, 8.0)])
+def test_a_slip_forgets_over_its_path_and_a_step_counts_for_eight_of_them(way, met):
+    """One step from rest: 1 - exp(-v) with e^v to its third power, v paths long, 8 at most."""
+    path = X / 30
+    block = unit_terms(Member("tried", "tried", (Term("slip", LINEAR, (path,)),)), 0.01)
+    y, _ = block.simulator().run({"theta_rad": np.array([0.0, way * path])})
+    growth = sum(met**k / math.factorial(k) for k in range(4))
+    assert float(np.ravel(y["terms_Nm"])[-1]) == pytest.approx(path * (1 - 1 / growth), rel=1e-6)

@@ -21,7 +21,7 @@ from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block, Solved
 from esea_gen.language.ports import Port, clip
 from esea_gen.model.cubic import root_facts
-from esea_gen.model.inverse import inverse_system
+from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import published_inverse
 from esea_gen.verify.fixed import compare_fixed
 from esea_gen.verify.streams import streams
@@ -70,6 +70,24 @@ def test_ranges_of_the_roots_parts_in_fifty_digits(k3, linear, load):
     assert reached == {n: 2 if n == "root_ratio_rad" else 3 for n in facts}
     assert root_facts(0.0, linear, load) == {}
     assert "root_a_rad2" not in root_facts(k3, (9.0, 9.0), load)
+
+
+def test_what_algebra_knows_of_the_elbows_segment(elbow):
+    """Its stiffest and softest segment, and the root of its largest load, from the file's numbers.
+
+    Ten stops 0.0197 rad apart, of 10.3 Nm/rad falling by exp(-62.5 rad); the rate torque is kv
+    times at most the whole deflection and a period's step of it.
+    """
+    facts = exact_inverse(elbow).facts
+    r = 0.0197 * np.arange(1, 11)
+    stops = 10.3 * np.exp(-62.5 * r)
+    stiff = 9.39 + 51.6 + stops.sum()
+    assert facts["linear_Nm_rad"] == pytest.approx((9.39, stiff), rel=2e-6)
+    assert facts["tangent_Nm_rad"] == pytest.approx((9.39, stiff + 3 * 239 * 0.35**2), rel=2e-6)
+    assert facts["set_point_rad"] == pytest.approx((-0.35, 0.35))
+    load = 2 * 20 + 51.6 * (0.35 + 25 * 1e-3) + stops @ (0.35 + r)
+    (root,) = (x.real for x in np.roots([239, 0, 9.39, -load]) if abs(x.imag) < 1e-9)
+    assert facts["root_size_rad"] == pytest.approx((0, root), rel=1e-4)
 
 
 def test_the_share_falls_from_one_in_exact_fractions(elbow):

@@ -267,6 +267,7 @@ def test_plots_are_given_full_scale_and_float32_less_float64(monkeypatch):
     assert shown == {"plots": [{"label": "one", "steps": 5}, {"label": "two", "steps": 5}]}
     ((traces, full_scale, differences),) = given
     assert ([t.label for t in traces], full_scale) == (["one", "two"], 4.0)
+    assert len(differences) == 2
     for t, difference in differences:
         assert t.tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
         assert difference.tolist() == [0.125, 0.0, 0.0, 0.25, 0.0]
