@@ -6,15 +6,16 @@ import math
 from types import SimpleNamespace
 
 import casadi as ca
+import mpmath
 import numpy as np
 import pytest
 
 from esea_gen.emit.fixed.bound import Span, analyse
 from esea_gen.emit.fixed.lowering import lower, rewrite
-from esea_gen.emit.fixed.plan import Planner
+from esea_gen.emit.fixed.plan import Planner, lowered_values, run_lowered
 from esea_gen.emit.fixed.search import search
 from esea_gen.emit.fixed.values import Source, Target, Value
-from esea_gen.emit.walker import fuse_selects, walk
+from esea_gen.emit.walker import Kernel, Node, calls_first, fuse_selects, walk
 from esea_gen.language.block import Block, Solved
 from esea_gen.language.ports import Flag, Port, flag_word
 
@@ -86,8 +87,13 @@ def test_a_residual_may_fill_a_quarter_and_no_more(raw, wide):
 # -- one operation in whole numbers ----------------------------------------------------------------
 
 
-def lowered_value(expression, *given: tuple[int, int, int], wide: bool = False) -> Value:
-    """What an expression of x and y is lowered to; of each its fraction bits and raw ends."""
+def computed(
+    expression, *given: tuple[int, int, int], wide: bool = False, to: int = 30
+) -> tuple[Value, list[int], list[int]]:
+    """What an expression of x and y is lowered to, some raw x over their range, and the results.
+
+    given: of each its fraction bits and raw ends.
+    """
     kernel = rewrite(fuse_selects(walk(ca.Function("f", [X, Y], [expression]))))
     given = (*given, (30, -(2**30), 2**30))
 
@@ -95,36 +101,86 @@ def lowered_value(expression, *given: tuple[int, int, int], wide: bool = False) 
         return Source(f"x{argument}", f"in->x{argument}", *given[argument], "x")
 
     nodes = range(len(kernel.nodes)) if wide else ()
-    lowered = lower(kernel, source, [[Target("y", 30)]], wide=nodes, block="tried")
+    made = lower(kernel, source, [[Target("y", to)]], wide=nodes, block="tried")
     (node,) = kernel.results[0]
-    value = lowered.values[node]
+    value = made.values[node]
     assert value is not None
-    return value
+    (_, low, high), count = given[0], 200
+    raws = [low + (high - low) * k // (count - 1) for k in range(count)]
+    places = {"in->x0": np.array(raws, object), "in->x1": np.zeros(count, object)}
+    return value, raws, [int(v) for v in lowered_values(made, places, count)[node]]
 
 
 def test_a_division_by_a_number_keeps_all_bits_of_the_product_where_they_fit():
     # A third has 32 bits behind the point, in 31; times raw 1 they are all there are, nothing is
     # cut.  Times raw 2 one is.
-    value = lowered_value(X / 3, (28, 0, 1))
+    value = computed(X / 3, (28, 0, 1))[0]
     assert (value.fraction, value.local) == (60, 0.0)
     assert 0 < value.relative <= 2.0**-33 * 3
-    value = lowered_value(X / 3, (28, 0, 2))
+    value = computed(X / 3, (28, 0, 2))[0]
     assert (value.fraction, value.local) == (59, 2.0**-60)
-    # With 64 bits a product has one bit less than both factors.
-    value = lowered_value((X * 1.0 + Y) / 3, (30, 0, 1), wide=True)
-    assert value.local > 0
 
 
 @pytest.mark.parametrize("pick", [ca.fmin, ca.fmax])
 def test_a_limit_is_never_passed_by_its_own_rounding(pick):
-    # 0.7 and 0.3 lie a third and two thirds of a unit beyond the number that is nearer to zero.
+    # Numbers of no format, cut towards zero whether the nearest would be that one or the other.
     for limit in (0.7, 0.3, -0.7, -0.3):
         for fraction in (3, 4, 5, 6, 7):
-            value = lowered_value(pick(X, limit), (fraction, -(2**fraction), 2**fraction))
+            ends = -(2**fraction), 2**fraction
+            value, raws, found = computed(pick(X, limit), (fraction, *ends))
             # As fine as what is limited: the limit could fill more bits, and adds none.
             assert value.fraction == fraction
             end = float(value.high if pick is ca.fmin else value.low)
-            assert end == math.trunc(limit * 2**fraction) / 2**fraction
+            last = math.trunc(limit * 2**fraction)
+            assert end == last / 2**fraction
+            one = min if pick is ca.fmin else max
+            assert found == [one(v, last) for v in raws]
+
+
+@pytest.mark.parametrize("wide", [False, True])
+@pytest.mark.parametrize(
+    ("expression", "exact", "given"),
+    [
+        # So small that no format has 31 bits of them: 90 behind the point leave few units, of which
+        # a half and no more is lost, at the ends of the range as well.
+        (X**2.25, lambda v: v ** mpmath.mpf(2.25), (60, 2**25 + 3, 2**25 + 9_000_003)),
+        (X**2.25, lambda v: v ** mpmath.mpf(2.25), (60, 2**24 + 3, 2**24 + 90_003)),
+        (X**-1.5, lambda v: v ** mpmath.mpf(-1.5), (-24, 2**29 + 3, 2**29 + 9_000_003)),
+        (X**-1.5, lambda v: v ** mpmath.mpf(-1.5), (-26, 2**26 + 3, 2**26 + 900_003)),
+        (ca.exp(X), mpmath.exp, (25, -60 * 2**25, -59 * 2**25 + 77)),
+        (ca.exp(X), mpmath.exp, (25, -59 * 2**25 + 12345, -58 * 2**25)),
+    ],
+)
+def test_a_result_of_few_units_is_the_nearest_one_up_to_both_ends(expression, exact, given, wide):
+    value, raws, found = computed(expression, given, wide=wide, to=45)
+    assert value.fraction == 90
+    units = []
+    with mpmath.workdps(40):
+        for v, raw in zip(raws, found, strict=True):
+            units.append(exact(mpmath.mpf(v) * mpmath.mpf(2) ** -given[0]) * 2**90)
+            assert abs(raw - units[-1]) <= 0.5 + value.relative * float(units[-1]) * 1.01
+        assert min(units) > 1
+        # What it may be at all is hardly wider, a share of 2^-24 and two units.
+        room = 2 + float(max(units)) * 2.0**-24
+        assert min(units) - room <= value.expr.low <= min(found)
+        assert max(found) <= value.expr.high <= max(units) + room
+
+
+def test_a_status_word_is_a_whole_number_where_it_is_added_to_one():
+    word = flag_word([X > 0, Y > 0, X > Y])
+    kernel = rewrite(fuse_selects(walk(ca.Function("f", [X, Y], [word, word + X]))))
+
+    def source(argument: int, _element: int) -> Source:
+        return Source(f"x{argument}", f"in->x{argument}", 10, -(2**12), 2**12, "x")
+
+    targets = [[Target("status", 0, word=True)], [Target("y", 8)]]
+    made = lower(kernel, source, targets, words=(0,), block="tried")
+    given = [(-512, -1024), (512, 1024), (512, 0), (-512, 1024)]
+    places = {f"in->x{k}": np.array(v, object) for k, v in enumerate(zip(*given, strict=True))}
+    (status,), (y,) = run_lowered(made, places, len(given))
+    told = [4, 3, 5, 2]
+    assert status.tolist() == told
+    assert (y / 2**8).tolist() == [w + x / 1024 for w, (x, _) in zip(told, given, strict=True)]
 
 
 # -- errors ----------------------------------------------------------------------------------------
@@ -157,3 +213,44 @@ def test_from_hardly_above_zero_an_exponents_error_is_as_from_zero(c):
     results, _, _ = analyse(lowered(kernel), [[share(0.5, 1.0, 0.0, 0.0)]])
     assert float(results[0][0].a[0]) == 0.0
     assert results[0][0].r[0] == pytest.approx(2.0**-28 * math.log(2), rel=0.002)
+
+
+# -- the order of operations -----------------------------------------------------------------------
+
+
+def told(kernel: Kernel) -> str:
+    return " ".join(n.op if n.op != "input" else f"in{n.source[0]}" for n in kernel.nodes)
+
+
+def test_what_leads_to_a_long_operation_is_depth_first_however_many_stand_on_its_way():
+    # tanh(3 x + exp(y)): one way to one root, whose first operand comes first though exp is long.
+    nodes = (
+        Node("input", source=(1, 0)),
+        Node("exp", (0,)),
+        Node("input", source=(0, 0)),
+        Node("const", value=3.0),
+        Node("mul", (2, 3)),
+        Node("add", (4, 1)),
+        Node("tanh", (5,)),
+    )
+    made = calls_first(Kernel("f", nodes, ((6,),)))
+    assert told(made) == "in0 const mul in1 exp add tanh"
+    assert made.nodes[-2].args == (2, 4)
+    assert made.results == ((6,),)
+
+
+def test_long_operations_then_what_waits_for_none_then_the_rest():
+    # Of x y + x, exp(x) and exp(x) - y: x leads to the call, y and what needs no call go between.
+    nodes = (
+        Node("input", source=(0, 0)),
+        Node("input", source=(1, 0)),
+        Node("mul", (0, 1)),
+        Node("add", (2, 0)),
+        Node("exp", (0,)),
+        Node("sub", (4, 1)),
+        Node("neg", (1,)),
+    )
+    made = calls_first(Kernel("f", nodes, ((5,), (3, 6))))
+    assert told(made) == "in0 exp in1 mul add neg sub"
+    assert [n.args for n in made.nodes] == [(), (0,), (), (0, 2), (3, 0), (2,), (1, 2)]
+    assert made.results == ((6,), (4, 5))

@@ -464,7 +464,8 @@ def test_rows_tables_and_what_is_outside():
     assert table[5:] == [
         "d, simulated: 5 faults, 4 found; 4 with a stated bound.",
         "Envelope 8 Nm until the motor is off, 13.2 Nm after, 15 J; largest 3.0 Nm, 3.0 Nm, 1.0 J.",
-        "OUTSIDE: state.y bit flip 3, s, seed 1, tick 900: found 11 of 9, 2.0 Nm, 1.0 J",
+        "OUTSIDE: state.y bit flip 3, s, seed 1, tick 900: found after 11 ticks, bound "
+        "9, 2.0 Nm, 1.0 J",
         "1 outside.",
     ]
     shown = made.to_dict()

@@ -353,7 +353,9 @@ def library(monkeypatch):
     monkeypatch.setattr(sensing, "compile_device", lambda device, real: Library(real, prepared))
     monkeypatch.setattr(sensing, "deflection_inputs", lambda system, t: {"theta_rad": t})
     monkeypatch.setattr(sensing, "first_axis", lambda system, out: {"tau_Nm": out["joint_tau_Nm"]})
-    monkeypatch.setattr(sensing, "temperature_tunables", lambda d, s, r: f"of {r}")
+    monkeypatch.setattr(
+        sensing, "temperature_tunables", lambda d, s, r: s is d.system and f"of {r}"
+    )
     monkeypatch.setattr(sensing, "domain_chirp", lambda device: np.array([0.5, 0.25, -1.0]))
     return prepared
 

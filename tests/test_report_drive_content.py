@@ -70,6 +70,14 @@ def test_a_summary_has_the_mean_error_of_each_experiment():
     ]
 
 
+def test_a_run_that_failed_has_no_share_in_a_mean():
+    ended = {"tuning": Study("T", case("fast", None), case("slow", 1.0))}
+    none = {"bread": Study("Bread", case("cut", None))}
+    told = drive.summary(a_drive(yardsticks=ended, simulations=simulations(**none)))
+    assert told[0] == "tuning: RMS of the true torque's error 0.500 Nm; as published 1.000 Nm"
+    assert told[2] == "bread: RMS of the true torque's error not known"
+
+
 def test_runs_that_did_not_end_well_are_problems():
     bad = case("cut", 1.0, tripped=True, fault=True)
     lost = case("saw", None, failure="it broke", unstable=True)
@@ -197,8 +205,9 @@ def test_the_worst_of_a_block_by_its_residual_or_its_errors():
     scales = {"tau_Nm": 4.0, "free": 0.0, "omega_rad_s": 20.0}
     inverse = [
         comparison("i", "one", "f32", {"omega_rad_s": 9.0}, residual=(0.1, 0.3), rule="residual"),
-        comparison("i", "two", "f32", residual=(0.2, 0.25), rule="residual"),
         comparison("i", "three", "f32", residual=(0.2, 0.24), rule="residual"),
+        comparison("i", "two", "f32", residual=(0.2, 0.25), rule="residual"),
+        comparison("i", "zero", "f32", residual=(0.2, 0.25), rule="residual"),  # the first is told
         comparison("i", "four", "f32"),
     ]
     assert drive._worst(scales, inverse) == {

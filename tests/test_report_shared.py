@@ -79,6 +79,12 @@ def test_every_number_stands_with_its_unit_and_source_by_section():
     }
 
 
+def test_a_number_of_a_section_within_a_section_stands_under_both_names():
+    device = a_device(quantities=lambda: iter([("elastomer.maxwell.A_Nms_rad", said(2.0))]))
+    (told,) = common.quantities(device)
+    assert (told["section"], told["unit"]) == ("elastomer.maxwell", "Nm s/rad")
+
+
 def test_what_a_mapping_assumes_counts_too():
     assert common.assumed(findings(mapping=a_mapping())) == [*ROWS[1:3], ARM]
     period = said(0.01, "assumed", "a clock")
@@ -259,7 +265,7 @@ def test_a_board_runs_tasks_of_a_law_and_every_deflection(monkeypatch):
 
     def stream(device, image, given, progress):
         ran.append((image, given))
-        progress(30, 40)
+        progress(40, 40)
         return f"ran {given}"
 
     monkeypatch.setattr(boards, "build_firmware", lambda device, board, folder: f"for {board}")
@@ -278,7 +284,35 @@ def test_a_board_runs_tasks_of_a_law_and_every_deflection(monkeypatch):
     results = {"up": "ran inputs 1", "down": "ran inputs 2"}
     assert found == BoardRun("other", "", "for other", results)
     assert ran == [("for other", "inputs 1"), ("for other", "inputs 2")]
-    assert told[3:] == ["emulating up: 75 %", "emulating down: 75 %"]
+    assert told[3:] == ["emulating up: 100 %", "emulating down: 100 %"]
+
+
+@pytest.mark.parametrize("required", [None, "0", "1"])
+def test_a_missing_tool_skips_a_known_board_and_a_failure_is_told(monkeypatch, required):
+    raised = [UserError("No compiler.", "Install it.")]
+
+    def build(*_):
+        raise raised[0]
+
+    def run(board):
+        return boards.run_board(a_device(), board, {"up": 1}, lambda _: None)
+
+    monkeypatch.setattr(boards, "build_firmware", build)
+    monkeypatch.setattr(boards, "firmware_boards", lambda: {"mine": Of(title="My board")})
+    if required is None:
+        monkeypatch.delenv("ESEA_REQUIRE_TOOLS", raising=False)
+    else:
+        monkeypatch.setenv("ESEA_REQUIRE_TOOLS", required)
+    with pytest.raises(UserError, match="No compiler"):
+        run("other")
+    if required == "1":
+        with pytest.raises(UserError, match="No compiler"):
+            run("mine")
+    else:
+        assert run("mine") == BoardRun("mine", "My board", None, {}, str(raised[0]), "")
+    raised[0] = RuntimeError("it is silent")
+    for board, title in (("mine", "My board"), ("other", "")):
+        assert run(board) == BoardRun(board, title, None, {}, "", "it is silent")
 
 
 # -- all of it -------------------------------------------------------------------------------------

@@ -57,13 +57,17 @@ def summary(found: Findings) -> list[str]:
     rows = _experiments(found)["experiments"]
     for name in COMPARED:
         mine = [r for r in rows if r["experiment"] == name]
-        ours = np.mean([r["rms_true_Nm"] for r in mine if r["rms_true_Nm"] is not None])
-        line = f"{name}: RMS of the true torque's error {ours:.3f} Nm"
+        line = f"{name}: RMS of the true torque's error {_mean_text(mine, 'rms_true_Nm')}"
         if name in found.yardsticks:
-            theirs = np.mean([r["printed_rms_true_Nm"] for r in mine])
-            line += f"; as published {theirs:.3f} Nm"
+            line += f"; as published {_mean_text(mine, 'printed_rms_true_Nm')}"
         lines.append(line)
     return [*lines, *found.board.summary("run")]
+
+
+def _mean_text(rows: list[dict[str, Any]], key: str) -> str:
+    # A run that failed has no figure.
+    known = [r[key] for r in rows if r[key] is not None]
+    return f"{np.mean(known):.3f} Nm" if known else "not known"
 
 
 def problems(found: Findings) -> list[str]:

@@ -235,10 +235,14 @@ def _check_device(path: Path, content: dict[str, Any], verdict: Verdict) -> None
     ]
     if apart:
         raise UserError(
-            f"{path}: says {apart[0]} = {said[apart[0]]:.6g} of these recordings, the device file "
-            f"beside it gives {found[apart[0]]:.6g}.",
+            f"{path}: says {apart[0]} = {_number(said[apart[0]])} of these recordings, the device "
+            f"file beside it gives {_number(found[apart[0]])}.",
             "Device file or mapping file have changed since: identify again.",
         )
+
+
+def _number(x: float | None) -> str:
+    return "none" if x is None else f"{x:.6g}"
 
 
 def _check_agreed(path: Path, content: dict[str, Any], source: MappingFile) -> None:
