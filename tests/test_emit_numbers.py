@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from esea_gen.emit.fixed.bound import Span, analyse
+from esea_gen.emit.fixed.errors import block_bound
 from esea_gen.emit.fixed.lowering import lower, rewrite
 from esea_gen.emit.fixed.plan import Planner, lowered_values, run_lowered
 from esea_gen.emit.fixed.search import search
@@ -84,13 +85,47 @@ def test_a_residual_may_fill_a_quarter_and_no_more(raw, wide):
         assert {f"{100 * raw / 256:.0f} %" in w for w in plan.why_wide.values()} == {True}
 
 
+def test_a_residual_that_is_told_errs_by_its_own_slope_and_what_follows_by_its():
+    # y solves 1.25 y = x; z is 3 y and follows by 3, the residual by 1.25, by no entry.
+    most = 1e-3
+
+    def step(c, s, u, g, label):
+        y = label("y_rad", 1e5 * u.x_rad - 99999.2 * u.x_rad)
+        off = label("residual", 1.25 * y - u.x_rad)
+        made = {"y": y, "z": 3 * y, "off": off, "status": flag_word([ca.fabs(off) > most])}
+        return {}, made
+
+    block = Block.define(
+        "solved",
+        "Solved",
+        period_s=0.001,
+        state=(),
+        inputs=(Port("x_rad", -1.0, 1.0, "input"),),
+        outputs=(
+            Port("y", -1.0, 1.0, "solution"),
+            Port("z", -4.0, 4.0, "three of it"),
+            Port("off", -2.0, 2.0, "residual"),
+            Port("status", 0, 1, "word", flags=(Flag("OPEN", "not solved"),)),
+        ),
+        step=step,
+        facts={"y_rad": (-0.8, 0.8)},
+        solved={"y_rad": Solved("residual", most, 1.25, 0.0, {"y": 1.0, "z": 3.0})},
+    )
+    bound = block_bound(Planner(block).plan())
+    error = most / 1.25
+    assert bound.outputs["y"] == pytest.approx(error, rel=1e-3)
+    assert bound.outputs["z"] == pytest.approx(3 * error, rel=1e-3)
+    assert bound.outputs["off"] == pytest.approx(1.25 * error, rel=1e-3)
+
+
 # -- one operation in whole numbers ----------------------------------------------------------------
 
 
 def computed(
     expression, *given: tuple[int, int, int], wide: bool = False, to: int = 30
 ) -> tuple[Value, list[int], list[int]]:
-    """What an expression of x and y is lowered to, some raw x over their range, and the results.
+    """What an expression of x and y is lowered to, some raw x over their range, and the results
+    beside the least y.
 
     given: of each its fraction bits and raw ends.
     """
@@ -107,7 +142,7 @@ def computed(
     assert value is not None
     (_, low, high), count = given[0], 200
     raws = [low + (high - low) * k // (count - 1) for k in range(count)]
-    places = {"in->x0": np.array(raws, object), "in->x1": np.zeros(count, object)}
+    places = {"in->x0": np.array(raws, object), "in->x1": np.full(count, given[1][1], object)}
     return value, raws, [int(v) for v in lowered_values(made, places, count)[node]]
 
 
@@ -181,6 +216,61 @@ def test_a_status_word_is_a_whole_number_where_it_is_added_to_one():
     told = [4, 3, 5, 2]
     assert status.tolist() == told
     assert (y / 2**8).tolist() == [w + x / 1024 for w, (x, _) in zip(told, given, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("expression", "x_sign", "y_sign"),
+    [
+        (X - Y, -1, -1),
+        (X - Y, 1, 1),
+        (Y - X, -1, -1),
+        (Y - X, 1, 1),
+        (X + Y, -1, 1),
+        (X + Y, 1, -1),
+    ],
+)
+def test_a_sum_that_is_smaller_than_its_terms_is_finer_than_they_are(expression, x_sign, y_sign):
+    # 2.1 to 2.2 with 29 bits behind the point and 0.8 to 0.9 with 31: what is left, 1.2 to 1.4, has
+    # room for 30.
+    def ends(low: float, high: float, fraction: int, sign: int) -> tuple[int, int, int]:
+        low_raw, high_raw = sorted(sign * round(v * 2**fraction) for v in (low, high))
+        return fraction, low_raw, high_raw
+
+    value, raws, found = computed(
+        expression, ends(2.1, 2.2, 29, x_sign), ends(0.8, 0.9, 31, y_sign), wide=False
+    )
+    assert (value.expr.bits, value.fraction, value.local) == (32, 30, 2.0**-31)
+    sizes = sorted(abs(float(v)) for v in (value.low, value.high))
+    assert sizes == pytest.approx([1.2, 1.4], abs=4 * 2.0**-30)
+    (f, g), (least, _) = (29, 31), ends(0.8, 0.9, 31, y_sign)[1:]
+    function = ca.Function("f", [X, Y], [expression])
+    exact = [float(function(v * 2.0**-f, least * 2.0**-g)) for v in raws]
+    assert found == pytest.approx([v * 2**30 for v in exact], abs=0.5001)
+
+
+def test_what_leads_to_comparisons_alone_is_exact_and_what_does_not_has_32_bits():
+    # 2^-30 and 2^-27 as last bits, up to 2 and 15: sums of both have 35 bits.
+    z = ca.SX.sym("z")
+    f = ca.Function("f", [X, Y, z], [ca.fabs(X + Y) - z < 0.3, (X - Y) - z])
+    kernel = rewrite(fuse_selects(walk(f)))
+
+    def source(argument: int, _element: int) -> Source:
+        fraction = (30, 27, 27)[argument]
+        return Source(f"x{argument}", f"in->x{argument}", fraction, -(2**31) + 1, 2**31 - 1, "x")
+
+    made = lower(kernel, source, [[Target("told", 0)], [Target("y", 25)]], block="tried")
+    (compare,), (number,) = kernel.results
+    outer = next(a for a in kernel.nodes[compare].args if kernel.nodes[a].op == "sub")
+    size = next(a for a in kernel.nodes[outer].args if kernel.nodes[a].op == "fabs")
+    (inner,) = kernel.nodes[size].args
+    for i in (outer, size, inner):
+        assert (made.values[i].expr.bits, made.values[i].fraction) == (64, 30)
+        assert made.values[i].local == 0
+    first = next(a for a in kernel.nodes[number].args if kernel.nodes[a].op == "sub")
+    # Up to 18 and 34: 26 and 25 bits.
+    for i, fraction in ((first, 26), (number, 25)):
+        assert (made.values[i].expr.bits, made.values[i].fraction) == (32, fraction)
+        assert made.values[i].local >= 2.0 ** -(fraction + 1)
 
 
 # -- errors ----------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from esea_gen.emit import example
+from esea_gen.emit.wrapping import wrap
 
 # -- times of a drive's recording ------------------------------------------------------------------
 
@@ -45,3 +46,19 @@ def test_torque_is_wanted_between_its_two_ends_alone(drive):
     # The load stands until then and goes on at 0.2 rad/s.
     angles = [made._load(k) for k in (0, made.start, made.start + 50)]
     assert angles == pytest.approx([made.middle, made.middle, made.middle + 0.01], abs=1e-12)
+
+
+# -- long lines ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["f", "of", "esea_f"])
+def test_a_line_is_broken_behind_a_calls_bracket_where_nothing_else_helps(name):
+    long = "a" * 88
+    assert wrap(f"    return {name}({long});\n") == (f"    return {name}(\n{' ' * 12}{long});\n")
+
+
+@pytest.mark.parametrize("word", ["if", "while"])
+def test_a_condition_of_one_long_name_stays(word):
+    # Its bracket is no call's: a blank stands before it.
+    line = f"    {word} ({'a' * 95}) {{\n"
+    assert wrap(line) == line

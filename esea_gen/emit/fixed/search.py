@@ -56,7 +56,7 @@ class _Tried:
     plan: BlockPlan
     score: float
     states: dict[str, float]
-    forgets: bool = True
+    forgets: bool
     linear: bool = False
 
     @property
