@@ -9,7 +9,7 @@ import pytest
 
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 
-SCALE_rad, WEIGHT_Nm, COUNT = 0.2, 3.0, 200_001
+SCALE_rad, WEIGHT_Nm, COUNT = 0.2, 3.0, 40_001
 RISES = [
     Rise(kind, number, side)
     for kind, numbers in (("power", (1, 3, 5)), ("bend", (0.08, 0.4, 4.0)))
