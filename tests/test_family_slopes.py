@@ -36,9 +36,9 @@ def test_a_rise_stays_within_its_bounds_and_reaches_them(rise, reach):
     y = curve(rise, x)
     assert rise.most(reach) == pytest.approx(np.abs(y).max())
     steep = slopes(y, x)
-    assert rise.least_slope(reach) == pytest.approx(steep.min(), abs=1e-3)
+    assert rise.least_slope(reach) == pytest.approx(steep.min(), abs=4e-3)
     assert rise.least_slope(reach) <= steep.min() + 1e-9
-    assert rise.most_slope(reach) == pytest.approx(steep.max(), rel=1e-3)
+    assert rise.most_slope(reach) == pytest.approx(steep.max(), rel=4e-3)
     assert rise.most_slope(reach) >= steep.max() - 1e-9
 
 
@@ -64,8 +64,8 @@ def test_the_first_sample_rises_no_less_than_said(rise, strain, reach):
     left = 1.0 if strain is None else 1 / (1 + np.abs(x) / strain)
     steep = slopes(curve(rise, x) * left, x).min() * WEIGHT_Nm / SCALE_rad
     first = fitted.first_slope_Nm_rad(reach * SCALE_rad)
-    room = 1e-3 * WEIGHT_Nm / SCALE_rad
-    assert first <= steep + 1e-3 * room
+    room = 4e-3 * WEIGHT_Nm / SCALE_rad
+    assert first <= steep + 1e-4 * room
     worst = 1.0 if strain is None else 1 / (1 + reach / strain)
     later = slopes(curve(rise, x), x).min() * worst * WEIGHT_Nm / SCALE_rad
     assert fitted.least_slope_Nm_rad(reach * SCALE_rad) == pytest.approx(later, abs=room)
