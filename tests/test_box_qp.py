@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.control.box_qp import iteration_cap
+from esea_gen.control.box_qp import _promise, iteration_cap
 from esea_gen.control.box_qp_program import FLAGS, box_qp
 from esea_gen.emit.program_render import render_program
 from esea_gen.errors import UserError
@@ -305,3 +305,23 @@ def test_the_shares_that_count_as_rounding():
             "qp_tiny": (2.0 ** (3 - bits),),
             **{name: (pytest.approx(2 ** (-bits * p)),) for name, p in powers.items()},
         }
+
+
+@pytest.mark.parametrize(
+    ("side", "x", "y", "curvature", "best", "first", "worth"),
+    [
+        (1, 2.0, 3.0, 4.0, 0.0, True, 9 / 4),  # at the upper end, pulled inwards
+        (1, -1.0, -3.0, 0.25, 0.0, True, 36.0),  # at the lower one
+        (1, 2.0, -3.0, 4.0, 0.0, False, 0.0),  # held there by what pulls
+        (1, 2.0, 3.0, 4.0, 2.5, False, 2.5),  # another gains more
+        (-1, 2.0, 3.0, 4.0, 0.0, False, 0.0),  # free already
+        (1, 2.0, 0.011, 4.0, 0.0, False, 0.0),  # within what counts as still, 1e-3 of the box
+        (1, 2.0, 0.013, 4.0, 0.0, True, 0.013**2 / 4),
+    ],
+)
+def test_the_tied_variable_that_gains_most_is_freed(side, x, y, curvature, best, first, worth):
+    """Moving by y / c along a slope y gains half of y^2 / c."""
+    given = [ca.SX(v) for v in (side, x, y, -1.0, 2.0, curvature, 1e-3, best)]
+    chosen, most = (float(ca.evalf(ca.SX(v))) for v in _promise(*given))
+    assert bool(chosen) is first
+    assert most == pytest.approx(worth)

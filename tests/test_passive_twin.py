@@ -149,3 +149,14 @@ def test_wherever_in_a_turn_the_encoders_start(twin, angle):
         run = twin.run(t, 0 * t, 0 * t + angle, np.random.default_rng(seed))
         assert np.abs(run.theta_l_rad - angle).max() < 1.5 * twin.count_rad + 5 * ENCODER_NOISE_RAD
         assert np.abs(run.tau_Nm).max() == 0  # inside the dead zone
+
+
+def test_time_may_begin_anywhere(twin):
+    t = np.arange(0, 0.5, 0.002)
+    tau, angle = 3 * np.sin(6 * t), 1 + 0.1 * np.sin(5 * t)
+    runs = [twin.run(t + at, tau, angle, np.random.default_rng(2)) for at in (0.0, 40.0)]
+    first, later = (r.tau_true_Nm for r in runs)
+    assert len(first) == len(later) == len(runs[0].time_s)
+    assert runs[1].time_s - 40.0 == pytest.approx(runs[0].time_s, abs=1e-9)
+    assert later == pytest.approx(first, abs=1e-6)  # times at 40 s are rounded otherwise
+    assert np.ptp(first) > 1

@@ -215,6 +215,8 @@ def test_what_prepares_and_what_starts():
         *("x_init", ["gain", "both"], ["s_0", "v_0"]),
     )
     assert [v.full().ravel().tolist() for v in init(0, [0, 0])] == [[2.5], [-1.0, -1.0, -1.0]]
+    with pytest.raises(ValueError, match=r"block x: coefficient both has shape \(3, 1\), not 2"):
+        start_functions("x", (gain,), made, state, lambda t: {"gain": 1.0, "both": [1, 2, 3]})
     for tunables, coefficients, by in (
         ((gain,), (), None),
         ((), made, None),

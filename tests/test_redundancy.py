@@ -273,3 +273,17 @@ def test_without_a_drive_there_is_nothing_to_compare():
         parse_device(
             elbow + without(drive[drive.index("[redundancy]") :], "passivity", "cable"), "m"
         )
+
+
+@pytest.mark.parametrize(("speed", "taken"), [(20.5, True), (21.3, False)])
+def test_with_one_frame_lost_the_way_must_still_be_told(speed, taken):
+    """Two periods of 1 ms may turn the shaft by 65535 counts at most: 21.2 rad/s of the joint."""
+    counts = math.ceil(speed * H / RAD) + 1
+    assert (2 * counts < FULL / 2) is taken
+    device = mine(f"[actuator]\nomega_max_rad_s = {q(speed)}\n")
+    if taken:
+        block = gear_encoder(device)
+        assert {c.name: c.value for c in block.constants}["held_max"] == 1
+    else:
+        with pytest.raises(UserError, match="which way it went could not be told"):
+            gear_encoder(device)

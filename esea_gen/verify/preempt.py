@@ -124,14 +124,12 @@ class _Rig:
         self.board = library.board()
         self.ffi = self.board.library.ffi
         self.rows: dict[str, Array] = {}
-        self.types: dict[str, Any] = {}
         for task in self.system.tasks:
             runner = library.task(task.name)
             given = inputs[task.name]
             self.rows[task.name] = (
                 runner.pack(given) if "" not in given else np.zeros(len(given[""]), "V4")
             )
-            self.types[task.name] = runner._out_type
         self.idle, self.port = at["esea_app_poll"], at["port"]
         board = find_board(image.board)
         self.scratch = board.ram + board.ram_bytes - 16
