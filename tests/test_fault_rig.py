@@ -13,7 +13,7 @@ import pytest
 
 from esea_gen.errors import UserError
 from esea_gen.verify.driven import CURRENT_FAULTS
-from esea_gen.verify.faults import campaign, rig
+from esea_gen.verify.faults import campaign, driven, rig
 from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks, envelope
 from esea_gen.verify.faults.campaign import FaultCampaign, FaultRun
 from esea_gen.verify.faults.emulated import EmulatedFault
@@ -500,3 +500,39 @@ def test_the_picture_shows_worst_torque_and_when_it_was_found():
     (line,) = below.lines
     assert set(line.get_xdata()) == {13.2}
     assert "envelope 13.2 Nm" in above.get_title() + above.get_title(loc="left")
+
+
+@pytest.mark.parametrize(("share", "flash"), [(0.0, "aaaa"), (0.5, "AAaa"), (1.0, "AAAA")])
+def test_a_power_cut_leaves_the_first_share_of_what_was_written(share, flash):
+    class Flash(bytearray):
+        def __setitem__(self, i, byte):  # as an array of char takes it
+            super().__setitem__(i, byte[0])
+
+    class Board:
+        def __init__(self):
+            self.flash, self.value, self.told = [Flash(b"xaxa"), Flash(b"aax")], 0.0, []
+
+        def set_parameter(self, _name, value):
+            self.value = value
+
+        def save_parameters(self):
+            text = (self.told and b"A") or b"a"
+            self.told.append(self.value)
+            for area, places in zip(self.flash, ((1, 3), (0, 1)), strict=True):
+                for i in places:
+                    area[i] = text
+
+        def restart(self):
+            pass
+
+        def parameter(self, _name):
+            return self.told[0]
+
+    board = Board()
+    driven.DrivenRig._cut(SimpleNamespace(board=board), share)
+    written = "".join(bytes(a).decode() for a in board.flash).replace("x", "")
+    assert written == flash
+    assert len(set(board.told)) == 2
+    board.told.insert(0, 99.0)
+    with pytest.raises(UserError, match="came back as 99"):
+        driven.DrivenRig._cut(SimpleNamespace(board=board), share)

@@ -430,3 +430,13 @@ def test_the_c_of_an_expression_is_what_is_evaluated_and_what_is_meant():
         if e.bits != -32:
             assert [3 - getattr(library, f"g{k}")(*row) for row in GIVEN] == wanted, text
         assert all(e.low <= v <= e.high for v in wanted)
+
+
+@pytest.mark.parametrize(("bits", "most"), [(32, 30), (64, 62)])
+def test_a_scale_is_a_number_of_its_type(bits, most):
+    """The C multiplies by 2^shift: that, too, must fit, even where the value is 0."""
+    nothing = ex.read("x", bits, 0, 0)
+    assert ex.scale(nothing, most, bits).data == (most,)
+    for shift in (most + 1, most + 2):
+        with pytest.raises(ex.OverflowProofError, match=rf"scale by 2\^{shift}"):
+            ex.scale(nothing, shift, bits)
