@@ -365,7 +365,7 @@ class ProgramSimulator(Executor):
 
         def seen(f: Ref, k: int) -> Array:
             array, last = self._arrays[f.array], k + f.stride * (f.length - 1)
-            if k < 0 or last >= len(array):
+            if not (0 <= k < len(array) and 0 <= last < len(array)):
                 raise ProgramError(f"{s.kernel.name()}: {f.array}[{k}..{last}] of {len(array)}")
             return array[k : last + 1 : f.stride]
 
