@@ -228,3 +228,28 @@ def test_bands_keep_their_ends_and_four_points():
         r.band(5.0, 7.0)
     with pytest.raises(UserError, match=r"3 points between 0 and inf Hz with coherence above 0\.7"):
         r.band(0.0, math.inf, 0.7)
+
+
+def test_the_phase_of_a_sweep_is_the_integral_of_its_frequency():
+    sweep = Sweep(0.5, 3.5, 10.0, 2.0)
+    assert sweep.rate_Hz_s == pytest.approx(0.3)
+    # After 1, 5 and 10 s: 0.5 t + 0.15 t^2 turns; at its end 3.5 Hz.
+    t = np.array([2.0, 3.0, 7.0, 12.0])
+    turns = np.array([0.0, 0.65, 6.25, 20.0])
+    assert sweep.phase_rad(t) == pytest.approx(2 * np.pi * turns)
+
+
+@pytest.mark.parametrize(("points", "enough"), [(5, True), (4, False)])
+def test_four_windows_are_enough(points, enough):
+    sweep = Sweep(0.0, 20.0, 10.0)
+    t = np.arange(0.0, 10.0, 2e-3)
+    u = np.sin(sweep.phase_rad(t))
+    if enough:
+        # The last of five frequencies is the sweep's end, round which no window fits.
+        r = sweep_response(t, u, 3 * u, sweep, points=points)
+        assert r.frequency_Hz == pytest.approx(np.geomspace(math.sqrt(3.0), 20.0, 5)[:4])
+    else:
+        with pytest.raises(
+            UserError, match=r"3 of 4 windows fit into the sweep from 0 to 9\.998 s"
+        ):
+            sweep_response(t, u, 3 * u, sweep, points=points)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -46,14 +47,19 @@ ALONE = (
 )
 
 
-@pytest.fixture(scope="module")
-def drive_blocks():
+@cache
+def blocks_of_the_drive():
     """Every Block of the shipped drive, and of its other law."""
     device = load_device("elbow_drive")
     alone = [make(device) for make in ALONE] + [law_switch(device, ["one", "other", "third"])]
     names = {b.name for b in alone}
     systems = [device.system, load_device("elbow_drive", "predictive").system]
     return alone + [b for s in systems for b in s.kinds if b.name not in names]
+
+
+@pytest.fixture(scope="module")
+def drive_blocks():
+    return blocks_of_the_drive()
 
 
 def test_the_drives_are_those_of_the_page(drive_blocks):

@@ -154,6 +154,53 @@ def test_polynomials_are_near_their_functions():
         assert worst >= 0.02 * fit or worst <= slack, name
 
 
+# At zero, and what is added to the constant before it is rounded, in units of its last place.
+AT_ZERO = {
+    "LOG2": (lambda: 1 / mpmath.log(2), 0.5),
+    "LOG": (lambda: mpf(-1) / 2, 0.0),
+    "EXP2": (lambda: mpmath.log(2), 0.0),
+    "RECIPROCAL": (lambda: mpf(1), 0.0),
+    "EXPM1": (lambda: mpf(1) / 2, 0.0),
+    "TANH": (lambda: mpf(1) / 3, 0.0),
+    "SIN": (lambda: mpmath.pi / 2, -0.5),
+    "COS": (lambda: mpmath.pi**2 / 8, 0.0),
+    "ATAN": (lambda: mpf(1) / 3, 0.0),
+}
+
+
+def chebyshev(function, low, high, count: int) -> list:
+    """Coefficients, from the constant up, of the interpolation at the Chebyshev points."""
+    nodes = [mpmath.cos(mpmath.pi * (k + mpf(0.5)) / count) for k in range(count)]
+    middle, half = (mpf(high) + mpf(low)) / 2, (mpf(high) - mpf(low)) / 2
+    at = [middle + half * n for n in nodes]
+    return list(mpmath.lu_solve(
+        mpmath.matrix([[x**k for k in range(count)] for x in at]),
+        mpmath.matrix([function(x) for x in at]),
+    ))  # fmt: skip
+
+
+def test_polynomials_are_fits_over_the_whole_of_their_intervals():
+    found = {name: integers for name, _, integers in coefficients.polynomials()}
+    ends = [
+        (1 + mpf(k + d) / 64) * mpf(r) / 2048 - 1
+        for k, r in enumerate(coefficients.reciprocals())
+        for d in (0, 1)
+    ]
+    for name, (function, interval, formats) in FUNCTIONS.items():
+        low, high = interval or (min(ends), max(ends))
+        limit, bias = AT_ZERO[name]
+        bits = [int(b) for b in formats.split()]
+
+        def filled(t, function=function, limit=limit):
+            return function(t) if abs(t) > 1e-40 else limit()
+
+        real = chebyshev(filled, low, high, len(bits))
+        signs = [-1 if name in ALTERNATING and k % 2 else 1 for k in range(len(bits))]
+        exact = [s * r * 2**b for s, r, b in zip(signs, real, bits, strict=True)]
+        exact[0] += bias
+        assert [int(mpmath.nint(e)) for e in exact] == found[name], name
+
+
 def test_the_bias_of_a_constant_is_of_its_last_place():
     plain = coefficients.polynomial("A", "", mpmath.exp, (mpf(0), mpf(1)), (20, 20, 20))
     moved = coefficients.polynomial("A", "", mpmath.exp, (mpf(0), mpf(1)), (20, 20, 20), bias=3.0)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import casadi as ca
+import numpy as np
 import pytest
 
-from esea_gen.emit.example import DriveExample, example, has_drive, tolerance, triangle
-from esea_gen.emit.example_encoders import encoder_of
+from esea_gen.emit.example import DriveExample, _Run, example, has_drive, tolerance, triangle
+from esea_gen.emit.example_encoders import ExampleEncoder, encoder_of
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import System, Task
@@ -68,6 +70,7 @@ def test_a_triangle_by_hand(low, high, start, peak, lattice):
         at = s.step % (4 * peak)
         up = at if at <= peak else 2 * peak - at if at <= 3 * peak else at - 4 * peak
         assert s.expected == pytest.approx(2 * (start + up) * lattice, abs=5.1e-7)
+        assert s.expected == round(s.expected, 6)
     # What is alike stands where the triangle starts; all else at zero, or at the nearer end.
     assert dict(made.held) == {"x_Nm": start * lattice, "w_Nm": start * lattice, "v_rad": 0.5}
 
@@ -131,6 +134,88 @@ def test_a_direction_is_told_by_the_short_way_round(sign, part):
     )
     found = encoder_of(block, {})
     assert (found.sign, found.at_zero_rad) == (sign, pytest.approx(sign * 3.0))
+
+
+def test_an_encoder_has_twenty_steps_to_settle_and_one_behind_the_gear_starts_anywhere():
+    def step(_c, s, u, _guard, _label):
+        settled = ca.if_else(s.steps >= 19, u.count * (-TURN / 1000) + 0.25, 7.0)
+        return {"steps": s.steps + 1}, {"theta_rad": settled + 0 * u.frame_error}
+
+    def encoder(name: str) -> Block:
+        return Block.define(
+            name,
+            "Counts",
+            period_s=0.001,
+            state=(Port("steps", 0, 99, "so far"),),
+            inputs=(Port("frame_error", 0, 1, "bad"), Port("count", 0, 999, "count")),
+            outputs=(Port("theta_rad", -9, 9, "angle"),),
+            step=step,
+        )
+
+    found = encoder_of(encoder("encoder"), {})
+    assert (found.sign, found.full) == (-1.0, 1000)
+    assert found.at_zero_rad == pytest.approx(0.25)
+    assert found.count(0.25 + 0.1 * TURN) == 900
+    assert encoder_of(encoder("encoder_gear"), {}) == ExampleEncoder(0.0, 1.0, 1000)
+
+
+# -- ticks -----------------------------------------------------------------------------------------
+
+
+class Recorder:
+    """A System's simulator that writes down what it is asked, and gives three outputs."""
+
+    def __init__(self, tunables):
+        self.tunables, self.asked = tunables, []
+
+    def release(self, tick):
+        self.asked.append(tick)
+
+    def step(self, task, **inputs):
+        self.asked.append((task, {n: np.asarray(v).tolist() for n, v in inputs.items()}))
+        return {
+            "count": float(len(self.asked)),
+            task: np.float64(2.0),
+            "pair": np.array([1.0, 2.0]),
+        }
+
+
+def test_at_each_tick_the_tasks_run_that_are_due_with_what_was_given_last():
+    ports = {"x": Port("x", 0, 9, "in"), "v": Port("v", 0, 9, "in", 3)}
+    inputs = {n: SimpleNamespace(name=n, port=p) for n, p in ports.items()}
+    tasks = [
+        SimpleNamespace(name=n, every=e, phase=p)
+        for n, e, p in (("a", 1, 0), ("b", 3, 0), ("c", 4, 3), ("d", 5, 2))
+    ]
+    reads = {"a": ("x",), "b": ("v",), "c": (), "d": ("x", "v")}
+    system = SimpleNamespace(
+        tasks=tasks,
+        simulator=Recorder,
+        task_inputs=lambda task: [inputs[n] for n in reads[task.name]],
+    )
+    run = _Run(system, {"i": {"gain": 2.0}}, {"x": 1.0, "v": 2.0})
+    assert run.simulator.tunables == {"i": {"gain": 2.0}}
+    assert run.tick({}) == {"count": 3.0, "a": 2.0, "b": 2.0}
+    assert run.simulator.asked == [0, ("a", {"x": 1.0}), ("b", {"v": [2.0] * 3})]
+    run.simulator.asked.clear()
+    run.tick({"x": 5.0})
+    run.tick({"v": 7.0})
+    out = run.tick({})
+    assert run.simulator.asked == [
+        *(1, ("a", {"x": 5.0})),
+        *(2, ("a", {"x": 5.0}), ("d", {"x": 5.0, "v": [7.0] * 3})),
+        *(3, ("a", {"x": 5.0}), ("b", {"v": [7.0] * 3}), ("c", {})),
+    ]
+    assert out == run.out == {"count": 9.0, "a": 2.0, "b": 2.0, "c": 2.0, "d": 2.0}
+    for _ in range(4, 13):
+        run.tick({})
+    due = {n: [] for n in "abcd"}
+    for asked in run.simulator.asked:
+        if isinstance(asked, int):
+            tick = asked
+        else:
+            due[asked[0]].append(tick)
+    assert due == {"a": [*range(1, 13)], "b": [3, 6, 9, 12], "c": [3, 7, 11], "d": [2, 7, 12]}
 
 
 # -- the recording of a drive ----------------------------------------------------------------------

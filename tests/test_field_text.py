@@ -126,6 +126,8 @@ def test_scales_of_structs_tasks_and_latches(system, rendered):
     assert naming.block_scales(third, "out") == (
         "#define ESEA_TINY_THIRD_OUT_C_FRACTION (-3) /* Q34.-3, one unit is 8 */",
     )
+    whole = FieldPlan(Port("n", 0, 9, "count"), 0, 0, 9)
+    assert naming._scale("N", whole) == "#define N 0 /* whole number, one unit is 1 */"
     quick, slow = system.tasks
     assert [s.split(" /*")[0] for s in naming.task_scales(quick, "in")] == [
         "#define ESEA_TINY_QUICK_IN_X_RAD_FRACTION 30"

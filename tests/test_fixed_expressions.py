@@ -165,7 +165,7 @@ def r(low: int, high: int, bits: int = 32) -> ex.Expr:
         (lambda v: ex.mul(r(0, v, 64), r(0, 9, 64), 90, 64), (2**62 - 1,), (2**62,)),
         (lambda v: ex.mul(r(-v, 0, 64), r(0, 9, 64), 90, 64), (2**62 - 1,), (2**62,)),
         # The high word, with its unit, must keep a bit to be rounded by: below 2^62.
-        (lambda v: ex.mul(r(0, v, 64), r(-M31, 0), 40, 64), (2**62,), (2**63 - 1,)),
+        (lambda v: ex.mul(r(0, v, 64), r(-M31, 0), 40, 64), (2**62, M63 - 6), (M63 - 5, M63 - 1)),
         (lambda v: ex.flags(((r(0, 1, 1), v),)), (0, 31), (32,)),
         (lambda v: ex.call("sqrt", (r(0, 9),), 32, 0, v, 0), (M31 - 1,), (M31,)),
     ],
@@ -226,15 +226,16 @@ def test_logic_leaves_out_what_is_known():
     assert ex.logic("and", yes, p) is ex.logic("and", p, yes) is p
     assert ex.logic("or", no, q) is ex.logic("or", q, no) is q
     a, b = (np.array(v, dtype=object) for v in ((0, 0, 1, 1), (0, 1, 0, 1)))
-    for e, truth in (
-        (ex.logic("and", p, q), [0, 0, 0, 1]),
-        (ex.logic("or", p, q), [0, 1, 1, 1]),
-        (ex.logic("not", p), [1, 1, 0, 0]),
-        (ex.flags(((p, 0), (q, 3))), [0, 8, 1, 9]),
-        (ex.choose(p, ex.literal(-4), ex.literal(9), 32), [9, 9, -4, -4]),
+    for e, bits, truth in (
+        (ex.logic("and", p, q), 1, [0, 0, 0, 1]),
+        (ex.logic("or", p, q), 1, [0, 1, 1, 1]),
+        (ex.logic("not", p), 1, [1, 1, 0, 0]),
+        (ex.flags(((p, 0), (q, 3))), -32, [0, 8, 1, 9]),
+        (ex.choose(p, ex.literal(-4), ex.literal(9), 32), 32, [9, 9, -4, -4]),
+        (ex.choose(p, ex.literal(9), ex.literal(-4), 64), 64, [-4, -4, 9, 9]),
     ):
         assert list(ex.evaluate(e, {"a": a, "b": b}, 4)) == truth
-        assert (e.low, e.high) == (min(truth), max(truth))
+        assert (e.low, e.high, e.bits) == (min(truth), max(truth), bits)
     assert ex.truth(p) is p
     number = ex.read("a", 32, -2, 2)
     values = np.array([-2, -1, 0, 1, 2], dtype=object)
@@ -430,6 +431,25 @@ def test_the_c_of_an_expression_is_what_is_evaluated_and_what_is_meant():
         if e.bits != -32:
             assert [3 - getattr(library, f"g{k}")(*row) for row in GIVEN] == wanted, text
         assert all(e.low <= v <= e.high for v in wanted)
+
+
+def test_what_lies_inside_is_not_cut_again():
+    x = ex.read("a", 32, -5, 3)
+    for low, high, text in (
+        (-5, 3, "a"),
+        (-6, 4, "a"),
+        (-4, 3, "esea_q31_max(a, (-4))"),
+        (-5, 2, "esea_q31_min(a, 2)"),
+    ):
+        assert ex.c_text(ex.clamp(x, low, high)) == text
+
+
+def test_a_literal_is_scaled_and_cast_at_once():
+    assert ex.scale(ex.literal(-3), 4, 32) == ex.literal(-48)
+    assert ex.scale(ex.literal(3), 40, 64) == ex.literal(3 << 40, 64)
+    assert ex.cast(ex.literal(7), 64) == ex.literal(7, 64)
+    with pytest.raises(ex.OverflowProofError):
+        ex.scale(ex.literal(1), 31, 32)
 
 
 @pytest.mark.parametrize(("bits", "most"), [(32, 30), (64, 62)])

@@ -15,6 +15,8 @@ from esea_gen.emit.fixed.plan import lowered_values
 from esea_gen.emit.fixed.values import LoweringError, Source, Target, Value
 from esea_gen.emit.walker import fuse_selects, walk
 
+from .test_fixed_formats import Op, form, made, op
+
 X = ca.SX.sym("x")
 ABOVE = (28, 200_000_003, 1_800_000_001)  # fraction bits and raw ends: 0.75 to 6.7
 ACROSS = (28, -800_000_001, 900_000_001)  # -2.98 to 3.35
@@ -48,9 +50,9 @@ def half(fraction: int) -> float:
 
 
 def power(c: float, wide: bool = False):
-    """Relative error of x^c: c times that of the logarithm, and what raising 2 to it adds."""
+    """Relative error of x^c: c times that of the logarithm and its cut, and what 2^x adds."""
     base = abs(c) * 2.0**-31 if wide else 0.0  # 64 bits are cut to the 32 of a significand
-    return math.expm1(math.log(2) * abs(c) * CORE_LOG2 + base) + CORE_EXP2
+    return math.expm1(math.log(2) * abs(c) * (CORE_LOG2 + 2.0**-56) + base) + CORE_EXP2
 
 
 def logarithm(most_log2: float) -> float:
@@ -61,6 +63,7 @@ def logarithm(most_log2: float) -> float:
 BY_EXP = CORE_EXP2 + 2.0**-33  # the argument in units of ln 2 is cut to 32 bits
 E_MOST = math.exp(900_000_001 / 2**28 + 0.25) * (1 + 2.0**-24)
 LOG2_MOST = math.log2(1_800_000_001 / 2**28)
+LOG2_LEAST = -math.log2(0.3 * 200_000_003 / 2**28)
 
 # Expression, operand, 64 bits, bits of the fraction, absolute error beside half a unit, relative.
 RULES = [
@@ -71,7 +74,7 @@ RULES = [
     (ca.exp(-X), ABOVE, False, 32, 0.0, BY_EXP),
     (ca.log(X), ABOVE, False, 30, logarithm(LOG2_MOST), 0.0),
     (ca.log(X), ABOVE, True, 52, logarithm(LOG2_MOST), 0.0),
-    (ca.log(X * 0.3), ABOVE, True, 52, logarithm(math.log2(1 / 0.2236)) + 2.0**-31, 0.0),
+    (ca.log(X * 0.3), ABOVE, True, 52, logarithm(LOG2_LEAST) + 2.0**-31, 0.0),
     (ca.log(X), AT_ONE, False, 33, logarithm(math.log2(1.03125)), 0.0),
     (X**0.75, ABOVE, False, 28, 0.0, power(0.75)),
     (X**2.25, ABOVE, False, 24, 0.0, power(2.25)),
@@ -80,7 +83,7 @@ RULES = [
     (X**0.75, ABOVE, True, 58, 0.0, power(0.75)),
     ((X * 0.3) ** 0.75, ABOVE, True, 60, 0.0, power(0.75, True)),
     ((X * 0.3) ** 0.75, ABOVE, None, 30, 0.0, power(0.75, True)),
-    (ca.log(X * 0.3), ABOVE, None, 30, logarithm(math.log2(1 / 0.2236)) + 2.0**-31, 0.0),
+    (ca.log(X * 0.3), ABOVE, None, 30, logarithm(LOG2_LEAST) + 2.0**-31, 0.0),
     (ca.exp(X + 0.25), ACROSS, None, 25, math.expm1(half(29)) * E_MOST, BY_EXP),
 ]
 EXACT = {
@@ -99,8 +102,8 @@ def test_error_format_and_range_of_a_function(expression, given, wide, fraction,
     value, raws, found = tried(expression, given, wide)
     assert value.fraction == fraction
     assert value.expr.bits == (64 if wide else 32)
-    assert value.relative == pytest.approx(relative, rel=1e-5)
-    assert value.local == pytest.approx(local + half(fraction), rel=1e-3)
+    assert value.relative == pytest.approx(relative, rel=1e-9, abs=0)
+    assert value.local == pytest.approx(local + half(fraction), rel=1e-6, abs=0)
     with mpmath.workdps(40):
         f = EXACT[str(expression)]
         exact = [f(mpmath.mpf(v) / 2 ** given[0]) for v in raws]
@@ -213,3 +216,74 @@ def test_as_fine_as_the_largest_result_allows():
         value, _, _ = tried(X**c, ABOVE)
         most = Fraction((ABOVE[2] / 2**28) ** c) * (1 + Fraction(1, 2**24))
         assert most * 2**value.fraction < 2**31 <= most * 2 ** (value.fraction + 1)
+
+
+# -- as C ------------------------------------------------------------------------------------------
+
+ONE_TO_16 = (26, 2**26, 2**30)
+SMALL = op("mul", (20, -3, 5), (22, 0, 7), wide=True)  # 64 bits: -21 to 35, in units of 2^-42
+UNIT = op("mul", (28, -(2**28), 2**28), (28, -(2**28), 5), wide=True)  # 64 bits: -1 to 1
+SQUARES = op("mul", (12, 2**12, 2**14), (13, 2**13, 2**15), wide=True)  # 64 bits: 1 to 16
+LN2, ONE_BY_E = mpmath.mpf("0.693147180559945309417"), mpmath.mpf("0.367879441171442321596")
+LOG_TOP = int(mpmath.ceil(LN2 * 2**31)) + 2
+
+
+def cut(text: str, low: int, high: int | None = None, bits: int = 64) -> str:
+    """C that cuts to a range, as 32 bits."""
+    name, number, cast = {
+        32: ("esea_q31", "{}", ""),
+        64: ("esea_q63", "INT64_C({})", "(int32_t)"),
+    }[bits]
+    if high is not None:
+        text = f"{name}_min({text}, {number.format(high)})"
+    return f"{cast}{name}_max({text}, {number.format(low)})"
+
+
+# Operation, fraction bits, raw ends, C.
+TEXTS = [
+    # 1 to 4, a share of 2^-24 more to either side, and a unit.
+    (op("pow", ONE_TO_16, 0.5), 28, 2**28 - 17, 2**30 + 65,
+     cut(f"esea_q31_pow(x0_q26, 26, INT32_C({2**26}), 28, {2**30 + 65})", 2**28 - 17, None, 32)),
+    (op("pow", ONE_TO_16, -0.5), 30, 2**28 - 17, 2**30 + 65,
+     cut(f"esea_q31_pow(x0_q26, 26, INT32_C({-2**26}), 30, {2**30 + 65})", 2**28 - 17, None, 32)),
+    (op("pow", ONE_TO_16, -0.5, wide=True), 60, 2**58 - 2**34 + 2**10 - 1, 2**60 + 2**36 + 1,
+     f"esea_q63_max(esea_q63_pow(x0_q26, 26, INT32_C({-2**26}), 60, "
+     f"INT64_C({2**60 + 2**36 + 1})), INT64_C({2**58 - 2**34 + 2**10 - 1}))"),
+    (op("pow", (26, 0, 2**30), 0.5), 28, 0, 2**30 + 65,
+     f"esea_q31_pow(x0_q26, 26, INT32_C({2**26}), 28, {2**30 + 65})"),
+    (op("pow", SQUARES, 0.5), 28, 2**28 - 17, 2**30 + 65,
+     cut(f"(int32_t)esea_q63_pow(v2_q25, 25, INT32_C({2**26}), 28, INT64_C({2**30 + 65}))",
+         2**28 - 17, None, 32)),
+    (op("exp", (28, -(2**28), 0)), 30, int(ONE_BY_E * (2**30 - 2**6)) - 1, 2**30 + 65,
+     cut(f"esea_q63_exp(x0_q28, 28, 30, INT64_C({2**30 + 65}))",
+         int(ONE_BY_E * (2**30 - 2**6)) - 1)),
+    (op("log", (28, 2**27, 2**29)), 31, -LOG_TOP, LOG_TOP,
+     cut("esea_q63_log(x0_q28, 28, 31)", -LOG_TOP, LOG_TOP)),
+    # From 1 to hardly more: no finer than an eighth would be.
+    (op("log", (30, 2**30, 2**30 + 1)), 33, -2, 10,
+     cut("esea_q63_log(x0_q30, 30, 33)", -2, 10)),
+    (op("log", (30, 2**30 - 1, 2**30)), 33, -11, 2,
+     cut("esea_q63_log(x0_q30, 30, 33)", -11, 2)),
+    # A share of 2^-40 of 2^30 is less than a unit.
+    (op("sqrt", ONE_TO_16), 28, 2**28 - 3, 2**30 + 2,
+     cut("esea_q31_sqrt(x0_q26, 30)", 2**28 - 3, 2**30 + 2, 32)),
+    (op("tanh", (28, -9, 5)), 30, -(2**30), 2**30, "esea_q31_tanh(x0_q28, 28)"),
+    # 64 bits in 32, as they are or rounded.
+    (op("tanh", SMALL), 30, -(2**30), 2**30, "esea_q31_tanh((int32_t)v2_q42, 42)"),
+    (op("tanh", UNIT), 30, -(2**30), 2**30,
+     "esea_q31_tanh((int32_t)esea_q63_round(v2_q56, 26), 30)"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("x", "fraction", "low", "high", "text"), TEXTS, ids=lambda x: None)
+def test_the_c_of_a_function_cuts_to_the_range_it_can_have(x: Op, fraction, low, high, text):
+    found = made(x)
+    assert form(found.value) == (64 if x.wide else 32, fraction, low, high)
+    assert found.text == text
+
+
+def test_the_format_of_a_root_is_one_in_which_its_square_has_62_bits():
+    # Of nothing but zeros, 16 places before the point: twice 23 and 16 bits; seven less than 30.
+    assert form(made(op("sqrt", (-16, 0, 0)), to=20).value)[:2] == (32, 23)
+    with pytest.raises(LoweringError, match="root of more than 62 bits"):
+        made(op("sqrt", (-18, 0, 0)), to=20)

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from matplotlib import pyplot
 from matplotlib.colors import to_rgba
 
 from esea_gen.emit.error_bounds import Bound
+from esea_gen.emit.fixed import report
 from esea_gen.emit.fixed.plan import BlockPlan, Planner
 from esea_gen.emit.fixed.report import BlockRanges, RangeReport, range_report
 from esea_gen.emit.fixed.table import NARROW, ROOM, WIDE, RangeRow, draw_headroom, range_rows
 from esea_gen.emit.fixed.values import LoweringError
+from esea_gen.emit.ranges import RangeError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
@@ -214,12 +218,18 @@ def test_the_picture_of_a_report(shown):
     figure = report.figure()
     assert tuple(figure.get_size_inches()) == (16, pytest.approx(0.6 + 2.1 * 2))
     drawn, refused = figure.axes
-    assert [t.get_text() for t in refused.texts] == ["holds zero"]
+    (said,) = refused.texts
+    assert (said.get_text(), said.get_position(), said.get_wrap()) == ("holds zero", (0, 0.6), True)
+    # One below the other.
+    grid = drawn.get_subplotspec().get_gridspec()
+    assert (grid.nrows, grid.ncols) == (2, 1)
+    assert (drawn.get_subplotspec().num1, refused.get_subplotspec().num1) == (0, 1)
     assert (refused.get_title(loc="left"), refused.axison) == ("lost", False)
     assert drawn.get_title(loc="left") == "quarter"
     assert not drawn.spines["top"].get_visible()
     assert drawn.spines["left"].get_visible()
     (legend,) = figure.legends
+    assert not legend.get_frame_on()
     assert [t.get_text() for t in legend.get_texts()] == [
         "port", "value, 32 bits", "value, 64 bits", "headroom",
     ]  # fmt: skip
@@ -227,6 +237,7 @@ def test_the_picture_of_a_report(shown):
         to_rgba(c) for c in ("0.1", NARROW, WIDE, ROOM)
     ]
     assert figure.get_suptitle() == "made: bits used in q31"
+    assert len(RangeReport("made", report.blocks[:1]).figure().axes) == 1
 
 
 @pytest.mark.parametrize("wide", [False, True])
@@ -292,3 +303,74 @@ def test_a_refusal_names_the_label_or_the_element_of_a_vector(size, said):
     with pytest.raises(LoweringError, match="holds zero") as told:
         Planner(refused).plan()
     assert said in str(told.value)
+
+
+def test_an_error_is_a_share_of_the_larger_end_whichever_it_is():
+    outputs = (
+        Port("a_Nm", -4.0, 2.0, "larger below"),
+        Port("b", -1.0, 8.0, "larger above"),
+        Port("word", 0, 1, "word", flags=(Flag("ON", "on"),)),
+    )
+    bound = Bound("q31", math.inf, {"a_Nm": 0.02, "b": 0.02}, {}, "linear", ("one", "two"))
+    plan = SimpleNamespace(block=SimpleNamespace(outputs=outputs))
+    block = BlockRanges("made", plan, ROWS[:1], bound, "")
+    assert block.to_dict()["proven_error"]["percent_of_range"] == {
+        "a_Nm": pytest.approx(0.5),
+        "b": pytest.approx(0.25),
+    }
+    assert block.lines()[3:] == [
+        "  proven error for any number of steps (linear):",
+        "    a_Nm: 2.00e-02 Nm, 0.5 % of its range",
+        "    b: 2.00e-02, 0.25 % of its range",
+        "    taken as equal: one",
+        "    taken as equal: two",
+    ]
+    # Neither without a bound nor without a plan is there an error to tell.
+    for other in (
+        BlockRanges("q", plan, ROWS[:1], None, ""),
+        BlockRanges("q", None, (), bound, ""),
+    ):
+        assert other.to_dict()["proven_error"] is None
+        assert not any("proven" in line for line in other.lines())
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 7])
+def test_four_values_of_a_block_are_named_first(plan, count):
+    rows = tuple(
+        RangeRow(f"w{k}", "value", 0.0, 1.0, 64, 40, 1.0, 0, 1, why="is wide") for k in range(count)
+    )
+    lines = RangeReport("made", (BlockRanges("b", plan, rows, BOUND, ""),)).table()
+    start = lines.index("to look at first:") + 1
+    named = [f"  b, w{k}: 64 bits: is wide" for k in range(min(count, 4))]
+    more = [f"  b: and {count - 4} more, marked above"] if count > 4 else []
+    assert lines[start:-3] == [*named, *more, ""]
+    assert lines[-3:] == [
+        "where a range explodes: clip the value in the Block (every format then has that clip); or "
+        "say",
+        "in Block.define(facts=...) what algebra knows of it; or narrow the port's range in the "
+        "device",
+        "file; a quotient of two that grow together is better taken of values that do not.",
+    ]
+
+
+def test_what_cannot_be_lowered_and_what_has_no_bound_say_why(monkeypatch):
+    def planned(of: Block) -> BlockPlan:
+        if of.name == "quarter":
+            return Planner(of).plan()
+        raise LoweringError("no such rule", "do otherwise")
+
+    def unbounded(plan: BlockPlan) -> Bound:
+        raise RangeError(f"{plan.block.name} grows")
+
+    monkeypatch.setattr(report, "plan_block", planned)
+    monkeypatch.setattr(report, "any_bound", unbounded)
+    other = replace(block(), name="other")
+    kinds = SimpleNamespace(kinds=[other, block()])
+    refused, found = range_report("made", kinds).blocks
+    assert (refused.plan, refused.rows, refused.bound) == (None, (), None)
+    assert refused.refusal.startswith("no such rule")
+    assert (found.bound, found.refusal) == (None, "no proven error: quarter grows")
+    assert list(found.rows) == range_rows(found.plan)
+    lines = found.lines()
+    assert lines[:2] == ["quarter", "  no proven error: quarter grows"]
+    assert len(lines) == 3 + len(found.rows)

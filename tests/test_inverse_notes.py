@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from esea_gen.identify.inverse import _notes
+from esea_gen.identify.inverse import InverseFit, _notes
 from esea_gen.identify.plays import play_bounds
 
 LOW, HIGH = -6.0, -2.0  # logarithm of chi
@@ -93,3 +93,38 @@ def test_held_out_cycles_against_table_4_2_and_against_training():
     # Without held-out cycles neither can be said.
     nothing = float("nan")
     assert len(told(ours=(0.01, nothing), published=(0.01, nothing))) == 1
+
+
+def test_a_refitted_inverse_line_by_line():
+    def means(training, held_out):
+        def of(full_scale):
+            assert full_scale == 0.25
+            return {"training_percent": training, "held_out_percent": held_out}
+
+        return SimpleNamespace(means=of)
+
+    domain = SimpleNamespace(theta_max_rad=SimpleNamespace(value=0.25))
+    fit = InverseFit(
+        device=SimpleNamespace(file=SimpleNamespace(domain=domain)),
+        values={"kappa_rad": 0.1234567, "phi_1_rad": PHI[1], "chi_rad": 0.0025},
+        sigma={"kappa_rad": 0.01234, "phi_1_rad": None, "chi_rad": None},
+        correlation={},
+        phi_range_1_rad=(1.0, 2.0),
+        sets=means(1.234, 12.5),
+        published=means(3.0, None),
+        seed=1,
+        population=64,
+        evaluations=7,
+        runner_up=1.0,
+        notes=("one", "two"),
+    )
+    assert fit.summary() == [
+        "inverse, play operators refitted (table 4.2 in brackets):",
+        "  kappa_rad  0.12346 (0.106), standard deviation 0.012",
+        f"  phi_1_rad  {PHI[1]:.5g} (4.84), at its upper bound",
+        "  chi_rad    0.0025 (0.00233), not determined",
+        "  refitted   training  1.23 %, held out 12.50 % of the largest deflection, RMS",
+        "  table 4.2  training  3.00 % of the largest deflection, RMS",
+        "note: one",
+        "note: two",
+    ]

@@ -34,7 +34,7 @@ def system(**tunables: tuple[str, ...]) -> System:
             "Any",
             period_s=0.001,
             tunables=tuple(
-                Tunable(n, 1.0, 0.5, 2.0, f"meaning of {n}", "nobody", "assumed") for n in names
+                Tunable(n, 1.0, 0.5, 2.0, f"meaning of {n}", "Zürich", "assumed") for n in names
             ),
             coefficients=tuple(Port(n, 0.5, 2.0, n) for n in names),
             prepare=lambda t, names=names: {n: 1 * getattr(t, n) for n in names},
@@ -79,14 +79,18 @@ def test_two_ids_that_are_alike_end_in_a_digest():
 
 
 def test_metadata_of_a_parameter():
-    found = json.loads(parameter_metadata(system(gain=("k_Nm", "share"))))
+    text = parameter_metadata(system(gain=("k_Nm", "share")))
+    assert text.startswith('{\n  "version": 3,\n  "parameters": [\n    {\n      "name"')
+    assert text.endswith("}\n")
+    assert "Zürich" in text
+    found = json.loads(text)
     assert found["version"] == 3
     first, second = found["parameters"]
     assert first == {
         "name": "gain.k_Nm",
         "type": "Float",
         "shortDesc": "gain.k_Nm",
-        "longDesc": "meaning of k_Nm. Default assumed: nobody.",
+        "longDesc": "meaning of k_Nm. Default assumed: Zürich.",
         "units": "Nm",
         "default": 1.0,
         "min": 0.5,
@@ -191,6 +195,76 @@ def test_a_couplings_life_is_counted_from_its_deflection_and_torque(flags):
     assert found.flags == tuple(f for f in flags if f != "OTHER")
     assert found.most_rad == 0.25  # the nearer end
     assert len(board_roles(sensing(False, count=6)).couplings) == 4
+
+
+def torque_of(smoothed: str, told: tuple[str, ...], given=("angle_rad", "x_rad")) -> System:
+    """A twist, a torque of it, and between them what smooths it, by the name of its input."""
+    flags = (Flag("ENCODER_UNUSABLE", "bad"), Flag("OTHER", "other"), Flag("INPUT_INVALID", "bad"))
+
+    def part(name: str, given: str, made: str, high: float) -> Block:
+        def step(_c, _s, u, _guard, _label):
+            x = getattr(u, given)
+            return {}, {made: 0.5 * x, "status": flag_word([x > 0, x > 1, x > 2])}
+
+        outputs = (Port(made, -0.75, high, "out"), Port("status", 0, 7, "w", flags=flags))
+        ports = (Port(given, -9.0, 9.0, "in"),)
+        return Block.define(
+            f"{name}_kind",
+            "Any",
+            period_s=0.001,
+            state=(),
+            inputs=ports,
+            outputs=outputs,
+            step=step,
+        )
+
+    blocks = {
+        "twist": part("twist", "angle_rad", "theta_rad", 0.5),
+        "smooth": part("smooth", smoothed, "theta_rad", 0.25),
+        "sensor": part("sensor", "theta_rad", "tau_Nm", 8.0),
+        "other": part("other", "x_rad", "tau_Nm", 8.0),
+    }
+    wires = {f"smooth.{smoothed}": "twist.theta_rad", "sensor.theta_rad": "smooth.theta_rad"}
+    inputs = dict(zip(given, (("twist.angle_rad",), ("other.x_rad",)), strict=True))
+    outputs = {t.replace(".", "_"): t for t in told}
+    return System("any", 0.001, blocks, (Task("sense", tuple(blocks)),), wires, inputs, outputs)
+
+
+TOLD = ("sensor.tau_Nm", "sensor.status", "twist.theta_rad", "twist.status", "smooth.status")
+
+
+@pytest.mark.parametrize(
+    ("smoothed", "told", "expected"),
+    [
+        # What is told of the deflection that the sensor is given, else of what that is made from.
+        ("theta_rad", TOLD, ("twist", 0.5)),
+        ("theta_rad", (*TOLD, "smooth.theta_rad"), ("smooth", 0.25)),
+        ("filtered_rad", (*TOLD, "smooth.theta_rad"), ("smooth", 0.25)),
+        ("filtered_rad", TOLD, None),
+        ("theta_rad", ("other.tau_Nm", "other.status", *TOLD[1:]), None),
+        ("theta_rad", (*TOLD[:3], "smooth.status"), None),
+        ("theta_rad", (*TOLD[:2], "smooth.status"), None),
+    ],
+)
+def test_a_coupling_is_told_of_by_the_deflection_nearest_to_its_sensor(smoothed, told, expected):
+    found = board_roles(torque_of(smoothed, told)).couplings
+    if expected is None:
+        assert found == ()
+        return
+    (coupling,) = found
+    instance, most_rad = expected
+    assert (coupling.sensor, coupling.side, coupling.tau) == ("sensor", "out", "sensor_tau_Nm")
+    assert (coupling.theta, coupling.status, coupling.block) == (
+        f"{instance}_theta_rad", f"{instance}_status", f"{instance}_kind",
+    )  # fmt: skip
+    assert coupling.flags == ("ENCODER_UNUSABLE", "INPUT_INVALID")
+    assert coupling.most_rad == most_rad
+
+
+def test_without_a_motor_all_but_a_stop_is_measured():
+    roles = board_roles(torque_of("theta_rad", TOLD, ("stop", "rearming")))
+    assert (roles.drive, roles.wanted_names) == (False, ("stop",))
+    assert [x.name for x in roles.measured] == ["rearming"]
 
 
 def test_only_a_calibration_sets_a_zero():

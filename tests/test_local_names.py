@@ -12,7 +12,7 @@ import esea_gen
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.language.block import Block
-from esea_gen.language.ports import Flag, Port, flag_word
+from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
 
 from .conftest import require_tool
@@ -146,3 +146,47 @@ def test_the_guards_labels_are_these_and_mean_what_they_say():
     ):
         found = block.labelled_step(held, x, ca.DM(v), w)[2:]
         assert tuple(float(f) for f in found) == expected
+
+
+def test_a_name_that_two_structs_have_stands_with_its_structs():
+    def step(c, s, u, guard, label):
+        total = c.gain * u.x + s.gain + s.both + u.both + c.both
+        new = {"gain": total, "both": u.w[1], "kept": [total, u.x]}
+        return new, {"y": total + s.kept[0] - s.kept[1] + u.w[0]}
+
+    block = Block.define(
+        "clash",
+        "Names",
+        period_s=0.001,
+        tunables=(Tunable("gain", 1.0, 0.5, 2.0, "factor"),),
+        coefficients=(Port("gain", 0.5, 2.0, "factor"), Port("both", 0.5, 2.0, "too")),
+        prepare=lambda t: {"gain": 1 * t.gain, "both": 1 * t.gain},
+        state=(
+            Port("gain", -9.0, 9.0, "sum"),
+            Port("both", -9.0, 9.0, "older"),
+            Port("kept", -9.0, 9.0, "oldest", 2),
+        ),
+        inputs=(
+            Port("x", -1.0, 1.0, "in"),
+            Port("both", -1.0, 1.0, "in too"),
+            Port("w", -1.0, 1.0, "pair", 2),
+        ),
+        outputs=(Port("y", -99.0, 99.0, "out"),),
+        step=step,
+    )
+    made = FORMATS["f64"].emit(block)
+    reads = {s.name: s.expression for s in made.step.statements if "->" in s.expression}
+    assert reads == {
+        "coeffs_gain": "coeffs->gain",
+        "coeffs_both": "coeffs->both",
+        "state_gain_now": "state->gain",
+        "state_both_now": "state->both",
+        "kept_now_0": "state->kept[0]",
+        "kept_now_1": "state->kept[1]",
+        "x": "in->x",
+        "in_both": "in->both",
+        "w_0": "in->w[0]",
+        "w_1": "in->w[1]",
+    }
+    assert [s.expression for s in made.prepare.statements] == ["params->gain"]
+    assert made.init.results == (("0.0",), ("0.0",), ("0.0", "0.0"))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import casadi as ca
 import pytest
 
+from esea_gen.emit import telemetry
 from esea_gen.emit.messages import messages, status_words
-from esea_gen.emit.telemetry import cost_table, stream_bytes_s, stream_costs
+from esea_gen.emit.telemetry import StreamCost, cost_table, stream_bytes_s, stream_costs
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, flag_word
@@ -190,3 +191,13 @@ def test_the_table_of_costs():
     assert [c.strip() for c in cells[3]] == [
         "message ESEA_RUN_IN", "500", "1", "12000", "does not fit", "13 %", "1 %",
     ]  # fmt: skip
+
+
+def test_a_line_carries_what_fills_it_and_no_more(monkeypatch):
+    costs = (StreamCost("full", 1.0, 1, 11_520.0), StreamCost("more", 2.5, 3, 11_521.0))
+    monkeypatch.setattr(telemetry, "stream_costs", lambda system: iter(costs))
+    _, *rows = cost_table(None).splitlines()
+    assert [[c.strip() for c in r.split("  ") if c.strip()] for r in rows] == [
+        ["full", "1", "1", "11520", "100 %", "12 %", "1 %"],
+        ["more", "2.5", "3", "11521", "does not fit", "13 %", "1 %"],
+    ]

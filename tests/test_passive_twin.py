@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -160,3 +161,67 @@ def test_time_may_begin_anywhere(twin):
     assert runs[1].time_s - 40.0 == pytest.approx(runs[0].time_s, abs=1e-9)
     assert later == pytest.approx(first, abs=1e-6)  # times at 40 s are rounded otherwise
     assert np.ptp(first) > 1
+
+
+def replayed(answer):
+    """In place of a Block or task that is compiled: keeps what it was given."""
+    given = SimpleNamespace(resets=0, inputs=None, state=None)
+
+    def run(inputs, trace):
+        given.inputs = inputs
+        assert not trace
+        return answer(inputs), None
+
+    def reset():
+        given.resets += 1
+
+    return given, SimpleNamespace(
+        run=run, reset=reset, put_state=lambda s: vars(given).update(state=s)
+    )
+
+
+@pytest.mark.parametrize("first_rad", [0.3, -7.1])
+def test_what_each_part_of_a_run_is_given_and_what_is_kept(first_rad):
+    """Five steps a tick; half a second at rest before; encoders that start anywhere, with noise."""
+    time_s, tau = np.array([1.0, 1.5, 2.0]), np.array([0.5, 2.0, 1.0])
+    angle, count = first_rad + np.array([0.0, 0.6, -0.4]), 2 * math.pi / 4096
+    cuff = np.sin(np.arange(7500) / 90)
+    plant, plant_runs = replayed(
+        lambda x: {
+            "theta_m_rad": x["theta_l_rad"] + 0.1 * cuff,
+            "theta_l_rad": x["theta_l_rad"],
+            "tau_e_Nm": 5 * cuff,
+        }
+    )
+    encoders, encoder_runs = replayed(
+        lambda x: {f"count_{k}": x[f"theta_{k[0]}_rad"] // count % 4096 for k in ("motor", "load")}
+    )
+    sense, sense_runs = replayed(lambda x: {"tau_Nm": 3 * np.float32(x["theta_rad"])})
+    twin = object.__new__(PassiveTwin)
+    twin.device, twin.count_rad = SimpleNamespace(period_s=1e-3), count
+    twin.encoder_noise_rad = 0.004
+    twin._plant, twin._encoders, twin._sense = plant_runs, encoder_runs, sense_runs
+    run = twin.run(time_s, tau, angle, np.random.default_rng(8))
+
+    t = 0.5 + 2e-4 * np.arange(1, 7501)
+    limb = np.interp(t, time_s, angle)
+    np.testing.assert_allclose(plant.inputs["tau_hand_Nm"], np.interp(t, time_s, tau))
+    np.testing.assert_allclose(plant.inputs["theta_l_rad"], limb)
+    speed = np.concatenate([[0.0], np.diff(limb)]) / 2e-4
+    np.testing.assert_allclose(plant.inputs["omega_l_rad_s"], speed)
+    assert plant.state == {"theta_m_rad": pytest.approx(first_rad)}
+    assert [p.resets for p in (plant, encoders, sense)] == [1, 1, 1]
+
+    rng = np.random.default_rng(8)
+    start = rng.uniform(0, 2 * math.pi, 2)
+    read, ticks = {}, slice(4, None, 5)
+    for name, begins, true in (("m", start[0], limb + 0.1 * cuff), ("l", start[1], limb)):
+        seen = true[ticks] + begins + rng.normal(0, 0.004, 1500)
+        np.testing.assert_allclose(encoders.inputs[f"theta_{name}_rad"], seen)
+        read[name] = count * (seen // count - begins // count)
+    np.testing.assert_allclose(sense.inputs["theta_rad"], read["m"] - read["l"], atol=1e-9)
+    np.testing.assert_allclose(run.time_s, 1 + 1e-3 * np.arange(1001), rtol=1e-12)
+    np.testing.assert_allclose(run.tau_true_Nm, 5 * cuff[ticks][499:])
+    np.testing.assert_allclose(run.theta_l_rad, read["l"][499:], atol=1e-9)
+    np.testing.assert_allclose(run.tau_Nm, 3 * (read["m"] - read["l"])[499:], atol=1e-6)
+    assert run.tau_Nm.dtype == np.float64

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from esea_gen.language.builder import Builder, declare_ports, guard_inputs
-from esea_gen.language.ports import Port, threshold
+from esea_gen.language.ports import Port, Tunable, threshold
 from esea_gen.language.program import Program
 from esea_gen.language.statements import (
     EPSILON,
@@ -383,3 +383,33 @@ def test_a_body_that_does_not_fit_its_ports_is_refused(change, words):
 def put_into(b: Builder, place: Ref, plus=()) -> None:
     with b.part("deep"), b.loop(0, 2), b.when((0, "<", 1)):
         put(b, place, 0.0, plus)
+
+
+def test_a_program_has_a_period_and_its_ports_once():
+    gain = Tunable("gain", 1.0, 0.0, 9.0, "made up")
+    for more, words in (
+        ({"period_s": 0.0}, "block p: period_s must be positive, got 0.0"),
+        ({"inputs": (X, X)}, r"block p: a port name occurs twice in .'x', 'x'."),
+        ({"outputs": (Y, Y)}, r"block p: a port name occurs twice in .'y', 'y'."),
+        ({"state": (X, X)}, r"block p: a port name occurs twice in .'x', 'x'."),
+        ({"coefficients": (Y, X, Y)}, r"block p: a port name occurs twice in .'y', 'x', 'y'."),
+        ({"tunables": (gain, gain)}, r"block p: a port name occurs twice in .'gain', 'gain'."),
+    ):
+        with pytest.raises(ValueError, match=words):
+            Program.define(
+                "p",
+                "made up",
+                builder=body(),
+                **{"period_s": 0.1, "inputs": (X,), "outputs": (Y,)} | more,
+            )
+
+
+def test_functions_that_nobody_else_keeps_are_kernels_of_their_own():
+    b = body()
+    y, x = b.memory["out.y"], b.memory["in.x"]
+    with b.part("step"):
+        put(b, y[0])
+        for k in range(1, 20):
+            b.call("add", [x[0], y[0]], [y[0]], lambda v, w, k=k: k * v + w)
+    assert len(made(b).kernels) == 20
+    assert y_of(b, 2.0, 0.0, 0.0)[0] == 2.0 * sum(range(1, 20))

@@ -1,6 +1,7 @@
 """Several specimens: one model for all of them, and how far their recordings agree."""
 
 import json
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -121,3 +122,56 @@ def test_errors_are_means_over_a_specimens_blocks_in_percent_of_one_full_scale(
         (pytest.approx(1 / 3), "fit of a"),
         (pytest.approx(2 / 3), "fit of b"),
     ]
+
+
+def zigzag(corners, factor, seed) -> SimpleNamespace:
+    """A deflection over straight lines of 40 samples, a torque that is any number."""
+    theta = factor * np.concatenate(
+        [np.linspace(a, b, 40, endpoint=False) for a, b in pairwise(corners)]
+    )
+    rows = np.random.default_rng(seed).permutation(len(theta))
+    sets = (
+        SimpleNamespace(training=rows[:50], held_out=rows[50:60]),
+        SimpleNamespace(training=rows[60:60], held_out=rows[65:]),
+    )
+    tau = np.random.default_rng(seed + 1).normal(size=len(theta))
+    return SimpleNamespace(theta_rad=theta, tau_Nm=tau, sets=sets)
+
+
+def test_each_cell_is_the_mean_between_two_deflections_on_one_way():
+    corners = ((0.0, 0.1, -0.07, 0.09, 0.0), (0.0, 0.05, -0.05, 0.0))
+    specimens = {
+        n: [zigzag(c, f, 10 * k + i) for i, c in enumerate(corners)]
+        for k, (n, f) in enumerate({"a": 1.0, "b": 0.8, "c": 1.1}.items())
+    }
+    expected = {n: [] for n in specimens}
+    for test in range(2):
+        some = {n: r[test] for n, r in specimens.items()}
+        used = {}
+        for n, r in some.items():
+            used[n] = sorted(k for s in r.sets for k in (*s.training, *s.held_out))
+        # Nine tenths of what all of them reach to either side, in nine parts.
+        low = 0.9 * max(min(some[n].theta_rad[used[n]]) for n in some)
+        high = 0.9 * min(max(some[n].theta_rad[used[n]]) for n in some)
+        for up in (True, False):
+            for node in range(9):
+                between = [low + (high - low) * (node + e) / 9 for e in (0, 1)]
+                for n, r in some.items():
+                    cell = []
+                    for k in used[n]:
+                        before = r.theta_rad[max(k - 1, 0)]
+                        after = r.theta_rad[min(k + 1, len(r.theta_rad) - 1)]
+                        way = after - before
+                        if between[0] <= r.theta_rad[k] < between[1] and way * (1, -1)[not up] > 0:
+                            cell.append(r.tau_Nm[k])
+                    expected[n].append(np.mean(cell) if cell else None)
+    kept = [k for k in range(36) if all(e[k] is not None for e in expected.values())]
+    assert 20 < len(kept) <= 36
+    found = torque_table(specimens)
+    assert list(found) == ["a", "b", "c"]
+    for n, cells in expected.items():
+        assert found[n] == pytest.approx([cells[k] for k in kept])
+    # Where one of them never was there is no cell.
+    one = specimens["b"][1]
+    one.sets = (SimpleNamespace(training=np.arange(20), held_out=np.arange(0)),)
+    assert len(torque_table(specimens)["a"]) < len(kept)

@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from esea_gen import targets
 from esea_gen.control.faults import FAULT_CODES
 from esea_gen.emit.states import (
     BOARD_FAULTS,
@@ -16,6 +17,7 @@ from esea_gen.emit.states import (
     TABLE,
     TIMES_MS,
     follow,
+    main,
     state_tables,
     states_header,
 )
@@ -169,3 +171,19 @@ def test_the_ways_of_the_documentation_are_those_of_the_rules():
     for state, event, guards in itertools.product(STATES, EVENTS, every_guard()):
         found = [to for when, to in ways.get((state.name, event.name), ()) if when <= guards]
         assert (found[0] if found else None) == rule(state.name, event.name, guards)
+
+
+def test_what_is_written_stands_between_its_marks_and_in_the_header(tmp_path, monkeypatch):
+    monkeypatch.setattr(targets, "firmware_folder", lambda: tmp_path / "firmware")
+    (tmp_path / "firmware" / "app").mkdir(parents=True)
+    (tmp_path / "docs").mkdir()
+    page = tmp_path / "docs" / "firmware.md"
+    marks = "<!-- from esea_gen/emit/states.py -->", "<!-- to here -->"
+    page.write_text(f"– before\n{marks[0]}\nold\n{marks[1]}\nafter\n", encoding="utf-8")
+    for _ in range(2):  # again: the same
+        main()
+        assert page.read_text(encoding="utf-8") == (
+            f"– before\n{marks[0]}\n\n{state_tables()}\n{marks[1]}\nafter\n"
+        )
+        header = (tmp_path / "firmware" / "app" / "states.h").read_text(encoding="utf-8")
+        assert header == states_header()

@@ -10,7 +10,19 @@ from hypothesis import strategies as st
 
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.formats.floating import print_kernel
-from esea_gen.emit.walker import UnsupportedOperationError, fuse_selects, walk
+from esea_gen.emit.walker import (
+    Kernel,
+    Node,
+    StatusWord,
+    UnsupportedOperationError,
+    fuse_selects,
+    labelled_kernel,
+    status_words,
+    use_counts,
+    walk,
+)
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 
 
 def evaluate(kernel, inputs):
@@ -75,6 +87,95 @@ def test_selects_are_fused_and_dead_nodes_dropped():
     assert kernel.cost()["pow"] == 1
 
 
+@pytest.mark.parametrize("arms", [(0, 1), (1, 0)])
+@pytest.mark.parametrize("opposed", [2, 3])
+def test_two_arms_of_a_condition_and_its_opposite_are_fused_in_either_order(arms, opposed):
+    # x where x < y, and y where that, or else y < x, does not hold.
+    nodes = [
+        Node("input", source=(0, 0)),
+        Node("input", source=(1, 0)),
+        Node("lt", (1, 0)),
+        Node("lt", (0, 1)),
+        Node("not", (opposed,)),
+        Node("if_else_zero", (3, 0)),
+        Node("if_else_zero", (4, 1)),
+    ]
+    nodes.append(Node("add", (5 + arms[0], 5 + arms[1])))
+    nodes.append(Node("sub", (7, 1)))
+    made = fuse_selects(Kernel("f", tuple(nodes), ((8, 2), (7,))))
+    if opposed == 2:
+        assert made.nodes == tuple(nodes)
+        return
+    # The other condition is a result, the opposite and both arms are nobody's.
+    assert made.nodes == (
+        *nodes[:4],
+        Node("select", (3, 0, 1)),
+        Node("sub", (4, 1)),
+    )
+    assert made.results == ((5, 2), (4,))
+
+
+def word_kernel(*more: Node) -> Kernel:
+    """Bits 0, 1 and 3 of a word by three conditions; results are a sum, the word, its first bit."""
+    nodes = (
+        Node("input", source=(0, 0)),
+        Node("input", source=(1, 0)),
+        Node("lt", (0, 1)),
+        Node("le", (1, 0)),
+        Node("eq", (0, 1)),
+        *(Node("const", value=v) for v in (1.0, 2.0, 8.0)),
+        Node("if_else_zero", (2, 5)),
+        Node("if_else_zero", (3, 6)),
+        Node("add", (8, 9)),
+        Node("if_else_zero", (4, 7)),
+        Node("add", (10, 11)),
+        Node("add", (0, 1)),
+        *more,
+    )
+    return Kernel("f", nodes, ((13,), (12,), (8,)))
+
+
+def test_bits_of_a_status_word_from_the_lowest_up():
+    kernel = word_kernel()
+    uses = use_counts(kernel)
+    assert uses == [4, 4, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0]
+    word = StatusWord(((2, 0), (3, 1), (4, 3)), frozenset({8, 9, 10, 11}))
+    first = StatusWord(((2, 0),), frozenset())
+    for words, found in (
+        ((), {}),
+        ((0,), {}),
+        ((1,), {12: word}),
+        ((2,), {8: first}),
+        ((0, 2, 1), {12: word, 8: first}),
+    ):
+        assert status_words(kernel, words, uses) == found
+    # A sum inside that something else takes too; the word itself may be taken.
+    for taken, found in ((10, {}), (11, {}), (9, {}), (12, {12: word})):
+        other = word_kernel(Node("neg", (taken,)))
+        assert status_words(other, (1,), use_counts(other)) == found
+
+
+def test_what_no_result_needs_and_a_constant_have_no_label():
+    def step(_c, _s, u, _guard, label):
+        label("unread", u.x * 3)
+        label("number", ca.SX(2.5))
+        return {}, {"y": label("sum", u.x + 2.5, "why")}
+
+    block = Block.define(
+        "labelled",
+        "Labels",
+        period_s=0.001,
+        state=(),
+        inputs=(Port("x", -1.0, 1.0, "in", on_invalid=0.0),),
+        outputs=(Port("y", -9.0, 9.0, "out"),),
+        step=step,
+    )
+    kernel, labels = labelled_kernel(block, lambda k: k)
+    named = {name: (kernel.nodes[i].op, said) for i, name, said in labels}
+    assert named["sum"] == ("add", "why")
+    assert not {"unread", "number"} & set(named)
+
+
 def test_the_listing_tells_every_constant_exactly():
     x = ca.SX.sym("x")
     one = walk(ca.Function("f", [x], [x * 0.1])).listing()
@@ -84,8 +185,12 @@ def test_the_listing_tells_every_constant_exactly():
 
 def test_what_cannot_be_emitted_is_refused():
     x = ca.SX.sym("x")
-    with pytest.raises(UnsupportedOperationError, match="cannot be emitted"):
-        walk(ca.Function("f", [x], [ca.erf(x)]))
+    number = ca.OP_ERF
+    with pytest.raises(UnsupportedOperationError) as told:
+        walk(ca.Function("f", [x], [ca.erf(x + 1)]))
+    said = f"f: CasADi operation number {number} at instruction 3 cannot be emitted"
+    assert told.value.what.startswith(said)
+    assert told.value.fix == "Try another number format with --real."
     kernel = walk(ca.Function("f", [x], [x**20.5]))
     with pytest.raises(UnsupportedOperationError, match=r"20\.5"):
         print_kernel(kernel, FORMATS["f32"], lambda a, e: ("x", "in->x"), {})

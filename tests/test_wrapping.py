@@ -61,13 +61,42 @@ CODE = {
         "    outer_function_name(inner(a_long_argumen));",
         "    outer_function_name(\n            inner(a_long_argumen));",
     ),
+    "not within the first third, where there is a later place": (
+        "    aaaaaaaa || bbbbbbbbbb * cccccccccc * dddd;",
+        "    aaaaaaaa || bbbbbbbbbb * cccccccccc\n            * dddd;",
+    ),
+    "but right behind it": (
+        "    aaaaaaaaa || bbbbbbbbbb * cccccccccc * dddd;",
+        "    aaaaaaaaa\n            || bbbbbbbbbb * cccccccccc\n            * dddd;",
+    ),
+    "what stands deeper goes deeper, three times at most": (
+        "    a(b, c(d, e(f, g(h, i(jjjjjjjjjjjj, kkkkkkkkkkkkkkk)))));",
+        "    a(b, c(d,\n                e(f,\n                    g(h, i(jjjjjjjjjjjj,\n"
+        "                        kkkkkkkkkkkkkkk)))));",
+    ),
     "a macro carries on": (
         "#define NAME (aaaaaaaaaaaaa + bbbbbbbb + ccccccccccc)",
         "#define NAME (aaaaaaaaaaaaa + bbbbbbbb \\\n        + ccccccccccc)",
     ),
+    "with room for its backslash": (
+        "#define NAME (aaaaaaaaaaaaa + bbbbbbbbb + ccccccccccc)",
+        "#define NAME (aaaaaaaaaaaaa \\\n        + bbbbbbbbb + ccccccccccc)",
+    ),
+    "an index is no call": (
+        "    an_array_of_names[another_array_of_names[iiiii]];",
+        "    an_array_of_names[another_array_of_names[iiiii]];",
+    ),
     "a string stays whole": (
         '    say("a + b, c && d || e \\" f+g", x, yyyyyyyy);',
         '    say("a + b, c && d || e \\" f+g", x,\n            yyyyyyyy);',
+    ),
+    "commas inside a string are none": (
+        '    say(xxxxxxxxxx, "aaaa, bbbb, cccccc, dddd");',
+        '    say(xxxxxxxxxx,\n            "aaaa, bbbb, cccccc, dddd");',
+    ),
+    "a quote between quotes of the other kind begins no string": (
+        "    put(xxxxxxxxxx, '\"', aaaa, bbbbbbbbbbbbbb, cc);",
+        "    put(xxxxxxxxxx, '\"', aaaa,\n            bbbbbbbbbbbbbb, cc);",
     ),
     "a negative number is no difference": (
         "    x = call(aaaaaaaaaaaaaaaaaa, -bbbb) + - ccccc;",
@@ -120,6 +149,22 @@ COMMENTS = {
     "a column goes on below itself": (
         "/* name    one two three four five six seven */",
         "/* name    one two three four five six\n *         seven */",
+    ),
+    "up to the middle of the line": (
+        "/* name             one two three four five six */",
+        "/* name             one two three four\n *                  five six */",
+    ),
+    "and no further": (
+        "/* name              one two three four five six */",
+        "/* name              one two three four\n * five six */",
+    ),
+    "of three columns below the last": (
+        "/* a    b   one two three four five six seven */",
+        "/* a    b   one two three four five six\n *          seven */",
+    ),
+    "a word longer than a line stays whole": (
+        f"/* one two {'x' * 45} three */",
+        f"/* one two\n * {'x' * 45}\n * three */",
     ),
     "long-named words are not cut": (
         "/* one two three-four-five-six-seven-eighty */",

@@ -131,7 +131,9 @@ def plain(value: Any) -> Any:
         Lists for arrays, None for what is not finite; anything else as it is.
     """
     if isinstance(value, np.ndarray):
-        return [plain(v) for v in value.tolist()]
+        return plain(value.tolist())
+    if isinstance(value, list):
+        return [plain(v) for v in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value

@@ -76,12 +76,9 @@ class StepMetrics:
         return lines
 
 
-def _crossing(time: Array, way: Array, level: float) -> float | None:
+def _crossing(time: Array, way: Array, level: float) -> float:
     """First time at which ``way`` reaches a level, between samples on a straight line."""
-    above = np.flatnonzero(way >= level)
-    if not above.size:
-        return None
-    k = int(above[0])
+    k = int(np.flatnonzero(way >= level)[0])
     if k == 0:
         return float(time[0])
     return float(
@@ -150,9 +147,9 @@ def _oscillation(
 
 def _way(t: Array, way: Array, step_s: float, tail_s: float) -> dict[str, float | None]:
     """Rise, settling and overshoot of a response as a share of its way from 0 to 1."""
-    low, high = _crossing(t, way, 0.1), _crossing(t, way, 0.9)
+    # The tail's mean is 1: both levels are reached.
     return {
-        "rise_s": None if low is None or high is None else high - low,
+        "rise_s": _crossing(t, way, 0.9) - _crossing(t, way, 0.1),
         "settling_2_s": _after(_settling(t, np.abs(way - 1), 0.02, tail_s), step_s),
         "settling_5_s": _after(_settling(t, np.abs(way - 1), 0.05, tail_s), step_s),
         "overshoot_percent": 100 * max(float(np.max(way)) - 1, 0.0),

@@ -33,21 +33,20 @@ def box_qp(
         point of the box nearest to 0 (0 for an invalid input) and the status says so.
     """
     b = Builder()
-    size = max(1, n * (n + 1) // 2)
+    memory = add_box_qp(b, n, cap)
     inputs = (
-        Port("H", -largest, largest, "Hessian, lower triangle row by row", size),
-        Port("f", -largest, largest, "gradient at 0", max(1, n)),
-        Port("low", -largest, largest, "lower bounds", max(1, n)),
-        Port("high", -largest, largest, "upper bounds", max(1, n)),
-        Port("start", -largest, largest, "where to start", max(1, n)),
+        Port("H", -largest, largest, "Hessian, lower triangle row by row", memory.H.size),
+        Port("f", -largest, largest, "gradient at 0", n),
+        Port("low", -largest, largest, "lower bounds", n),
+        Port("high", -largest, largest, "upper bounds", n),
+        Port("start", -largest, largest, "where to start", n),
     )
     outputs = (
-        Port("x", -largest, largest, "minimum, or the best point found", max(1, n)),
+        Port("x", -largest, largest, "minimum, or the best point found", n),
         Port("residual", 0, largest, "largest projected gradient step, in widths of the box"),
         Port("iterations", 0, 1000, "changes of the active set"),
         Port("status", 0, 15, "what is known of x", flags=FLAGS),
     )
-    memory = add_box_qp(b, n, cap)
     u = declare_ports(b, "in", inputs)
     y = declare_ports(b, "out", outputs)
     valid = b.array("valid", 1, "local")

@@ -196,7 +196,7 @@ def _requests(block: Block, rng: np.random.Generator) -> Stream:
         j.put(2, stop=1.0)
         j.at += 3
 
-    def request(jump: int = 1, **others: float) -> None:
+    def request(jump: int, **others: float) -> None:
         rearm[j.at :] = (rearm[j.at] + jump) % 8
         quiet = {"mode": 0.0, "u_command_Nm": 0.0} | others
         j.put(4, **quiet)

@@ -243,7 +243,7 @@ class _Run:
         self.given |= given
         self.simulator.release(self.now)
         for task in self.system.tasks:
-            if self.now >= task.phase and (self.now - task.phase) % task.every == 0:
+            if (self.now - task.phase) % task.every == 0:
                 out = self.simulator.step(task.name, **self._inputs(task))
                 self.out |= {n: float(v) for n, v in out.items() if np.size(v) == 1}
         self.now += 1

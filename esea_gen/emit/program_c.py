@@ -288,7 +288,7 @@ class _Writer:
     def place(self, ref: Ref, element: int, context: _Context) -> str:
         """C expression of one element of a slice."""
         m = self.program.memory[ref.array]
-        local = m.name.split(".", 1)[-1]
+        local = m.name.rpartition(".")[2]
         at = self._index(ref.start + element * ref.stride, context)
         if m.region == "table":
             self.used.add(m.name)

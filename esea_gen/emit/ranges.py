@@ -207,8 +207,8 @@ class _Arithmetic:
         if c < 1 and bottom > 0:  # away from zero the slope at the lower end bounds it
             a = min(a, c * bottom ** (c - 1) * x.a)
         r = math.expm1(c * math.log1p(x.r))
-        if c < 1 and x.r < 1:
-            r = -math.expm1(c * math.log1p(-x.r))  # then the lower side errs more
+        if c < 1:  # then the lower side errs more, by all of it at most
+            r = -math.expm1(c * math.log1p(-x.r)) if x.r < 1 else max(r, 1.0)
         if not self.fmt.needs_libm and x.high > 0:
             # The exponent is stored in 27 fractional bits; below 2^-149 the power underflows.
             dc = abs(exponent_q27(c) * 2.0**-EXPONENT_FRACTION_BITS - c)
@@ -320,7 +320,7 @@ def _is_sign(kernel: Kernel, comparison: Node, values: Sequence[RangeValue]) -> 
 
 def _needed(kernel: Kernel, results: Sequence[Sequence[int]]) -> set[int]:
     needed = {i for r in results for i in r}
-    for i in range(len(kernel.nodes) - 1, -1, -1):
+    for i in reversed(range(len(kernel.nodes))):
         if i in needed:
             needed.update(kernel.nodes[i].args)
     return needed

@@ -18,7 +18,7 @@ from esea_gen.language.block import Block
 
 # CasADi's operation codes, by the name used here.  An operation that is not in this table cannot be
 # emitted, and the walker says so.
-_UNARY = {
+_OPERATIONS = {
     ca.OP_NEG: "neg",
     ca.OP_SQ: "sq",
     ca.OP_TWICE: "twice",
@@ -30,8 +30,6 @@ _UNARY = {
     ca.OP_FABS: "fabs",
     ca.OP_SIGN: "sign",
     ca.OP_NOT: "not",
-}
-_BINARY = {
     ca.OP_ADD: "add",
     ca.OP_SUB: "sub",
     ca.OP_MUL: "mul",
@@ -142,15 +140,15 @@ def _walked(function: ca.Function) -> Kernel:
         if op == ca.OP_CONST:
             work[o[0]] = add(Node("const", value=float(function.instruction_constant(k))))
         elif op == ca.OP_INPUT:
-            work[o[0]] = add(Node("input", source=(i[0], i[1])))
+            argument, element = i
+            work[o[0]] = add(Node("input", source=(argument, element)))
         elif op == ca.OP_OUTPUT:
-            results[o[0]][o[1]] = work[i[0]]
+            result, element = o
+            results[result][element] = work[i[0]]
         elif op == ca.OP_ASSIGN:
             work[o[0]] = work[i[0]]
-        elif op in _UNARY:
-            work[o[0]] = add(Node(_UNARY[op], (work[i[0]],)))
-        elif op in _BINARY:
-            work[o[0]] = add(Node(_BINARY[op], (work[i[0]], work[i[1]])))
+        elif op in _OPERATIONS:
+            work[o[0]] = add(Node(_OPERATIONS[op], tuple(work[a] for a in i)))
         else:
             raise UnsupportedOperationError(
                 f"{function.name()}: CasADi operation number {op} at instruction {k} cannot be "
@@ -162,7 +160,7 @@ def _walked(function: ca.Function) -> Kernel:
 def needed_nodes(kernel: Kernel) -> list[int]:
     """Indices of the nodes that a result needs, rising."""
     needed = {i for r in kernel.results for i in r}
-    for i in range(len(kernel.nodes) - 1, -1, -1):
+    for i in reversed(range(len(kernel.nodes))):
         if i in needed:
             needed.update(kernel.nodes[i].args)
     return sorted(needed)
@@ -221,9 +219,9 @@ def fuse_selects(kernel: Kernel) -> Kernel:
         for a, b in (n.args, n.args[::-1]):
             x, y = nodes[a], nodes[b]
             if x.op == y.op == "if_else_zero":
-                inverse = nodes[y.args[0]]
-                if inverse.op == "not" and inverse.args == (x.args[0],):
-                    nodes[i] = Node("select", (x.args[0], x.args[1], y.args[1]))
+                (condition, yes), (inverse, no) = x.args, y.args
+                if nodes[inverse] == Node("not", (condition,)):
+                    nodes[i] = Node("select", (condition, yes, no))
                     break
     return prune(Kernel(kernel.name, tuple(nodes), kernel.results))
 
@@ -241,7 +239,7 @@ def calls_first(kernel: Kernel) -> Kernel:
     nodes = kernel.nodes
     leads = [n.op in LONG for n in nodes]
     follows = list(leads)
-    for i in range(len(nodes) - 1, -1, -1):
+    for i in reversed(range(len(nodes))):
         if leads[i]:
             for a in nodes[i].args:
                 leads[a] = True
@@ -313,6 +311,6 @@ def status_words(
                 break
             parts.add(i)
         else:
-            if len({k for _, k in flags}) == len(flags) > 0:
+            if len({k for _, k in flags}) == len(flags):
                 found[root] = StatusWord(tuple(flags), frozenset(parts - {root}))
     return found

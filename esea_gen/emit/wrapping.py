@@ -77,11 +77,7 @@ def _code(line: str, width: int) -> list[str]:
     trailing = _TRAILING.match(line)
     if trailing and trailing["text"]:
         above = f"{' ' * indent}/* {trailing['text']} */"
-        code = trailing["code"]
-        return [
-            *(_comment(above, width, False) if len(above) > width else [above]),
-            *(_code(code, width) if len(code) > width else [code]),
-        ]
+        return wrap(f"{above}\n{trailing['code']}", width).splitlines()
     macro = line.startswith("#")
     return list(_broken(line, indent, width - 2 if macro else width, " \\" if macro else ""))
 

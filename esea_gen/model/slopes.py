@@ -121,17 +121,17 @@ class _Form:
         given = [getattr(c, p.name) for p in block.coefficients]
         given += [getattr(s, p.name) for p in block.state]
         given += [getattr(u, p.name) for p in block.inputs]
-        found = ca.substitute(
+        memory, wanted, followed, slopes_now = ca.substitute(
             [self.next, self.wanted, ca.vertcat(*moved), ca.vertcat(*_by_output(slopes))],
             [x for group in self.symbols for x in group],
             given,
         )
-        nexts = ca.vertsplit(found[0], np.cumsum([0, *(p.size for p in block.state)]).tolist())
+        nexts = ca.vertsplit(memory, np.cumsum([0, *(p.size for p in block.state)]).tolist())
         out = {p.name: v for p, v in zip(block.state, nexts, strict=True)}
         if moved:
-            out["s_slopes"] = found[2]
-        values = dict(zip(self.outputs, ca.vertsplit(found[1]), strict=True))
-        return out, values | {"slopes": found[3]}
+            out["s_slopes"] = followed
+        values = dict(zip(self.outputs, ca.vertsplit(wanted), strict=True))
+        return out, values | {"slopes": slopes_now}
 
     def _known(self, c: Any, s: Any) -> tuple[ca.SX, ca.SX]:
         by_tunable = ca.SX(self.seeds, c.c_slopes)
@@ -146,10 +146,11 @@ class _Form:
     def _along(self, k: int, known: tuple[ca.SX, ca.SX]) -> tuple[ca.SX, ca.SX]:
         # What tunable k does to next state and outputs: through the coefficients, and through the
         # state.  The first has no number where a power's base is 0: its share is 0 there.
+        by_tunable, by_state = known
         every = ca.vertcat(self.next, self.wanted)
-        direct = ca.jtimes(every, self.c, known[0][:, k])
+        direct = ca.jtimes(every, self.c, by_tunable[:, k])
         direct = ca.if_else(ca.fabs(direct) <= FAR, direct, 0)
-        total = direct + ca.jtimes(every, self.s, known[1][:, k])
+        total = direct + ca.jtimes(every, self.s, by_state[:, k])
         return total[: self.next.shape[0]], total[self.next.shape[0] :]
 
 

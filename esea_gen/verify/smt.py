@@ -120,7 +120,8 @@ def ask(script: Script, question: str, limit_s: int) -> Answer:
     # Without a model get-value is an error; before check-sat none may stand.
     if said not in ("sat", "unsat", "unknown") or done.stderr:
         raise RuntimeError(f"z3 did not understand:\n{(done.stdout + done.stderr)[:2000]}")
-    pairs = re.findall(r"\((\|[^|]+\|) (.+?)\)(?=\n |\)?\s*$)", rest, re.M) if said == "sat" else []
+    # A value is an atom, or one pair of brackets: (fp #b0 #x7f #b0...).
+    pairs = re.findall(r"\((\|[^|]+\|)\s+(\([^()]*\)|[^\s()]+)\)", rest) if said == "sat" else []
     return Answer(said, {name.strip("|"): value for name, value in pairs})
 
 

@@ -25,6 +25,7 @@ from esea_gen.emit.fixed.values import (
 from esea_gen.emit.walker import Node
 
 SHIFTED_FRACTION_BITS = 60
+LEAST_SHIFT = -127  # of a quotient
 
 
 class Arithmetic(LoweringBase):
@@ -62,11 +63,11 @@ class Arithmetic(LoweringBase):
 
         def whole(at: int) -> Value:
             # Nothing is lost: what ends in comparisons alone decides as it should.
-            (a, ea, ca), (b, eb, cb) = (self.align(k, at, 64) for k in n.args)
+            (a, _, ca), (b, _, cb) = (self.align(k, at, 64) for k in n.args)
             total = join(a, b, 64)
             narrow = ex.INT32[0] <= total.low and total.high <= ex.INT32[1]
             kept = ex.cast(total, 32) if narrow else total
-            return Value(kept, at, ea + eb, 0, stored(ca, cb))
+            return Value(kept, at, 0.0, 0, stored(ca, cb))
 
         def finish(at: int, f: int, bits: int) -> Value:
             (a, ea, ca), (b, eb, cb) = (self.align(k, at, bits) for k in n.args)
@@ -78,7 +79,7 @@ class Arithmetic(LoweringBase):
         return self._settle(i, min(best_fraction(low, high, self._limit(i)), natural), build)
 
     def _product(self, i: int, n: Node) -> Value:
-        a, b = (n.args * 2)[:2] if n.op == "sq" else n.args
+        a, b = (*n.args, *n.args) if n.op == "sq" else n.args
         for one, other in ((a, b), (b, a)):
             c = self._constant(one)
             if c is None or self._constant(other) is not None or not is_power(c):
@@ -88,8 +89,7 @@ class Arithmetic(LoweringBase):
                 return self._shifted(other, c)
         (al, ah), (bl, bh) = self._ends(a), self._ends(b)
         corners = [p * q for p in (al, ah) for q in (bl, bh)]
-        low = Fraction(0) if a == b and al <= 0 <= ah else min(corners)
-        low, high = self._cut(i, low, max(corners))
+        low, high = self._cut(i, min(corners), max(corners))
         bits = self._bits(i)
 
         def operand(k: int, partner: int) -> tuple[Expr, int, float]:
@@ -110,7 +110,7 @@ class Arithmetic(LoweringBase):
 
         def build(f: int) -> Value:
             shift = fx + fy - f
-            room = 64 if bits == 64 or i in self.facts else bits
+            room = 64 if i in self.facts else bits
             product = ex.mul(x, y, shift, room)
             product = ex.cast(self._within(i, product, f), bits)
             local = 0.5 * 2.0**-f if shift else 0.0
@@ -128,7 +128,8 @@ class Arithmetic(LoweringBase):
         return Value(expr, v.fraction - power)
 
     def _quotient(self, i: int, n: Node) -> Value:
-        (nl, nh), (dl, dh) = (self._ends(a) for a in n.args)
+        dividend_node, divisor_node = n.args
+        (nl, nh), (dl, dh) = self._ends(dividend_node), self._ends(divisor_node)
         if dl <= 0 <= dh:
             raise self._fail(
                 i,
@@ -137,25 +138,24 @@ class Arithmetic(LoweringBase):
             )
         corners = [p / q for p in (nl, nh) for q in (dl, dh)]
         low, high = self._cut(i, min(corners), max(corners))
-        divisor = n.args[1]
-        d, fd = self._value(divisor).expr, self._value(divisor).fraction
-        constant = self._constant(n.args[0])
+        divisor = self._value(divisor_node)
+        constant = self._constant(dividend_node)
 
         def cut(f: int) -> Value:
             error = 0.0
             if constant is not None:
                 fn = best_fraction(constant, constant, WIDE_LIMIT)
-                dividend, _, error = self.align(n.args[0], fn, 64)
+                dividend, _, error = self.align(dividend_node, fn, 64)
             else:
-                v = self._value(n.args[0])
+                v = self._value(dividend_node)
                 dividend, fn = ex.cast(v.expr, 64), v.fraction
-            k = f + fd - fn
+            k = f + divisor.fraction - fn
             least, most = math.floor(low * two(f)) - 1, math.ceil(high * two(f)) + 1
             if i in self.facts:
                 least, most = (math.floor(low * two(f)), math.ceil(high * two(f)))
-            if max(abs(least), abs(most)) > ex.INT64[1] >> 1 or not -127 <= k <= 127:
-                raise OverflowProofError("quotient above 2^62")
-            args = dividend, ex.cast(d, 64)
+            if k < LEAST_SHIFT:
+                raise OverflowProofError(f"quotient shifted by {k}")
+            args = dividend, ex.cast(divisor.expr, 64)
             q = ex.call("divide", args, 64, least, most, k, least, most)
             bits = self._bits(i)
             return Value(
@@ -209,13 +209,13 @@ class Arithmetic(LoweringBase):
             return ex.cast(ex.round_shift(special.expr, special.fraction - at), bits), 0.0
 
         def finish(at: int, f: int, bits: int) -> Value:
-            pairs = [operand(k, at, bits) for k in args]
-            joined = ex.round_shift(join(pairs[0][0], pairs[1][0], bits), at - f)
+            (a, ca), (b, cb) = (operand(k, at, bits) for k in args)
+            joined = ex.round_shift(join(a, b, bits), at - f)
             joined = ex.cast(self._within(i, joined, f), self._bits(i))
             # Rounding and choosing commute: only an operand that is finer than the result loses.
             first = int(self.kernel.nodes[i].op not in ("fmin", "fmax"))  # after a condition
             errors = {}
-            for position, (k, (_, constant)) in enumerate(zip(args, pairs, strict=True)):
+            for position, (k, constant) in enumerate(zip(args, (ca, cb), strict=True)):
                 finer = self._constant(k) is None and self._fraction(k) > f
                 errors[first + position] = constant + (0.5 * 2.0**-f if finer else 0.0)
             return Value(joined, f, 0.0, 0, errors)
@@ -223,40 +223,44 @@ class Arithmetic(LoweringBase):
         return self._settle(i, min(best, natural), lambda f: self._narrowest(i, finish, natural, f))
 
     def _select(self, i: int, n: Node) -> Value:
-        condition = self._condition(n.args[0])
-        args = n.args[1:] if n.op == "select" else (n.args[1], ZERO)
-        implied = self._implied(n.args[0], {})
+        test, *arms = n.args
+        one, other = arms if n.op == "select" else (*arms, ZERO)
+        condition = self._condition(test)
+        implied = {} if condition.op == "literal" else self._implied(test, {})
         override: dict[int, Value] = {}
-        for k in args[:1]:
-            found = None if self._constant(k) is not None else self.values[k]
-            if k in implied and found is not None and found.expr.op == "ref":
-                low, high = implied[k]
-                e = found.expr
-                if low > e.low or high < e.high:
-                    # The test stands again where it is used, so that an analyser sees it too.
-                    low, high = max(low, e.low), min(high, e.high)
-                    tests = (
-                        ex.compare("le", e, ex.literal(high, e.bits)),
-                        ex.compare("le", ex.literal(low, e.bits), e),
-                    )
-                    test = ex.logic("and", *tests)
-                    condition = (
-                        test if self._tests_only(n.args[0], k) else ex.logic("and", test, condition)
-                    )
-                    override[k] = Value(
-                        Expr("ref", (), e.bits, low, high, (), e.name), found.fraction
-                    )
+        found = None if self._constant(one) is not None else self.values[one]
+        if one in implied and found is not None and found.expr.op == "ref":
+            e, (low, high) = found.expr, implied[one]
+            if low > e.low or high < e.high:
+                # The test stands again where it is used, so that an analyser sees it too.
+                low, high = max(low, e.low), min(high, e.high)
+                again = ex.logic(
+                    "and",
+                    ex.compare("le", e, ex.literal(high, e.bits)),
+                    ex.compare("le", ex.literal(low, e.bits), e),
+                )
+                only = self._tests_only(test, one)
+                condition = again if only else ex.logic("and", again, condition)
+                override[one] = Value(
+                    Expr("ref", (), e.bits, low, high, (), e.name), found.fraction
+                )
         ends = [
-            (override[k].low, override[k].high) if k in override else self._ends(k) for k in args
+            (override[k].low, override[k].high) if k in override else self._ends(k)
+            for k in (one, other)
         ]
         if condition.op == "literal":
-            chosen = args[0] if condition.data[0] else args[1]
+            chosen = one if condition.low else other
             if self._constant(chosen) is None:
                 v = self._value(chosen)
                 return Value(v.expr, v.fraction)
-        least, most = min(e[0] for e in ends), max(e[1] for e in ends)
+        least, most = min(low for low, _ in ends), max(high for _, high in ends)
         return self.aligned(
-            i, args, least, most, lambda a, b, bits: ex.choose(condition, a, b, bits), override
+            i,
+            (one, other),
+            least,
+            most,
+            lambda a, b, bits: ex.choose(condition, a, b, bits),
+            override,
         )
 
     def _implied(self, i: int, found: dict[int, tuple[int, int]]) -> dict[int, tuple[int, int]]:
@@ -266,7 +270,8 @@ class Arithmetic(LoweringBase):
             for a in n.args:
                 self._implied(a, found)
         elif n.op in ("le", "lt"):
-            for k, other, upper in ((n.args[0], n.args[1], True), (n.args[1], n.args[0], False)):
+            a, b = n.args
+            for k, other, upper in ((a, b, True), (b, a, False)):
                 c = self._constant(other)
                 if c is None or self._constant(k) is not None:
                     continue
@@ -277,8 +282,10 @@ class Arithmetic(LoweringBase):
         return found
 
     def _tests_only(self, i: int, k: int) -> bool:
-        # Whether a condition is no more than comparisons of one value with numbers.
+        # Whether a condition is no more than comparisons of one value, as all see it, with numbers.
         n = self.kernel.nodes[i]
+        if i in self.checks:
+            return False
         if n.op == "and":
             return all(self._tests_only(a, k) for a in n.args)
         others = [a for a in n.args if a != k]
@@ -338,7 +345,7 @@ class Arithmetic(LoweringBase):
 
         def build(f: int) -> Value:
             shift = v.fraction + f_c - f
-            room = 64 if self._bits(i) == 64 or i in self.facts else 32
+            room = 64 if i in self.facts else self._bits(i)
             product = ex.cast(self._within(i, ex.mul(v.expr, y, shift, room), f), self._bits(i))
             return Value(product, f, 0.5 * 2.0**-f if shift else 0.0, relative)
 

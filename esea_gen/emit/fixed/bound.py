@@ -171,7 +171,7 @@ def _pow(x: Span, c: float) -> Span:
             below = low * (1 - x.r) - x.a
             safe = np.where(below > 0, below, 1.0)
             a = np.where(below > 0, np.minimum(x.a**c, c * safe ** (c - 1) * x.a), x.a**c)
-            r = -np.expm1(c * np.log1p(-np.minimum(x.r, 0.5)))
+            r = _root_share(x.r, c)
         ends = low**c, high**c
     # The exponent is off by half of 2^-27.  Where x stays away from 0 that is a relative error;
     # else x^c |ln x| is bounded: it rises up to x = exp(-1/c) and falls from there to 1.
@@ -187,6 +187,13 @@ def _pow(x: Span, c: float) -> Span:
     return Span(*ends, a + np.where(use, 0.0, tilt), r + np.where(use, relative, 0.0))
 
 
+def _root_share(r: Array, c: float) -> Array:
+    # The share by which x^c errs, 0 < c < 1, where x does by r: more on the lower side, by all of
+    # it at most.
+    above = np.maximum(1.0, np.expm1(c * np.log1p(r)))
+    return np.where(r <= 0.5, -np.expm1(c * np.log1p(-np.minimum(r, 0.5))), above)
+
+
 def _monotone(x: Span, name: str) -> Span:
     e, zero = x.error, np.zeros_like(x.low)
     if name == "exp":
@@ -196,12 +203,10 @@ def _monotone(x: Span, name: str) -> Span:
     if name == "sqrt":
         low, high = np.maximum(x.low, 0.0), np.maximum(x.high, 0.0)
         # |sqrt(x + a) - sqrt(x)| <= sqrt(a), and a / sqrt(x) away from zero.
-        root = np.sqrt(x.a)
-        safe = np.where(low > 0, low, 1.0)
-        a = np.where(low > 0, np.minimum(root, x.a / np.sqrt(safe)), root)
-        return Span(
-            np.sqrt(low), np.sqrt(high), a, -np.expm1(0.5 * np.log1p(-np.minimum(x.r, 0.5)))
-        )
+        root, below = np.sqrt(x.a), low * (1 - x.r)
+        safe = np.where(below > 0, below, 1.0)
+        a = np.where(below > 0, np.minimum(root, x.a / np.sqrt(safe)), root)
+        return Span(np.sqrt(low), np.sqrt(high), a, _root_share(x.r, 0.5))
     if np.any(x.low - e <= 0):
         raise RangeError("log of a range that reaches zero")
     return Span(np.log(x.low), np.log(x.high), -np.log1p(-e / x.low), zero)
@@ -339,7 +344,7 @@ def numeric_nodes(
     """
     kernel = lowered.kernel
     needed = {i for k, r in enumerate(kernel.results) if k not in flag_results for i in r}
-    for i in range(len(kernel.nodes) - 1, -1, -1):
+    for i in reversed(range(len(kernel.nodes))):
         if i in needed and i not in solved:
             needed.update(kernel.nodes[i].args)
     return needed
@@ -446,7 +451,7 @@ class _Node:
         if n.op in ("and", "or", "not"):
             return _logic(n.op, v), ""
         exponent = kernel.nodes[n.args[1]].value if n.op == "pow" else 0.0
-        result = _operation(n.op, v, n.op == "sq" or n.args[0] == n.args[-1], exponent)
+        result = _operation(n.op, v, n.args[0] == n.args[-1], exponent)
         low, high = result.low, result.high
         if self.fact is not None:
             low = np.maximum(low, self.fact[0])

@@ -118,20 +118,18 @@ class Elementary(Arithmetic):
             raise self._fail(
                 i, f"its argument reaches {low:.6g}", "Add a positive offset to the argument."
             )
-        ends = Fraction(math.log(low)), Fraction(math.log(high))
+        least, most = Fraction(math.log(low)), Fraction(math.log(high))
 
         def build(f: int) -> Value:
-            least, most = math.floor(ends[0] * two(f)) - 2, math.ceil(ends[1] * two(f)) + 2
+            bottom, top = math.floor(least * two(f)) - 2, math.ceil(most * two(f)) + 2
             e = ex.call("log", (v.expr,), 64, -(2**62), 2**62, v.fraction, f)
             log2 = max(abs(math.log2(low)), abs(math.log2(high)))
             base = 2.0**-31 if v.expr.bits == 64 else 0.0
             local = math.log(2) * functions.LOG2_ERROR + log2 * 2.0**-32 + 2.0**-33 + base
-            cut = ex.cast(ex.clamp(e, least, most), self._bits(i))
+            cut = ex.cast(ex.clamp(e, bottom, top), self._bits(i))
             return Value(cut, f, local + 0.5 * 2.0**-f)
 
-        best = best_fraction(
-            min(ends[0], Fraction(-1, 8)), max(ends[1], Fraction(1, 8)), self._limit(i)
-        )
+        best = best_fraction(least, max(most, Fraction(1, 8)), self._limit(i))
         return self._settle(i, min(best, 52), build)
 
     def _root(self, i: int, n: Node, v: Value, low: float, high: float) -> Value:

@@ -35,8 +35,8 @@ def _point(value: float, error: float, boxes: int) -> Span:
     # A number that is not 0 errs relatively: what it multiplies may be cut by a clip afterwards.
     if value == 0:
         return span(value, value, error, boxes)
-    whole = span(value, value, 0.0, boxes)
-    return Span(whole.low, whole.high, whole.a, np.full(boxes, error / abs(value)))
+    number = np.full(boxes, value)
+    return Span(number, number, np.zeros(boxes), np.full(boxes, error / abs(value)))
 
 
 def _finer(cuts: Sequence[float], limits: tuple[float, float]) -> list[float]:

@@ -97,10 +97,7 @@ def neg(x: Expr) -> Expr:
 
 def absolute(x: Expr) -> Expr:
     """Magnitude."""
-    most = max(abs(x.low), abs(x.high))
-    _make("abs", (x,), x.bits, -most, most)  # its negative is computed
-    low = 0 if x.low <= 0 <= x.high else min(abs(x.low), abs(x.high))
-    return _make("abs", (x,), x.bits, low, most)
+    return _make("abs", (x,), x.bits, max(x.low, -x.high, 0), max(-x.low, x.high))
 
 
 def scale(x: Expr, shift: int, bits: int) -> Expr:
@@ -347,18 +344,15 @@ def _function(x: Expr) -> tuple[str, list[str]]:
     if x.op == "divide":
         return "esea_q63_divide", [str(d[0]), _literal_text(d[1], 64), _literal_text(d[2], 64)]
     if x.op == "pow":
-        name = "esea_q63_pow" if wide or x.bits == 64 else "esea_q31_pow"
-        bits = 64 if name == "esea_q63_pow" else 32
-        return name, [str(d[0]), f"INT32_C({d[1]})", str(d[2]), _literal_text(d[3], bits)]
+        base, exponent, fraction, top = d
+        numbers = [str(base), f"INT32_C({exponent})", str(fraction)]
+        if wide or x.bits == 64:
+            return "esea_q63_pow", [*numbers, _literal_text(top, 64)]
+        return "esea_q31_pow", [*numbers, str(top)]
     if x.op == "exp":
         return "esea_q63_exp", [str(d[0]), str(d[1]), _literal_text(d[2], 64)]
-    if x.op == "log":
-        return "esea_q63_log", [str(d[0]), str(d[1])]
-    if x.op == "sqrt":
-        return "esea_q31_sqrt", [str(d[0])]
-    if x.op == "tanh":
-        return "esea_q31_tanh", [str(d[0])]
-    raise KeyError(x.op)
+    name = {"log": "esea_q63_log", "sqrt": "esea_q31_sqrt", "tanh": "esea_q31_tanh"}[x.op]
+    return name, [str(n) for n in d]
 
 
 # -- as Python -------------------------------------------------------------------------------------
@@ -368,10 +362,6 @@ Array = np.ndarray[Any, np.dtype[Any]]
 
 def _each(function: Callable[..., int], *arrays: Array) -> Array:
     return np.asarray(np.frompyfunc(function, len(arrays), 1)(*arrays))
-
-
-def _pick(condition: Array, x: Array, y: Array) -> Array:
-    return np.asarray(np.where(condition, x, y))
 
 
 _RULES: dict[str, Callable[..., Array]] = {
@@ -385,8 +375,8 @@ _RULES: dict[str, Callable[..., Array]] = {
     "mul": lambda d, x, y: (x * y + (1 << (d[0] - 1))) >> d[0],
     "mul64": lambda d, x, y: (x * y + (1 << (d[0] - 1))) >> d[0],
     "wide_mul": lambda d, x, y: x * y,
-    "min": lambda d, x, y: _pick(y < x, y, x),
-    "max": lambda d, x, y: _pick(y > x, y, x),
+    "min": lambda d, x, y: np.minimum(x, y),
+    "max": lambda d, x, y: np.maximum(x, y),
     "lt": lambda d, x, y: (x < y).astype(object) * 1,
     "le": lambda d, x, y: (x <= y).astype(object) * 1,
     "eq": lambda d, x, y: (x == y).astype(object) * 1,

@@ -42,7 +42,8 @@ def source_files() -> tuple[Path, ...]:
 @cache
 def _constants() -> tuple[dict[str, int], dict[str, tuple[int, ...]]]:
     # Read from the header that the C includes: one home for every number.
-    text = source_files()[2].read_text(encoding="ascii")
+    _, _, shared, _ = source_files()
+    text = shared.read_text(encoding="ascii")
     numbers = {}
     for name, value in re.findall(r"#define (\w+) (.+)", text):
         numbers[name] = _integer(value)

@@ -151,7 +151,7 @@ class Lowering(Elementary):
         for r, t in zip(self.kernel.results, targets, strict=True):
             for i, target in zip(r, t, strict=True):
                 self.caps[i] = min(target.fraction, self.caps.get(i, target.fraction))
-        for i in range(len(self.kernel.nodes) - 1, -1, -1):
+        for i in reversed(range(len(self.kernel.nodes))):
             n = self.kernel.nodes[i]
             if i in self.caps and n.op in ("fmin", "fmax", "select", "if_else_zero"):
                 for a in n.args[n.op in ("select", "if_else_zero") :]:

@@ -114,7 +114,7 @@ def _place(pointer: str, f: FieldPlan, element: int) -> str:
     return f"(int32_t){text}" if getattr(f.port, "flags", ()) else text
 
 
-def _sources(groups: Sequence[tuple[str, tuple[FieldPlan, ...]]], full: bool) -> Any:
+def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
     flat = [(pointer, f) for pointer, fields in groups for f in fields]
 
     def source(argument: int, element: int) -> Source:
@@ -123,7 +123,7 @@ def _sources(groups: Sequence[tuple[str, tuple[FieldPlan, ...]]], full: bool) ->
         base += "" if f.size == 1 else f"_{element}"
         # Inputs and states can hold any bit pattern, as coefficients can that the step checks; what
         # prepare made of the others is trusted.
-        free = full and pointer in ("state", "in")
+        free = pointer in ("state", "in")
         low, high = ex.INT32 if free else f.port_range if f.checked else (f.low, f.high)
         port = f.port.name + ("" if f.size == 1 else f"[{element}]")
         return Source(base, _place(pointer, f, element), f.fraction, low, high, port, f.checked)
@@ -152,7 +152,7 @@ def _prepare(
     if not block.tunables:
         return None, ()
     kernel = rewrite(fuse_selects(walk(block.prepare)))
-    source = _sources([("params", params)], False)
+    source = _sources(("params", params))
     # It runs only when a tunable changes: 64 bits throughout.
     wide = range(len(kernel.nodes))
     ranges = lower(Kernel(kernel.name, kernel.nodes, ()), source, (), wide=wide, block=block.name)
@@ -167,18 +167,8 @@ def _prepare(
         fraction = min(best_fraction(low, high), MOST_PORT_FRACTION)
         f = _field(p, fraction)
         scale = Fraction(2) ** fraction
-        fields.append(
-            FieldPlan(
-                p,
-                fraction,
-                max(f.low, math.floor(low * scale))
-                if f.low > ex.INT32[0]
-                else math.floor(low * scale),
-                min(f.high, math.ceil(high * scale))
-                if f.high < ex.INT32[1]
-                else math.ceil(high * scale),
-            )
-        )
+        least, most = math.floor(low * scale), math.ceil(high * scale)
+        fields.append(FieldPlan(p, fraction, max(f.low, least), min(f.high, most)))
     others = meanings(block, "prepare", kernel, {}, stem)
     targets = _targets(fields, True)
     made = lower(kernel, source, targets, wide=wide, block=block.name, others=others)
@@ -219,7 +209,7 @@ class Planner:
         }
         self.init = lower(
             rewrite(fuse_selects(walk(block.init))),
-            _sources([("coeffs", coeffs)], False),
+            _sources(("coeffs", coeffs)),
             _targets(self.fields["state"], False),
             block=block.name,
         )
@@ -227,10 +217,9 @@ class Planner:
     def plan(self, wide: Iterable[int] = (), why: Mapping[int, str] | None = None) -> BlockPlan:
         """Lower the step with a set of wide values."""
         chosen = frozenset(wide)
-        groups = [(g, self.fields[g]) for g in ("coeffs", "state", "in")]
         step = lower(
             self.kernel,
-            _sources(groups, True),
+            _sources(*((g, self.fields[g]) for g in ("coeffs", "state", "in"))),
             _targets((*self.fields["state"], *self.fields["out"]), False),
             labels=self.labels,
             facts=self.facts,

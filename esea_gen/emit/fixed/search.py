@@ -225,7 +225,7 @@ def coarse_values(plan: BlockPlan) -> dict[int, str]:
             for i in r:
                 targets[i] = max(f.fraction, targets.get(i, f.fraction))
     out = {}
-    for i in range(len(nodes) - 1, -1, -1):
+    for i in reversed(range(len(nodes))):
         v = plan.step.values[i]
         if i not in targets or v is None or nodes[i].boolean or nodes[i].op == "input":
             continue
@@ -280,6 +280,8 @@ def _probe(plan: BlockPlan) -> float:
             if abs(float(solution[f"label_{s.residual}"])) > RESIDUAL_SHARE * s.most:
                 continue  # the equation has no solution within its limits
             i = node[s.residual]
+            if i not in values:
+                continue  # its range alone decides its flag, so that nothing computes it
             found = plan.step.values[i]
             assert found is not None
             worst = max(worst, abs(int(values[i][0])) * 2.0**-found.fraction / s.most)

@@ -133,11 +133,14 @@ def _fits(x: Fraction, f: int, most: int) -> bool:
 
 
 def best_fraction(low: Fraction, high: Fraction, limit: int = NARROW_LIMIT) -> int:
-    """Largest number of fraction bits that a range leaves room for."""
+    """Largest number of fraction bits that a range leaves room for.
+
+    limit: largest raw number, one less than a power of two.
+    """
     most = max(abs(low), abs(high))
     if most == 0:
         return 30
-    f = limit.bit_length() - (most.numerator.bit_length() - most.denominator.bit_length()) + 2
+    f = limit.bit_length() - (most.numerator.bit_length() - most.denominator.bit_length())
     # Two's complement holds one more below zero.
     while not (_fits(high, f, limit) and _fits(-low, f, limit + 1)):
         f -= 1
@@ -202,7 +205,7 @@ class LoweringBase:
         # Values that end in comparisons alone: kept exact, so that they decide as they should.
         results = {i for r in self.kernel.results for i in r}
         free = set(range(len(self.kernel.nodes))) - results
-        for i in range(len(self.kernel.nodes) - 1, -1, -1):
+        for i in reversed(range(len(self.kernel.nodes))):
             n = self.kernel.nodes[i]
             passes = n.op in COMPARES or (i in free and n.op in EXACT)
             if not passes:

@@ -25,7 +25,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.system import System
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
-_COMPARE = {"lt": "<", "le": "<=", "eq": "==", "ne": "!=", "and": "&&", "or": "||"}
+_INFIX |= {"lt": "<", "le": "<=", "eq": "==", "ne": "!=", "and": "&&", "or": "||"}
 # Where a boolean operand is taken as it is, without turning it into a number.
 LOGICAL = frozenset({"not", "and", "or"})
 SELECTING = frozenset({"if_else_zero", "select"})
@@ -118,9 +118,8 @@ class FloatingFormat(Format):
         """
         op = node.op
         if op in _INFIX:
-            return f"{args[0]} {_INFIX[op]} {args[1]}"
-        if op in _COMPARE:
-            return f"{args[0]} {_COMPARE[op]} {args[1]}"
+            left, right = args
+            return f"{left} {_INFIX[op]} {right}"
         simple: dict[str, Callable[[], str]] = {
             "neg": lambda: f"-{args[0]}",
             "not": lambda: f"!{args[0]}",

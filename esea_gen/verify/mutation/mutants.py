@@ -111,10 +111,9 @@ def _port_mutants(block: Block, file: str, fmt: Format) -> Iterator[Mutant]:
         first = len(block.state) if group == "outputs" else 0
         rows = _block_kernel(block, function, fmt)[0].results[first:]
         if len(ports) < 2:
-            continue  # without any the printer leaves out the struct
+            continue  # of one alone, nothing is tried
         for k, p in enumerate(ports):
-            dropped = ports[:k] + ports[k + 1 :]
-            without = _with_ports(block, function, group, dropped, (first + k, None))
+            without = _with_ports(block, function, group, ports, (first + k, None))
             place = f"{group} {p.name}"
             yield Mutant(file, function, "assignment dropped", place, block, without)
             others = [q for q in (*ports[k + 1 :], *ports[:k]) if q.size == p.size and not q.flags]
@@ -143,10 +142,8 @@ def _with_ports(
         rows = list(printed.results)
         if result is not None:
             k, e = result
-            row = list(rows.pop(k))
-            if e is not None:
-                row[e : e + 2] = row[e + 1], row[e]
-                rows.insert(k, tuple(row))
+            row = rows[k]
+            rows[k] = () if e is None else (*row[:e], row[e + 1], row[e], *row[e + 2 :])
         changed = replace(printed, results=tuple(rows))
         parts: dict[str, Any] = {group: ports}
         other = replace(block, **parts)

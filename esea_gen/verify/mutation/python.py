@@ -46,6 +46,10 @@ SLOW_S = 60.0  # and after them, for those that enter it in all other files
 PLUGIN = "esea_entered"
 # A test that fails without a fault: so many are set aside before the file is given up.
 BROKEN_MOST = 5
+# A test's name in pytest's summary; its parameters may hold a dash, as may what follows it.
+FAILED = re.compile(
+    r"^(?:FAILED|ERROR) (\S+?(?:::[^\n\[]*?(?:\[[^\n]*?\])?)?)(?: - .*)?$", re.MULTILINE
+)
 Fate = Literal["killed", "survived", "no end"]
 
 
@@ -238,9 +242,7 @@ class _Copy:
                 return "survived", ""
             if code is None:
                 return self.without_end(tests, limit_s)
-            failed = re.search(
-                r"^(?:FAILED|ERROR) (\S+?(?:::[^\n]*?)?)(?: - .*)?$", said, re.MULTILINE
-            )
+            failed = FAILED.search(said)
             name = failed[1] if failed else tests[0]
             if name not in self.sound and self.run([name], None)[0] != 0:
                 self.broken.add(name)

@@ -1,0 +1,251 @@
+"""What a prediction is made of: its grid, its tape of named values, and the cable's balance."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from esea_gen.control.cable_model import CableModel
+from esea_gen.control.horizon import Horizon, Model, Stops, Tape, linearise
+from esea_gen.errors import UserError
+
+
+def test_the_grid_of_a_prediction():
+    grid = Horizon(3, 0.03, 4, 0.02)
+    assert grid.substep_s == pytest.approx(0.0075)
+    assert grid.ends_s == pytest.approx((0.05, 0.08, 0.11))
+    shipped = Horizon()
+    assert (shipped.intervals, shipped.interval_s, shipped.substeps) == (10, 0.02, 4)
+    assert shipped.delay_s == 0.001
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "steps"),
+    # Of 5 ms; rounding makes no step more.
+    [(0.0, 0), (1e-4, 1), (0.005, 1), (0.00501, 2), (3 * 0.005, 3), (0.0151, 4)],
+)
+def test_the_delay_is_predicted_in_no_longer_steps(delay_s, steps):
+    assert Horizon(delay_s=delay_s).delay_substeps == steps
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"intervals": 1}, "intervals is 1; 2 to 100"),
+        ({"intervals": 101}, "intervals is 101; 2 to 100"),
+        ({"substeps": 0}, "substeps is 0; 1 to 50"),
+        ({"substeps": 51}, "substeps is 51; 1 to 50"),
+        ({"interval_s": 0.0}, "interval_s is 0.0"),
+        ({"interval_s": 10.01}, "interval_s is 10.01"),
+        ({"delay_s": -1e-9}, "delay_s is -1e-09; 0 to the horizon's 0.2 s"),
+        ({"delay_s": 0.2001}, "delay_s is 0.2001"),
+    ],
+)
+def test_what_is_outside_its_range_is_refused(changes, words):
+    with pytest.raises(UserError, match=words):
+        Horizon(**changes)
+
+
+def test_what_is_at_an_end_of_its_range_is_taken():
+    for changes in (
+        *({"intervals": 2}, {"intervals": 100}, {"substeps": 1}, {"substeps": 50}),
+        *({"interval_s": 10.0}, {"delay_s": 0.0}, {"delay_s": 10 * 0.02}),
+    ):
+        Horizon(**changes)
+
+
+def test_thresholds_rise_from_above_0_each_with_a_weight():
+    assert Stops((0.1,), (-2.0,)).r == (0.1,)
+    for r, p, words in (
+        ((), (), "0 thresholds and 0 weights"),
+        ((0.1, 0.2), (1.0,), "2 thresholds and 1 weights"),
+        ((0.1,), (1.0, 2.0), "1 thresholds and 2 weights"),
+        ((0.0,), (1.0,), "do not rise"),
+        ((-0.1, 0.1), (1.0, 1.0), "do not rise"),
+        ((0.1, 0.1), (1.0, 1.0), "do not rise"),
+        ((0.1, 0.3, 0.2), (1.0, 1.0, 1.0), "do not rise"),
+    ):
+        with pytest.raises(UserError, match=words):
+            Stops(r, p)
+
+
+def test_the_memory_takes_what_was_named_last_and_once():
+    t = Tape()
+    with pytest.raises(ValueError, match="named last"):
+        t.memory(ca.SX.sym("d"))
+    d = t.let("d", ca.SX(1))
+    kept = t.keep("k", d * 2)
+    with pytest.raises(ValueError, match="named last"):
+        t.memory(d)
+    with pytest.raises(ValueError, match="named last"):
+        t.memory(kept)
+    e = t.let("e", d + kept)
+    assert t.memory_at is None
+    t.memory(e)
+    assert t.memory_at == 3
+    with pytest.raises(ValueError, match="twice"):
+        t.memory(e)
+    named = [(x.symbol.name(), x.link) for x in t.entries]
+    assert named == [("d", True), ("k", False), ("e", True)]
+
+
+def made_up(t, h, x, u, p, w):
+    """Two states, a memory, what is kept with slopes and without, a power, a parameter."""
+    push = t.let("push", x.v + h * (p.gain * u - x.s * x.v))
+    wave = t.keep("wave", ca.sin(push), {push: lambda _: ca.cos(push)})
+    ahead = t.let("ahead", x.s + h * push + 0.1 * wave * x.v)
+    tau = t.memory(ahead)
+    stiff = t.power("stiff", ahead**2 + 1, 1.7)
+    after = t.keep("after", stiff * push - tau * x.s)
+    return {"s": ahead, "v": t.let("end", push - h * (tau + after + w.force) + h * u * x.s)}
+
+
+def plainly(s, v, u, gain, force, tau, h):
+    push = v + h * (gain * u - s * v)
+    ahead = s + h * push + 0.1 * np.sin(push) * v
+    after = (ahead**2 + 1) ** 1.7 * push - tau * s
+    return ahead, push - h * (tau + after + force) + h * u * s
+
+
+def test_a_substep_is_split_at_its_memory_and_differentiated():
+    """Against central differences; the memory's torque gains stiffness times deflection, less
+    what is held back."""
+    model = Model(
+        states=("s", "v"),
+        start=lambda u, tau: {},
+        substep=made_up,
+        error=lambda x, p, r: [],
+        effort=lambda x, u, p: [],
+        inputs=(),
+        in_force="",
+        u_max=1.0,
+        forecasts={"force": lambda u, p, s: 0},
+        parameters=("gain",),
+        stops=Stops((0.1,), (1.0,)),
+    )
+    h, scale = 0.07, 2.5
+    lin = linearise(model, h, scale)
+    s, v, u, gain, force, tau, slope, offset = 0.6, -0.9, 0.4, 3.1, 0.8, 1.3, 5.0, 0.45
+    named, deflection = lin.before([s, v], u, [gain], [force])
+    assert lin.named == named.numel()
+    ends = plainly(s, v, u, gain, force, tau, h)
+    assert float(deflection) == pytest.approx(ends[0])
+    following, k = lin.after([s, v], u, [gain], [force], named, tau, slope)
+    assert lin.coefficients == k.numel() > 0
+    alone = lin.onward([s, v], u, [gain], [force], named, tau)
+    for found in (following, alone):
+        assert np.array(found).ravel() == pytest.approx(ends)
+
+    def moved(ds, dv, du):
+        """Central difference along a direction, with the torque that goes with it."""
+        size = 1e-6
+
+        def at(side):
+            d = side * size
+            there = (s + d * ds, v + d * dv, u + d * du)
+            ahead = plainly(*there, gain, force, tau, h)[0]
+            pulled = tau + slope * (ahead - ends[0]) - d * offset
+            return np.array(plainly(*there, gain, force, pulled, h))
+
+        return (at(1) - at(-1)) / (2 * size)
+
+    for ds, dv in ((1, 0), (0, 1), (0.3, -2.0)):
+        for kernel, du in ((lin.column, 0.0), (lin.newest, scale)):
+            d_next, d_deflection = kernel([ds, dv], k, offset)
+            expected = moved(ds, dv, du)
+            assert np.array(d_next).ravel() == pytest.approx(expected, rel=1e-6)
+            assert float(d_deflection) == pytest.approx(expected[0], rel=1e-6)
+
+
+def test_names_are_given_once_and_states_are_those_of_the_model():
+    def twice(t, h, x, u, p, w):
+        t.let("a", x.s)
+        return {"s": t.let("a", x.s)}
+
+    def as_a_state(t, h, x, u, p, w):
+        return {"s": t.let("s", x.s)}
+
+    model = Model(
+        states=("s",),
+        start=lambda u, tau: {},
+        substep=twice,
+        error=lambda x, p, r: [],
+        effort=lambda x, u, p: [],
+        inputs=(),
+        in_force="",
+        u_max=1.0,
+    )
+    for substep in (twice, as_a_state):
+        object.__setattr__(model, "substep", substep)
+        with pytest.raises(ValueError, match="names a value twice"):
+            linearise(model, 0.1, 1.0)
+
+
+# -- cable -----------------------------------------------------------------------------------------
+
+SOFT, INSIDE = 30.0, 150 / 15  # Nm/rad
+
+
+@pytest.mark.parametrize("tau_e", [-23.0, -3.0, 0.0, 0.4, 4.0, 21.0])
+@pytest.mark.parametrize("turned", [-0.2, 0.003, 0.15])
+@pytest.mark.parametrize(("give", "gap"), [(1 / 150, 0.006), (1 / 80, 0.03), (0.0, 0.0)])
+def test_the_motor_side_goes_where_cable_and_elastomer_balance(drive, tau_e, turned, give, gap):
+    """A fifteenth of the stiffness inside the gap, all of it beyond either end."""
+    model, tape = CableModel(drive, SOFT), Tape()
+    x = SimpleNamespace(tau_e=ca.SX.sym("tau_e"), delta=0.05)
+    p = SimpleNamespace(gap_rad=gap, give_rad_Nm=give)
+    found = model.follow(tape, x, turned, p)
+    values = {x.tau_e.name(): tau_e}
+
+    def number(expression):
+        known = list(ca.symvar(expression))
+        f = ca.Function("f", known, [expression])
+        return float(f.call([values[s.name()] for s in known])[0])
+
+    for e in tape.entries:
+        values[e.symbol.name()] = number(e.value)
+        for symbol, slope in e.slopes or ():
+            here, there = values[symbol.name()], number(slope)
+            ends = []
+            for side in (1e-6, -1e-6):
+                values[symbol.name()] = here + side
+                ends.append(number(e.value))
+            values[symbol.name()] = here
+            assert there == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-6), e.symbol
+    assert found is not None
+    delta = values["delta_next"]
+    wound, half = turned - delta, gap / 2
+    elastomer = np.clip(tau_e, -20, 20) + SOFT * (delta - 0.05)
+    beyond = wound - np.clip(wound, -half, half)
+    if give:
+        carried = INSIDE * np.clip(wound, -half, half) + beyond / give
+        assert carried == pytest.approx(elastomer, abs=1e-9)
+    else:
+        assert wound == pytest.approx(0, abs=1e-12)
+
+
+def test_friction_takes_a_tenth_of_the_cables_torque_more(drive):
+    model, tape = CableModel(drive, SOFT), Tape()
+    tau_e = ca.SX.sym("tau_e")
+    model.coulomb(tape, 0.4688, tau_e)
+    (entry,) = tape.entries
+    (slope,) = (s for _, s in entry.slopes)
+    f = ca.Function("f", [tau_e], [entry.value, slope])
+    for tau, lost, by in ((3.0, 0.7688, 0.1), (-3.0, 0.7688, -0.1), (0.0, 0.4688, 0.1)):
+        assert [float(v) for v in f(tau)] == pytest.approx([lost, by])
+
+
+def test_what_is_known_of_the_cable(drive):
+    model = CableModel(drive, SOFT)
+    ports = {p.name: (p.low, p.high) for p in model.ports()}
+    most = 1.01 * (0.015 + 20 / 80)
+    assert ports == {
+        "wound_rad": pytest.approx((-most, most), rel=1e-6),
+        "give_rad_Nm": pytest.approx((0, 1 / 80), rel=1e-6),
+        "gap_rad": pytest.approx((0, 0.03), rel=1e-6),
+    }
+    constants = {c.name: c.value for c in model.constants(drive)}
+    assert constants == {"cable_Nm_rad": 150, "loss": 0.1, "backlash_most_rad": 0.03}
