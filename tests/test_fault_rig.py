@@ -491,6 +491,8 @@ def test_the_picture_shows_worst_torque_and_when_it_was_found():
         "4 (2/2)\n2.0 Nm": (INPUT_KINDS.index("jump"), 0),
         "not found\n5.0 Nm": (INPUT_KINDS.index("freeze"), 0),
     }
+    assert below.get_ylim() == (1.6, -0.6)  # the first bar above
+    assert below.get_xlim() == (0.0, pytest.approx(1.06 * 13.2))
     assert [p.get_width() for p in below.patches] == [3.0, 2.0]
     assert [t.get_text() for t in below.texts] == ["4 (1/2)", "11 (1/1)"]
     assert [t.get_position() for t in below.texts] == [(3.05, 0), (2.05, 1)]

@@ -309,6 +309,36 @@ def test_linearise_recovers_a_linear_step_and_refuses_kinks():
         linearise(lambda x, y: (0.5 * x, y), np.ones(1), np.zeros(1), T)
 
 
+def test_a_step_is_linearised_where_it_rests():
+    at, given = np.array([2.0, -3.0]), np.array([5.0, -0.5])
+    a, b = np.array([[0.5, 0.25], [-0.125, 0.75]]), np.array([[1.0, -2.0], [3.0, 0.5]])
+
+    def step(x, y, apart=(0.0, 0.0), bend=(0.0, 0.0)):
+        bent = bend[0] * abs(x[1] - at[1]) + bend[1] * abs(y[1] - given[1])
+        return at + a @ (x - at) + b @ (y - given) + apart, np.array(
+            [x[0] * x[1] + y[0] ** 2 + bent]
+        )
+
+    found = linearise(step, at, given, T, move=np.array([1e-3, 2e-3, 3e-3, 4e-3]))
+    for got, want in ((found.a, a), (found.b, b), (found.c, [[-3, 2]]), (found.d, [[10, 0]])):
+        assert got == pytest.approx(np.array(want), abs=1e-9)
+    # A billionth of one more than the state's size is rest.
+    linearise(lambda x, y: step(x, y, (0.0, 3.9e-9)), at, given, T)
+    with pytest.raises(UserError, match=r"state\[1\] moves from -3 to -2\.5 in"):
+        linearise(lambda x, y: step(x, y, (0.0, 0.5)), at, given, T)
+    with pytest.raises(UserError, match=r"state\[0\] moves"):
+        linearise(lambda x, y: step(x, y, (3.2e-9, 0.0)), at, given, T)
+    for bend, where in (((1.0, 0.0), "0.002 of state 1"), ((0.0, 1.0), "0.004 of input 1")):
+        with pytest.raises(UserError, match=f"kink within {where}"):
+            linearise(
+                lambda x, y, bend=bend: step(x, y, bend=bend),
+                at,
+                given,
+                T,
+                move=np.array([1e-3, 2e-3, 3e-3, 4e-3]),
+            )
+
+
 def test_matrices_that_do_not_fit_are_refused():
     with pytest.raises(UserError, match="Controller of shape"):
         close_loop(mass(0.1, 0.1), rate_wall(1.0, 1.0))

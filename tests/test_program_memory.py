@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from esea_gen.device import load_device
+from esea_gen.verify.program import program_streams
 
 # Intervals, states (both sides' angles and rates, ...), stop operators; substeps of an interval.
 N, STATES, STOPS, SUBSTEPS = 10, 8, 10, 4
@@ -72,3 +73,19 @@ def test_the_persons_torque_goes_on_with_a_rate_that_fades(program):
     grown = 0.3 * (1 - np.exp(-np.array(t) / 0.3))
     assert program.memory["middle"].values["f64"] == pytest.approx(grown)
     assert program.memory["middle"].values["f32"] == pytest.approx(grown)
+
+
+def test_a_step_reads_nothing_that_an_earlier_one_left_in_working_memory(program):
+    rng = np.random.default_rng(1)
+    passing = {m.name for m in program.work}
+    kept = [p.name for p in program.state if p.name not in passing]
+    assert kept == ["plan"]
+    for stream in program_streams(program, steps=2):
+        clean, spoilt = program.simulator(), program.simulator()
+        for k in range(2):
+            given = {n: v[k] for n, v in stream.inputs.items()}
+            for m in program.work:
+                spoilt._arrays[m.name][:] = rng.uniform(-5.0, 5.0, m.size)
+            assert clean.step(**given) == spoilt.step(**given)
+            for name in kept:
+                assert np.array_equal(clean.state[name], spoilt.state[name])
