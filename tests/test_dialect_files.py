@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from importlib import metadata
@@ -16,6 +17,7 @@ from esea_gen.emit.messages import fault_codes, messages, status_words
 from esea_gen.emit.parameters import link_parameters, parameter_metadata
 from esea_gen.emit.roles import board_roles
 from esea_gen.emit.states import STATES
+from esea_gen.errors import UserError
 
 PYMAVLINK = metadata.version("pymavlink")
 
@@ -92,6 +94,23 @@ def test_the_core_says_whose_it_is():
     assert core.files[MANIFEST].startswith('{\n  "kind"')
     assert core.files[MANIFEST].endswith("}\n")
     assert list(told["files"]) == sorted(told["files"])
+    headers = {n: t for n, t in core.files.items() if n != MANIFEST}
+    assert {n.rpartition(".")[2] for n in headers} == {"h"}
+    assert told["files"] == {n: hashlib.sha256(t.encode()).hexdigest() for n, t in headers.items()}
+    assert "MAVLINK_CORE_HEADER_LEN" in headers["mavlink_types.h"]
+
+
+def test_beside_the_core_a_dialect_keeps_its_own_files():
+    files = {
+        "mavlink/protocol.h": "core",
+        "mavlink/esea_mine/protocol.h": "own",
+        "protocol.h": "own",
+        "mavlink/other.h": "own",
+        MANIFEST: "{}",
+    }
+    found = dialect.without_core(Bundle("mine", files))
+    assert found.folder == "mine"
+    assert found.files == {n: t for n, t in files.items() if t != "core"}
 
 
 DEFINITION = """<?xml version="1.0"?>
@@ -125,8 +144,22 @@ def test_mavlinks_generator_is_run_on_a_definition():
 
 
 def test_a_definition_that_the_generator_refuses_is_told():
-    with pytest.raises(RuntimeError, match=r"mavgen refuses other\.xml:\n.*"):
+    with pytest.raises(RuntimeError, match=r"^mavgen refuses other\.xml:\n") as told:
         dialect.run_mavgen("other", "<mavlink><messages></mavlink>")
+    # In the generator's own words, each on its line.
+    lines = str(told.value).splitlines()
+    assert "Validating other.xml" in lines
+    assert any("Opening and ending tag mismatch" in line for line in lines)
+
+
+def test_without_the_generator_it_is_said_what_to_install(monkeypatch):
+    def missing(*asked):
+        raise UserError(" ".join(asked), "Install it.")
+
+    monkeypatch.setattr(dialect, "from_extra", missing)
+    for ask in (dialect.mavlink, lambda: dialect.run_mavgen("third", DEFINITION)):
+        with pytest.raises(UserError, match=r"^pymavlink link A MAVLink dialect Install"):
+            ask()
 
 
 def test_a_devices_module_is_loaded_from_its_dialect(monkeypatch):

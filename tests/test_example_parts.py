@@ -77,6 +77,7 @@ def test_a_triangle_by_hand(low, high, start, peak, lattice):
 
 def test_a_wave_has_its_corners():
     assert [triangle(k, 2) for k in range(9)] == [0, 1, 2, 1, 0, -1, -2, -1, 0]
+    assert [triangle(k, 2) for k in (8, 9, 10, 14, 17)] == [0, 1, 2, -2, 1]  # and again
 
 
 def test_a_tolerance_is_a_share_of_the_range_to_one_digit():

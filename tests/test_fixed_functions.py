@@ -214,6 +214,8 @@ def test_where_a_result_has_no_place_it_is_the_end():
     assert functions.divide(-7, 2, 0, -9, 9) == -4
     assert functions.divide(-7, 2, 1, -6, 9) == -6
     assert functions.divide(1, 3, 100, -9, 9) == 9
+    ends = -(2**63), 2**63 - 1
+    assert functions.divide(5, 3, 100, *ends) == -functions.divide(-5, 3, 100, *ends) == ends[1]
     assert functions.root(2**62, 0) == 2**31 - 1
     assert functions.root(99, 0) == 9
 

@@ -237,6 +237,8 @@ def test_the_picture_of_a_report(shown):
         to_rgba(c) for c in ("0.1", NARROW, WIDE, ROOM)
     ]
     assert figure.get_suptitle() == "made: bits used in q31"
+    (title,) = figure.texts
+    assert (title.get_position()[0], title.get_horizontalalignment()) == (0.01, "left")
     assert len(RangeReport("made", report.blocks[:1]).figure().axes) == 1
 
 

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.formats.floating import print_kernel
-from esea_gen.emit.walker import Kernel, Node, StatusWord, status_words, use_counts
+from esea_gen.emit.walker import (
+    Kernel,
+    Node,
+    StatusWord,
+    UnsupportedOperationError,
+    status_words,
+    use_counts,
+)
 
 F32, F64 = FORMATS["f32"], FORMATS["f64"]
 INPUTS = tuple(Node("input", source=(k, 0)) for k in range(3))  # x, y, z: nodes 0, 1, 2
@@ -170,3 +178,44 @@ def test_bits_of_a_word():
     kernel = Kernel("f", (*INPUTS, *WORD), ((9,),))
     word = StatusWord(((3, 0), (4, 2)), frozenset({7, 8}))
     assert status_words(kernel, (0,), use_counts(kernel)) == {9: word}
+
+
+# -- numbers of single precision -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        # A ten-thousandth is below itself in single precision; what is above stands in full.
+        (1e-4, "1.0e-04f"),
+        (1.005e-4, "0.0001005f"),
+        (-1.005e-4, "-0.0001005f"),
+        (9.99e-5, "9.99e-05f"),
+        (-9999999.0, "-9999999.0f"),
+        (-1e7, "-1.0e+07f"),
+        (-0.0, "-0.0f"),
+        (3.4028235e38, "3.4028235e+38f"),
+        (2.0**-149, "1.0e-45f"),  # the least there is
+        (1 / 3, "0.33333334f"),
+    ],
+)
+def test_a_number_is_written_as_short_as_it_reads_back(value, text):
+    assert F32.literal(value) == text
+    assert np.float32(text.removesuffix("f")) == np.float32(value)
+
+
+@pytest.mark.parametrize("value", [3.5e38, -1e39, 2.0**-150, -1e-46, 5e-324])
+def test_a_number_that_single_precision_has_not_is_refused(value):
+    with pytest.raises(UnsupportedOperationError, match=r"is outside float32's range"):
+        F32.literal(value)
+    assert float(F64.literal(value)) == value
+
+
+def test_of_a_power_the_exponent_is_the_second():
+    said, _ = printed([Node("pow", (1, 0)), constant(0.5), Node("pow", (3, 4))], fmt=F32)
+    assert said == [
+        "float v3 = esea_f32_pow(y, x)",
+        f"float v5 = esea_f32_powk(v3, INT32_C({2**26}) /* 0.5 */)",
+    ]
+    with pytest.raises(UnsupportedOperationError, match=r"^f: "):
+        printed([constant(1e9), Node("pow", (0, 3))], fmt=F32)

@@ -171,6 +171,11 @@ def test_folders_are_written_whole_and_take_the_place_of_older_ones(tmp_path):
     assert sorted(p.name for p in out.iterdir()) == ["f32", "f64", "q31"]
 
 
+def test_a_file_stands_in_folders_of_any_depth(tmp_path):
+    write_bundles([Bundle("f32", {"a/b/c.h": "1", MANIFEST: "{}"})], tmp_path)
+    assert tree(tmp_path) == {"f32/a/b/c.h": "1", f"f32/{MANIFEST}": "{}"}
+
+
 def test_nothing_is_written_where_one_folder_is_not_ours(tmp_path):
     (tmp_path / "f64").mkdir()
     (tmp_path / "f64" / "notes.txt").write_text("mine")

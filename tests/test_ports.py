@@ -391,6 +391,7 @@ def test_what_is_set_is_known_and_inside():
     assert block.taken_tunables(None) == {"a": 2.0, "b": 1.0}
     low = f32_inside(0.1, 4.0)[0]
     assert block.taken_tunables({"b": -1, "a": 0.1}) == {"a": low, "b": -1.0}
+    assert block.taken_tunables({"b": 1, "a": 4}) == {"a": 4.0, "b": 1.0}
     with pytest.raises(ValueError, match=r"block set has no tunable e; it has \['a', 'b'\]"):
         block.taken_tunables({"e": 1.0})
     for value in (4.1, 0.05, math.nan):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from types import SimpleNamespace
+
 import casadi as ca
 import numpy as np
 import pytest
 
+from esea_gen.emit.formats.f64 import casadi_c
 from esea_gen.language.builder import Builder, declare_ports, guard_inputs
 from esea_gen.language.ports import Port, Tunable, threshold
 from esea_gen.language.program import Program
@@ -413,3 +417,66 @@ def test_functions_that_nobody_else_keeps_are_kernels_of_their_own():
             b.call("add", [x[0], y[0]], [y[0]], lambda v, w, k=k: k * v + w)
     assert len(made(b).kernels) == 20
     assert y_of(b, 2.0, 0.0, 0.0)[0] == 2.0 * sum(range(1, 20))
+
+
+def test_a_part_that_is_closed_is_written_to_no_more():
+    b = body()
+    y = b.memory["out.y"]
+    with b.part("step"):
+        put(b, y[0], 1.0)
+        with b.part("inner", "to") as (to,):
+            put(b, y[to], 5.0)
+        put(b, y[1], 2.0)
+        b.invoke("inner", 2)
+        with b.loop(0, 2) as i, b.when((i, "==", 1)):
+            b.invoke("inner", i + 2)
+    with pytest.raises(IndexError):
+        put(b, y[0], 3.0)
+    assert [type(s) for s in b.parts["inner"].body] == [Call]
+    assert [type(s) for s in b.parts["step"].body] == [Call, Call, Invoke, For]
+    assert y_of(b) == [1.0, 2.0, 5.0, 5.0]
+
+
+def test_index_variables_are_numbered_as_they_come():
+    b = body()
+    with b.part("step"):
+        assert b.index("n") == Ix(0, ((1, "n_1"),))
+        with b.loop(0, 2) as i:
+            assert i == Ix(0, ((1, "i2"),))
+            assert b.index("n") == Ix(0, ((1, "n_3"),))
+
+
+def test_without_inputs_all_are_valid():
+    b = body()
+    y = b.memory["out.y"]
+    ok = b.array("ok", 1, "local")
+    with b.part("step"):
+        assert guard_inputs(b, (), ok) == {}
+        for k in range(4):
+            b.call("copy", [ok[0]], [y[k]], lambda v: v)
+    assert y_of(b) == [1.0] * 4
+
+
+def test_casadis_own_c_is_that_of_a_programs_kernels():
+    b = body()
+    y, x = b.memory["out.y"], b.memory["in.x"]
+    with b.part("step"):
+        b.call("twice", [x[0]], [y[0]], lambda v: 2 * v)
+        put(b, y[1], 3.0)
+    tuned = {
+        "tunables": (Tunable("gain", 1.0, 0.0, 9.0, "made up"),),
+        "coefficients": (Port("c", -9.0, 9.0, "made up"),),
+        "prepare": lambda t: {"c": 2 * t.gain},
+    }
+    fixed = made(b)
+    declare_ports(b, "coeffs", tuned["coefficients"])
+    other = made(b, **tuned)
+    for program, verbs in ((fixed, []), (other, ["prepare"])):
+        found = casadi_c(SimpleNamespace(name="small", kinds=[program]))
+        stem = "esea_small_casadi"
+        assert list(found) == [f"reference/{stem}.c", f"reference/{stem}.h"]
+        text = found[f"reference/{stem}.h"]
+        assert set(re.findall(rf"^int {stem}_p_(\w+)\(const", text, re.MULTILINE)) == {
+            *("init", "k1_twice", "k2_put3", *verbs)
+        }
+        assert f"int {stem}_p_k1_twice(const" in found[f"reference/{stem}.c"]

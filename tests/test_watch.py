@@ -106,3 +106,33 @@ def test_only_the_next_tick_is_in_order_however_far_the_other_is(start):
         watch.see(start)
         watch.see((start + jump) % 2**32)
         assert seen(watch)["clock_ok"] == (jump == 1), jump
+
+
+def test_before_the_first_tick_all_is_in_order_but_the_coefficients_which_nobody_saw():
+    assert TaskWatch().values() == {"clock_ok": 1.0, "late_level": 0.0, "coeffs_ok": 0.0}
+
+
+def test_each_run_has_an_end_of_its_own():
+    watch = TaskWatch()
+    watch.end("control")  # of what never started nothing ends, and nothing is due
+    watch.due("control")
+    for run in range(1, 4):
+        watch.start("control")
+        watch.end("control")
+        watch.due("control")
+        assert seen(watch)["late_level"] == 0, run
+    # The fourth goes on; the end of a fifth, started meanwhile, is the end of both.
+    watch.start("control")
+    watch.due("control")
+    assert seen(watch)["late_level"] == 16
+    watch.start("control")
+    watch.end("control")
+    watch.due("control")
+    assert seen(watch)["late_level"] == 16
+
+
+def test_coefficients_are_told_as_found():
+    watch = TaskWatch()
+    watch.coeffs_ok = 1
+    watch.see(5)
+    assert seen(watch) == {"clock_ok": 1, "late_level": 0, "coeffs_ok": 1}
