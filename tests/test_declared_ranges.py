@@ -163,6 +163,7 @@ def test_truths_and_status_words_have_their_range_and_no_other(drive_blocks):
             else:
                 assert ((p.low, p.high) == (0, 1)) == (p.name in unit), where
                 met |= {p.name} & unit
+        assert all((p.low, p.high) == (0, 1) for p in block.coefficients if p.name in unit)
     assert met >= unit - {"share"}
 
 

@@ -191,6 +191,10 @@ MASS = {
     [
         ({"a": np.ones((2, 3))}, r"a: shape \(2, 3\), needs finite values of shape \(2, 2\)"),
         ({"b_u": np.ones((3, 1))}, r"b_u: shape \(3, 1\), needs finite values of shape \(2, 1\)"),
+        (
+            {"b_u": np.array([0.0, 2.0])},
+            r"b_u: shape \(1, 2\), needs finite values of shape \(2, 2\)",
+        ),
         ({"c_y": np.ones((1, 3))}, r"c_y: shape \(1, 3\), needs finite values of shape \(1, 2\)"),
         ({"c_y": np.full((1, 2), np.inf)}, "c_y: shape"),
         ({"b_tau": np.ones(3)}, r"b_tau: shape \(1, 3\), needs finite values of shape \(1, 2\)"),
