@@ -99,7 +99,7 @@ def test_figures_of_cases_by_their_arguments():
 
 def test_seeds_are_independent_numbers_of_64_bits():
     made = seeded(5, root=3, gain=2.0)
-    children = np.random.SeedSequence(3).spawn(5)
+    children = np.random.default_rng(3).bit_generator.seed_seq.spawn(5)
     assert [c["seed"] for c in made] == [int(c.generate_state(1, np.uint64)[0]) for c in children]
     assert {c["gain"] for c in made} == {2.0}
     assert max(c["seed"] for c in made) > 2**60
