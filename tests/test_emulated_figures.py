@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -70,10 +71,12 @@ class System:
         SimpleNamespace(name="own", every=2, phase=1),
     )
     latches = ()
-    takes = {"sense": ("x", "y"), "law": ("w",), "own": ()}  # noqa: RUF012
-    gives = {  # noqa: RUF012
-        "sense": (named("a"), named("s", flags=("F",))), "law": (named("u", 2),), "own": (),
-    }  # fmt: skip
+    takes: ClassVar = {"sense": ("x", "y"), "law": ("w",), "own": ()}
+    gives: ClassVar = {
+        "sense": (named("a"), named("s", flags=("F",))),
+        "law": (named("u", 2),),
+        "own": (),
+    }
 
     def task(self, name):
         return next(t for t in self.tasks if t.name == name)
