@@ -2,13 +2,12 @@
 
 A passive hand and a passive driving point cannot oscillate, whatever the hand's inertia,
 damping and stiffness; one that is not passive needs a look at each hand.
-`esea_gen.analysis.gain_region` does the same on matrices.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -148,38 +147,6 @@ def energy_balance(
 
 
 @dataclass(frozen=True)
-class HandRun:
-    """What a run of the closed loop leaves for the energy balance.
-
-    Parameters
-    ----------
-    theta_rad, tau_Nm : ndarray
-        Angle of the driving point and its torque on the hand, shape (n,) each; a stopped run may
-        hold values that are not finite.
-    held : bool
-        The torque is held between samples.
-    stored_J : float
-        Energy of the driving point at the start.
-    """
-
-    theta_rad: Array
-    tau_Nm: Array
-    held: bool = False
-    stored_J: float = 0.0
-
-    @property
-    def diverges(self) -> bool:
-        """Not finite, or swinging more in the last third than in the second, by over 10 %."""
-        theta = np.asarray(self.theta_rad, dtype=np.float64)
-        if not (np.all(np.isfinite(theta)) and np.all(np.isfinite(self.tau_Nm))):
-            return True
-        third = len(theta) // 3
-        second, last = (float(np.std(p)) for p in (theta[third : 2 * third], theta[2 * third :]))
-        floor = 1e-9 * max(1.0, float(np.max(np.abs(theta))))
-        return last > 1.1 * second + floor
-
-
-@dataclass(frozen=True)
 class PassivityMap:
     """Energy generated over gains and hands.
 
@@ -228,124 +195,3 @@ class PassivityMap:
             "passive": plain(self.passive),
             "tolerance": self.tolerance,
         }
-
-    def table(self) -> list[str]:
-        """The map in letters, one line a stiffness."""
-        return letters(self.kp_Nm_rad, self.kd_Nms_rad, self.stable, self.passive)
-
-
-def letters(kp: Array, kd: Array, stable: Bools, passive: Bools) -> list[str]:
-    """A map over gains in letters.
-
-    Parameters
-    ----------
-    kp, kd : ndarray
-        Gains, shapes (p,) and (d,).
-    stable, passive : ndarray of bool
-        Shape (p, d).
-
-    Returns
-    -------
-    list of str
-        A legend, a head and one line a stiffness.
-    """
-    lines = [
-        "P passive, s stable with every hand, . unstable with one",
-        f"{'Kp | Kd':>10}" + "".join(f"{d:>8.3g}" for d in kd),
-    ]
-    for i, p in enumerate(kp):
-        marks = ("P" if passive[i, j] else "s" if stable[i, j] else "." for j in range(len(kd)))
-        lines.append(f"{p:>10.3g}" + "".join(f"{m:>8}" for m in marks))
-    return lines
-
-
-def checked_gains(name: str, values: Sequence[float] | Array) -> Array:
-    """Gains of a map.
-
-    Parameters
-    ----------
-    name : str
-        For messages.
-    values : sequence of float
-        The gains.
-
-    Returns
-    -------
-    ndarray
-        The same.
-
-    Raises
-    ------
-    UserError
-        When they are not finite or do not rise.
-    """
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim != 1 or not len(array) or not np.all(np.isfinite(array)):
-        raise UserError(f"{name}: {array}.", "Give a row of finite gains.")
-    if np.any(np.diff(array) <= 0):
-        raise UserError(f"{name}: {array} does not rise.", "Sort the gains, each once.")
-    return array
-
-
-Runner = Callable[[float, float, Hand], HandRun]
-
-
-def passivity_map(
-    run: Runner,
-    kp_Nm_rad: Sequence[float] | Array,
-    kd_Nms_rad: Sequence[float] | Array,
-    hands: Sequence[Hand],
-    *,
-    tolerance: float = 1e-6,
-    progress: Callable[[int, int], None] | None = None,
-) -> PassivityMap:
-    """Run the closed loop over gains and hands and balance each run's energy.
-
-    Parameters
-    ----------
-    run : callable
-        ``run(kp, kd, hand) -> HandRun``: a closed-loop run with that hand, set in motion.
-    kp_Nm_rad, kd_Nms_rad : sequence of float
-        Gains, rising.
-    hands : sequence of Hand
-        The hands.
-    tolerance : float
-        Index up to which a run counts as passive: rounding, and the quadrature of torques that are
-        not held.
-    progress : callable, optional
-        Told after each run how many of how many are done.
-
-    Returns
-    -------
-    PassivityMap
-        Necessary, not sufficient: a run can show activity, not that there never is any.
-
-    Raises
-    ------
-    UserError
-        On gains that do not rise, or no hands.
-    """
-    kp, kd, people = (
-        checked_gains("kp_Nm_rad", kp_Nm_rad),
-        checked_gains("kd_Nms_rad", kd_Nms_rad),
-        tuple(hands),
-    )
-    if not people:
-        raise UserError("hands: none.", "Give at least one.")
-    shape = (len(kp), len(kd), len(people))
-    generated, index = np.zeros(shape), np.zeros(shape)
-    diverging = np.zeros(shape, dtype=np.bool_)
-    total = math.prod(shape)
-    for done, (i, j, h) in enumerate(np.ndindex(*shape), 1):
-        result = run(float(kp[i]), float(kd[j]), people[h])
-        diverging[i, j, h] = result.diverges
-        if np.all(np.isfinite(result.theta_rad)) and np.all(np.isfinite(result.tau_Nm)):
-            balance = energy_balance(
-                result.theta_rad, result.tau_Nm, held=result.held, stored_J=result.stored_J
-            )
-            generated[i, j, h], index[i, j, h] = balance.generated_J, balance.index
-        else:
-            generated[i, j, h] = index[i, j, h] = math.inf
-        if progress is not None:
-            progress(done, total)
-    return PassivityMap(kp, kd, people, generated, index, diverging, tolerance)

@@ -22,7 +22,6 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 
 from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
-from esea_gen.analysis.gain_region import GainRegion
 from esea_gen.analysis.monte_carlo import Percentiles
 from esea_gen.analysis.passivity import PassivityMap
 from esea_gen.analysis.response import Array
@@ -333,7 +332,7 @@ def cell_edges(values: Array) -> Array:
 
 
 def gain_map(
-    region: GainRegion | PassivityMap,
+    region: PassivityMap,
     marks: Sequence[tuple[str, float, float]] = (),
     *,
     title: str = "",
