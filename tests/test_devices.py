@@ -27,7 +27,7 @@ from esea_gen.emit.build import (
     render_device,
     write_bundles,
 )
-from esea_gen.emit.dialect import render_dialect, without_core
+from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
@@ -119,7 +119,7 @@ def test_a_drive_reads_back_equal_and_its_committed_output_is_current(name):
     drive = esea_gen.load_device(name)
     assert parse_device(drive.toml(), "again.toml").digest == drive.digest
     assert device_formats(drive) == ["f64", "f32", *(["q31"] if name == "elbow_drive" else [])]
-    bundles = [*render_device(drive, device_formats(drive)), without_core(render_dialect(drive))]
+    bundles = [*render_device(drive, device_formats(drive)), render_dialect(drive)]
     assert differences(bundles, ROOT / "generated" / name) == []
     assert conforms(tomllib.loads(drive.toml()), json_schema()) == []
     # The file as it is written gives only what differs from the device that it extends.
@@ -141,7 +141,7 @@ def test_it_reads_back_equal_and_has_its_file_name(device):
 @pytest.mark.ci
 def test_the_committed_output_is_current(device):
     assert device_formats(device) == ["f64", "f32"]
-    bundles = [*render_device(device, device_formats(device)), without_core(render_dialect(device))]
+    bundles = [*render_device(device, device_formats(device)), render_dialect(device)]
     assert differences(bundles, ROOT / "generated" / device.name) == []
 
 

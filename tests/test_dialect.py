@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import struct
 import subprocess
 from dataclasses import replace
@@ -154,28 +153,6 @@ def test_manifest_lists_every_file_and_pymavlink(bundle):
     assert manifest["kind"] == bundle.folder == "dialect"
     assert manifest["versions"]["pymavlink"]
     assert set(manifest["files"]) == set(bundle.files) - {MANIFEST}
-
-
-def test_core_headers_are_committed_once_and_are_the_dialects_own(bundle):
-    core = dialect.core_bundle()
-    assert differences([core], ROOT / "generated") == []
-    copies = [p for name in core.files for p in (ROOT / "generated").glob(f"*/dialect/*/{name}")]
-    assert copies == []
-    names = {n for n in bundle.files if n.count("/") == 1 and n.startswith("mavlink/")}
-    assert names == {f"mavlink/{n}" for n in core.files if n != MANIFEST}
-    for name in names:
-        assert bundle.files[name] == core.files[name.removeprefix("mavlink/")]
-    versions, kept = (json.loads(b.files[MANIFEST])["versions"] for b in (core, bundle))
-    assert versions["pymavlink"] == kept["pymavlink"]
-
-
-def test_a_dialect_copied_out_by_the_documented_line_stands_alone(bundle, tmp_path):
-    page = (ROOT / "docs" / "firmware.md").read_text()
-    (line,) = re.findall(r"^cp -r generated/.*$", page, re.MULTILINE)
-    shutil.copytree(ROOT / "generated" / "elbow", tmp_path / "generated" / "elbow")
-    shutil.copytree(ROOT / "generated" / "mavlink", tmp_path / "generated" / "mavlink")
-    subprocess.run(line, shell=True, cwd=tmp_path, check=True)
-    assert differences([bundle], tmp_path) == []
 
 
 def test_largest_payload_is_mavlinks_own(module, elbow):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from importlib import metadata
@@ -83,34 +82,6 @@ def test_a_dialect_is_rendered_in_single_precision_with_its_manifest(drive, monk
     assert (told["kind"], told["content_hash"], told["command"]) == ("dialect", "4567", command)
     assert told["versions"]["pymavlink"] == PYMAVLINK
     assert list(told["files"]) == ["a", "b"]
-
-
-def test_the_core_says_whose_it_is():
-    core = dialect.core_bundle()
-    assert core.folder == "mavlink"
-    told = json.loads(core.files[MANIFEST])
-    assert (told["kind"], told["command"]) == ("mavlink", "esea-gen build DEVICE")
-    assert told["versions"] == {"pymavlink": PYMAVLINK}
-    assert core.files[MANIFEST].startswith('{\n  "kind"')
-    assert core.files[MANIFEST].endswith("}\n")
-    assert list(told["files"]) == sorted(told["files"])
-    headers = {n: t for n, t in core.files.items() if n != MANIFEST}
-    assert {n.rpartition(".")[2] for n in headers} == {"h"}
-    assert told["files"] == {n: hashlib.sha256(t.encode()).hexdigest() for n, t in headers.items()}
-    assert "MAVLINK_CORE_HEADER_LEN" in headers["mavlink_types.h"]
-
-
-def test_beside_the_core_a_dialect_keeps_its_own_files():
-    files = {
-        "mavlink/protocol.h": "core",
-        "mavlink/esea_mine/protocol.h": "own",
-        "protocol.h": "own",
-        "mavlink/other.h": "own",
-        MANIFEST: "{}",
-    }
-    found = dialect.without_core(Bundle("mine", files))
-    assert found.folder == "mine"
-    assert found.files == {n: t for n, t in files.items() if t != "core"}
 
 
 DEFINITION = """<?xml version="1.0"?>

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import importlib.util
+import json
 import re
 import shutil
 import subprocess
@@ -210,8 +211,9 @@ def test_the_c_on_the_page_compiles_and_runs(tmp_path):
 def test_the_files_that_the_page_names_are_there():
     page = (DOCS / "c-interface.md").read_text(encoding="utf-8")
     for real in ("f64", "f32"):
-        for path in (ROOT / "generated" / "elbow" / real).iterdir():
-            name = path.name
+        manifest = json.loads((ROOT / "generated" / "elbow" / real / "manifest.json").read_text())
+        for path in [*manifest["files"], "manifest.json"]:
+            name = f"{path.partition('/')[0]}/" if "/" in path else path
             for block in ("sensor", "smoothing", "velocity"):
                 name = name.replace(f"_{block}.", "_<block>.")
             name = name.replace("esea_elbow", "esea_<device>")

@@ -51,13 +51,8 @@ def build(
     ] = None,
     controller: ControllerOption = None,
 ) -> None:
-    """Generate C for a device: one folder per number format that stands alone.
-
-    In generated/, MAVLink's core headers stand once for all devices, in generated/mavlink; with
-    --out the dialect folder holds its own and stands alone too.
-    """
+    """Generate C for a device: one folder per number format and one for the MAVLink dialect."""
     from esea_gen.emit.build import device_hash, write_bundles
-    from esea_gen.emit.dialect import core_bundle, without_core
     from esea_gen.emit.telemetry import cost_table
 
     linked = real is None and find_spec("pymavlink") is not None
@@ -66,9 +61,6 @@ def build(
     with progress_line() as say:
         say(f"{loaded.name}: rendering; ranges of a new q31 device take some twenty seconds")
         bundles = _bundles(loaded, real, linked)
-    if folder is None and linked:
-        bundles = [without_core(b) for b in bundles]
-        write_bundles([core_bundle()], GENERATED)
     for path, bundle in zip(write_bundles(bundles, target), bundles, strict=True):
         size = sum(len(t) for t in bundle.files.values())
         out.print(f"{path}: {len(bundle.files)} files, {size / 1000:.0f} kB")
@@ -90,18 +82,19 @@ def check(
     ] = GENERATED,
     controller: ControllerOption = None,
 ) -> None:
-    """Compare generated output on disk with what would be generated now; exit 1 when stale."""
+    """Compare generated output on disk with what would be generated now; exit 1 when stale.
+
+    A folder that holds only its manifest is compared by the hashes in it.
+    """
     from esea_gen.devices.file import shipped_devices
     from esea_gen.emit.build import differences
-    from esea_gen.emit.dialect import CORE_FOLDER, core_bundle, without_core
 
     if not folder.is_dir():
         raise UserError(
             f"{folder}: there is no generated output here to compare with.",
             "Run this in the folder that has it, name it with --in, or make it: esea-gen build.",
         )
-    shared = (folder / CORE_FOLDER).is_dir()
-    stale = _tell(CORE_FOLDER, differences([core_bundle()], folder)) if shared else 0
+    stale = 0
     for name in devices or sorted(shipped_devices()):
         loaded = esea_gen.load_device(name, controller)
         if not (folder / loaded.name).is_dir():
@@ -109,8 +102,6 @@ def check(
             stale += 1
             continue
         bundles = _bundles(loaded, None, True)
-        if shared:
-            bundles = [without_core(b) for b in bundles]
         stale += _tell(loaded.name, differences(bundles, folder / loaded.name))
     if stale:
         law = f" --controller {controller}" if controller else ""

@@ -278,7 +278,9 @@ def differences(bundles: list[Bundle], out: Path) -> list[str]:
             for p in folder.rglob("*")
             if p.is_file() and "__pycache__" not in p.parts
         }
-        for name in sorted(present | set(bundle.files)):
+        # A folder of which only the manifest is kept is compared by the hashes in it.
+        made = {MANIFEST} if present == {MANIFEST} else set(bundle.files)
+        for name in sorted(present | made):
             old = (folder / name).read_text(encoding="utf-8") if name in present else ""
             new = bundle.files.get(name, "")
             if old != new or (name in present) != (name in bundle.files):

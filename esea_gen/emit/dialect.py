@@ -8,21 +8,19 @@ its test suite are not taken; ``version.h`` is rendered here, whole and without 
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
 from functools import cache
-from importlib import metadata, resources
+from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from esea_gen.device import Device
-from esea_gen.emit.build import MANIFEST, Bundle, build_command, device_hash, manifest
+from esea_gen.emit.build import Bundle, build_command, device_hash, manifest
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.messages import (
     FIRST_ID,
@@ -43,7 +41,6 @@ from esea_gen.emit.states import STATES
 from esea_gen.errors import from_extra
 
 FOLDER = "dialect"
-CORE_FOLDER = "mavlink"
 
 
 def mavlink() -> ModuleType:
@@ -127,36 +124,6 @@ def render_dialect(device: Device) -> Bundle:
     files = dialect_files(Renderer(device.system, FORMATS["f32"], digest, command, device.title))
     versions = {"pymavlink": metadata.version("pymavlink")}
     return Bundle(FOLDER, files | manifest(device, digest, FOLDER, command, files, versions))
-
-
-@cache
-def core_bundle() -> Bundle:
-    """MAVLink's core headers, which are the same for every device, as pymavlink has them.
-
-    return: folder ``mavlink``, to stand once beside the folders of several devices.
-    """
-    source = resources.files(mavlink()) / "generator" / "C" / "include_v2.0"
-    files = {
-        path.name: path.read_text(encoding="utf-8")
-        for path in sorted(source.iterdir(), key=lambda p: p.name)
-        if path.name.endswith(".h")
-    }
-    content = {
-        "kind": CORE_FOLDER,
-        "versions": {"pymavlink": metadata.version("pymavlink")},
-        "command": "esea-gen build DEVICE",
-        "files": {n: hashlib.sha256(t.encode()).hexdigest() for n, t in files.items()},
-    }
-    return Bundle(CORE_FOLDER, files | {MANIFEST: json.dumps(content, indent=2) + "\n"})
-
-
-def without_core(bundle: Bundle) -> Bundle:
-    """A bundle as it stands beside :func:`core_bundle`; its manifest still lists all that it needs.
-
-    bundle: any; only a dialect's holds core headers.
-    """
-    core = {f"mavlink/{name}" for name in core_bundle().files}
-    return Bundle(bundle.folder, {n: t for n, t in bundle.files.items() if n not in core})
 
 
 def load_module(name: str, text: str) -> Any:
