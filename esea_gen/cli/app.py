@@ -53,7 +53,6 @@ GROUPS = {
         "reliability": "identification",
         "specimen": "pages",
         "torque-check": "identification",
-        "startup": "startup",
     },
 }
 

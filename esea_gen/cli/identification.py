@@ -394,9 +394,9 @@ def friction(
     figure: FigureOption = None,
 ) -> None:
     """Friction of a drive from runs at steady speeds: Coulomb, viscous, Stribeck, load."""
+    from esea_gen.identify.bringup.device_text import actuator_text, with_actuator
     from esea_gen.identify.friction import fit_friction, read_run
     from esea_gen.report.friction_picture import friction_picture
-    from esea_gen.studies.startup.device_text import actuator_text, with_actuator
 
     if (device is None) != (folder is None):
         raise UserError("--device and --out go together.", "Give both, or neither.")

@@ -13,10 +13,10 @@ from typing import Literal
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.identify.bringup.motions import GearPath
+from esea_gen.identify.bringup.procedures import require_drive
+from esea_gen.identify.bringup.watch import DriveRecording
 from esea_gen.link.transport import LinkError
-from esea_gen.studies.startup.motions import GearPath
-from esea_gen.studies.startup.procedures import require_drive
-from esea_gen.studies.startup.watch import DriveRecording
 from esea_host.connection import Batch, ConnectedDevice, Subscription
 from esea_host.recording.layout import Array
 
@@ -177,7 +177,7 @@ class CommissioningBench:
         return found
 
     def recording(self, c: Capture) -> DriveRecording:
-        """A capture as the start-up's studies take it.
+        """A capture as :mod:`esea_gen.identify.bringup` takes it.
 
         The shaft's turns count from the first row, where both sides of the cable stand together.
         """

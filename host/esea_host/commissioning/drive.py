@@ -1,4 +1,4 @@
-"""What a turned or pushed drive says: the start-up's own evaluation, fed from a board."""
+"""Evaluation of a drive that was turned by hand or pushed, from a board's recording."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device
+from esea_gen.identify.bringup.checks import RATIO_OFF, StartupCheck
+from esea_gen.identify.bringup.sign import SignCheck
+from esea_gen.identify.bringup.signals import Signals, motor_torque
+from esea_gen.identify.bringup.watch import DriveRecording
 from esea_gen.identify.regression import Estimate, fit_linear
-from esea_gen.studies.startup.checks import RATIO_OFF, StartupCheck
-from esea_gen.studies.startup.sign import SignCheck
-from esea_gen.studies.startup.signals import Signals, motor_torque
-from esea_gen.studies.startup.watch import DriveRecording
 from esea_host.commissioning.bench import Capture
 from esea_host.recording.layout import Array
 
@@ -250,7 +250,7 @@ def turned_friction(device: Device, r: DriveRecording) -> TurnedFriction:
     """Coulomb and viscous friction, from (5.2) with no motor torque.
 
     The rubber's torque turns inertia and friction.  The cable's loss is in it: it is what a hand
-    feels, not the drive's own, which the start-up tells apart.
+    feels, not the drive's own alone.
     """
     s = Signals(device, r, float(r.motor_rad[0] - r.load_rad[0]))
     turning = -s.term(s.cable_Nm(0.0))

@@ -10,9 +10,9 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.studies.startup.checks import FRICTION_SHARE, StartupCheck
-from esea_gen.studies.startup.motions import GearPath
-from esea_gen.studies.startup.procedures import travel
+from esea_gen.identify.bringup.checks import FRICTION_SHARE, StartupCheck
+from esea_gen.identify.bringup.motions import GearPath
+from esea_gen.identify.bringup.procedures import travel
 from esea_gen.studies.torque_check.check import (
     RECORD_S,
     SETTLE_S,
@@ -183,7 +183,7 @@ def _friction(bench: CommissioningBench, _: StepOptions) -> StepResult:
         StartupCheck(
             "friction", "Coulomb friction over the device file's",
             100 * f.fc.value / a.fc_Nm.value, 200.0, "%",
-            f"{look}  If it is the machine's own, run the start-up and use what it finds.",
+            f"{look}  If it is the machine's own, write it into the device file.",
         ),
         StartupCheck(
             "friction", "half the interval of the Coulomb friction, of it",

@@ -1,4 +1,4 @@
-"""What was found as a device file: it goes on from the device, and says how sure each number is."""
+"""Identified numbers of a drive as a device file, each with its interval."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ from esea_gen.devices.file import shipped_devices
 from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.identify.regression import CONFIDENCE, Estimate
-from esea_gen.studies.startup.drive_model import DriveModel
 
-WRITTEN = ("J_kgm2", "fv_Nms_rad", "fc_Nm", "tau_c_s", "backlash_rad")
-"""Keys of ``[actuator]`` that a start-up finds, beside the effective disturbance."""
 LONGEST_NAME = 15
 
 
@@ -56,20 +53,6 @@ def with_actuator(device: Device, found: Mapping[str, Estimate], source: str, ti
     return Device(file, f"{file.name}.toml")
 
 
-def updated_device(device: Device, model: DriveModel, source: str) -> Device:
-    """The device with what a start-up found in it."""
-    d = model.disturbance
-    half = float(sum(d.half_Nm) / len(d.half_Nm))
-    found = {k: getattr(model, k) for k in WRITTEN}
-    found["cogging_Nm"] = Estimate(d.rms_Nm, d.rms_Nm - half, d.rms_Nm + half)
-    return with_actuator(device, found, source, "as started up")
-
-
-def device_text(base: Device, updated: Device, model: DriveModel, said: Sequence[str]) -> str:
-    """The device file that a start-up writes; said: the verdict and its reasons, for the head."""
-    return actuator_text(base, updated, [f"# {line}" for line in said] + _beside(model))
-
-
 def actuator_text(base: Device, updated: Device, head: Sequence[str]) -> str:
     """A device file: as ``extends`` where the base is a shipped one, else whole.
 
@@ -100,28 +83,3 @@ def actuator_text(base: Device, updated: Device, head: Sequence[str]) -> str:
     if parse_device(text, updated.origin).canonical() != updated.canonical():
         raise RuntimeError(f"{updated.origin} does not read back to what was found")
     return text
-
-
-def _beside(m: DriveModel) -> list[str]:
-    # What no key of a device file holds.
-    rows = [
-        ("motor's torque over its command", m.gain, ""),
-        ("delay from command to encoder", m.delay_s, " s"),
-        ("share of the cable's torque that is lost", m.cable_loss, ""),
-        ("give of the cable", m.cable_give_rad_Nm, " rad/Nm"),
-    ]
-    lines = ["# Found as well, without a key of its own:"]
-    lines += [f"#   {text}: {e.value:.4g}{u} ({e.low:.4g} to {e.high:.4g})" for text, e, u in rows]
-    d = m.disturbance
-    lines.append(f"#   gear's disturbance: {d.peak_Nm:.3g} Nm at most; its map is in the JSON")
-    return lines
-
-
-__all__ = [
-    "WRITTEN",
-    "actuator_text",
-    "device_text",
-    "updated_device",
-    "updated_name",
-    "with_actuator",
-]
