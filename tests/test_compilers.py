@@ -232,10 +232,10 @@ SUM = " + ".join(f"esea_value_{k}(first_{k}, second_{k})" for k in range(9))
             "        esea_device_block_state_t *state);",
         ),
         (
-            "#define ESEA_DEVICE_BLOCK_FLAG (1u << 3) /* what this flag says of the block, in more "
+            "#define ESEA_DEVICE_BLOCK_FLAG (UINT32_C(1) << 3) /* what this flag says of the block, in more "
             "words than fit */",
             "/* what this flag says of the block, in more words than fit */\n"
-            "#define ESEA_DEVICE_BLOCK_FLAG (1u << 3)",
+            "#define ESEA_DEVICE_BLOCK_FLAG (UINT32_C(1) << 3)",
         ),
         (
             "/* name    " + "word " * 20 + "end */",
