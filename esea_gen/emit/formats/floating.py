@@ -40,9 +40,8 @@ _REFUSED = """\
 
 /* The checks for NaN and infinity, and the last bits, are those of IEEE 754 in this very precision.
  * A compiler that was told to do without is refused. */
-#if {digits} || FLT_RADIX != 2
-#error "esea: {c_type} is not IEEE 754 binary{bits} on this target"
-#endif
+typedef char esea_needs_{c_type}_of_ieee_754_binary{bits}
+        [{type_test} ? 1 : -1];
 #if defined(__FAST_MATH__) || defined(_M_FP_FAST)
 #error "esea: do not compile with -ffast-math: it takes the checks for NaN away"
 #endif
@@ -58,7 +57,7 @@ _REFUSED = """\
 #endif
 #if defined(__clang__)
 #if __has_attribute(error)
-__attribute__((error("esea: do not compile with -funsafe-math-optimizations: results would differ")))
+__attribute__((error("esea: do not compile with -funsafe-math-optimizations")))
 #endif
 void esea_refused_unsafe_math_optimizations(void);
 /* Empty, unless the optimizer may regroup a sum. */
@@ -76,8 +75,10 @@ def float_operations(name: str, c_type: str, own: str) -> str:
     """Text of a device's ``_real.h``: a format's own operations, and those of every format."""
     zero, one = ("0.0f", "1.0f") if c_type == "float" else ("0.0", "1.0")
     kind, mantissa, exponent = ("FLT", 24, 128) if c_type == "float" else ("DBL", 53, 1024)
-    digits = f"{kind}_MANT_DIG != {mantissa} || {kind}_MAX_EXP != {exponent}"
-    refused = _REFUSED.format(digits=digits, c_type=c_type, bits=32 if c_type == "float" else 64)
+    bits = {24: 32, 53: 64}[mantissa]
+    test = f"sizeof({c_type}) == {bits // 8} && FLT_RADIX == 2 && {kind}_MANT_DIG == {mantissa}"
+    test += f" && {kind}_MAX_EXP == {exponent}"
+    refused = _REFUSED.format(type_test=test, c_type=c_type, bits=bits)
     return (
         f"{refused}"
         f"/* Small operations of the {name} format.  Every value that reaches a minimum or maximum "
