@@ -55,6 +55,9 @@ typedef char esea_needs_{c_type}_of_ieee_754_binary{bits}
     || (defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0)
 #error "esea: intermediate results carry excess precision; on 32-bit x86: -msse2 -mfpmath=sse"
 #endif
+#if defined(__clang__) || !(defined(__GNUC__) || defined(_MSC_VER))
+#pragma STDC FP_CONTRACT OFF /* gcc and MSVC do not know it: -ffp-contract=off, /fp:strict */
+#endif
 #if defined(__clang__)
 #if __has_attribute(error)
 __attribute__((error("esea: do not compile with -funsafe-math-optimizations")))
