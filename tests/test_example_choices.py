@@ -289,7 +289,7 @@ def small(inputs: tuple[Port, ...], outputs: tuple[Port, ...], values) -> System
 
 
 PAIR, Y = Port("pair_Nm", -1, 1, "two", 2), Port("y_Nm", -9, 9, "out")
-WORD = Port("word", 0, 1, "word", flags=(Flag("UP", "above zero"),))
+WORD = Port("state_word", 0, 1, "word", flags=(Flag("UP", "above zero"),))
 
 
 def test_the_first_number_is_moved_and_the_first_number_that_answers_is_compared():
@@ -302,7 +302,7 @@ def test_the_first_number_is_moved_and_the_first_number_that_answers_is_compared
             outputs,
             lambda u: {
                 "pair_Nm": [u.a_Nm, -u.a_Nm],
-                "word": flag_word([u.a_Nm > 0]),
+                "state_word": flag_word([u.a_Nm > 0]),
                 "rest_Nm": u.b_Nm + u.pair_Nm[0],
                 "y_Nm": 3 * u.a_Nm + u.d_rad,
                 "z_Nm": u.a_Nm,
@@ -333,7 +333,11 @@ def test_where_nothing_is_moved_or_answers_there_is_no_example():
             small(
                 (x,),
                 (PAIR, WORD, Y),
-                lambda u: {"pair_Nm": [u.x_Nm] * 2, "word": flag_word([u.x_Nm > 0]), "y_Nm": 1},
+                lambda u: {
+                    "pair_Nm": [u.x_Nm] * 2,
+                    "state_word": flag_word([u.x_Nm > 0]),
+                    "y_Nm": 1,
+                },
             )
         )
 

@@ -182,7 +182,7 @@ def test_a_switch_is_a_whole_number_and_a_share_is_not():
         return (
             {"on": on, "share": u.x_rad / 4 + 0.5, "both": [on, u.x_rad > 0.5], "some": [on, 0.5]},
             {"out": ca.logic_not(on), "wide": on, "part": 0.5 * s.share,
-             "word": flag_word([on])},
+             "flags": flag_word([on])},
         )  # fmt: skip
 
     block = Block.define(
@@ -200,14 +200,14 @@ def test_a_switch_is_a_whole_number_and_a_share_is_not():
             Port("out", 0, 1, "is off"),
             Port("wide", 0, 2, "is on, of two"),
             Port("part", 0, 1, "share"),
-            Port("word", 0, 1, "word", flags=(Flag("ON", "on"),)),
+            Port("flags", 0, 1, "word", flags=(Flag("ON", "on"),)),
         ),
         step=step,
     )
     plan = Planner(block).plan()
     found = {f.name: f.fraction for g in ("state", "out") for f in plan.fields[g]}
     assert found == {
-        "on": 0, "share": 30, "both": 0, "some": 30, "out": 0, "wide": 29, "part": 30, "word": 0,
+        "on": 0, "share": 30, "both": 0, "some": 30, "out": 0, "wide": 29, "part": 30, "flags": 0,
     }  # fmt: skip
     places = raw_places("state", plan.fields["state"], [[1], [7], [[1, 0]], [[1, 0]]])
     results = run_lowered(plan.step, places | raw_places("in", plan.fields["in"], [[2**28]]), 1)

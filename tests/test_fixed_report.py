@@ -311,7 +311,7 @@ def test_an_error_is_a_share_of_the_larger_end_whichever_it_is():
     outputs = (
         Port("a_Nm", -4.0, 2.0, "larger below"),
         Port("b", -1.0, 8.0, "larger above"),
-        Port("word", 0, 1, "word", flags=(Flag("ON", "on"),)),
+        Port("flags", 0, 1, "word", flags=(Flag("ON", "on"),)),
     )
     bound = Bound("q31", math.inf, {"a_Nm": 0.02, "b": 0.02}, {}, "linear", ("one", "two"))
     plan = SimpleNamespace(block=SimpleNamespace(outputs=outputs))
