@@ -218,10 +218,10 @@ def test_one_steps_errors_hold_a_millionth_of_the_width_beyond_each_range(low, h
 def test_what_a_word_alone_decides_is_no_assumption():
     def step(c, s, u, g, label):
         steep = 0.7 * u.x_rad > 0.3
-        return {}, {"y_rad": u.x_rad, "word": flag_word([steep, u.x_rad > 0.25])}
+        return {}, {"y_rad": u.x_rad, "flags": flag_word([steep, u.x_rad > 0.25])}
 
     flags = (Flag("STEEP", "is steep"), Flag("MORE", "is more"))
-    outputs = (Port("y_rad", -1, 1, "y"), Port("word", 0, 3, "word", flags=flags))
+    outputs = (Port("y_rad", -1, 1, "y"), Port("flags", 0, 3, "word", flags=flags))
     block = made(step, outputs=outputs)
     for bound in (step_bound(block, F32), block_bound(block, F32)):
         assert bound.assumptions == ()

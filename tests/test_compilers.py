@@ -110,7 +110,11 @@ REFUSED = [
     (("-Ofast",), "NaN", ("gcc", "g++", "clang", "clang++")),
     (("-ffinite-math-only",), "NaN", ("gcc", "g++", "clang", "clang++")),
     (("-funsafe-math-optimizations",), "would differ", ("gcc", "g++")),
+    (("-fno-signed-zeros",), "would differ", ("gcc", "g++")),
     (("-mfpmath=387",), "excess precision", ("gcc", "g++")),  # what 32-bit x86 computes with
+    (("-D__DBL_MAX_EXP__=128", "-D__FLT_MAX_EXP__=127"), "ieee_754_binary", ("gcc", "clang")),
+    (("-U__FLT_RADIX__", "-D__FLT_RADIX__=16"), "ieee_754", ("gcc",)),
+    (("-Dint=long", "-w"), "int_of_16_or_32", ("gcc",)),
 ]
 
 
@@ -126,12 +130,147 @@ def test_a_compiler_that_changes_the_arithmetic_is_refused(folder, real, flags, 
             assert accepted(compiler, where, file)
             done = check(compiler, where, *flags, only=file)
             assert done.returncode != 0, (compiler, file)
-            assert re.search(rf'error:? .*"?esea: .*{why}', done.stderr), done.stderr
+            assert re.search(rf'error:? .*"?esea[:_].*{why}', done.stderr), done.stderr
 
 
 def test_whole_numbers_compile_with_any_arithmetic_of_floats(folder):
     done = check(("gcc", "-std=c11"), folder("elbow_drive", "q31"), "-ffast-math", only="esea_e*.c")
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("real", ["f64", "f32"])
+def test_clang_is_refused_where_it_regroups_sums(folder, real):
+    """It has no macro for that: what its optimizer folds gives it away, so not without one."""
+    unsafe = ("-funsafe-math-optimizations",)
+    parts = ("-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math")
+    command = (require_tool("clang"), "-c", "-o", "/dev/null", "esea_elbow_sensor.c")
+    for flags, good in (((), 1), (unsafe, 0), (parts, 0)):
+        for level in ("-O1", "-O3", "-Os"):
+            done = subprocess.run(
+                [*command, level, *flags],
+                cwd=folder("elbow", real),
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            assert (done.returncode == 0) == good, (flags, level)
+            assert good or "esea: do not compile with -funsafe" in done.stderr
+
+
+# -- a processor with 16-bit int -------------------------------------------------------------------
+
+AVR = ("avr-gcc", "-std=c99", "-mmcu=atmega2560", "-O2", "-ffp-contract=off")
+
+# Prints a running checksum of all outputs, by way of the mark `put`.
+EIGHT_BIT = r"""
+#include "esea_elbow_drive.h"
+#ifdef __AVR__
+#include <avr/interrupt.h>
+#include <avr/io.h>
+#include <avr/sleep.h>
+static void put(char c) { while (!(UCSR0A & (1 << UDRE0))) { } UDR0 = c; }
+#else
+#include <stdio.h>
+static void put(char c) { putchar(c); }
+#endif
+static esea_elbow_drive_params_t params;
+static esea_elbow_drive_coeffs_t coeffs;
+static esea_elbow_drive_state_t state;
+static esea_elbow_drive_sense_in_t in;
+static esea_elbow_drive_sense_out_t sensed;
+static esea_elbow_drive_control_in_t none;
+static esea_elbow_drive_control_out_t set;
+static uint32_t sum;
+
+static void see(const void *data, uint32_t n)
+{
+    const unsigned char *byte = data;
+    while (n-- > 0)
+        sum = (sum ^ *byte++) * UINT32_C(16777619);
+}
+
+static void print(uint32_t x)
+{
+    for (int i = 28; i >= 0; i -= 4)
+        put("0123456789abcdef"[(x >> i) & 15u]);
+    put('\n');
+}
+
+int main(void)
+{
+#ifdef __AVR__
+    UCSR0B = 1 << TXEN0;
+#endif
+    esea_elbow_drive_default_params(&params);
+    print(esea_elbow_drive_prepare(&params, &coeffs));
+    see(&coeffs, sizeof coeffs);
+    esea_elbow_drive_init(&coeffs, &state);
+    for (uint32_t k = 0; k < 400; ++k) {
+        esea_elbow_drive_release(&state, k);
+        in.count_motor = (3000 + 4 * (int32_t)(k % 16) - (k == 333 ? 3000 : 0)) * COUNT;
+        in.count_load = (3000 + (int32_t)(k % 64)) * COUNT;
+        in.count_gear = 640 * (int32_t)(k % 100) * (COUNT / 32);
+        in.frame_error_load = k % 50 == 49 ? MODE : 0;
+        in.mode = k > 60 ? MODE : 0;
+        in.tau_desired_Nm = (int32_t)(k % 3) * MODE / 2;
+        esea_elbow_drive_sense_step(&coeffs, &state, &in, &sensed);
+        see(&sensed, sizeof sensed);
+        if (k % ESEA_ELBOW_DRIVE_CONTROL_EVERY == ESEA_ELBOW_DRIVE_CONTROL_PHASE) {
+            esea_elbow_drive_control_step(&coeffs, &state, &none, &set);
+            see(&set, sizeof set);
+        }
+        if (k % 20 == 0)
+            print(sum);
+    }
+    print((sensed.limits_status & ESEA_ELBOW_DRIVE_LIMITS_FAULT_LATCHED) != 0);
+    see(&state, sizeof state);
+    print(sum);
+#ifdef __AVR__
+    cli();
+    sleep_enable();
+    sleep_cpu();
+#endif
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize(("name", "real"), BUILDS)
+def test_an_8_bit_compiler_takes_all_but_double_precision(folder, name, real):
+    done = check(AVR, folder(name, real), "-Wall", "-Wextra", "-Wconversion", "-Werror")
+    if real == "f64":
+        assert "esea_needs_double_of_ieee_754_binary64" in done.stderr
+    else:
+        assert done.returncode == 0, done.stderr
+
+
+# By the fractions in the q31 header's comments.
+IN_Q31 = ("-DMODE=(INT32_C(1) << 29)", "-DCOUNT=(INT32_C(1) << 19)")
+
+
+@pytest.mark.parametrize(
+    ("real", "one"), [("f32", ("-DMODE=1.0f", "-DCOUNT=1.0f")), ("q31", IN_Q31)]
+)
+def test_an_emulated_8_bit_board_gives_the_hosts_bits(folder, tmp_path, real, one):
+    source, image = tmp_path / "main.c", tmp_path / "main"
+    source.write_text(EIGHT_BIT)
+    files = [p for p in folder("elbow_drive", real).glob("*.c") if p.name != "main.c"]
+    seen = []
+    for compiler, command in (
+        (AVR, (require_tool("simavr"), "-m", "atmega2560", "-f", "16000000")),
+        (("gcc", "-std=c99", "-ffp-contract=off"), ()),
+    ):
+        require_tool(compiler[0])
+        flags = (*one, f"-I{files[0].parent}", "-ffunction-sections")
+        ends = ("-Wl,--gc-sections", "-lm", "-o", image)
+        subprocess.run([*compiler, *flags, source, *files, *ends], check=True)
+        # The emulator prints a port's lines in colour, with a point at the end.
+        done = subprocess.run([*command, image], capture_output=True, text=True, check=True)
+        plain = re.sub(r"\x1b\[\d*m", "", done.stdout + done.stderr)
+        seen.append(re.findall(r"^([0-9a-f]{8})\.?$", plain, re.MULTILINE))
+    assert seen[0] == seen[1]
+    assert len(set(seen[0])) > 20
+    assert seen[0][-2] == "00000001"
 
 
 # -- truth values ----------------------------------------------------------------------------------
@@ -232,10 +371,10 @@ SUM = " + ".join(f"esea_value_{k}(first_{k}, second_{k})" for k in range(9))
             "        esea_device_block_state_t *state);",
         ),
         (
-            "#define ESEA_DEVICE_BLOCK_FLAG (1u << 3) /* what this flag says of the block, in more "
-            "words than fit */",
+            "#define ESEA_DEVICE_BLOCK_FLAG (UINT32_C(1) << 3) /* what this flag says of the "
+            "block, in more words than fit */",
             "/* what this flag says of the block, in more words than fit */\n"
-            "#define ESEA_DEVICE_BLOCK_FLAG (1u << 3)",
+            "#define ESEA_DEVICE_BLOCK_FLAG (UINT32_C(1) << 3)",
         ),
         (
             "/* name    " + "word " * 20 + "end */",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import zipfile
@@ -130,7 +131,7 @@ def drive():
 
 @pytest.fixture(scope="module")
 def loop(folder, drive):
-    """The controller (FMI 3.0), the virtual exoskeleton (FMI 2.0), and a run of both by ours."""
+    """The controller, the virtual exoskeleton, and a run of both by ours."""
     plant = real_plant(drive, seed=3)
     t = np.arange(N) * TICK_S
     still = np.zeros(N)
@@ -145,15 +146,17 @@ def loop(folder, drive):
     return {
         "run": run,
         "signals": signals,
-        "controller": written(folder, make_fmu(controller_model(drive), "3"), "controller"),
-        "twin": written(folder, make_fmu(twin, "2"), "twin"),
+    } | {
+        (which, fmi): written(folder, make_fmu(model, fmi), f"{which}{fmi}")
+        for which, model in (("controller", controller_model(drive)), ("twin", twin))
+        for fmi in ("2", "3")
     }
 
 
 def test_fmpy_finds_nothing_wrong(sensor, loop):
     from fmpy.validation import validate_fmu
 
-    for path in (*sensor.values(), loop["controller"], loop["twin"]):
+    for path in (*sensor.values(), loop["controller", "3"], loop["twin", "2"]):
         assert validate_fmu(str(path)) == []
         assert check_fmu(path)["identifier"]
     import fmpy
@@ -197,8 +200,8 @@ def first_difference(loop, late: bool) -> tuple[int, str] | None:
     late: the plant moves before the controller has run, which takes its last command instead.
     """
     run, signals = loop["run"], loop["signals"]
-    controller = Slave(loop["controller"]).start()
-    twin = Slave(loop["twin"]).start(start_rad=signals["theta_p_rad"][0])
+    controller = Slave(loop["controller", "3"]).start()
+    twin = Slave(loop["twin", "2"]).start(start_rad=signals["theta_p_rad"][0])
     path = ("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "noise")
     for k in range(N):
         for name in run.plant:
@@ -277,20 +280,77 @@ def test_a_state_is_come_back_to_and_crosses_to_another_instance(sensor, fmi):
 
 def test_time_is_counted_in_ticks(sensor, elbow_f32):
     """Any step does: a tick runs at its beginning, once; a step that none begins in runs none."""
-    fine, coarse = Slave(sensor["3"]).start(at_s=2.0), Slave(sensor["3"]).start()
-    for slave in (fine, coarse):
+    slaves = [Slave(sensor["3"]).start(at_s=at_s) for at_s in (2.0, 0.0, 0.0)]
+    for slave, h_s in zip(slaves, (0.5e-3, 5e-3, 5e-3 / 7), strict=True):
         slave.put(theta_rad=0.05, omega_rad_s=0.5)
-    for _ in range(10):
-        fine.step(0.5e-3)
-    coarse.step(5e-3)
-    assert fine.get("tau_Nm") == coarse.get("tau_Nm")
+        for _ in range(round(5e-3 / h_s)):
+            slave.step(h_s)
+    fine, coarse, odd = slaves
+    assert fine.get("tau_Nm") == coarse.get("tau_Nm") == odd.get("tau_Nm")
     assert fine.get("time") == pytest.approx(2.005)
     reference = elbow_f32.block("sensor")
     given = {"theta_rad": np.full(5, 0.05), "omega_rad_s": np.full(5, 0.5)}
     assert coarse.get("tau_Nm") == float(reference.run(given, trace=False)[0]["tau_Nm"][-1])
-    with pytest.raises(Exception, match=r"."):
-        fine.fmu.doStep(currentCommunicationPoint=1.0, communicationStepSize=1e-3)
-    assert "but the instance stands at" in fine.said[-1]
+
+
+# What makes an output change at every tick, and that output.
+MOVING: dict[str, tuple[dict[str, float], str]] = {
+    "twin": ({"omega_p_rad_s": 1.0}, "omega_g_rad_s"),
+    "controller": (
+        {"count_motor": 100, "count_load": 200, "count_gear": 50, "mode": 1, "tau_desired_Nm": 0.5},
+        "tau_h_Nm",
+    ),
+}
+
+
+@pytest.mark.parametrize("fmi", ["2", "3"])
+@pytest.mark.parametrize("which", [*MOVING])
+def test_every_step_of_a_tick_runs_one_tick_however_a_master_counts(loop, which, fmi):
+    """A million steps of ``t += h``, fewer of the other sums; from 0, a date, and before 0.
+
+    No step leaves the outputs as they are, and the sum is that of one long step.
+    """
+    given, seen = MOVING[which]
+    starts = (0.0, 1.7e9, -5.0)
+    longest = (which, fmi) in (("twin", "2"), ("controller", "3"))
+    runs = [(0.0 if longest else 1.7e9, "sum", 1_000_000)]
+    runs += [(s, way, 20_000) for s in starts for way in ("sum", "product", "difference")]
+    for start_s, way, steps in runs:
+        whole, fmu = (Slave(loop[which, fmi]).start(at_s=x, **given) for x in (0.0, start_s))
+        whole.step(steps * TICK_S)
+        step, at = fmu.fmu.doStep, [fmu.known[seen].valueReference]
+        read = fmu.fmu.getReal if fmu.two else fmu.fmu.getFloat64
+        t_s, before = start_s, read(at)
+        for k in range(1, steps + 1):
+            next_s = t_s + TICK_S if way == "sum" else start_s + k * TICK_S
+            step(t_s, next_s - t_s if way == "difference" else TICK_S)
+            t_s, now = next_s, read(at)
+            assert k == 1 or now != before, (start_s, way, k)
+            before = now
+        assert [fmu.get(n) for n in fmu.outputs] == [whole.get(n) for n in whole.outputs]
+        assert not fmu.said
+
+
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_a_point_that_is_not_where_the_last_step_ended_is_an_error(sensor, fmi):
+    """It runs nothing, and the instance goes on from where it is."""
+    for start_s in (0.0, 1.7e9):
+        fmu = Slave(sensor[fmi]).start(at_s=start_s)
+        fmu.step()
+        for off_s in (-TICK_S, -0.4e-3, 0.03e-3, 0.4e-3, 1.0, np.nan, np.inf, -start_s or 9.0):
+            with pytest.raises(Exception, match=r"rror"):
+                fmu.fmu.doStep(fmu.time + off_s, TICK_S)
+            assert fmu.two or re.search("the instance is at|too large to count", fmu.said[-1])
+        assert len(fmu.said) == 8
+        fmu.step()
+    fmu = Slave(sensor[fmi]).start()
+    for k in range(3):  # each point within the limit of the last, in the end not of their sum
+        fmu.fmu.doStep(1.01e-3 * k, TICK_S)
+    with pytest.raises(Exception, match=r"rror"):
+        fmu.fmu.doStep(3.03e-3, TICK_S)
+    assert fmu.two or "add up to 0.00" in fmu.said[-1]
+    with pytest.raises(Exception, match=r"rror"):
+        Slave(sensor[fmi]).start(at_s=1e12)
 
 
 def test_a_tunable_holds_from_the_next_step_on_and_keeps_its_bounds(folder, elbow, elbow_f32):
@@ -347,7 +407,7 @@ def test_another_content_is_refused(sensor, loop, tmp_path):
     for path in (sensor["3"], sensor["2"]):
         with pytest.raises(Exception, match="instantiate"):
             Slave(path, token="0" * 32)
-    with zipfile.ZipFile(loop["controller"]) as archive:
+    with zipfile.ZipFile(loop["controller", "3"]) as archive:
         about = archive.read("modelDescription.xml")
     mixed = rewritten(
         sensor["3"], tmp_path / "a.fmu", lambda f: f | {"modelDescription.xml": about}

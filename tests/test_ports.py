@@ -174,6 +174,28 @@ def test_symbols_are_columns_of_the_ports_sizes():
     assert {n: x.shape for n, x in found.items()} == {"a": (1, 1), "b": (3, 1), "t": (1, 1)}
 
 
+TAKEN = """
+int,xor,co_await,char8_t,typeof,_Bool,_x,a__b,NAN,INFINITY,EOF,errno,assert,I,abs,B0,F,PI,DEC,bit,
+round,sq,radians,word,min,1x,theta-rad,größe,,a b"""
+
+
+@pytest.mark.parametrize("name", TAKEN.replace("\n", "").split(","))
+@pytest.mark.parametrize(
+    "define",
+    [
+        lambda n: Port(n, 0, 1, "meaning"),
+        lambda n: Tunable(n, 0.5, 0, 1, "meaning", "source", "assumed"),
+        lambda n: check_ports(n, 1e-3),
+    ],
+    ids=["port", "tunable", "block"],
+)
+def test_a_name_that_c_or_arduino_has_taken_is_rejected(define, name):
+    """And the name that the message proposes is none of them."""
+    with pytest.raises(ValueError, match=r"(port|tunable|block) name ") as told:
+        define(name)
+    define(str(told.value).rpartition("take ")[2].split("'")[1])
+
+
 @pytest.mark.parametrize("period_s", [0.0, -1e-3, math.inf, math.nan])
 def test_a_period_is_a_positive_number(period_s):
     with pytest.raises(ValueError, match="block b: period_s must be positive"):

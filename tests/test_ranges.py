@@ -156,7 +156,7 @@ def test_a_filter_that_switches_is_not_called_linear():
         return {"x": ca.if_else(u.m > 0, 0.99999 * turn @ x + u.w, 0.5 * turn @ x)}, {"y": s.x[0]}
 
     block = Block.define(
-        "switch",
+        "chooser",
         "two filters",
         period_s=1e-3,
         state=(Port("x", -100, 100, "state", size=2),),

@@ -8,22 +8,10 @@ from typing import Any
 
 from esea_gen.emit.walker import Kernel, status_words, use_counts
 from esea_gen.language.block import Block
+from esea_gen.language.names import KEYWORDS
 
-# Keywords of C and C++, the functions' own arguments, and what headers may define in lower case.
-_RESERVED = frozenset(
-    word
-    for line in (
-        "alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl",
-        "const constexpr const_cast continue decltype default delete do double dynamic_cast else",
-        "enum explicit export extern false float for friend goto if inline int long mutable",
-        "namespace new noexcept not not_eq nullptr operator or or_eq private protected public",
-        "register reinterpret_cast restrict return short signed sizeof static static_assert",
-        "static_cast struct switch template this thread_local throw true try typedef typeid",
-        "typename union unsigned using virtual void volatile wchar_t while xor xor_eq",
-        "coeffs in out params state errno linux unix",
-    )
-    for word in line.split()
-)
+# The functions' own arguments among them.
+_RESERVED = KEYWORDS | {"coeffs", "in", "out", "params", "state"}
 _MACRO = re.compile(r"[A-Z][A-Z0-9_]*")
 
 

@@ -39,6 +39,10 @@ class LibraryForm:
     arrays: bool = False
 
 
+# Arduino's and PlatformIO's names of processors that a test compiles for; avr has no 64-bit double.
+_ARDUINO = ("avr", "mbed_giga", "mbed_nano", "mbed_portenta", "renesas_uno", "sam", "samd", "stm32")
+_PLATFORMIO = ("atmelavr", "atmelsam", "nordicnrf52", "renesas-ra", "ststm32")
+
 FORMS = {
     f.name: f
     for f in (
@@ -146,6 +150,8 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
         renderer = model.renderer
         made["model.h"] = model_header(model, digest, command)
     extra["command"], extra["c_files"] = command, sorted(n for n in made if n.endswith(".c"))
+    for name, known in (("architectures", _ARDUINO), ("platforms", _PLATFORMIO)):
+        extra[name] = [n for n in known if real != "f64" or "avr" not in n]
 
     def rendered(name: str) -> str:
         return renderer.render(f"export/{form.name}/{name}.j2", **extra)

@@ -14,6 +14,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.language.names import check_name
+
 Array = npt.NDArray[np.float64]
 
 
@@ -205,6 +207,7 @@ class Port:
     finer: float = 1.0
 
     def __post_init__(self) -> None:
+        check_name("port", self.name)
         if not self.low < self.high:
             raise ValueError(f"port {self.name}: range [{self.low}, {self.high}] is empty")
         if self.size < 1:
@@ -267,6 +270,7 @@ class Tunable:
     status: Status = "assumed"
 
     def __post_init__(self) -> None:
+        check_name("tunable", self.name)
         low, high = f32_inside(self.low, self.high)
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)

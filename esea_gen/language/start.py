@@ -9,13 +9,15 @@ from typing import Any
 
 import casadi as ca
 
+from esea_gen.language.names import check_name
 from esea_gen.language.ports import Port, Tunable, symbols_of
 
 PrepareFn = Callable[[SimpleNamespace], Mapping[str, Any]]
 
 
 def check_ports(name: str, period_s: float, *groups: tuple[Port | Tunable, ...]) -> None:
-    """Refuse a period that is none, and a port name that occurs twice in a group."""
+    """Reject a name that C has taken, a non-positive period, and duplicate port names."""
+    check_name("block", name)
     if not (math.isfinite(period_s) and period_s > 0):
         raise ValueError(f"block {name}: period_s must be positive, got {period_s}")
     for group in groups:

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from esea_gen.language.component import Component, Executor
+from esea_gen.language.names import check_name
 from esea_gen.language.ports import Port, Tunable
 from esea_gen.language.watch import WATCH, WATCHED, TaskWatch, Watched
 from esea_gen.language.wires import External, Latch, Signal, Task
@@ -65,6 +66,10 @@ class System:
         self.inputs: tuple[External, ...] = ()
         self.outputs: tuple[External, ...] = ()
         self._task_of = {i: t for t in tasks for i in t.blocks}
+        named = {"task": [t.name for t in tasks], "block": blocks, "input": inputs}
+        for kind, names in (named | {"output": outputs}).items():
+            for n in names:
+                check_name(kind, n)
         self._check_tasks()
         feeds = {n: tuple(Signal.parse(s) for s in sinks) for n, sinks in inputs.items()}
         self.inputs = tuple(self._external_input(n, s) for n, s in feeds.items())

@@ -1,13 +1,19 @@
 /* An instance of a model: what FMI 2.0 and FMI 3.0 share.  The model itself is in model.h.
  *
- * Time is counted in whole ticks from the start, so that nothing drifts.  A communication step runs every
- * tick that is due in it; inputs are those that stand when it begins. */
+ * Ticks are counted in whole numbers from the start.  The step sizes move the instance; the communication
+ * points, which are rounded, only confirm where it is.  A communication step runs every tick that is due in
+ * it, with the inputs at its beginning. */
+#include <float.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { ESEA_OK, ESEA_DISCARD, ESEA_ERROR };
+/* In ticks: how far from a boundary a point still counts as on it, and from where the last step ended.
+ * Twice the coarsest spacing of numbers that a time may have. */
+#define ESEA_TOLERANCE 0.02
+
 enum { ESEA_CREATED, ESEA_INITIALIZING, ESEA_STEPPING, ESEA_TERMINATED };
 
 /* All that changes: a state to come back to is a copy of this. */
@@ -16,6 +22,8 @@ typedef struct {
     int changed; /* parameters since the coefficients were made of them */
     double start_s;
     double now_s;
+    double rounding_s; /* most that rounding can have moved the caller's points since the start */
+    double ahead;      /* ticks from the end of the last tick that has run to now */
     uint32_t ticks;
     double value[MODEL_VARIABLES];
     model_t model;
@@ -82,14 +90,27 @@ static int esea_prepare(esea_instance_t *self)
     return ESEA_OK;
 }
 
-static int esea_initialize(esea_instance_t *self, double start_s)
+static double esea_size(double x) { return x < 0.0 ? -x : x; }
+
+/* The spacing of numbers at a time, rounded up; not finite for what is not finite. */
+static double esea_spacing(double time_s) { return DBL_EPSILON * esea_size(time_s); }
+
+/* Whether numbers at a time are fine enough to count ticks by. */
+static int esea_countable(esea_instance_t *self, double time_s)
 {
     ESEA_TEXT;
 
-    if (esea_phase(self, ESEA_CREATED, ESEA_CREATED, "initialization") != ESEA_OK)
+    if (esea_spacing(time_s) <= 0.5 * ESEA_TOLERANCE * MODEL_TICK_S)
+        return ESEA_OK;
+    return ESEA_TELL(self, ESEA_ERROR, "time %.17g s is not finite, or too large to count ticks of %g s", time_s,
+                     (double)MODEL_TICK_S);
+}
+
+static int esea_initialize(esea_instance_t *self, double start_s)
+{
+    if (esea_phase(self, ESEA_CREATED, ESEA_CREATED, "initialization") != ESEA_OK
+        || esea_countable(self, start_s) != ESEA_OK)
         return ESEA_ERROR;
-    if (!(start_s - start_s == 0.0))
-        return ESEA_TELL(self, ESEA_ERROR, "the start time is not finite");
     self->now.phase = ESEA_INITIALIZING;
     self->now.start_s = self->now.now_s = start_s;
     return ESEA_OK;
@@ -148,26 +169,38 @@ static int esea_set(esea_instance_t *self, unsigned reference, int whole, double
 
 static int esea_advance(esea_instance_t *self, double from_s, double step_s)
 {
-    double off_s, due, to_s;
+    const double limit_s = ESEA_TOLERANCE * MODEL_TICK_S;
+    esea_snapshot_t *now = &self->now;
+    double off_s, steps_s;
     ESEA_TEXT;
 
-    if (esea_phase(self, ESEA_STEPPING, ESEA_STEPPING, "doStep") != ESEA_OK)
+    if (esea_phase(self, ESEA_STEPPING, ESEA_STEPPING, "doStep") != ESEA_OK
+        || esea_countable(self, from_s) != ESEA_OK)
         return ESEA_ERROR;
-    off_s = from_s - self->now.now_s;
-    if (!(off_s < 1e-3 * MODEL_TICK_S && off_s > -1e-3 * MODEL_TICK_S))
-        return ESEA_TELL(self, ESEA_ERROR, "doStep from %.9g s, but the instance stands at %.9g s", from_s,
-                         self->now.now_s);
-    to_s = from_s + step_s;
-    due = MODEL_DUE((to_s - self->now.start_s) / MODEL_TICK_S);
-    if (!(step_s >= 0.0) || !(due < 4294967295.0))
+    off_s = from_s - now->now_s;
+    if (!(esea_size(off_s) <= limit_s))
+        return ESEA_TELL(self, ESEA_ERROR,
+                         "doStep from %.17g s, but the instance is at %.17g s: %.3g s off, limit %.3g s", from_s,
+                         now->now_s, off_s, limit_s);
+    /* Each of the caller's sums may have been rounded, always to the same side. */
+    steps_s = ((double)now->ticks + now->ahead) * MODEL_TICK_S;
+    off_s = from_s - now->start_s - steps_s;
+    if (!(esea_size(off_s) <= limit_s + now->rounding_s))
+        return ESEA_TELL(self, ESEA_ERROR,
+                         "doStep from %.17g s, but the steps since %.17g s add up to %.17g s: %.3g s off", from_s,
+                         now->start_s, steps_s, off_s);
+    if (!(step_s >= 0.0 && step_s / MODEL_TICK_S < 4294967294.0 - (double)now->ticks))
         return ESEA_TELL(self, ESEA_ERROR, "doStep by %.9g s: not finite, negative or too long", step_s);
     if (esea_prepare(self) != ESEA_OK)
         return ESEA_ERROR;
-    while ((double)self->now.ticks < due) {
-        model_tick(&self->now.model, self->now.value, self->now.ticks);
-        ++self->now.ticks;
+    now->ahead += step_s / MODEL_TICK_S;
+    while (MODEL_DUE(now->ahead, ESEA_TOLERANCE)) {
+        model_tick(&now->model, now->value, now->ticks);
+        ++now->ticks;
+        now->ahead -= 1.0;
     }
-    self->now.now_s = to_s;
+    now->now_s = from_s + step_s;
+    now->rounding_s += esea_spacing(now->now_s);
     return ESEA_OK;
 }
 
