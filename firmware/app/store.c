@@ -204,6 +204,7 @@ bool esea_store_commit(esea_store_t *store)
         good = make_room(store, true, &area, &slot) && put_set(store, &head, area, slot);
     if (!good)
         return false;
+    store->status = ESEA_STORE_LOADED; /* what is in memory is the newest set */
     store->found = true;
     store->area = area;
     store->slot = slot;
