@@ -117,7 +117,7 @@ static void send_asked(esea_app_t *app, uint32_t id, float number)
     else if (id == MAVLINK_MSG_ID_ESEA_KEPT)
         esea_send_kept(app, MAV_RESULT_ACCEPTED);
     else if (id == MAVLINK_MSG_ID_STATUSTEXT)
-        esea_parameters_tell_kept(app);
+        esea_parameters_tell(app);
     else if (id == MAVLINK_MSG_ID_ESEA_LIFE)
         esea_send_life(app, number >= 0.0f && number < 255.0f ? (uint32_t)number : 0u, MAV_RESULT_ACCEPTED);
     else

@@ -120,8 +120,10 @@ static uint32_t in_force(const esea_app_t *app)
     return good;
 }
 
-void esea_parameters_tell_kept(esea_app_t *app)
+void esea_parameters_tell(esea_app_t *app)
 {
+    if (app->port->notice != NULL)
+        esea_send_text(app, MAV_SEVERITY_WARNING, app->port->notice, "");
     app->parameters.told = 0u;
 }
 
@@ -136,7 +138,7 @@ void esea_parameters_start(esea_app_t *app)
         (void)put_in_force(app);
     if (in_force(app) < esea_kept_parameters(app, &kept) ||
         (store != NULL && store->status != ESEA_STORE_LOADED && store->status != ESEA_STORE_EMPTY))
-        esea_parameters_tell_kept(app);
+        app->parameters.told = 0u;
 }
 
 /* -- what is said of kept values ------------------------------------------------------------------- */
@@ -385,6 +387,6 @@ uint8_t esea_parameters_storage(esea_app_t *app, float action)
     else if (!ask_kept(app))
         return MAV_RESULT_FAILED;
     else if (in_force(app) < esea_kept_parameters(app, &kept))
-        esea_parameters_tell_kept(app);
+        app->parameters.told = 0u;
     return (uint8_t)(put_in_force(app) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED);
 }

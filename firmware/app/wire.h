@@ -98,8 +98,9 @@ void esea_parameters_error(struct esea_app *app, const mavlink_message_t *to, co
 /* The command PREFLIGHT_STORAGE; its result. */
 uint8_t esea_parameters_storage(struct esea_app *app, float action);
 
-/* Says, a text a turn of the main loop, which kept values are not in force, and how many are. */
-void esea_parameters_tell_kept(struct esea_app *app);
+/* Says what the board has to say, then, a text a turn of the main loop, which kept values are not in force, and how
+ * many are. */
+void esea_parameters_tell(struct esea_app *app);
 
 /* The next one of a list or text that was asked for; false when there is none. */
 bool esea_parameters_send(struct esea_app *app);

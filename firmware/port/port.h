@@ -30,6 +30,8 @@ typedef struct {
 typedef struct {
     /* Name of the board, at most 15 characters. */
     const char *name;
+    /* What the board has to say at its start, at most 50 characters; NULL: nothing. */
+    const char *notice;
     /* Size of the receive buffer and of the stack, bytes. */
     uint32_t receive_buffer_bytes;
     uint32_t stack_bytes;
