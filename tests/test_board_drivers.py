@@ -139,13 +139,15 @@ class Clocks:
     hse, pll, switch: looks until crystal, PLL, and the switch to it are there.
     """
 
-    def __init__(self, hse=3, pll=5, switch=2, revision=0x1007, at_start=0x83):
+    def __init__(self, hse=3, pll=5, switch=2, revision=0x1007, at_start=0x83, of_crystal=True):
+        self.of_crystal = of_crystal  # whether the PLL locks to it
         self.after = {17: hse, 25: pll, 1: 1}  # looks, by the bit that says ready
         self.switch, self.revision, self.at_start = switch, revision, at_start
         self.waited = dict.fromkeys((1, 17, 25, "sws"), 0)
 
     def power_up(self, cells):
-        cells[CR], cells[PLLCFGR], cells[PWR] = self.at_start, 0x24003010, 0x4000
+        cells[CR], cells[PLLCFGR] = self.at_start, 0x24003010
+        cells[PWR] = 0x4000 if self.at_start else 0
         cells[IDCODE] = self.revision << 16 | 0x413
 
     def look(self, cells, address):
@@ -155,6 +157,7 @@ class Clocks:
             for on, ready in ((0, 1), (16, 17), (24, 25)):
                 self.waited[ready] = self.waited[ready] + 1 if value >> on & 1 else 0
                 there = self.waited[ready] > self.after[ready]
+                there &= self.of_crystal or ready != 25 or not cells.get(PLLCFGR) >> 22 & 1
                 value = value & ~(1 << ready) | there << ready
             cells[CR] = value
         if address == CFGR:
@@ -383,6 +386,7 @@ def test_pins_and_clocks(mcu):
         (Clocks(), 168, True),
         (Clocks(hse=50_000, pll=5_000, switch=5_000), 168, True),  # late, all of them
         (Clocks(hse=NEVER), 168, False),
+        (Clocks(of_crystal=False), 168, False),
         (Clocks(revision=0x1000), 168, True),
         (Clocks(pll=NEVER), 16, False),
         (Clocks(hse=NEVER, pll=NEVER), 16, False),

@@ -221,8 +221,8 @@ BAUD = 115200
 def test_the_stm32_board_sends_at_115200_baud(tmp_path):
     require_tool("gcc")
     found = registers_after_start(tmp_path, "netduinoplus2")
-    # RM0090: after reset everything runs at the internal 16 MHz, and so it stays where no oscillator
-    # says that it is ready, as here; test_board_drivers.py has clocks that do.
+    # RM0090: after reset everything runs at the internal 16 MHz, and so it stays where no
+    # oscillator says that it is ready, as here; test_board_drivers.py has clocks that do.
     assert (found[0x40023800], 0x40023804 in found, 0x40023808 in found) == (1, False, False)
     control = found[0x4001100C]
     assert control & (1 << 15) == 0, "OVER8: sixteen samples a bit"

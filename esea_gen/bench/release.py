@@ -51,6 +51,11 @@ class TaskTimes:
         """First tick, counted from a task's start, at which it has surely ended."""
         return math.ceil(self.ended_s[task] / self.tick_s - 1e-9) * self.tick_s
 
+    @property
+    def least_MHz(self) -> float:
+        """The slowest clock, rounded up to a tenth."""
+        return math.ceil(self.least_Hz / 1e5) / 10
+
     def check(self) -> None:
         """Refuse a release before a task's end."""
         for task, ended in self.ended_s.items():
@@ -61,7 +66,7 @@ class TaskTimes:
             if math.isinf(ended):
                 raise UserError(
                     f"{self.device} does not fit on {part}: its tasks take all of its time "
-                    f"at {assumed}; they need {self.least_Hz / 1e6:.3g} MHz.",
+                    f"at {assumed}; they need {self.least_MHz:g} MHz.",
                     "Take a faster board, a lower rate or a shorter horizon.",
                 )
             raise UserError(
@@ -69,7 +74,7 @@ class TaskTimes:
                 f"{self.instructions[task]} instructions and may end {1e3 * ended:.3f} ms after "
                 f"its start at {assumed}; it is released after {1e3 * self.release_s[task]:g} ms.",
                 f"Write timing.{task}_release_s = {self.needed_s(task):g}, shorten the horizon, "
-                f"take a board of {self.least_Hz / 1e6:.3g} MHz, or give --cycles as measured.",
+                f"take a board of {self.least_MHz:g} MHz, or give --cycles as measured.",
             )
 
 

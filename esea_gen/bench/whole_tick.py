@@ -102,7 +102,8 @@ class WholeTick:
             (f"a message, {often}, to a line that is always ready", counted(self.message)),
             ("waiting for the encoders' buses", f"{BUS_US:.0f} us of each tick, by their clock"),
             (
-                f"all of it, of {find_board(BOARD).clock_Hz / 1e6:g} MHz at 1 instruction a cycle, aim {AIM:.0%}",
+                f"all of it, of {find_board(BOARD).clock_Hz / 1e6:g} MHz at 1 instruction a cycle, "
+                f"aim {AIM:.0%}",
                 f"{self.share:.1%}; with the buses {self.share + BUS_US / 1000:.1%}",
             ),
             ("flash", f"{self.flash_bytes} B"),
@@ -131,7 +132,7 @@ def _drivers(device: Device) -> str:
     for find, put in (
         (_NO_PINS, ""),
         (_FIRST, _FIRST + _ANSWERS),
-        ("esea_board_clock_MHz / 16u", "ESEA_CLOCK_HZ / 16000000u"),
+        ("esea_board_clock_MHz / 16u", "ESEA_CLOCK_HZ / 1000000u / 16u"),
         ("void esea_board_drivers(", "static void own_drivers("),
     ):
         if text.count(find) != 1:

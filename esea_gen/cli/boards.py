@@ -84,7 +84,7 @@ def _fits(loaded: Device, name: str, cycles: float | None) -> tuple[list[str], f
     if board.reset_Hz:
         slow = "fits" if times.least_Hz <= board.reset_Hz else "is refused"
         lines.append(
-            f"it needs {times.least_Hz / 1e6:.3g} MHz: where the board stays at "
+            f"it needs {times.least_MHz:g} MHz: where the board stays at "
             f"{board.reset_Hz / 1e6:g} MHz it {slow}"
         )
     return lines, times.least_Hz
