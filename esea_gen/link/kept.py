@@ -100,7 +100,7 @@ def kept_values(session: Session) -> tuple[tuple[KeptValue, ...], str]:
             "this board does not say which kept parameters are in force",
             "Its firmware is older, or it is paired: give --key.",
         )
-    values = []
+    values: list[KeptValue] = []
     while True:
         said = str(session.wait_for("STATUSTEXT").text).rstrip("\0")
         if said.startswith(_SUM):
