@@ -581,8 +581,10 @@ ESEA_FAULT_WATCHDOG = 107
 enums["ESEA_FAULT"][107] = EnumEntry("ESEA_FAULT_WATCHDOG", """The watchdog reset the board: no control cycle had ended in time. Cure: read the black box, reset; if it comes again, service. Found: 68 to 188 ms after the last cycle, told after the start.""")
 ESEA_FAULT_BROWN_OUT = 108
 enums["ESEA_FAULT"][108] = EnumEntry("ESEA_FAULT_BROWN_OUT", """The board's supply is too low. Cure: look at the supply, then reset. Found: 1 tick.""")
-ESEA_FAULT_ENUM_END = 109
-enums["ESEA_FAULT"][109] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
+ESEA_FAULT_SLOW_CLOCK = 109
+enums["ESEA_FAULT"][109] = EnumEntry("ESEA_FAULT_SLOW_CLOCK", """The board's clock stayed at the one it starts with, too slow for this device. Cure: reset; if it comes again, service: oscillator or PLL. Found: at start, before the motor can be on.""")
+ESEA_FAULT_ENUM_END = 110
+enums["ESEA_FAULT"][110] = EnumEntry("ESEA_FAULT_ENUM_END", """""")
 
 # ESEA_ZERO
 enums["ESEA_ZERO"] = Enum()

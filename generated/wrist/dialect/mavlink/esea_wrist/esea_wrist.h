@@ -162,7 +162,8 @@ typedef enum ESEA_FAULT
    ESEA_FAULT_MOTOR_CURRENT=106, /* The motor's current was not what was set. Cure: reset; look at the amplifier, its supply, the wires of motor and current. Found: 20 ticks beyond the bound, while the motor is on. | */
    ESEA_FAULT_WATCHDOG=107, /* The watchdog reset the board: no control cycle had ended in time. Cure: read the black box, reset; if it comes again, service. Found: 68 to 188 ms after the last cycle, told after the start. | */
    ESEA_FAULT_BROWN_OUT=108, /* The board's supply is too low. Cure: look at the supply, then reset. Found: 1 tick. | */
-   ESEA_FAULT_ENUM_END=109, /*  | */
+   ESEA_FAULT_SLOW_CLOCK=109, /* The board's clock stayed at the one it starts with, too slow for this device. Cure: reset; if it comes again, service: oscillator or PLL. Found: at start, before the motor can be on. | */
+   ESEA_FAULT_ENUM_END=110, /*  | */
 } ESEA_FAULT;
 #endif
 
