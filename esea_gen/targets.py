@@ -52,7 +52,6 @@ class Processor:
     fpu: whether it computes single precision itself; else the compiler's helpers do.
     stack_limit_bytes: largest stack use of a task's step, in single precision, of a device that
         only measures; None where no gate asks.
-    clock_Hz: of a common part, for what a number of instructions would take; 0 where nobody asks.
     cycles_per_instruction: assumed, and measured by nobody: most take one, loads, divisions and a
         flash that makes it wait take more.
     """
@@ -64,7 +63,6 @@ class Processor:
     flags: tuple[str, ...]
     fpu: bool = True
     stack_limit_bytes: int | None = None
-    clock_Hz: float = 0.0
     cycles_per_instruction: float = 1.5
 
     @property
@@ -106,7 +104,6 @@ PROCESSORS = {
             ARM_GCC,
             ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
             stack_limit_bytes=640,
-            clock_Hz=168e6,
         ),
         Processor(
             "cortex-m7",
@@ -115,7 +112,6 @@ PROCESSORS = {
             ARM_GCC,
             ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard"),
             stack_limit_bytes=640,
-            clock_Hz=216e6,
         ),
         Processor(
             "cortex-a9",
@@ -131,7 +127,6 @@ PROCESSORS = {
             "no operating system, vfpv3, softfp",
             ARM_GCC,
             ("-mcpu=cortex-a9", "-marm", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
-            clock_Hz=667e6,
         ),
     )
 }
@@ -147,6 +142,9 @@ class Board:
     name: at most 15 characters: the board tells it over the link.
     family: folder in ``firmware/boards`` that it shares with others; empty for one of its own name.
     machine: QEMU's name of it; empty for a program.
+    clock_Hz: of the processor, which the image sets, and which what a number of instructions would
+        take is reckoned with; 0 where nobody asks.
+    reset_Hz: at which it starts, and stays where the other does not come; 0: at ``clock_Hz``.
     runner: what runs a program of another processor here.
     package: what opkg calls the processor, where it takes packages.
     code, code_bytes, ram, ram_bytes: where programs without the firmware and their data lie.
@@ -165,6 +163,8 @@ class Board:
     processor: Processor
     machine: str
     family: str = ""
+    clock_Hz: float = 0.0
+    reset_Hz: float = 0.0
     runner: str = ""
     package: str = ""
     code: int = 0
@@ -194,6 +194,12 @@ class Board:
         """Flags of every file that is compiled for it."""
         return (*self.processor.flags, *self.flags)
 
+    @property
+    def clock_defines(self) -> tuple[str, ...]:
+        """What the hand-written code is told of its clocks."""
+        told = {"CLOCK": self.clock_Hz, "RESET": self.reset_Hz or self.clock_Hz}
+        return tuple(f"-DESEA_{name}_HZ={Hz:.0f}u" for name, Hz in told.items() if Hz)
+
 
 BOARDS = {
     b.name: b
@@ -203,6 +209,8 @@ BOARDS = {
             "STM32F405, Cortex-M4F",
             PROCESSORS["cortex-m4f"],
             "netduinoplus2",
+            clock_Hz=168e6,
+            reset_Hz=16e6,
             code=0x08000000,
             code_bytes=_MB,
             ram_bytes=128 << 10,
@@ -258,6 +266,7 @@ BOARDS = {
             "nRF51822, Cortex-M0",
             PROCESSORS["cortex-m0"],
             "microbit",
+            clock_Hz=16e6,
             code_bytes=256 << 10,
             ram_bytes=16 << 10,
             uses=("bits",),
@@ -268,10 +277,11 @@ BOARDS = {
             PROCESSORS["cortex-m3"],
             "mps2-an385",
             family="mps2",
+            clock_Hz=25e6,
             code_bytes=4 * _MB,
             ram_bytes=4 * _MB,
             real="q31",
-            tick_instructions=40,  # its timer counts at 25 MHz, an instruction takes 1 ns
+            tick_instructions=40,  # its timer counts at its clock, an instruction takes 1 ns
             uses=("bits",),
         ),
         Board(
@@ -279,6 +289,7 @@ BOARDS = {
             "Arm MPS2, Cortex-M4F",
             PROCESSORS["cortex-m4f"],
             "mps2-an386",
+            clock_Hz=25e6,
             code_bytes=4 * _MB,
             ram_bytes=4 * _MB,
             uses=("bits",),
@@ -289,6 +300,7 @@ BOARDS = {
             PROCESSORS["cortex-m7"],
             "mps2-an500",
             family="mps2",
+            clock_Hz=25e6,
             code_bytes=4 * _MB,
             ram_bytes=4 * _MB,
             tick_instructions=40,
@@ -299,6 +311,7 @@ BOARDS = {
             "Zynq-7000, Cortex-A9",
             PROCESSORS["cortex-a9-bare"],
             "xilinx-zynq-a9",
+            clock_Hz=667e6,
             code=0x00100000,
             code_bytes=16 * _MB,
             ram=0x01100000,

@@ -82,8 +82,11 @@ def said_by(program: Path, told: str = "") -> list[str]:
 def registers_after_start(folder: Path, board: str) -> dict[int, int]:
     """What a board's start leaves in each register that it touches, every register 0 before."""
     firmware = without_processor(folder)
+    own = firmware / BOARDS[board].folder / "clock.c"
+    clock = f'#include "{own}"' if own.is_file() else ""
     text = f"""{REGISTERS}
 #include "{firmware}/{BOARDS[board].folder}/board.c"
+{clock}
 uint32_t esea_stack_top[1];
 void esea_cortex_m_received(uint8_t byte) {{ (void)byte; }}
 void esea_reset_handler(void) {{}}
@@ -97,7 +100,8 @@ int main(void)
     return 0;
 }}
 """
-    lines = said_by(compiled(folder, text, f"-I{firmware}/port", f'-DESEA_BOARD_NAME="{board}"'))
+    flags = (f"-I{firmware}/port", f'-DESEA_BOARD_NAME="{board}"', *BOARDS[board].clock_defines)
+    lines = said_by(compiled(folder, text, *flags))
     return {int(a): int(v) for a, v in (line.split() for line in lines)}
 
 

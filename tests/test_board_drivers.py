@@ -12,6 +12,7 @@ import cffi
 import pytest
 
 from esea_gen.emit.states import BOARD_FAULTS
+from esea_gen.targets import BOARDS
 from esea_gen.verify.chips import As5048a, BissEncoder
 
 from .conftest import require_tool
@@ -29,6 +30,7 @@ typedef struct { float mode, stop, rearm; float desired[3]; } esea_link_wanted_t
 #define ESEA_LINK_STREAMS 1
 #define ESEA_LINK_STREAM_WORDS 1
 #define ESEA_LINK_KEY_WORDS 1
+#define ESEA_LINK_PARAMETERS 1u
 #define ESEA_LINK_SYSTEM 1u
 #define ESEA_LINK_COMPONENT 1u
 #define ESEA_LINK_MEASURED 6
@@ -43,9 +45,25 @@ HARNESS = """
 #include <stdint.h>
 static volatile uint32_t *(*hook)(uint32_t);
 volatile uint32_t *register_at(uint32_t address) { return hook(address); }
+#include "FIRMWARE/boards/netduinoplus2/clock.c"
+#include "FIRMWARE/boards/netduinoplus2/board.c"
 #include "FIRMWARE/boards/netduinoplus2/drivers.c"
+uint32_t esea_stack_top[1];
+void esea_cortex_m_received(uint8_t byte) { (void)byte; }
+void esea_reset_handler(void) {}
+void esea_fault_handler(void) {}
+void esea_slower_handler(void) {}
+void esea_tick_handler(void) {}
 static esea_port_t board_port;
 void start(volatile uint32_t *(*given)(uint32_t)) { hook = given; esea_board_drivers(&board_port); }
+uint32_t start_board(volatile uint32_t *(*given)(uint32_t))
+{
+    hook = given;
+    esea_board_start();
+    return esea_board_clock_MHz;
+}
+void at_168_MHz(void) { esea_board_clock_MHz = 168u; }
+const char *notice(void) { return board_port.notice ? board_port.notice : ""; }
 void sample(float *measured) { board_port.sample(measured); }
 void motor_to(float u_Nm, bool enable) { board_port.motor(u_Nm, enable); }
 bool stop_open(void) { return board_port.stop_open(); }
@@ -68,12 +86,15 @@ bool flash_erase(uint32_t area) { return board_port.flash->erase(area); }
 void feed(void) { board_port.feed(); }
 """
 DECLARED = """
+uint32_t start_board(volatile uint32_t *(*given)(uint32_t)); void at_168_MHz(void);
+const char *notice(void);
 void start(volatile uint32_t *(*given)(uint32_t)); void sample(float *measured);
 void motor_to(float u_Nm, bool enable); bool stop_open(void); bool has_drivers(void);
 uint32_t trouble(void); void feed(void);
 void flash_read(uint32_t area, uint32_t at, void *to, size_t n); bool flash_erase(uint32_t area);
 bool flash_write(uint32_t area, uint32_t at, const void *from, size_t n);
 """
+BOARD = BOARDS["netduinoplus2"]
 GPIO, SPI1, SPI2, ADC = 0x40020000, 0x40013000, 0x40003800, 0x40012000
 TIM3_CCR1, IWDG, PWR, RCC = 0x40000434, 0x40003000, 0x40007000, 0x40023800
 MODER, PUPDR, IDR, BSRR, AFRL, AFRH = 0, 0x0C, 0x10, 0x18, 0x20, 0x24
@@ -97,7 +118,8 @@ def built(tmp_path_factory):
         *("gcc", "-std=gnu99", "-w", "-shared", "-fPIC", "-fsanitize=undefined"),
         *("-fsanitize-undefined-trap-on-error", f"-I{folder}", *folders),
         *("-include", folder / "register.h", '-DESEA_LINK_HEADER="link.h"'),
-        *("-DESEA_ENCODER_BITS=12u", "-DESEA_GEAR_BITS=17u", folder / "harness.c"),
+        *("-DESEA_ENCODER_BITS=12u", "-DESEA_GEAR_BITS=17u", *BOARD.clock_defines),
+        *("-DESEA_NEEDS_HZ=17200000u", folder / "harness.c"),
         *sorted((firmware / "drivers").glob("*.c")),
         *("-o", folder / "board.so"),
     ]
@@ -107,13 +129,106 @@ def built(tmp_path_factory):
     return ffi, str(folder / "board.so"), folder
 
 
+CR, PLLCFGR, CFGR, APB1ENR, ACR, IDCODE = RCC, RCC + 4, RCC + 8, RCC + 0x40, 0x40023C00, 0xE0042000
+NEVER = 10**9
+
+
+class Clocks:
+    """Clock control, regulator and wait states; what the manual forbids fails (RM0090, 3.5, 5, 7).
+
+    hse, pll, switch: looks until crystal, PLL, and the switch to it are there.
+    """
+
+    def __init__(self, hse=3, pll=5, switch=2, revision=0x1007, at_start=0x83, of_crystal=True):
+        self.of_crystal = of_crystal  # whether the PLL locks to it
+        self.after = {17: hse, 25: pll, 1: 1}  # looks, by the bit that says ready
+        self.switch, self.revision, self.at_start = switch, revision, at_start
+        self.waited = dict.fromkeys((1, 17, 25, "sws"), 0)
+
+    def power_up(self, cells):
+        cells[CR], cells[PLLCFGR] = self.at_start, 0x24003010
+        cells[PWR] = 0x4000 if self.at_start else 0
+        cells[IDCODE] = self.revision << 16 | 0x413
+
+    def look(self, cells, address):
+        """Before an access: ready bits that have come."""
+        if address == CR:
+            value = cells.get(CR)
+            for on, ready in ((0, 1), (16, 17), (24, 25)):
+                self.waited[ready] = self.waited[ready] + 1 if value >> on & 1 else 0
+                there = self.waited[ready] > self.after[ready]
+                there &= self.of_crystal or ready != 25 or not cells.get(PLLCFGR) >> 22 & 1
+                value = value & ~(1 << ready) | there << ready
+            cells[CR] = value
+        if address == CFGR:
+            wanted = cells.get(CFGR) & 3
+            self.waited["sws"] += 1
+            if wanted == 0 or self.waited["sws"] > self.switch:
+                cells[CFGR] = cells.get(CFGR) & ~0xC | wanted << 2
+
+    def hz(self, cells):
+        if cells.get(CFGR) >> 2 & 3 != 2:
+            return 16e6
+        return self.pll_hz(cells)
+
+    @staticmethod
+    def pll_hz(cells):
+        set_to = cells.get(PLLCFGR)
+        m, n, p = set_to & 63, set_to >> 6 & 511, 2 * (set_to >> 16 & 3) + 2
+        fed = 25e6 if set_to >> 22 & 1 else 16e6
+        assert 1e6 <= fed / m <= 2e6
+        assert 50 <= n <= 432
+        assert 100e6 <= fed / m * n <= 432e6
+        assert fed / m * n / (set_to >> 24 & 15) == 48e6
+        assert set_to & ~0x0F437FFF == 0x20000000, "reserved bits stay as they were"
+        return fed / m * n / p
+
+    def wrote(self, cells, address, old, value):
+        """After an access that changed something."""
+        on = cells.get(CR) >> 24 & 1
+        if address == PLLCFGR:
+            assert not on, "the PLL is set while it is off"
+        if address == CR and (value & ~old) >> 24 & 1:
+            crystal = cells.get(PLLCFGR) >> 22 & 1
+            assert value >> (17 if crystal else 1) & 1, "the source is ready first"
+            self.pll_hz(cells)
+        if address == CR and (old & ~value) & (1 << 24 | 1 << 16 | 1):
+            in_use = cells.get(CFGR) >> 2 & 3 == 2
+            crystal = cells.get(PLLCFGR) >> 22 & 1
+            off = old & ~value
+            assert not in_use or not (off >> 24 & 1 or (crystal and off >> 16 & 1))
+            assert not off & 1, "the internal oscillator stays on"
+        if address == PWR and (old ^ value) >> 14 & 1:
+            assert not on, "the regulator's scale changes while the PLL is off"
+        if address == PWR:
+            assert cells.get(APB1ENR) >> 28 & 1
+        if address == CFGR and (old ^ value) & 3:
+            self.waited["sws"] = 0
+            if value & 3 == 2:
+                assert cells.get(CR) >> 25 & 1, "the PLL has locked"
+        fast = cells.get(CFGR) & 3 == 2 or cells.get(CFGR) >> 2 & 3 == 2
+        clock = self.pll_hz(cells) if fast else 16e6
+        by = {4: 2, 5: 4, 6: 8, 7: 16}
+        config = cells.get(CFGR)
+        assert config >> 4 & 15 == 0
+        assert clock / by.get(config >> 10 & 7, 1) <= 42e6
+        assert clock / by.get(config >> 13 & 7, 1) <= 84e6
+        assert clock <= 168e6
+        if clock > 30e6:  # at 2.7 to 3.6 V: a wait for each 30 MHz
+            assert cells.get(ACR) & 7 >= -(-clock // 30e6) - 1
+            assert cells.get(PWR) >> 14 & 1 or clock <= 144e6
+        if cells.get(ACR) >> 8 & 1:
+            assert self.revision > 0x1000, "the first parts have no prefetch"
+
+
 class Mcu:
     """Registers and what hangs on them.
 
     log: address and value after each access, whether it read or wrote.
+    clocks: what the board's start finds; without, only the drivers are started.
     """
 
-    def __init__(self, built, before=None, keeps=True):
+    def __init__(self, built, before=None, keeps=True, clocks=None):
         ffi, _, folder = built
         # A copy of the library: its static memory is that of power-up.
         copy = folder / f"board{len(list(folder.iterdir()))}.so"
@@ -129,6 +244,12 @@ class Mcu:
         for address, value in (before or {}).items():
             self[address] = value
         self.hook = ffi.callback("volatile uint32_t *(uint32_t)", self.access)
+        self.clocks, self.failed = clocks, []
+        if clocks is not None:
+            clocks.power_up(self)
+            self.MHz = self.lib.start_board(self.hook)
+        else:
+            self.lib.at_168_MHz()
         self.lib.start(self.hook)
         self.settle()
 
@@ -162,6 +283,9 @@ class Mcu:
     def __setitem__(self, address, value):
         self.cell(address)[0] = value
 
+    def get(self, address):
+        return self.cell(address)[0]
+
     def selected(self):
         return [pin for pin in self.sides if not self.levels.get(pin, False)]
 
@@ -172,6 +296,11 @@ class Mcu:
         address, self.last = self.last, None
         value = self.cell(address)[0]
         self.log.append((address, value))
+        if self.clocks is not None and value != self.old:
+            try:
+                self.clocks.wrote(self, address, self.old, value)
+            except AssertionError as error:  # cffi would only print it
+                self.failed.append(error)
         if address == C + MODER and not self.keeps:
             self[address] = 0
         self.flash(address, value)
@@ -189,6 +318,8 @@ class Mcu:
 
     def access(self, address):
         self.settle()
+        if self.clocks is not None:
+            self.clocks.look(self, address)
         self.last, self.old = address, self.cell(address)[0]
         if address == FLASH_SR:
             busy = self.left.get(FLASH_SR, 0) > 0
@@ -249,6 +380,60 @@ def test_pins_and_clocks(mcu):
     assert mcu[RCC + 0x44] & 0x1100 == 0x1100  # SPI 1, ADC 1
 
 
+@pytest.mark.parametrize(
+    ("clocks", "MHz", "crystal"),
+    [
+        (Clocks(), 168, True),
+        (Clocks(hse=50_000, pll=5_000, switch=5_000), 168, True),  # late, all of them
+        (Clocks(hse=NEVER), 168, False),
+        (Clocks(of_crystal=False), 168, False),
+        (Clocks(revision=0x1000), 168, True),
+        (Clocks(pll=NEVER), 16, False),
+        (Clocks(hse=NEVER, pll=NEVER), 16, False),
+        (Clocks(switch=NEVER), 16, False),
+        (Clocks(at_start=0), 168, True),
+    ],
+)
+def test_the_clock_is_set_in_the_manuals_order_or_stays(built, clocks, MHz, crystal):
+    """Whatever does not come: the board runs at 16 MHz, says so, and no such drive is armed."""
+    mcu = Mcu(built, clocks=clocks)
+    assert mcu.failed == []
+    assert (mcu.MHz, clocks.hz(mcu)) == (MHz, MHz * 1e6)
+    assert BOARD.clock_Hz == 168e6
+    assert BOARD.reset_Hz == 16e6
+    bus = 84e6 if MHz == 168 else 16e6
+    # Sixteen samples a bit; 5 kHz; both buses of the encoders below 10 MHz; the converter below 36.
+    assert bus / mcu[0x40011008] == pytest.approx(115200, rel=0.002)
+    assert bus / (mcu[0x4000042C] + 1) == 5000
+    assert mcu[TIM3_CCR1] == (mcu[0x4000042C] + 1) // 2
+    for spi, clock in ((SPI1, bus), (SPI2, bus / (2 if MHz == 168 else 1))):
+        assert 4e6 <= clock / 2 ** ((mcu[spi] >> 3 & 7) + 1) <= 5.25e6
+    assert bus / (2 + 2 * (mcu[ADC + 0x304] >> 16 & 3)) <= 36e6
+    assert mcu[CR] >> 16 & 1 == mcu[PLLCFGR] >> 22 & mcu[CR] >> 24 & 1 == crystal
+    assert mcu[CR] >> 19 & 1 == crystal
+    if MHz == 168:
+        assert mcu[ACR] & ~0x100 == 0x605
+        assert mcu[ACR] >> 8 & 1 == (clocks.revision > 0x1000)
+        assert (mcu.lib.trouble(), ffi_text(mcu)) == (0, "")
+    else:
+        assert (mcu[CR] >> 24 & 1, mcu[CFGR], mcu[ACR]) == (0, 0, 0)
+        assert mcu.lib.trouble() == mcu.lib.trouble() == FAULTS["SLOW_CLOCK"]
+        assert ffi_text(mcu) == "clock: 16 MHz, the PLL did not lock"
+
+
+def ffi_text(mcu):
+    return mcu.ffi.string(mcu.lib.notice()).decode()
+
+
+def test_an_erasure_empties_the_data_cache_while_it_is_off(built):
+    mcu = Mcu(built, clocks=Clocks())
+    mcu.log.clear()
+    assert mcu.lib.flash_erase(0)
+    mcu.settle()
+    assert [v & 0x1600 for a, v in mcu.log if a == ACR][1:] == [0x200, 0x1200, 0x200, 0x600]
+    assert mcu[ACR] & 0x1600 == 0x600
+
+
 def test_pins_that_others_use_are_left_as_they_are(built):
     kept = {A + MODER: 0xA80000FF, B + MODER: 0x000A0280, B + AFRL: 0x77000000}
     mcu = Mcu(built, kept)
@@ -277,14 +462,16 @@ def test_where_pins_are_no_memory_there_are_no_drivers(built):
 
 
 def test_buses_timer_converter_supply(mcu):
-    # MSTR, clock / 4, SSI and SSM, SPE; AS5048A: CPHA; BiSS: CPOL.
-    assert mcu[SPI1] == 0x0004 | 0x0008 | 0x0300 | 0x0040 | 0x0001
-    assert mcu[SPI2] == 0x0004 | 0x0008 | 0x0300 | 0x0040 | 0x0002
-    # 16 MHz / 3200 = 5 kHz, PWM mode 1 with preload on channel 1.
-    assert (mcu[0x40000428], mcu[0x4000042C], mcu[0x40000418]) == (0, 3199, 0x68)
-    assert (mcu[0x40000420], mcu[0x40000400], mcu[TIM3_CCR1]) == (1, 0x81, 1600)
+    # MSTR, clock / 16 and / 8, SSI and SSM, SPE; AS5048A: CPHA; BiSS: CPOL.
+    assert mcu[SPI1] == 0x0004 | 0x0018 | 0x0300 | 0x0040 | 0x0001
+    assert mcu[SPI2] == 0x0004 | 0x0010 | 0x0300 | 0x0040 | 0x0002
+    # 84 MHz / 16800 = 5 kHz, PWM mode 1 with preload on channel 1.
+    assert (mcu[0x40000428], mcu[0x4000042C], mcu[0x40000418]) == (0, 16799, 0x68)
+    assert (mcu[0x40000420], mcu[0x40000400], mcu[TIM3_CCR1]) == (1, 0x81, 8400)
     assert mcu[ADC + 0x08] == 1
     assert mcu[PWR] == 0x10 | 0x7 << 5
+    # Pins of both buses: 25 MHz, for the slowest of four speeds ends at 4.
+    assert (mcu[A + 8], mcu[B + 8]) == (0b010101 << 10, 0b0101 << 26)
 
 
 def test_counts_come_from_the_chips(mcu):
@@ -314,10 +501,10 @@ def test_a_bus_that_hangs_is_given_up(mcu, dead, wrong):
 
 @pytest.mark.parametrize(
     ("u_Nm", "enable", "ccr"),
-    [(0.0, True, 1600), (0.125, True, 2240), (-0.125, True, 960), (0.125, False, 1600)],
+    [(0.0, True, 8400), (0.125, True, 11760), (-0.125, True, 5040), (0.125, False, 8400)],
 )
 def test_the_motor_s_duty_and_enable_line(mcu, u_Nm, enable, ccr):
-    """Half of 5 A times 0.05 Nm/A is 70 %: 2240 of 3200."""
+    """Half of 5 A times 0.05 Nm/A is 70 %: 11760 of 16800."""
     mcu.lib.motor_to(u_Nm, enable)
     assert mcu[TIM3_CCR1] == ccr
     assert mcu.levels[C, 7] == enable

@@ -110,7 +110,7 @@ def test_the_stores_fuzzer_is_armed(tmp_path):
     check = "store->set.parameters > ESEA_STORE_PARAMETERS"
     assert check in text
     wrong = tmp_path / "store.c"
-    wrong.write_text(text.replace("head->bytes > flash->area_bytes - at", "head->bytes < 0u && at"))
+    wrong.write_text(text.replace("head->bytes > room", "head->bytes < 0u && room"))
     assert "it failed" in fuzz(store_fuzzer(tmp_path, wrong), 200000, 6100)
 
 

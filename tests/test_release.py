@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from esea_gen.bench import release as releases
 from esea_gen.bench.predictive import stress_rows
 from esea_gen.bench.release import TaskTimes, task_times
 from esea_gen.control.predictive_drive import LEAST_SHARE
@@ -16,11 +18,11 @@ from esea_gen.devices.file import controller_document
 from esea_gen.emit.program_render import render_program
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.targets import PROCESSORS
+from esea_gen.targets import BOARDS
 
 from .conftest import require_tool
 
-M4F = PROCESSORS["cortex-m4f"]
+M4F = BOARDS["netduinoplus2"]
 NOT_CONVEX, CAP_REACHED, NOT_OPTIMAL = 4, 8, 16
 
 
@@ -92,7 +94,8 @@ def times(control, sense=5000, release=0.001, cycles=1.5):
     end = busy["control"] + math.ceil(busy["control"] / 1e-3 + 0.1) * busy["sense"]
     ended = {"sense": busy["sense"], "control": end}
     counts = {"sense": sense, "control": control}
-    return TaskTimes("d", M4F, counts, ended, {"sense": 0.001, "control": release}, cycles, 0.001)
+    released = {"sense": 0.001, "control": release}
+    return TaskTimes("d", M4F, counts, ended, released, cycles, 0.001, 1e8)
 
 
 def test_a_release_before_the_end_is_refused_with_the_one_that_fits():
@@ -117,7 +120,7 @@ def at_1_ms():
 
 
 @pytest.mark.slow
-def test_predictive_control_fits_with_2_ms_and_not_with_1_on_the_m4f(at_1_ms):
+def test_predictive_control_fits_with_2_ms_and_not_with_1_on_the_m4f(at_1_ms, monkeypatch):
     require_tool("arm-none-eabi-gcc")
     shipped = task_times(load_device("elbow_mpc"), M4F)
     shipped.check()
@@ -130,15 +133,27 @@ def test_predictive_control_fits_with_2_ms_and_not_with_1_on_the_m4f(at_1_ms):
         alone + 2 * shipped.instructions["sense"] * each
     )
     early = task_times(at_1_ms, M4F)
-    with pytest.raises(UserError, match=r"does not fit on Cortex-M4F.*released after 1 ms"):
+    with pytest.raises(UserError, match=r"does not fit on netduinoplus2.*released after 1 ms"):
         early.check()
-    task_times(at_1_ms, PROCESSORS["cortex-m7"]).check()
+    # The emulated FPGA image runs at a tenth of the clock of a common Cortex-M7.
+    with pytest.raises(UserError, match=r"mps2-an500 .* and 25 MHz; they need 1\d\d MHz"):
+        task_times(at_1_ms, BOARDS["mps2-an500"]).check()
     task_times(at_1_ms, M4F, cycles=1.0).check()
-    task_times(load_device("elbow_drive"), M4F).check()
+    drive = task_times(load_device("elbow_drive"), M4F)
+    drive.check()
+    # The slowest clock at which it fits, to a ten-thousandth; the one that the board starts at is
+    # slower.
+    assert 16e6 < drive.least_Hz < 18e6
+    monkeypatch.setattr(releases, "task_bounds", lambda *_: drive.instructions)
+    task_times(load_device("elbow_drive"), replace(M4F, clock_Hz=drive.least_Hz)).check()
+    slower = replace(M4F, clock_Hz=0.999 * drive.least_Hz)
+    with pytest.raises(UserError, match=r"may end 1\.8") as found:
+        task_times(load_device("elbow_drive"), slower).check()
+    assert "take a board of 17" in str(found.value.fix)
 
 
-def test_a_processor_without_a_clock_says_so():
-    with pytest.raises(UserError, match="Cortex-M0 has no clock"):
-        task_times(load_device("elbow_drive"), PROCESSORS["cortex-m0"])
+def test_a_board_without_a_clock_says_so():
+    with pytest.raises(UserError, match="Linux\\) has no clock"):
+        task_times(load_device("elbow_drive"), BOARDS["myrio"])
     with pytest.raises(UserError, match="cycles"):
         task_times(load_device("elbow_drive"), M4F, cycles=math.nan)

@@ -183,7 +183,7 @@ def test_numbers_are_used_once_and_keep_their_meaning():
     assert {c.name: c.value for c in BOARD_FAULTS} == {
         "NONE": 0, "PREPARE_REFUSED": 101, "STACK_EXHAUSTED": 102, "PROCESSOR": 103,
         "SELF_TEST": 104, "STATE_UNKNOWN": 105, "MOTOR_CURRENT": 106, "WATCHDOG": 107,
-        "BROWN_OUT": 108,
+        "BROWN_OUT": 108, "SLOW_CLOCK": 109,
     }  # fmt: skip
     assert set(TABLE) == set(NAMES)
 

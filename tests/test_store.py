@@ -1,7 +1,8 @@
 """What outlasts the power: sets of parameters in flash whose power is cut at any byte.
 
-The flash is modelled as it is: an erased byte is 0xFF, a write only clears bits, and where the
-power goes one byte is left half written.
+The flash is modelled as it is: an erased byte is 0xFF, what is programmed at once is a unit of 1,
+4, 8 or 32 bytes, written whole and once between erasures, and where the power goes one unit is left
+half written, or reads as anything.
 """
 
 from __future__ import annotations
@@ -62,59 +63,69 @@ def build(folder, size):
 
 
 class Flash:
-    """Two areas that hold so many sets each; the power may be cut after so many bytes."""
+    """Two areas that hold so many sets each; the power may be cut after so many units."""
 
-    def __init__(self, library, slots=2, seed=0):
+    def __init__(self, library, slots=2, seed=0, unit=4):
         self.ffi, self.lib, self.size = library
-        self.slot = set_bytes(self.size) + HEAD + LAST
+        self.unit = unit
+        self.set_at, *rest = (-(-n // unit) * unit for n in (HEAD, set_bytes(self.size), LAST))
+        self.slot = self.set_at + sum(rest)
         self.areas = [bytearray(b"\xff" * (slots * self.slot + 12)) for _ in range(2)]
-        self.left = None  # bytes until the power is cut
+        self.left = None  # units until the power is cut
         self.draw = Random(seed)
         self.broken = False
         self.erased = [0, 0]
+        self.written = [set(), set()]  # units since the last erasure
         ffi = self.ffi
         self.kept = (
             ffi.callback("void(uint32_t, uint32_t, void *, size_t)", self.read),
             ffi.callback("bool(uint32_t, uint32_t, const void *, size_t)", self.write),
             ffi.callback("bool(uint32_t)", self.erase),
         )
-        self.c = ffi.new("esea_flash_t *", (len(self.areas[0]), *self.kept))
+        self.c = ffi.new("esea_flash_t *", (len(self.areas[0]), unit, *self.kept))
 
     def read(self, area, at, to, count):
         assert at + count <= len(self.areas[area])
         self.ffi.buffer(to, count)[:] = self.areas[area][at : at + count]
 
     def change(self, area, at, value):
-        """One byte; False once the power is gone, and half of it where it goes."""
-        if self.left == 0:
-            old = self.areas[area][at]
-            some = self.draw.randrange(256)
-            self.areas[area][at] = old & some | value & ~some
-            self.left = -1
+        """One unit; False once the power is gone, and half of it, or anything, where it goes."""
+        if self.left is not None and self.left < 0:
             return False
+        if self.left == 0:
+            old = self.areas[area][at : at + len(value)]
+            some = self.draw.randbytes(len(value))
+            mixed = bytes(o & m | v & ~m & 0xFF for o, v, m in zip(old, value, some, strict=True))
+            value = self.draw.choice([mixed, mixed, some, old])
+        self.areas[area][at : at + len(value)] = value
         if self.left is not None:
-            if self.left < 0:
-                return False
             self.left -= 1
-        self.areas[area][at] = value
-        return True
+        return self.left is None or self.left >= 0
 
     def write(self, area, at, data, count):
-        assert at % 4 == count % 4 == 0
+        units = range(at, at + count, self.unit)
+        if at % self.unit or count % self.unit or self.written[area] & set(units):
+            return False
         assert at + count <= len(self.areas[area])
         new = bytes(self.ffi.buffer(data, count))
         if self.broken:
             return False
-        return all(
-            self.change(area, at + k, self.areas[area][at + k] & b) for k, b in enumerate(new)
-        )
+        for k in units:
+            self.written[area].add(k)
+            if not self.change(area, k, new[k - at : k - at + self.unit]):
+                return False
+        return True
 
     def erase(self, area):
         self.erased[area] += 1
-        order = list(range(len(self.areas[area])))
+        order = list(range(0, len(self.areas[area]), self.unit))
         if self.left is not None:
             self.draw.shuffle(order)  # an erasure has no order
-        return all(self.change(area, at, 0xFF) for at in order)
+        size = len(self.areas[area])
+        done = all(self.change(area, at, b"\xff" * min(self.unit, size - at)) for at in order)
+        if done:
+            self.written[area].clear()
+        return done
 
 
 class Store:
@@ -156,9 +167,11 @@ def test_nothing_was_saved(library):
 
 
 @pytest.mark.parametrize("saves", range(1, 12))
-@pytest.mark.parametrize("slots", [1, 2, 3])
-def test_the_last_set_that_was_saved_is_there_at_power_up(library, slots, saves):
-    flash = Flash(library, slots)
+@pytest.mark.parametrize(
+    ("slots", "unit"), [(1, 4), (2, 1), (2, 4), (3, 4), (2, 8), (3, 16), (2, 32)]
+)
+def test_the_last_set_that_was_saved_is_there_at_power_up(library, slots, unit, saves):
+    flash = Flash(library, slots, unit=unit)
     store = Store(flash)
     for number in range(saves):
         assert store.save(a_set(number, number % 5))
@@ -172,27 +185,31 @@ def test_the_last_set_that_was_saved_is_there_at_power_up(library, slots, saves)
     assert Store(flash).load() == {1: 0.5}
 
 
-def test_bytes_in_flash_are_as_the_header_says(library):
-    """Head, set, last word; the checksum is that of binascii."""
-    flash = Flash(library)
+@pytest.mark.parametrize("unit", [1, 4, 8, 32])
+def test_bytes_in_flash_are_as_the_header_says(library, unit):
+    """Head, set, last word, each in units of its own; the checksum is that of binascii."""
+    flash = Flash(library, unit=unit)
     assert Store(flash).save({0x11223344: 0.5})
     data = bytes(flash.areas[0])
     magic, layout, size, device, sequence, crc = struct.unpack_from("<6I", data)
     assert (magic, layout, size, sequence) == (0x45534131, 3, set_bytes(SMALL), 1)
     assert device == binascii.crc32(b"elbow_drive")
-    assert crc == binascii.crc32(data[:20] + data[24 : 24 + size])
-    assert struct.unpack_from("<IIf", data, 24) == (1, 0x11223344, 0.5)
-    assert data[24 + size : flash.slot] == bytes.fromhex("dec00d60")
+    at = flash.set_at
+    assert crc == binascii.crc32(data[:20] + data[at : at + size])
+    assert struct.unpack_from("<IIf", data, at) == (1, 0x11223344, 0.5)
+    rest = data[24:at] + data[at + size : flash.slot]
+    assert rest.replace(b"\xff", b"") == bytes.fromhex("dec00d60")
+    assert (at, flash.slot) == {1: (24, 200), 4: (24, 200), 8: (24, 208), 32: (32, 256)}[unit]
     assert set(data[flash.slot :]) == {0xFF}
 
 
 def cut_everywhere(flash, wanted_old, wanted_new, step=1):
-    """A save whose power is cut after each byte; how often each of the two was there after it."""
-    before = [bytes(a) for a in flash.areas]
+    """A save whose power is cut after each unit; how often each of the two was there after it."""
+    before, written = [bytes(a) for a in flash.areas], [set(w) for w in flash.written]
     found = {"old": 0, "new": 0}
     at = 0
     while True:
-        flash.areas = [bytearray(a) for a in before]
+        flash.areas, flash.written = [bytearray(a) for a in before], [set(w) for w in written]
         flash.left, flash.draw = None, Random(at)
         store = Store(flash)
         flash.left = at
@@ -216,18 +233,20 @@ def cut_everywhere(flash, wanted_old, wanted_new, step=1):
 
 @pytest.mark.parametrize("saves", range(6))
 @pytest.mark.parametrize("slots", [1, 2])
-def test_a_power_cut_at_any_byte_leaves_the_old_set_or_the_new_one(library, slots, saves):
+@pytest.mark.parametrize("unit", [1, 4, 8, 32])
+def test_a_power_cut_at_any_unit_leaves_the_old_set_or_the_new_one(library, unit, slots, saves):
     """Also while an area is erased; with and without a set before."""
-    flash = Flash(library, slots)
+    flash = Flash(library, slots, unit=unit)
     store = Store(flash)
     old = {}
     for number in range(saves):
         old = a_set(number)
         assert store.save(old)
     found = cut_everywhere(flash, old, a_set(77))
-    # New once the last word stands: the run that ended, and perhaps a last byte that was all there.
+    # New once the last word stands: the run that ended, and perhaps a last unit that was all there.
     assert 1 <= found["new"] <= 3
-    assert found["old"] >= flash.slot - 2 + (len(flash.areas[0]) if saves % slots == 0 else 0)
+    cut = flash.slot + (len(flash.areas[0]) if saves % slots == 0 else 0)
+    assert found["old"] >= cut // unit - 2
 
 
 @pytest.mark.slow
@@ -243,16 +262,17 @@ def test_a_power_cut_at_any_byte_of_a_whole_set(whole, saves):
 
 
 @pytest.mark.parametrize("saves", [1, 2, 3])
-def test_two_power_cuts_in_a_row(library, saves):
-    """The second at any byte of a save after the first, drawn."""
+@pytest.mark.parametrize("unit", [1, 4, 8, 32])
+def test_two_power_cuts_in_a_row(library, unit, saves):
+    """The second at any unit of a save after the first, drawn."""
     draw = Random(8)
-    for first in range(0, 160, 3):
-        flash = Flash(library, 1, seed=first)
+    for first in range(0, 160, 3) if unit == 1 else range(0, 500 // unit, 2):
+        flash = Flash(library, 1, seed=first, unit=unit)
         store = Store(flash)
         for number in range(saves):
             assert store.save(a_set(number))
         old = a_set(saves - 1)
-        for cut, values in ((first, a_set(50)), (draw.randrange(320), a_set(60))):
+        for cut, values in ((first, a_set(50)), (draw.randrange(320 // unit), a_set(60))):
             store = Store(flash)
             old = store.load()
             flash.left = cut
@@ -404,6 +424,26 @@ def test_a_flash_that_does_not_take_it_leaves_the_old_set(library):
     assert Store(flash).load() == a_set(1)
 
 
+@pytest.mark.parametrize("unit", [0, 3, 12, 64, 2**31])
+def test_a_flash_of_other_units_keeps_nothing(library, unit):
+    flash = Flash(library)
+    flash.c.unit_bytes = unit
+    store = Store(flash)
+    assert (store.status, store.save(a_set(1)), flash.erased) == (EMPTY, False, [0, 0])
+
+
+@pytest.mark.parametrize("unit", [4, 8, 32])
+def test_a_unit_that_looks_erased_and_takes_nothing_costs_its_area_only(library, unit):
+    """As a power cut may leave one, where each has its own error correction."""
+    flash = Flash(library, 3, unit=unit)
+    store = Store(flash)
+    assert store.save(a_set(1))
+    flash.written[0].add(flash.slot + unit)
+    for number in range(2, 8):
+        assert store.save(a_set(number))
+        assert Store(flash).load() == a_set(number)
+
+
 @pytest.mark.parametrize("at", range(0, 144, 3))
 def test_a_cell_that_cannot_be_set_is_found_when_it_is_read_back(library, at):
     flash = Flash(library, 2)
@@ -416,12 +456,12 @@ def test_a_cell_that_cannot_be_set_is_found_when_it_is_read_back(library, at):
         flash.areas[area][flash.slot + at] |= 0xFF
         return ok
 
-    flash.kept = (
-        flash.kept[0],
-        flash.ffi.callback("bool(uint32_t, uint32_t, const void *, size_t)", worn),
-    )
-    flash.c.write = flash.kept[1]
-    assert not store.save(a_set(2))
+    kept = flash.ffi.callback("bool(uint32_t, uint32_t, const void *, size_t)", worn)
+    flash.c.write = kept
+    assert store.save(a_set(2))  # to the other area, whose second slot it comes to next
+    assert flash.erased == [1, 1]
+    assert Store(flash).load() == a_set(2)
+    flash.areas[1][:] = bytes(len(flash.areas[1]))
     assert Store(flash).load() == a_set(1)
 
 

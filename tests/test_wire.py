@@ -432,7 +432,7 @@ def test_parameters_and_key_outlive_power_off(board, tmp_path):
     board.set_parameter("smc.margin", 1.25)
     board.load_parameters()
     assert board.parameter("smc.margin") == 1.5
-    # One value that is none of its parameter: all defaults, not half of each.
+    # One value that is none of its parameter: its default, and no other's.
     board.set_parameter("velocity.bandwidth_Hz", 33.0)
     board.save_parameters()
     spoil(board.flash[0], struct.pack("<f", 33.0), struct.pack("<f", 34.0))
@@ -441,7 +441,7 @@ def test_parameters_and_key_outlive_power_off(board, tmp_path):
     spoil(board.flash[0], struct.pack("<f", 34.0), struct.pack("<f", 1e9))
     board.restart()
     assert board.parameter("velocity.bandwidth_Hz") == 15
-    assert board.parameter("limits.tau_max_Nm") == 8
+    assert board.parameter("limits.tau_max_Nm") == 4
 
     board.pair(tmp_path / "key")
     board.restart()

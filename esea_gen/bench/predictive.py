@@ -363,8 +363,8 @@ def run_benchmarks(
     found: dict[str, Any] = {"cores": {}, "box_qp": {}, "whole_step": {}, "horizons": []}
     program: Any = controller_device("mpc").system.blocks["predictive"]
     lines = []
-    for core, processor in CORES.items():
-        clock = processor.clock_Hz
+    for board in boards_for("instructions"):
+        core, clock = board.core, board.clock_Hz
         say(f"bound on {core}")
         c = cost_on(program, core)
         at = found["cores"][core] = {

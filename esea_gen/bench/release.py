@@ -1,4 +1,4 @@
-"""When a device's control task has surely ended on a processor, and its command may be released.
+"""When a device's control task has surely ended on a board, and its command may be released.
 
 The bound of every task is that of its object code (:mod:`esea_gen.bench.bound`), latches included.
 Cycles an instruction are assumed: nobody has measured them (:data:`esea_gen.targets.Processor`).
@@ -20,7 +20,7 @@ from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.language.system import Task
-from esea_gen.targets import BARE_LINK, EXACT_FLAGS, SECTION_FLAGS, Processor
+from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, Board, Processor
 
 # Of the processor's time, what firmware and interrupts beside the tasks may take.
 MOST_LOAD = 0.9
@@ -29,69 +29,86 @@ CHECKSUM = "coefficients_checksum"
 
 @dataclass(frozen=True)
 class TaskTimes:
-    """What the tasks of a device take on a processor, at most.
+    """What the tasks of a device take on a board, at most.
 
     instructions: by task, for every input.
     ended_s: by task, from the start of its run to its end; every faster task runs meanwhile.
     release_s: by task, as the device has it.
     cycles: assumed cycles an instruction.
+    least_Hz: slowest clock at which every task has ended before its release.
     """
 
     device: str
-    processor: Processor
+    board: Board
     instructions: dict[str, int]
     ended_s: dict[str, float]
     release_s: dict[str, float]
     cycles: float
     tick_s: float
+    least_Hz: float
 
     def needed_s(self, task: str) -> float:
         """First tick, counted from a task's start, at which it has surely ended."""
         return math.ceil(self.ended_s[task] / self.tick_s - 1e-9) * self.tick_s
+
+    @property
+    def least_MHz(self) -> float:
+        """The slowest clock, rounded up to a tenth."""
+        return math.ceil(self.least_Hz / 1e5) / 10
 
     def check(self) -> None:
         """Refuse a release before a task's end."""
         for task, ended in self.ended_s.items():
             if ended <= self.release_s[task]:
                 continue
-            part = self.processor
-            assumed = f"{self.cycles:g} cycles an instruction and {part.clock_Hz / 1e6:g} MHz"
+            part = f"{self.board.name} ({self.board.title})"
+            assumed = f"{self.cycles:g} cycles an instruction and {self.board.clock_Hz / 1e6:g} MHz"
             if math.isinf(ended):
                 raise UserError(
-                    f"{self.device} does not fit on {part.title}: its tasks take all of its time "
-                    f"at {assumed}.",
-                    "Take a faster processor, a lower rate or a shorter horizon.",
+                    f"{self.device} does not fit on {part}: its tasks take all of its time "
+                    f"at {assumed}; they need {self.least_MHz:g} MHz.",
+                    "Take a faster board, a lower rate or a shorter horizon.",
                 )
             raise UserError(
-                f"{self.device} does not fit on {part.title}: its task {task} takes up to "
+                f"{self.device} does not fit on {part}: its task {task} takes up to "
                 f"{self.instructions[task]} instructions and may end {1e3 * ended:.3f} ms after "
                 f"its start at {assumed}; it is released after {1e3 * self.release_s[task]:g} ms.",
                 f"Write timing.{task}_release_s = {self.needed_s(task):g}, shorten the horizon, "
-                "take a faster processor, or give --cycles as measured.",
+                f"take a board of {self.least_MHz:g} MHz, or give --cycles as measured.",
             )
 
 
-def task_times(device: Device, processor: Processor, cycles: float | None = None) -> TaskTimes:
-    """Bounds of a device's tasks on a processor, and when they end.
+def task_times(device: Device, board: Board, cycles: float | None = None) -> TaskTimes:
+    """Bounds of a device's tasks on a board, and when they end.
 
     cycles: an instruction's; the processor's assumed ones when not given.
     return: a task's end with those that run more often in between, as often as they can.
     """
-    each = processor.cycles_per_instruction if cycles is None else cycles
+    each = board.processor.cycles_per_instruction if cycles is None else cycles
     if not (math.isfinite(each) and each > 0):
         raise UserError(f"--cycles {each:g} is not above 0.", "Give cycles an instruction.")
-    if not processor.clock_Hz:
+    if not board.clock_Hz:
+        clocked = ", ".join(b.name for b in BOARDS.values() if b.clock_Hz)
         raise UserError(
-            f"{processor.title} has no clock in the table of processors.",
-            "Choose a processor with one: Cortex-M4F, Cortex-M7, Cortex-A9.",
+            f"{board.name} ({board.title}) has no clock in the table of boards.",
+            f"Choose a board with one: {clocked}.",
         )
-    instructions = task_bounds(device, processor)
-    busy = {n: x * each / processor.clock_Hz for n, x in instructions.items()}
+    instructions = task_bounds(device, board.processor)
     system = device.system
     tick = system.base_period_s
-    ended = {t.name: _end(t, system.tasks, busy, tick) for t in system.tasks}
     release = {t.name: t.release_ticks * tick for t in system.tasks}
-    return TaskTimes(device.name, processor, instructions, ended, release, each, tick)
+
+    def ends(clock_Hz: float) -> dict[str, float]:
+        busy = {n: x * each / clock_Hz for n, x in instructions.items()}
+        return {t.name: _end(t, system.tasks, busy, tick) for t in system.tasks}
+
+    least, enough = 1.0, 1e12
+    while enough > least * (1 + 1e-4):
+        middle = math.sqrt(least * enough)
+        fits = all(end <= release[n] for n, end in ends(middle).items())
+        least, enough = (least, middle) if fits else (middle, enough)
+    ended = ends(board.clock_Hz)
+    return TaskTimes(device.name, board, instructions, ended, release, each, tick, enough)
 
 
 def _end(task: Task, tasks: tuple[Task, ...], busy: dict[str, float], tick_s: float) -> float:

@@ -29,11 +29,12 @@ from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System, Task
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import FilterName, published_inverse
+from esea_gen.targets import DEFAULT_BOARD, find_board
 from esea_gen.twin.recorded import RecordedDrive, record_drive
 from esea_gen.verify.streams import domain_chirp, recorded_stream
 
 # At most so many instructions a step on the Cortex-M4F: a 1 kHz task of both takes 3.4 million a
-# second, a fiftieth of what a 168 MHz part could issue.
+# second, a fiftieth of what that part issues at its clock.
 AIMS = {"sensor": 900, "inverse exact": 2500}
 AIM_BOARD = "Cortex-M4F"
 HOST = "this machine"
@@ -42,7 +43,7 @@ BLOCKS = "its Blocks one by one"
 _NAME = re.compile(rf"^(.*), one f32 step on (.*) vs (?:{re.escape(CASADI)}|{BLOCKS})$")
 # Of a task so many runs fit a small board's memory, outputs and all.
 TASK_RUNS = 300
-CLOCK_Hz = 168e6
+CLOCK_Hz = find_board(DEFAULT_BOARD).clock_Hz
 # Assumed, not measured: the emulator knows no cycles.  One is what the Cortex-M4F's manual gives
 # for most instructions; loads, branches, divisions and a flash that makes it wait take more.
 CYCLES_PER_INSTRUCTION = (1.0, 2.0)

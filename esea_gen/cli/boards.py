@@ -50,8 +50,8 @@ def firmware(
     from esea_gen.verify.firmware import build_firmware
 
     loaded = esea_gen.load_device(device, controller)
-    fits = _fits(loaded, board, cycles)
-    image = build_firmware(loaded, board, folder or Path("build") / loaded.name)
+    fits, needs_Hz = _fits(loaded, board, cycles)
+    image = build_firmware(loaded, board, folder or Path("build") / loaded.name, needs_Hz=needs_Hz)
     out.print(f"{image.elf}: flash {image.flash_bytes} B, RAM {image.ram_bytes} B")
     for line in fits:
         out.print(line)
@@ -63,21 +63,31 @@ def firmware(
     write_json(json_file, "firmware", image.to_dict())
 
 
-def _fits(loaded: Device, board: str, cycles: float | None) -> list[str]:
-    # What a drive's tasks take on a board with a known clock; too long is an error.
-    part = BOARDS[board].processor if board in BOARDS else None
-    if not loaded.laws or part is None or not (part.clock_Hz or cycles):
-        return []
+def _fits(loaded: Device, name: str, cycles: float | None) -> tuple[list[str], float | None]:
+    # What a drive's tasks take on a board with a known clock, too long being an error; and the
+    # slowest clock that they fit at.
+    board = BOARDS.get(name)
+    if not loaded.laws or board is None or not (board.clock_Hz or cycles):
+        return [], None
+    if board.real != "f32":
+        return [f"time is not checked: code in {board.real} has no bound"], None
     from esea_gen.bench.release import task_times
 
-    times = task_times(loaded, part, cycles)
+    times = task_times(loaded, board, cycles)
     times.check()
-    return [
+    lines = [
         f"{task}: at most {count} instructions; ended {1e3 * times.ended_s[task]:.3f} ms after its "
-        f"start at {times.cycles:g} cycles an instruction and {part.clock_Hz / 1e6:g} MHz, "
+        f"start at {times.cycles:g} cycles an instruction and {board.clock_Hz / 1e6:g} MHz, "
         f"released after {1e3 * times.release_s[task]:g} ms"
         for task, count in times.instructions.items()
     ]
+    if board.reset_Hz:
+        slow = "fits" if times.least_Hz <= board.reset_Hz else "is refused"
+        lines.append(
+            f"it needs {times.least_MHz:g} MHz: where the board stays at "
+            f"{board.reset_Hz / 1e6:g} MHz it {slow}"
+        )
+    return lines, times.least_Hz
 
 
 @app.command()

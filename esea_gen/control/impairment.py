@@ -121,7 +121,7 @@ class _Impairment:
             given("Kv_Nms_rad", 0.0, 5.0, "resistance to speed everywhere"),
             Tunable(
                 *("tau_max_Nm", self.tau, 0.01, self.tau, "most that it asks for; held there"),
-                *("the elastomer's full scale", "assumed"),
+                *("the elastomer's full scale", "assumed", "low"),
             ),
         )
 

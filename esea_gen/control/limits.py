@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -173,11 +173,11 @@ def limits(device: DeviceData) -> Block:
 def _tunables(n: LimitNumbers) -> tuple[Tunable, ...]:
     def narrowed(name: str, most: float, least_share: float, meaning: str) -> Tunable:
         q = getattr(n.safety, "energy_J" if name == "energy_max_J" else name)
-        return Tunable(name, most, least_share * most, most, meaning, q.source, q.status)
+        return Tunable(name, most, least_share * most, most, meaning, q.source, q.status, "low")
 
-    def end(name: str, most: float, meaning: str) -> Tunable:
+    def end(name: str, most: float, meaning: str, narrower: Literal["low", "high"]) -> Tunable:
         q = getattr(n.safety, name)
-        return Tunable(name, most, n.rom_min, n.rom_max, meaning, q.source, q.status)
+        return Tunable(name, most, n.rom_min, n.rom_max, meaning, q.source, q.status, narrower)
 
     return (
         narrowed("u_max_Nm", n.u_max, 0.01, "largest |motor command|: lower is weaker"),
@@ -189,9 +189,17 @@ def _tunables(n: LimitNumbers) -> tuple[Tunable, ...]:
         ),
         narrowed("tau_max_Nm", n.tau_max, 0.05, "interaction torque that trips"),
         narrowed("theta_max_rad", n.theta_max, 0.05, "deflection that trips"),
-        end("rom_min_rad", n.rom_min, "joint angle below which nothing pushes further: up narrows"),
         end(
-            "rom_max_rad", n.rom_max, "joint angle above which nothing pushes further: down narrows"
+            "rom_min_rad",
+            n.rom_min,
+            "joint angle below which nothing pushes further: up narrows",
+            "high",
+        ),
+        end(
+            "rom_max_rad",
+            n.rom_max,
+            "joint angle above which nothing pushes further: down narrows",
+            "low",
         ),
         narrowed("omega_max_rad_s", n.omega_max, 0.05, "joint or drive speed that trips"),
         narrowed("energy_max_J", n.energy_max, 0.01, "energy within the window that trips"),

@@ -352,6 +352,7 @@ class _Passivity:
                 "damping that a hand feels at least: more is calmer and less transparent",
                 least.source,
                 least.status,
+                "high",
             ),
             Tunable(
                 "energy_J",
@@ -361,6 +362,7 @@ class _Passivity:
                 "energy that drive and command may hold and give: less is weaker",
                 energy.source,
                 energy.status,
+                "low",
             ),
         )
 

@@ -256,6 +256,7 @@ class _Reference:
                 self.full_scale,
                 "largest |set torque|: may only be narrowed below the identified range",
                 "domain.tau_full_scale_Nm",
+                safer="low",
             ),
         )
 

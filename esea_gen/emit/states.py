@@ -206,6 +206,13 @@ BOARD_FAULTS = (
         "look at the supply, then reset",
         "1 tick",
     ),
+    Code(
+        "SLOW_CLOCK",
+        109,
+        "The board's clock stayed at the one it starts with, too slow for this device.",
+        "reset; if it comes again, service: oscillator or PLL",
+        "at start, before the motor can be on",
+    ),
 )
 
 # Between these comments the documentation's tables are written.

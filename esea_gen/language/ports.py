@@ -259,6 +259,10 @@ class Tunable:
         Where the default comes from.
     status : str
         ``published``, ``identified`` or ``assumed``.
+    safer : str
+        End at which it limits more, ``low`` or ``high``; empty where neither is safer. A board that
+        kept a value which a later build no longer allows takes the bound next to it where an end
+        is declared, its default where none is.
     """
 
     name: str
@@ -268,6 +272,7 @@ class Tunable:
     meaning: str
     source: str = ""
     status: Status = "assumed"
+    safer: Literal["", "low", "high"] = ""
 
     def __post_init__(self) -> None:
         check_name("tunable", self.name)

@@ -1,12 +1,14 @@
-"""What a board keeps without power: zeros, use counters, couplings' lives, the black box."""
+"""What a board keeps without power: parameters, zeros, use counters, couplings, the black box."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from esea_gen.link.parameters import find_parameter
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError
 
@@ -15,6 +17,8 @@ _ZEROS = ("none", "taken", "put back")
 _ROOM = 4  # encoders in a message
 _RELEASE = _FORGET = 255
 _TRIES = 3
+_SUM = "kept: "  # begins the last of the texts on kept values
+_VALUE = re.compile(r"kept (\S+) (\S+): (clipped|out of bounds|conflicting|unknown)")
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,21 @@ class KeptUse:
     encoders: tuple[tuple[int, float | None], ...]
     zero: str
     counters: dict[str, int]
+
+
+@dataclass(frozen=True)
+class KeptValue:
+    """A kept parameter that is not in force as it was saved.
+
+    name: full; the hash that it is kept by where this firmware has no such parameter.
+    value: that was saved.
+    found: ``clipped`` to the bound next to it, ``out of bounds`` or ``conflicting`` (the default is
+        in force), ``unknown``.
+    """
+
+    name: str
+    value: float
+    found: str
 
 
 @dataclass(frozen=True)
@@ -69,6 +88,27 @@ class RawBlackbox:
 def kept_use(session: Session) -> KeptUse:
     """Ask the board what it keeps."""
     return _use(session.ask_for("ESEA_KEPT"))
+
+
+def kept_values(session: Session) -> tuple[tuple[KeptValue, ...], str]:
+    """Ask which kept parameters are not in force; and what the board says of all together."""
+    dialect = session.dialect
+    known = session.known_parameters()
+    asked, text = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_STATUSTEXT
+    if session.command(asked, text, drop_before=True) != dialect.MAV_RESULT_ACCEPTED:
+        raise LinkError(
+            "this board does not say which kept parameters are in force",
+            "Its firmware is older, or it is paired: give --key.",
+        )
+    values: list[KeptValue] = []
+    while True:
+        said = str(session.wait_for("STATUSTEXT").text).rstrip("\0")
+        if said.startswith(_SUM):
+            return tuple(values), said.removeprefix(_SUM)
+        if found := _VALUE.fullmatch(said):
+            own, value, what = found.groups()
+            name = own if what == "unknown" else find_parameter(known, own).name
+            values.append(KeptValue(name, float(value), what))
 
 
 def name_encoders(session: Session, serials: Sequence[int]) -> KeptUse:

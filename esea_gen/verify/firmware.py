@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 import shutil
 import subprocess
@@ -126,6 +127,7 @@ def build_firmware(
     out: Path,
     control: Mapping[str, str] | None = None,
     drivers: str | None = None,
+    needs_Hz: float | None = None,
 ) -> FirmwareImage:
     """Build a device's firmware image.
 
@@ -133,6 +135,8 @@ def build_firmware(
     control: files of the format's folder to compile in place of the device's own; tests alter one
         to prove that a comparison finds it.
     drivers: text of a ``drivers.c`` in place of the board's.
+    needs_Hz: slowest clock at which a drive's tasks end in time; the board's own when not given. A
+        board that does not come to it does not switch the motor on.
     """
     chosen = find_board(board)
     if drivers is None and device.laws:
@@ -157,7 +161,9 @@ def build_firmware(
 
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
-        objects += _compile_app(folder, chosen, _defined(device, FORMATS[real].link_header(prefix)))
+        defined = [*_defined(device, FORMATS[real].link_header(prefix)), *chosen.clock_defines]
+        defined.append(f"-DESEA_NEEDS_HZ={math.ceil(needs_Hz or chosen.clock_Hz)}u")
+        objects += _compile_app(folder, chosen, defined)
         script = f"{chosen.folder}/link.ld"
         bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]

@@ -131,18 +131,14 @@ bool esea_keep_parameters(esea_app_t *app)
     return esea_store_save(app->port->store, kept, count);
 }
 
-bool esea_kept_parameters(esea_app_t *app, float *values)
+uint32_t esea_kept_parameters(const esea_app_t *app, const esea_store_parameter_t **kept)
 {
     const esea_store_t *const store = app->port->store;
-    uint32_t i, k;
 
-    if (store == NULL || store->status != ESEA_STORE_LOADED || store->set.parameters == 0u)
-        return false;
-    for (k = 0u; k < store->set.parameters && k < ESEA_STORE_PARAMETERS; ++k)
-        for (i = 0u; i < ESEA_LINK_PARAMETERS; ++i)
-            if (esea_link_parameter(i)->key == store->set.parameter[k].id)
-                values[i] = store->set.parameter[k].value;
-    return true;
+    if (store == NULL || store->status != ESEA_STORE_LOADED)
+        return 0u;
+    *kept = store->set.parameter;
+    return store->set.parameters < ESEA_STORE_PARAMETERS ? store->set.parameters : ESEA_STORE_PARAMETERS;
 }
 
 bool esea_keep_key(esea_app_t *app, const uint8_t *key, uint64_t timestamp)

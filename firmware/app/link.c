@@ -101,7 +101,8 @@ static bool can_be_asked(float id)
 {
     return id == (float)MAVLINK_MSG_ID_HEARTBEAT || id == (float)MAVLINK_MSG_ID_ESEA_INFO ||
            id == (float)MAVLINK_MSG_ID_ESEA_CLOCK || id == (float)MAVLINK_MSG_ID_ESEA_TRAFFIC ||
-           id == (float)MAVLINK_MSG_ID_ESEA_KEPT || id == (float)MAVLINK_MSG_ID_ESEA_LIFE;
+           id == (float)MAVLINK_MSG_ID_ESEA_KEPT || id == (float)MAVLINK_MSG_ID_ESEA_LIFE ||
+           id == (float)MAVLINK_MSG_ID_STATUSTEXT;
 }
 
 /* `number`: which of several there are. */
@@ -115,6 +116,8 @@ static void send_asked(esea_app_t *app, uint32_t id, float number)
         esea_send_clock(app);
     else if (id == MAVLINK_MSG_ID_ESEA_KEPT)
         esea_send_kept(app, MAV_RESULT_ACCEPTED);
+    else if (id == MAVLINK_MSG_ID_STATUSTEXT)
+        esea_parameters_tell(app);
     else if (id == MAVLINK_MSG_ID_ESEA_LIFE)
         esea_send_life(app, number >= 0.0f && number < 255.0f ? (uint32_t)number : 0u, MAV_RESULT_ACCEPTED);
     else

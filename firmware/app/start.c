@@ -19,5 +19,7 @@ void esea_app_init(esea_app_t *app, const esea_port_t *port)
     esea_parameters_start(app);
     if (esea_app_reset(app))
         esea_send_heartbeat(app);
+    if (port->notice != NULL)
+        esea_send_text(app, MAV_SEVERITY_WARNING, port->notice, "");
     app->told = app->state;
 }

@@ -12,11 +12,24 @@ typedef struct {
     uint32_t crc; /* of the above and the set */
 } head_t;
 
-/* A slot: head, set, last word. */
-#define SLOT_BYTES ((uint32_t)(sizeof(head_t) + sizeof(esea_store_set_t) + sizeof(uint32_t)))
-#define SET_AT ((uint32_t)sizeof(head_t))
-#define LAST_AT (SLOT_BYTES - (uint32_t)sizeof(uint32_t))
 #define CHUNK 64u
+
+/* What a part of a slot fills: whole units, for one that is not erased may not be written again. */
+static uint32_t units(const esea_flash_t *flash, uint32_t bytes)
+{
+    return (bytes + flash->unit_bytes - 1u) & ~(flash->unit_bytes - 1u);
+}
+
+/* A slot: head, set, last word, each in units of its own. */
+static uint32_t set_at(const esea_flash_t *flash)
+{
+    return units(flash, (uint32_t)sizeof(head_t));
+}
+
+static uint32_t slot_bytes(const esea_flash_t *flash, uint32_t bytes)
+{
+    return set_at(flash) + units(flash, bytes) + units(flash, (uint32_t)sizeof(uint32_t));
+}
 
 /* CRC-32 (IEEE 802.3), to be started with all ones and inverted at the end. */
 static uint32_t crc_over(uint32_t crc, const void *from, size_t count)
@@ -41,7 +54,11 @@ static uint32_t crc_of_head(const head_t *head)
 
 static uint32_t slots(const esea_flash_t *flash)
 {
-    return flash->area_bytes / SLOT_BYTES;
+    const uint32_t unit = flash->unit_bytes;
+
+    if (unit == 0u || unit > ESEA_FLASH_UNIT_MOST || (unit & (unit - 1u)) != 0u)
+        return 0u; /* no power of two: nothing is kept */
+    return flash->area_bytes / slot_bytes(flash, (uint32_t)sizeof(esea_store_set_t));
 }
 
 /* The checksum of a set as it stands in flash, of whatever length its head says. */
@@ -52,7 +69,7 @@ static uint32_t crc_in_flash(const esea_flash_t *flash, uint32_t area, uint32_t 
 
     for (done = 0u; done < head->bytes; done += n) {
         n = head->bytes - done < CHUNK ? head->bytes - done : CHUNK;
-        flash->read(area, at + SET_AT + done, bytes, n);
+        flash->read(area, at + set_at(flash) + done, bytes, n);
         crc = crc_over(crc, bytes, n);
     }
     return ~crc;
@@ -61,13 +78,14 @@ static uint32_t crc_in_flash(const esea_flash_t *flash, uint32_t area, uint32_t 
 /* Whether a whole set stands in a slot; of another layout, it fills as much as its head says. */
 static bool look(const esea_flash_t *flash, uint32_t area, uint32_t slot, head_t *head)
 {
-    const uint32_t at = slot * SLOT_BYTES;
+    const uint32_t at = slot * slot_bytes(flash, (uint32_t)sizeof(esea_store_set_t));
+    const uint32_t room = (flash->area_bytes - at - slot_bytes(flash, 0u)) & ~(flash->unit_bytes - 1u);
     uint32_t last;
 
     flash->read(area, at, head, sizeof *head);
-    if (head->magic != MAGIC || head->bytes > flash->area_bytes - at - (SLOT_BYTES - (uint32_t)sizeof(esea_store_set_t)))
+    if (head->magic != MAGIC || head->bytes > room)
         return false;
-    flash->read(area, at + SET_AT + head->bytes, &last, sizeof last);
+    flash->read(area, at + set_at(flash) + units(flash, head->bytes), &last, sizeof last);
     return last == WHOLE && crc_in_flash(flash, area, at, head) == head->crc;
 }
 
@@ -103,7 +121,8 @@ ESEA_STORE_STATUS esea_store_open(esea_store_t *store, const esea_flash_t *flash
     }
     if (newest.device != store->device)
         return ESEA_STORE_OTHER_DEVICE;
-    flash->read(store->area, store->slot * SLOT_BYTES + SET_AT, &store->set, sizeof store->set);
+    flash->read(store->area, store->slot * slot_bytes(flash, newest.bytes) + set_at(flash), &store->set,
+            sizeof store->set);
     if (store->set.parameters > ESEA_STORE_PARAMETERS) {
         clear(store);
         return ESEA_STORE_OTHER_LAYOUT;
@@ -113,12 +132,13 @@ ESEA_STORE_STATUS esea_store_open(esea_store_t *store, const esea_flash_t *flash
 
 static bool blank(const esea_flash_t *flash, uint32_t area, uint32_t slot)
 {
+    const uint32_t all = slot_bytes(flash, (uint32_t)sizeof(esea_store_set_t));
     uint8_t bytes[CHUNK];
     uint32_t done, n, i;
 
-    for (done = 0u; done < SLOT_BYTES; done += n) {
-        n = SLOT_BYTES - done < CHUNK ? SLOT_BYTES - done : CHUNK;
-        flash->read(area, slot * SLOT_BYTES + done, bytes, n);
+    for (done = 0u; done < all; done += n) {
+        n = all - done < CHUNK ? all - done : CHUNK;
+        flash->read(area, slot * all + done, bytes, n);
         for (i = 0u; i < n; ++i)
             if (bytes[i] != 0xFFu)
                 return false;
@@ -126,11 +146,13 @@ static bool blank(const esea_flash_t *flash, uint32_t area, uint32_t slot)
     return true;
 }
 
-/* Where the next set goes: behind the newest, or at the start of the other area, which is erased. */
-static bool make_room(const esea_store_t *store, uint32_t *area, uint32_t *slot)
+/* Where the next set goes: behind the newest unless `aside`, or at the start of the other area, which is erased. */
+static bool make_room(const esea_store_t *store, bool aside, uint32_t *area, uint32_t *slot)
 {
+    const uint32_t all = slots(store->flash);
+
     *area = store->found ? store->area : ESEA_STORE_AREAS - 1u;
-    for (*slot = store->found ? store->slot + 1u : slots(store->flash); *slot < slots(store->flash); ++*slot)
+    for (*slot = store->found && !aside ? store->slot + 1u : all; *slot < all; ++*slot)
         if (blank(store->flash, *area, *slot))
             return true;
     *area = (*area + 1u) % ESEA_STORE_AREAS;
@@ -138,24 +160,51 @@ static bool make_room(const esea_store_t *store, uint32_t *area, uint32_t *slot)
     return store->flash->erase(*area) && blank(store->flash, *area, *slot);
 }
 
-bool esea_store_commit(esea_store_t *store)
+/* One part of a slot; behind it the last unit is filled up with what an erased one holds. */
+static bool put(const esea_flash_t *flash, uint32_t area, uint32_t at, const void *from, uint32_t count)
+{
+    const uint32_t whole = count & ~(flash->unit_bytes - 1u);
+    uint8_t unit[ESEA_FLASH_UNIT_MOST];
+
+    if (whole > 0u && !flash->write(area, at, from, whole))
+        return false;
+    if (whole == count)
+        return true;
+    memset(unit, 0xFF, sizeof unit);
+    memcpy(unit, (const uint8_t *)from + whole, count - whole);
+    return flash->write(area, at + whole, unit, flash->unit_bytes);
+}
+
+static bool put_set(const esea_store_t *store, const head_t *head, uint32_t area, uint32_t slot)
 {
     static const uint32_t last = WHOLE;
     const esea_flash_t *const flash = store->flash;
-    head_t head = { MAGIC, ESEA_STORE_LAYOUT, (uint32_t)sizeof store->set, store->device, store->sequence + 1u, 0u };
-    uint32_t area, slot, at;
+    const uint32_t at = slot * slot_bytes(flash, head->bytes), behind = at + set_at(flash);
     head_t written;
+
+    return put(flash, area, at, head, (uint32_t)sizeof *head) && put(flash, area, behind, &store->set, head->bytes) &&
+           put(flash, area, behind + units(flash, head->bytes), &last, (uint32_t)sizeof last) &&
+           look(flash, area, slot, &written);
+}
+
+bool esea_store_commit(esea_store_t *store)
+{
+    head_t head = { MAGIC, ESEA_STORE_LAYOUT, (uint32_t)sizeof store->set, store->device, store->sequence + 1u, 0u };
+    uint32_t area, slot;
+    bool good;
 
     if (store->set.use.saves != UINT32_MAX)
         ++store->set.use.saves;
     head.crc = ~crc_over(crc_of_head(&head), &store->set, sizeof store->set);
-    if (slots(flash) == 0u || !make_room(store, &area, &slot))
+    if (slots(store->flash) == 0u || !make_room(store, false, &area, &slot))
         return false;
-    at = slot * SLOT_BYTES;
-    if (!flash->write(area, at, &head, sizeof head) ||
-        !flash->write(area, at + SET_AT, &store->set, sizeof store->set) ||
-        !flash->write(area, at + LAST_AT, &last, sizeof last) || !look(flash, area, slot, &written))
+    good = put_set(store, &head, area, slot);
+    /* A unit that a power cut left half written may look erased and take nothing: then the other area. */
+    if (!good && slot > 0u)
+        good = make_room(store, true, &area, &slot) && put_set(store, &head, area, slot);
+    if (!good)
         return false;
+    store->status = ESEA_STORE_LOADED; /* what is in memory is the newest set */
     store->found = true;
     store->area = area;
     store->slot = slot;

@@ -88,7 +88,7 @@ typedef enum {
 
 typedef struct esea_store {
     const esea_flash_t *flash;
-    ESEA_STORE_STATUS status; /* when it was opened */
+    ESEA_STORE_STATUS status; /* since it was opened or saved to */
     uint32_t device;   /* hash of its name */
     uint32_t sequence; /* of the newest set, whoever's it is */
     uint32_t area, slot;

@@ -46,9 +46,19 @@ typedef struct {
     uint32_t words[ESEA_LINK_KEY_WORDS];
 } esea_key_t;
 
+/* What became of a value that was kept. */
+typedef enum {
+    ESEA_KEPT_TAKEN = 0,
+    ESEA_KEPT_CLIPPED = 1,     /* a limit beyond its bounds: the bound that is next to it */
+    ESEA_KEPT_OUTSIDE = 2,     /* beyond its bounds, or no number: the default */
+    ESEA_KEPT_CONFLICTING = 3, /* refused beside the others: the default */
+} ESEA_KEPT_VALUE;
+
 typedef struct {
     uint32_t listed;  /* parameter that a list tells next */
+    uint32_t told;    /* what is said next of kept values */
     uint32_t refused; /* stays at its maximum */
+    uint8_t found[ESEA_LINK_PARAMETERS + 1u]; /* an ESEA_KEPT_VALUE each, when they were loaded */
 } esea_parameters_t;
 
 typedef struct {
@@ -88,7 +98,11 @@ void esea_parameters_error(struct esea_app *app, const mavlink_message_t *to, co
 /* The command PREFLIGHT_STORAGE; its result. */
 uint8_t esea_parameters_storage(struct esea_app *app, float action);
 
-/* The next one of a list that was asked for; false when there is none. */
+/* Says what the board has to say, then, a text a turn of the main loop, which kept values are not in force, and how
+ * many are. */
+void esea_parameters_tell(struct esea_app *app);
+
+/* The next one of a list or text that was asked for; false when there is none. */
 bool esea_parameters_send(struct esea_app *app);
 
 /* -- signing.c --------------------------------------------------------------------------------- */
@@ -104,8 +118,8 @@ void esea_signing_refuse(struct esea_app *app, const mavlink_message_t *message)
 /* False where nothing can be kept.  Those that a calibration sets are left out. */
 bool esea_keep_parameters(struct esea_app *app);
 
-/* By index; what is not kept is left as it is given.  False where nothing was kept. */
-bool esea_kept_parameters(struct esea_app *app, float *values);
+/* What is kept of parameters: how many, and where. */
+uint32_t esea_kept_parameters(const struct esea_app *app, const esea_store_parameter_t **kept);
 
 /* Zeros that were kept for the encoders that are fitted into force; false, and none in force, where there is
  * not one for each.  True where the device has no encoder with a zero. */

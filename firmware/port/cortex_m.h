@@ -29,8 +29,9 @@ extern const char esea_board_name[];
 void esea_board_start(void);
 uint32_t esea_board_ticks(void);
 void esea_board_send(uint8_t byte);
-/* Of the processor, and so of SysTick. */
-extern const uint32_t esea_board_clock_MHz;
+/* Of the processor, and so of SysTick, since esea_board_start: ESEA_CLOCK_HZ of the build, or ESEA_RESET_HZ where
+ * that does not come.  A drive that needs more (ESEA_NEEDS_HZ) must then not come to arm. */
+extern uint32_t esea_board_clock_MHz;
 
 /* To the board, called with each byte that came in. */
 void esea_cortex_m_received(uint8_t byte);

@@ -12,12 +12,17 @@
 struct esea_blackbox;
 struct esea_store;
 
+#define ESEA_FLASH_UNIT_MOST 32u
+
 /* Flash for what outlasts the power, in areas that are erased as a whole: an erased byte is 0xFF, a write
  * only clears bits. */
 typedef struct {
     uint32_t area_bytes;
+    /* What is programmed at once, a power of two: 4 on an STM32F4, 8 on an STM32G4 or L4, 32 on an STM32H7. */
+    uint32_t unit_bytes;
+    /* Must return where a write was cut, with any bytes (flash with ECC: its trap is caught). */
     void (*read)(uint32_t area, uint32_t at, void *to, size_t count);
-    /* False when it failed; addresses and counts are whole words. */
+    /* False when it failed.  Addresses and counts are whole units, each written once between erasures. */
     bool (*write)(uint32_t area, uint32_t at, const void *from, size_t count);
     bool (*erase)(uint32_t area);
 } esea_flash_t;
@@ -25,6 +30,8 @@ typedef struct {
 typedef struct {
     /* Name of the board, at most 15 characters. */
     const char *name;
+    /* What the board has to say at its start, at most 50 characters; NULL: nothing. */
+    const char *notice;
     /* Size of the receive buffer and of the stack, bytes. */
     uint32_t receive_buffer_bytes;
     uint32_t stack_bytes;

@@ -74,6 +74,7 @@ void esea_parameters_read(esea_app_t *app, const mavlink_message_t *message) { (
 void esea_parameters_list(esea_app_t *app) { (void)app; }
 void esea_parameters_set(esea_app_t *app, const mavlink_message_t *message) { (void)app; (void)message; }
 bool esea_parameters_send(esea_app_t *app) { (void)app; return EITHER(); }
+void esea_parameters_tell(esea_app_t *app) { (void)app; }
 void esea_streams_choose(esea_app_t *app, const mavlink_message_t *message) { (void)app; (void)message; }
 bool esea_streams_wait(const esea_app_t *app) { (void)app; return EITHER(); }
 bool esea_streams_send(esea_app_t *app, uint32_t number)

@@ -12,6 +12,9 @@
 #define ANY(x) Frama_C_make_unknown((char *)&(x), sizeof(x))
 #define EITHER() (Frama_C_interval(0, 1) != 0)
 #define ANY32() Frama_C_unsigned_int_interval(0u, UINT32_MAX)
+/* With units of words, which pad nothing. */
+#define SET_AT ((uint32_t)sizeof(head_t))
+#define SLOT_BYTES ((uint32_t)(sizeof(head_t) + sizeof(esea_store_set_t) + sizeof(uint32_t)))
 #define AREA (2u * SLOT_BYTES + 40u)
 
 static void flash_read(uint32_t area, uint32_t at, void *to, size_t count)
@@ -35,7 +38,7 @@ static bool flash_erase(uint32_t area)
     return EITHER();
 }
 
-static const esea_flash_t flash = { AREA, flash_read, flash_write, flash_erase };
+static const esea_flash_t flash = { AREA, 4u, flash_read, flash_write, flash_erase };
 
 #ifdef ESEA_EVA_SUM
 int main(void)

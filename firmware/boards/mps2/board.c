@@ -1,4 +1,4 @@
-/* ARM MPS2 at 25 MHz, with the AN385 image (Cortex-M3 without an FPU) or the AN500 image (Cortex-M7).
+/* ARM MPS2, with the AN385 image (Cortex-M3 without an FPU) or the AN500 image (Cortex-M7).
  *
  * Verified in QEMU's machines mps2-an385 and mps2-an500.  Registers as in ARM's application notes
  * AN385 and AN500 and the Cortex-M System Design Kit's manual (DDI 0479); not tried on a real board.
@@ -24,13 +24,13 @@
 #define UART0_INTCLEAR ESEA_REG(0x4000400Cu)
 #define UART_INT_RX (1u << 1)
 #define UART0_BAUDDIV ESEA_REG(0x40004010u)
-#define UART_BAUDDIV_115200_AT_25MHZ 217u /* 25 MHz / 115200 */
+#define BAUD 115200u
 #define UART0_RX_IRQ 0u
 
 void esea_uart0_receive_handler(void);
 
 const char esea_board_name[] = ESEA_BOARD_NAME;
-const uint32_t esea_board_clock_MHz = 25u;
+uint32_t esea_board_clock_MHz = ESEA_CLOCK_HZ / 1000000u;
 
 void esea_uart0_receive_handler(void)
 {
@@ -57,7 +57,7 @@ void esea_board_start(void)
     TIMER0_VALUE = UINT32_MAX;
     TIMER0_CTRL = TIMER0_CTRL_ENABLE;
 
-    UART0_BAUDDIV = UART_BAUDDIV_115200_AT_25MHZ;
+    UART0_BAUDDIV = (ESEA_CLOCK_HZ + BAUD / 2u) / BAUD;
     UART0_CTRL = UART_CTRL_TX | UART_CTRL_RX | UART_CTRL_RX_INTERRUPT;
     ESEA_NVIC_PRIORITY(UART0_RX_IRQ) |= ESEA_PRIORITY_OF(UART0_RX_IRQ, ESEA_PRIORITY_RECEIVE);
     ESEA_NVIC_ISER(0) = 1u << UART0_RX_IRQ;

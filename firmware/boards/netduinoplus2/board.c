@@ -1,16 +1,17 @@
 /* Netduino Plus 2: STM32F405, Cortex-M4F.
  *
  * Verified in QEMU's machine of that name.  Clock, pins and baud rate are set as the reference
- * manual says, but have not been tried on a real board; the emulator ignores them.
+ * manual says, but have not been tried on a real board; the emulator has no such clock, and stays at 16 MHz.
  *
  * License: MIT. */
 #include "cortex_m.h"
 #include "stm32f405.h"
 
+#define BAUD 115200u
+
 void esea_usart1_handler(void);
 
 const char esea_board_name[] = "netduinoplus2";
-const uint32_t esea_board_clock_MHz = 16u;
 
 void esea_usart1_handler(void)
 {
@@ -32,6 +33,7 @@ uint32_t esea_board_ticks(void)
 
 void esea_board_start(void)
 {
+    esea_board_start_clock();
     ESEA_RCC_AHB1ENR |= ESEA_RCC_AHB1ENR_GPIOB;
     ESEA_RCC_APB1ENR |= ESEA_RCC_APB1ENR_TIM2;
     ESEA_RCC_APB2ENR |= ESEA_RCC_APB2ENR_USART1;
@@ -46,7 +48,7 @@ void esea_board_start(void)
     ESEA_TIM2_EGR = ESEA_TIM2_EGR_UG;
     ESEA_TIM2_CR1 = ESEA_TIM2_CR1_CEN;
 
-    ESEA_USART1_BRR = ESEA_USART_BRR_115200_AT_16MHZ;
+    ESEA_USART1_BRR = (esea_board_bus_Hz() + BAUD / 2u) / BAUD; /* sixteen samples a bit */
     ESEA_USART1_CR1 = ESEA_USART_CR1_UE | ESEA_USART_CR1_TE | ESEA_USART_CR1_RE | ESEA_USART_CR1_RXNEIE;
     ESEA_NVIC_PRIORITY(ESEA_USART1_IRQ) |= ESEA_PRIORITY_OF(ESEA_USART1_IRQ, ESEA_PRIORITY_RECEIVE);
     ESEA_NVIC_ISER(1) = 1u << (ESEA_USART1_IRQ - 32u);

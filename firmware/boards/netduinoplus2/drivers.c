@@ -18,14 +18,15 @@
 #include "stm32f405.h"
 #include "stop_line.h"
 
-#define PATIENCE 4000u /* looks at a register until a bus counts as dead; a byte takes 2 us */
+#define PATIENCE 4000u /* looks at a register until a bus counts as dead, 170 us at least; a byte takes 2 */
 #define PIN(port, number) (16u * (port) + (number))
 #define SIDE_MOTOR PIN(0u, 4u)
 #define SIDE_LOAD PIN(1u, 0u)
 #define BISS_LINE PIN(1u, 13u) /* no select; by its clock */
 #define ENABLE PIN(2u, 7u)
 #define STOP_PIN PIN(2u, 8u)
-#define PWM_TICKS 3200u /* of 16 MHz: 5 kHz */
+#define PWM_HZ 5000u
+#define SPI_FUNCTION 5u
 #define CURRENT_CHANNEL 10u
 #define WATCHDOG_TICKS 200u /* of 2 kHz: 100 ms, 68 to 188 */
 
@@ -47,15 +48,8 @@ static const esea_escon_config_t motor_config = {
 static esea_escon_t motor;
 static esea_stop_line_t stop_line;
 static float set_Nm;
+static uint32_t pwm_ticks;
 static bool watched, reset_by_watchdog;
-
-bool esea_board_until(uint32_t address, uint32_t mask, uint32_t bits, uint32_t looks)
-{
-    for (; looks > 0u; --looks)
-        if ((ESEA_REG(address) & mask) == bits)
-            return true;
-    return false;
-}
 
 static void hw_put_pin(uint32_t pin, bool high)
 {
@@ -67,29 +61,43 @@ static bool hw_get_pin(uint32_t pin)
     return (ESEA_GPIO_IDR(pin / 16u) >> (pin % 16u) & 1u) != 0u;
 }
 
+/* Of the AS5048A's selection: 350 ns before its first clock, half a clock behind the last, 350 ns until the next. */
+static void select_time(void)
+{
+    volatile uint32_t left = esea_board_clock_MHz / 16u + 1u; /* six cycles a turn at least */
+
+    while (left > 0u)
+        left = left - 1u;
+}
+
 static bool hw_spi(uint32_t line, const uint8_t *out, uint8_t *in, size_t count)
 {
     const uint32_t spi = line == BISS_LINE ? ESEA_SPI2 : ESEA_SPI1;
     bool alive = true;
     size_t i;
 
-    if (line != BISS_LINE)
+    if (line != BISS_LINE) {
         hw_put_pin(line, false);
+        select_time();
+    }
     for (i = 0u; i < count && alive; ++i) {
         ESEA_SPI_DR(spi) = out[i];
         alive = esea_board_until(spi + 0x08u, ESEA_SPI_SR_RXNE, ESEA_SPI_SR_RXNE, PATIENCE);
         in[i] = (uint8_t)ESEA_SPI_DR(spi);
     }
     alive = esea_board_until(spi + 0x08u, ESEA_SPI_SR_BSY, 0u, PATIENCE) && alive;
-    if (line != BISS_LINE)
+    if (line != BISS_LINE) {
+        select_time();
         hw_put_pin(line, true);
+        select_time();
+    }
     return alive;
 }
 
 static void hw_pwm(uint32_t channel, uint32_t duty)
 {
     (void)channel; /* there is one */
-    ESEA_TIM3_CCR1 = duty * PWM_TICKS / 10000u;
+    ESEA_TIM3_CCR1 = duty * pwm_ticks / 10000u;
 }
 
 static bool hw_adc(uint32_t channel, uint32_t *counts)
@@ -168,6 +176,8 @@ static uint32_t port_trouble(void)
     }
     if ((ESEA_PWR_CSR & ESEA_PWR_CSR_PVDO) != 0u)
         return ESEA_FAULT_BROWN_OUT;
+    if (ESEA_LINK_DRIVE && ESEA_NEEDS_HZ > ESEA_RESET_HZ && !esea_board_fast())
+        return ESEA_FAULT_SLOW_CLOCK;
     return esea_escon_wrong(&motor, &motor_config, &hardware, set_Nm) ? ESEA_FAULT_MOTOR_CURRENT : ESEA_FAULT_NONE;
 }
 
@@ -204,6 +214,8 @@ static void set_mode(uint32_t pin, uint32_t mode, uint32_t function)
 {
     const uint32_t port = pin / 16u, number = pin % 16u, nibble = 4u * (number % 8u);
 
+    if (function == SPI_FUNCTION)
+        ESEA_CHANGE(ESEA_GPIO_OSPEEDR(port), 3u << (2u * number), ESEA_GPIO_25MHZ << (2u * number));
     ESEA_CHANGE(ESEA_GPIO_AFR(port, number), 0xFu << nibble, function << nibble);
     ESEA_CHANGE(ESEA_GPIO_MODER(port), 3u << (2u * number), mode << (2u * number));
 }
@@ -221,34 +233,41 @@ static void start_pins(void)
     set_mode(ENABLE, ESEA_GPIO_OUTPUT, 0u);
     ESEA_CHANGE(ESEA_GPIO_PUPDR(2u), 3u << 16, ESEA_GPIO_PULL_DOWN << 16); /* PC8: a wire that is off is open */
     for (number = 5u; number <= 7u; ++number)
-        set_mode(PIN(0u, number), ESEA_GPIO_FUNCTION, 5u);
-    set_mode(BISS_LINE, ESEA_GPIO_FUNCTION, 5u);
-    set_mode(PIN(1u, 14u), ESEA_GPIO_FUNCTION, 5u);
+        set_mode(PIN(0u, number), ESEA_GPIO_FUNCTION, SPI_FUNCTION);
+    set_mode(BISS_LINE, ESEA_GPIO_FUNCTION, SPI_FUNCTION);
+    set_mode(PIN(1u, 14u), ESEA_GPIO_FUNCTION, SPI_FUNCTION);
     set_mode(PIN(2u, 6u), ESEA_GPIO_FUNCTION, 2u);
     set_mode(PIN(2u, 0u), ESEA_GPIO_ANALOG, 0u);
 }
 
 static void start_peripherals(void)
 {
-    const uint32_t master = ESEA_SPI_CR1_MSTR | ESEA_SPI_CR1_BY_4 | ESEA_SPI_CR1_SSI | ESEA_SPI_CR1_SSM;
+    const uint32_t master = ESEA_SPI_CR1_MSTR | ESEA_SPI_CR1_SSI | ESEA_SPI_CR1_SSM;
+    const bool fast = esea_board_fast();
+    /* 84 MHz by 16 and 42 by 8: 5.25 MHz, or 16 by 4: 4 MHz; both chips take 10. */
+    const uint32_t one = master | (fast ? ESEA_SPI_CR1_BY_16 : ESEA_SPI_CR1_BY_4);
+    const uint32_t two = master | (fast ? ESEA_SPI_CR1_BY_8 : ESEA_SPI_CR1_BY_4);
 
     /* AS5048A: read at the second edge.  BiSS: rests high, read at the falling edge, half a bit after the
      * encoder has put it. */
-    ESEA_SPI_CR1(ESEA_SPI1) = master | ESEA_SPI_CR1_CPHA | ESEA_SPI_CR1_SPE;
-    ESEA_SPI_CR1(ESEA_SPI2) = master | ESEA_SPI_CR1_CPOL | ESEA_SPI_CR1_SPE;
+    ESEA_SPI_CR1(ESEA_SPI1) = one | ESEA_SPI_CR1_CPHA | ESEA_SPI_CR1_SPE;
+    ESEA_SPI_CR1(ESEA_SPI2) = two | ESEA_SPI_CR1_CPOL | ESEA_SPI_CR1_SPE;
 
     ESEA_TIM3_PSC = 0u;
-    ESEA_TIM3_ARR = PWM_TICKS - 1u;
-    ESEA_TIM3_CCR1 = PWM_TICKS / 2u;
+    pwm_ticks = esea_board_bus_Hz() / PWM_HZ;
+    ESEA_TIM3_ARR = pwm_ticks - 1u;
+    ESEA_TIM3_CCR1 = pwm_ticks / 2u;
     ESEA_TIM3_CCMR1 = ESEA_TIM3_CCMR1_PWM_1;
     ESEA_TIM3_CCER = 1u;
     ESEA_TIM3_EGR = 1u;
     ESEA_TIM3_CR1 = ESEA_TIM3_CR1_ARPE | ESEA_TIM3_CR1_CEN;
 
-    ESEA_ADC1_SMPR1 = 2u; /* channel 10: 28 cycles */
+    /* 21 MHz and 84 cycles of channel 10, or 8 and 28: about 4 us; 36 MHz is the most. */
+    ESEA_CHANGE(ESEA_ADC_CCR, 3u << 16, fast ? ESEA_ADC_CCR_BY_4 : 0u);
+    ESEA_ADC1_SMPR1 = fast ? 4u : 2u;
     ESEA_ADC1_CR2 = ESEA_ADC1_CR2_ADON;
 
-    ESEA_PWR_CR = ESEA_PWR_CR_2V9 | ESEA_PWR_CR_PVDE;
+    ESEA_PWR_CR |= ESEA_PWR_CR_2V9 | ESEA_PWR_CR_PVDE;
     reset_by_watchdog = (ESEA_RCC_CSR & ESEA_RCC_CSR_IWDGRSTF) != 0u;
     ESEA_RCC_CSR |= ESEA_RCC_CSR_RMVF;
 }
@@ -260,6 +279,8 @@ void esea_board_drivers(esea_port_t *port)
     ESEA_RCC_APB2ENR |= ESEA_RCC_APB2ENR_SPI1 | ESEA_RCC_APB2ENR_ADC1;
     __asm__ volatile("dsb" ::: "memory");
 
+    if (!esea_board_fast())
+        port->notice = "clock: 16 MHz, the PLL did not lock";
     start_pins();
     /* Where pins do not keep their mode there are none, as in the emulator: without drivers every
      * measurement is NaN, and the board cannot be armed. */

@@ -6,8 +6,6 @@
 #include "cortex_m.h"
 #include "stm32f405.h"
 
-#define LOOKS 1000000u
-
 static void unlock(void)
 {
     if ((ESEA_FLASH_CR & ESEA_FLASH_CR_LOCK) == 0u)
@@ -16,9 +14,10 @@ static void unlock(void)
     ESEA_FLASH_KEYR = ESEA_FLASH_KEY2;
 }
 
+/* Looks run on out of the instruction cache meanwhile: for 3 s, a sector takes 2. */
 static bool ends(void)
 {
-    return esea_board_until(ESEA_FLASH_SR, ESEA_FLASH_SR_BSY, 0u, LOOKS) &&
+    return esea_board_until(ESEA_FLASH_SR, ESEA_FLASH_SR_BSY, 0u, esea_board_clock_MHz * 500000u) &&
            (ESEA_REG(ESEA_FLASH_SR) & ESEA_FLASH_SR_WRONG) == 0u;
 }
 
@@ -56,6 +55,17 @@ static bool hw_flash_write(uint32_t area, uint32_t at, const void *from, size_t 
     return good;
 }
 
+/* A write goes into the data cache, too, an erasure does not; it is emptied while it is off (RM0090, 3.5.2). */
+static void empty_cache(void)
+{
+    if ((ESEA_FLASH_ACR & ESEA_FLASH_ACR_DCEN) == 0u)
+        return;
+    ESEA_FLASH_ACR &= ~ESEA_FLASH_ACR_DCEN;
+    ESEA_FLASH_ACR |= ESEA_FLASH_ACR_DCRST;
+    ESEA_FLASH_ACR &= ~ESEA_FLASH_ACR_DCRST;
+    ESEA_FLASH_ACR |= ESEA_FLASH_ACR_DCEN;
+}
+
 static bool hw_flash_erase(uint32_t area)
 {
     bool good;
@@ -65,8 +75,9 @@ static bool hw_flash_erase(uint32_t area)
     ESEA_FLASH_CR = ESEA_FLASH_CR | ESEA_FLASH_CR_STRT;
     good = ends();
     ESEA_FLASH_CR = ESEA_FLASH_CR_LOCK;
+    empty_cache();
     esea_board_patience(false);
     return good;
 }
 
-const esea_flash_t esea_board_flash = { ESEA_FLASH_AREA_BYTES, hw_flash_read, hw_flash_write, hw_flash_erase };
+const esea_flash_t esea_board_flash = { ESEA_FLASH_AREA_BYTES, 4u, hw_flash_read, hw_flash_write, hw_flash_erase };

@@ -9,7 +9,29 @@
 /* Bits of a register that are others now. */
 #define ESEA_CHANGE(reg, mask, bits) ((reg) = ((reg) & ~(uint32_t)(mask)) | (uint32_t)(bits))
 
-/* Clocks.  After reset the core runs from the internal oscillator, 16 MHz. */
+/* Clocks.  After reset the core runs from the internal oscillator, 16 MHz (HSI); the board's crystal has 25 (HSE). */
+#define ESEA_CRYSTAL_MHZ 25u
+#define ESEA_RCC_CR_AT 0x40023800u
+#define ESEA_RCC_CR ESEA_REG(ESEA_RCC_CR_AT)
+#define ESEA_RCC_CR_HSION (1u << 0)
+#define ESEA_RCC_CR_HSIRDY (1u << 1)
+#define ESEA_RCC_CR_HSEON (1u << 16)
+#define ESEA_RCC_CR_HSERDY (1u << 17)
+#define ESEA_RCC_CR_CSSON (1u << 19)
+#define ESEA_RCC_CR_PLLON (1u << 24)
+#define ESEA_RCC_CR_PLLRDY (1u << 25)
+#define ESEA_RCC_PLLCFGR ESEA_REG(0x40023804u)
+#define ESEA_RCC_PLLCFGR_ALL 0x0F437FFFu /* all but what is reserved */
+#define ESEA_RCC_PLLCFGR_HSE (1u << 22)
+#define ESEA_RCC_CFGR_AT 0x40023808u
+#define ESEA_RCC_CFGR ESEA_REG(ESEA_RCC_CFGR_AT)
+#define ESEA_RCC_CFGR_SW 3u
+#define ESEA_RCC_CFGR_SWS (3u << 2)
+#define ESEA_RCC_CFGR_HSI 0u
+#define ESEA_RCC_CFGR_PLL 2u
+#define ESEA_RCC_CFGR_DIVIDERS 0xFCF0u /* of the core, of APB 1 and 2 */
+#define ESEA_RCC_CFGR_APB1_BY_4 (5u << 10)
+#define ESEA_RCC_CFGR_APB2_BY_2 (4u << 13)
 #define ESEA_RCC_AHB1ENR ESEA_REG(0x40023830u)
 #define ESEA_RCC_AHB1ENR_GPIOA (1u << 0)
 #define ESEA_RCC_AHB1ENR_GPIOB (1u << 1)
@@ -29,6 +51,7 @@
 
 /* Pins, port 0 is A: two bits a pin of mode, of pull; a bit of input; set and reset; four of function. */
 #define ESEA_GPIO_MODER(port) ESEA_REG(0x40020000u + 0x400u * (port))
+#define ESEA_GPIO_OSPEEDR(port) ESEA_REG(0x40020008u + 0x400u * (port))
 #define ESEA_GPIO_PUPDR(port) ESEA_REG(0x4002000Cu + 0x400u * (port))
 #define ESEA_GPIO_IDR(port) ESEA_REG(0x40020010u + 0x400u * (port))
 #define ESEA_GPIO_BSRR(port) ESEA_REG(0x40020018u + 0x400u * (port))
@@ -37,6 +60,7 @@
 #define ESEA_GPIO_FUNCTION 2u
 #define ESEA_GPIO_ANALOG 3u
 #define ESEA_GPIO_PULL_DOWN 2u
+#define ESEA_GPIO_25MHZ 1u
 
 /* Pins PB6 (TX) and PB7 (RX). */
 #define ESEA_GPIOB_MODER ESEA_GPIO_MODER(1u)
@@ -50,6 +74,8 @@
 #define ESEA_SPI_CR1_CPOL (1u << 1)
 #define ESEA_SPI_CR1_MSTR (1u << 2)
 #define ESEA_SPI_CR1_BY_4 (1u << 3) /* of the bus's clock */
+#define ESEA_SPI_CR1_BY_8 (2u << 3)
+#define ESEA_SPI_CR1_BY_16 (3u << 3)
 #define ESEA_SPI_CR1_SPE (1u << 6)
 #define ESEA_SPI_CR1_SSI (1u << 8)
 #define ESEA_SPI_CR1_SSM (1u << 9)
@@ -79,11 +105,14 @@
 #define ESEA_ADC1_SMPR1 ESEA_REG(0x4001200Cu)
 #define ESEA_ADC1_SQR3 ESEA_REG(0x40012034u)
 #define ESEA_ADC1_DR ESEA_REG(0x4001204Cu)
+#define ESEA_ADC_CCR ESEA_REG(0x40012304u)
+#define ESEA_ADC_CCR_BY_4 (1u << 16) /* of APB 2; else by 2 */
 
 /* Supply: below about 2.9 V PVDO is set. */
 #define ESEA_PWR_CR ESEA_REG(0x40007000u)
 #define ESEA_PWR_CR_PVDE (1u << 4)
 #define ESEA_PWR_CR_2V9 (7u << 5)
+#define ESEA_PWR_CR_VOS (1u << 14)
 #define ESEA_PWR_CSR ESEA_REG(0x40007004u)
 #define ESEA_PWR_CSR_PVDO (1u << 2)
 
@@ -113,13 +142,25 @@
 #define ESEA_USART_SR_TXE (1u << 7)
 #define ESEA_USART1_DR ESEA_REG(0x40011004u)
 #define ESEA_USART1_BRR ESEA_REG(0x40011008u)
-#define ESEA_USART_BRR_115200_AT_16MHZ 0x8Bu /* 16 MHz / (16 * 115200) = 8 + 11/16 */
 #define ESEA_USART1_CR1 ESEA_REG(0x4001100Cu)
 #define ESEA_USART_CR1_RE (1u << 2)
 #define ESEA_USART_CR1_TE (1u << 3)
 #define ESEA_USART_CR1_RXNEIE (1u << 5)
 #define ESEA_USART_CR1_UE (1u << 13)
 #define ESEA_USART1_IRQ 37u
+
+/* Part, bits 0 to 11, and revision, 16 to 31. */
+#define ESEA_DBGMCU_IDCODE ESEA_REG(0xE0042000u)
+
+/* How flash is read. */
+#define ESEA_FLASH_ACR_AT 0x40023C00u
+#define ESEA_FLASH_ACR ESEA_REG(ESEA_FLASH_ACR_AT)
+#define ESEA_FLASH_ACR_WAITS 7u
+#define ESEA_FLASH_ACR_5_WAITS 5u
+#define ESEA_FLASH_ACR_PRFTEN (1u << 8)
+#define ESEA_FLASH_ACR_ICEN (1u << 9)
+#define ESEA_FLASH_ACR_DCEN (1u << 10)
+#define ESEA_FLASH_ACR_DCRST (1u << 12)
 
 /* Flash: programmed by words; two sectors of 128 KB for what outlasts the power. */
 #define ESEA_FLASH_KEYR ESEA_REG(0x40023C04u)
@@ -142,8 +183,29 @@
 /* In flash.c. */
 extern const esea_flash_t esea_board_flash;
 
-/* In drivers.c: looks at a register so many times until the bits of a mask are as wanted. */
-bool esea_board_until(uint32_t address, uint32_t mask, uint32_t bits, uint32_t looks);
+/* Looks at a register so many times until the bits of a mask are as wanted. */
+static inline bool esea_board_until(uint32_t address, uint32_t mask, uint32_t bits, uint32_t looks)
+{
+    for (; looks > 0u; --looks)
+        if ((ESEA_REG(address) & mask) == bits)
+            return true;
+    return false;
+}
+
+/* In clock.c. */
+void esea_board_start_clock(void);
+
+/* Whether the clock has come to what the build names. */
+static inline bool esea_board_fast(void)
+{
+    return esea_board_clock_MHz * 1000000u == ESEA_CLOCK_HZ;
+}
+
+/* Clock of bus APB 2 and of the timers; that of bus APB 1 is half of it where the clock is fast. */
+static inline uint32_t esea_board_bus_Hz(void)
+{
+    return esea_board_fast() ? ESEA_CLOCK_HZ / 2u : ESEA_RESET_HZ;
+}
 
 /* Lets the watchdog wait for an erasure, or not any longer. */
 void esea_board_patience(bool on);

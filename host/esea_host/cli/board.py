@@ -10,7 +10,16 @@ import typer
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
-from esea_gen.link.kept import kept_use, name_encoders, read_blackbox, release_blackbox
+from esea_gen.link.kept import (
+    KeptValue,
+    kept_use,
+    kept_values,
+    name_encoders,
+    read_blackbox,
+    release_blackbox,
+)
+from esea_gen.link.parameters import find_parameter
+from esea_gen.link.session import Session
 from esea_gen.verify.blackbox import blackbox_csv, read_record
 from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption
@@ -34,7 +43,10 @@ def kept(
     device: DeviceOption = None,
     key: KeyOption = None,
 ) -> None:
-    """Show zeros and use counters that outlast the power; name the encoders that are fitted."""
+    """Show what outlasts the power: parameters, zeros, use counters; name the encoders.
+
+    A kept parameter that this firmware does not allow is told with what is in force in its place.
+    """
     with open_device(address, device) as board:
         names = [e.instance for e in board_roles(board.identity.device.system).encoders]
         if key is not None:
@@ -45,12 +57,32 @@ def kept(
                 f"Give --encoder once for each of: {', '.join(names) or 'none'}.",
             )
         told = name_encoders(board.session, encoder) if encoder else kept_use(board.session)
+        values, total = kept_values(board.session)
+        changed = [_changed(board.session, v) for v in values]
     for name, (serial, zero_rad) in zip(names, told.encoders, strict=True):
         zero = "no zero" if zero_rad is None else f"zero {zero_rad:.5f} rad"
         out.print(f"{name}: {f'serial {serial}, {zero}' if serial else 'nobody said which it is'}")
     if names:
         out.print(f"zero in force: {told.zero}")
     out.print(", ".join(f"{n.replace('_', ' ')} {v}" for n, v in told.counters.items()))
+    out.print(f"parameters: {total}")
+    for line in changed:
+        out.print(line)
+
+
+def _changed(session: Session, kept: KeptValue) -> str:
+    # What was saved, what is allowed, what is in force.
+    if kept.found == "unknown":
+        return f"{kept.name}: {kept.value:g} was saved, and this firmware has no such parameter"
+    p = find_parameter(session.known_parameters(), kept.name)
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    why = {
+        "clipped": f"outside {p.low:g} to {p.high:g}{unit}, taken to the bound",
+        "out of bounds": f"outside {p.low:g} to {p.high:g}{unit}, not taken",
+        "conflicting": "refused beside the other values, not taken",
+    }[kept.found]
+    now = session.parameter(kept.name)
+    return f"{kept.name}: {kept.value:g}{unit} was saved, {why}; in force {now:g}{unit}"
 
 
 @app.command()
