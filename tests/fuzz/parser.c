@@ -121,9 +121,9 @@ static void decode(void)
 {
     esea_link_in_t in;
     esea_link_wanted_t wanted;
-    uint32_t task, sequence, deadline_ms;
+    uint32_t task, sequence, deadline_ms, boot, time_ms;
     const bool is_input = esea_link_decode(&received, &task, &sequence, &in);
-    const bool is_wanted = esea_link_decode_wanted(&received, &wanted, &deadline_ms);
+    const bool is_wanted = esea_link_decode_wanted(&received, &wanted, &deadline_ms, &boot, &time_ms);
 
     must(!(is_input && is_wanted));
     must(!is_input || (task < ESEA_LINK_TASKS && received.msgid == esea_link_message(task, 0u)));

@@ -1,0 +1,16 @@
+/* Those who come over TCP while a host is there: they are told who commands, a stop of theirs is taken, and after a
+ * second they are let go.
+ *
+ * License: MIT. */
+#ifndef ESEA_GUESTS_H
+#define ESEA_GUESTS_H
+
+#include "app.h"
+
+/* `file`: a connection that does not wait. */
+void guests_admit(esea_app_t *app, int file, const char *commander, uint64_t now_us);
+
+/* Looks at what they said; waits for nothing. */
+void guests_attend(esea_app_t *app, uint64_t now_us);
+
+#endif
