@@ -233,9 +233,7 @@ _TRAFFIC = (
 
 _TIME = (
     MessageField("uint32_t", "boot", "Number of this start of the board, never 0."),
-    MessageField(
-        "uint32_t", "time_ms", "Device clock; starts again at 0 after 49.7 days.", units="ms"
-    ),
+    MessageField("uint32_t", "time_ms", "Device clock, at 0 again after 49.7 days.", units="ms"),
 )
 
 

@@ -136,9 +136,9 @@ class SimBoard(Session):
         count = self.lib.sim_greet(guest, commander.encode("ascii"), self._answer)
         return bytes(self._ffi.buffer(self._answer, count))
 
-    def overhear(self, guest: int, data: bytes) -> bytes:
+    def overhear(self, guest: int, data: bytes, last: bool) -> bytes:
         """Bytes of somebody beside the host, of which a stop is taken; the board's answer."""
-        count = self.lib.sim_overhear(guest, data, len(data), self._answer)
+        count = self.lib.sim_overhear(guest, data, len(data), last, self._answer)
         return bytes(self._ffi.buffer(self._answer, count))
 
     def measure(self, **values: float) -> None:

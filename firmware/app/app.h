@@ -156,10 +156,10 @@ void esea_app_background(esea_app_t *app);
  * ever. */
 void esea_app_poll(esea_app_t *app);
 
-/* Somebody beside the host came in, and is told who commands; his bytes.  A stop in them is taken, all else is left.
- * What is answered stands in the guest. */
+/* Somebody beside the host came in, and is told who commands; his bytes, or that none came.  A stop in them is taken,
+ * all else is left.  `last`: no more will come.  What is answered stands in the guest. */
 void esea_app_greet(esea_app_t *app, esea_guest_t *guest, const char *commander);
-void esea_app_overhear(esea_app_t *app, esea_guest_t *guest, const uint8_t *bytes, size_t count);
+void esea_app_overhear(esea_app_t *app, esea_guest_t *guest, const uint8_t *bytes, size_t count, bool last);
 
 /* Latches a fault and tells of it.  Takes no step; may be called from a fault handler. */
 void esea_app_fail(esea_app_t *app, ESEA_FAULT fault);

@@ -413,18 +413,29 @@ void esea_app_greet(esea_app_t *app, esea_guest_t *guest, const char *commander)
     turn_to(app, guest, false);
 }
 
-void esea_app_overhear(esea_app_t *app, esea_guest_t *guest, const uint8_t *bytes, size_t count)
+static void run_guest(esea_app_t *app, esea_guest_t *guest)
 {
     ESEA_READ found;
+
+    while ((found = esea_reader_next(&guest->reader)) != ESEA_READ_NOTHING)
+        if (found == ESEA_READ_FRAME && is_command(&guest->reader.message, ESEA_LINK_CMD_STOP))
+            run_command(app, &guest->reader.message);
+}
+
+void esea_app_overhear(esea_app_t *app, esea_guest_t *guest, const uint8_t *bytes, size_t count, bool last)
+{
+    const uint32_t now_ms = esea_now_ms(app);
     size_t i;
 
     turn_to(app, guest, true);
+    if (count > 0u)
+        guest->heard_ms = now_ms;
     for (i = 0u; i < count; ++i) {
         esea_reader_put(&guest->reader, bytes[i]);
-        while ((found = esea_reader_next(&guest->reader)) != ESEA_READ_NOTHING)
-            if (found == ESEA_READ_FRAME && is_command(&guest->reader.message, ESEA_LINK_CMD_STOP))
-                run_command(app, &guest->reader.message);
+        run_guest(app, guest);
     }
+    while (esea_reader_pauses(&guest->reader, last ? UINT32_MAX : now_ms - guest->heard_ms))
+        run_guest(app, guest);
     turn_to(app, guest, false);
 }
 
@@ -462,10 +473,8 @@ static void receive_all(esea_app_t *app)
             run_frames(app);
         }
     }
-    while (all == 0u && app->reader.count > 0u && esea_now_ms(app) - app->heard_ms > ESEA_FRAME_MS) {
-        esea_reader_give_up(&app->reader);
+    while (all == 0u && esea_reader_pauses(&app->reader, esea_now_ms(app) - app->heard_ms))
         run_frames(app);
-    }
 }
 
 static bool room(const esea_app_t *app)

@@ -46,8 +46,10 @@ ESEA_READ esea_reader_next(esea_reader_t *reader)
     return ESEA_READ_NOTHING;
 }
 
-void esea_reader_give_up(esea_reader_t *reader)
+bool esea_reader_pauses(esea_reader_t *reader, uint32_t silence_ms)
 {
-    if (reader->count > 0u)
-        drop(reader, 1u);
+    if (reader->count == 0u || silence_ms <= ESEA_FRAME_MS)
+        return false;
+    drop(reader, 1u);
+    return true;
 }

@@ -86,6 +86,7 @@ typedef struct {
 typedef struct {
     esea_reader_t reader;
     mavlink_status_t sending;
+    uint32_t heard_ms; /* when something came last */
     uint8_t answer[512];
     size_t answered;
 } esea_guest_t;
@@ -95,8 +96,8 @@ typedef struct {
 /* After each byte, until it says NOTHING. */
 void esea_reader_put(esea_reader_t *reader, uint8_t byte);
 ESEA_READ esea_reader_next(esea_reader_t *reader);
-/* The frame that is coming in will not end; then look for others. */
-void esea_reader_give_up(esea_reader_t *reader);
+/* Whether nothing has come for longer than a frame may pause: then it takes it for none. */
+bool esea_reader_pauses(esea_reader_t *reader, uint32_t silence_ms);
 
 /* -- streams.c --------------------------------------------------------------------------------- */
 

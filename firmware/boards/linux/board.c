@@ -196,9 +196,14 @@ static void port_wait(void)
 
     attend(true, queued > 0u, -1);
     give(); /* first: what waited for one host is not for the next */
-    for (i = 0u; i < AT_ONCE && (other = line_accept(&line)) >= 0; ++i)
+    for (i = 0u; i < AT_ONCE && (other = line_accept(&line)) >= 0; ++i) {
         guests_admit(&app, other, line.host, now_us());
-    guests_attend(&app, now_us());
+        take_tick();
+    }
+    for (i = 0u; i < GUESTS_MOST; ++i) {
+        guests_attend(&app, i, now_us());
+        take_tick();
+    }
 }
 
 /* Counts from when the tick was to come, so that a late one is not a lost one. */

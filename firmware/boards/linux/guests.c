@@ -5,7 +5,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define GUESTS 8u
 #define STAY_US 1000000u
 #define MOST_BYTES 4096u
 
@@ -17,7 +16,7 @@ typedef struct {
     esea_guest_t guest;
 } place_t;
 
-static place_t places[GUESTS];
+static place_t places[GUESTS_MOST];
 
 static void answer(place_t *place)
 {
@@ -36,13 +35,14 @@ static void listen_to(esea_app_t *app, place_t *place, uint64_t now_us)
 {
     uint8_t bytes[512];
     const ssize_t n = recv(place->file, bytes, sizeof bytes, MSG_DONTWAIT);
+    const size_t count = n > 0 ? (size_t)n : 0u;
+    const bool last = n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR) || place->count > MOST_BYTES ||
+                      now_us > place->end_us;
 
-    if (n > 0) {
-        place->count += (size_t)n;
-        esea_app_overhear(app, &place->guest, bytes, (size_t)n);
-        answer(place);
-    }
-    if (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR) || place->count > MOST_BYTES || now_us > place->end_us)
+    place->count += count;
+    esea_app_overhear(app, &place->guest, bytes, count, last);
+    answer(place);
+    if (last)
         let_go(place);
 }
 
@@ -51,7 +51,7 @@ void guests_admit(esea_app_t *app, int file, const char *commander, uint64_t now
     place_t *place = &places[0];
     uint32_t i;
 
-    for (i = 1u; i < GUESTS; ++i)
+    for (i = 1u; i < GUESTS_MOST; ++i)
         if (place->here && (!places[i].here || places[i].end_us < place->end_us))
             place = &places[i];
     if (place->here) { /* all are taken: who came first has been heard */
@@ -68,11 +68,8 @@ void guests_admit(esea_app_t *app, int file, const char *commander, uint64_t now
     listen_to(app, place, now_us);
 }
 
-void guests_attend(esea_app_t *app, uint64_t now_us)
+void guests_attend(esea_app_t *app, uint32_t number, uint64_t now_us)
 {
-    uint32_t i;
-
-    for (i = 0u; i < GUESTS; ++i)
-        if (places[i].here)
-            listen_to(app, &places[i], now_us);
+    if (places[number].here)
+        listen_to(app, &places[number], now_us);
 }

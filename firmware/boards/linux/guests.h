@@ -7,10 +7,12 @@
 
 #include "app.h"
 
+#define GUESTS_MOST 8u
+
 /* `file`: a connection that does not wait. */
 void guests_admit(esea_app_t *app, int file, const char *commander, uint64_t now_us);
 
-/* Looks at what they said; waits for nothing. */
-void guests_attend(esea_app_t *app, uint64_t now_us);
+/* Looks at what one of them said, by number; waits for nothing. */
+void guests_attend(esea_app_t *app, uint32_t number, uint64_t now_us);
 
 #endif

@@ -149,7 +149,7 @@ void sim_unique(uint32_t number);
 uint32_t sim_time_ms(void);
 size_t sim_guests(void);
 size_t sim_greet(size_t guest, const char *commander, uint8_t *answer);
-size_t sim_overhear(size_t guest, const uint8_t *bytes, size_t count, uint8_t *answer);
+size_t sim_overhear(size_t guest, const uint8_t *bytes, size_t count, bool last, uint8_t *answer);
 void sim_measure(const float *values);
 void sim_tick(uint32_t base_ticks, bool slower);
 void sim_step(const float *values, uint32_t *words);
@@ -269,9 +269,9 @@ size_t sim_greet(size_t guest, const char *commander, uint8_t *answer)
     return answered(&guests[guest % GUESTS], answer);
 }
 
-size_t sim_overhear(size_t guest, const uint8_t *bytes, size_t count, uint8_t *answer)
+size_t sim_overhear(size_t guest, const uint8_t *bytes, size_t count, bool last, uint8_t *answer)
 {
-    esea_app_overhear(&app, &guests[guest % GUESTS], bytes, count);
+    esea_app_overhear(&app, &guests[guest % GUESTS], bytes, count, last);
     return answered(&guests[guest % GUESTS], answer);
 }
 

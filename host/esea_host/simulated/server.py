@@ -92,10 +92,10 @@ class _Guests:
     def _hear(self, place: int) -> None:
         line, until_s, count = self._here[place]
         data = line.read(512)
-        if data:
-            line.write(self._drive.board.overhear(place, data))
-            self._here[place] = line, until_s, count + len(data)
-        if data is None or count > MOST_GUEST_BYTES or time.monotonic() > until_s:
+        last = data is None or count > MOST_GUEST_BYTES or time.monotonic() > until_s
+        line.write(self._drive.board.overhear(place, data or b"", last))
+        self._here[place] = line, until_s, count + len(data or b"")
+        if last:
             self._let_go(place)
 
     def _let_go(self, place: int) -> None:
