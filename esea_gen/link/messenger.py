@@ -83,6 +83,7 @@ class Messenger:
         self._reader = FrameReader(dialect)
         self._pending: deque[Any] = deque()
         self.was_late = False
+        self._refusal = ""  # what it said to the last command, if that did not count
         self.texts: deque[str] = deque(maxlen=MOST_TEXTS)
 
     def __enter__(self) -> Self:
@@ -126,17 +127,20 @@ class Messenger:
         return frame
 
     def send(self, message: Any) -> None:
-        """Send a message; with the board's time, where it needs one."""
+        """Send a message."""
+        self.send_bytes(self.frames(message))
+
+    def frames(self, message: Any) -> bytes:
+        """A message as frames from the host, with the board's time where it needs one."""
         if message.get_type() == "ESEA_WANTED" and message.mode:
             message.boot, message.time_ms = self._time_now(None)
-            self.send_bytes(self.pack(message))
         elif self._expires(message):
             stamp = self.message("ESEA_STAMP", 0, *self._time_now(FRESH_S))
-            self.send_bytes(self.pack(stamp) + self.pack(message))
-        else:
-            if self._key and not self._stops(message):
-                self._time_now(LATEST_S)  # from which count on to sign
-            self.send_bytes(self.pack(message))
+            self._refusal = ""
+            return self.pack(stamp) + self.pack(message)
+        elif self._key and not self._stops(message):
+            self._time_now(LATEST_S)  # from which count on to sign
+        return self.pack(message)
 
     def _stops(self, message: Any) -> bool:
         return (
@@ -288,6 +292,8 @@ class Messenger:
             self._pending.append(message)
             if message.get_type() == "STATUSTEXT":
                 self.texts.append(str(message.text).rstrip("\0"))
+                if self.texts[-1].startswith("refused: "):
+                    self._refusal = self.texts[-1]
             if message.get_type() == "HEARTBEAT":
                 self.heartbeat = message
                 if message.system_status == self.dialect.MAV_STATE_EMERGENCY:
@@ -329,6 +335,9 @@ class Messenger:
 
     def _refused(self, what: str) -> LinkError:
         state, meaning = self._entry("ESEA_STATE", self.ask_for("ESEA_CLOCK").state)
+        if self._refusal:
+            fix = UNSIGNED if "paired" in self._refusal else LATE
+            return LinkError(f"the board does not {what}: {self._refusal}", fix)
         return LinkError(f"the board does not {what} now: it is {state}. {meaning}")
 
     def ask_for(self, name: str, number: int = 0) -> Any:
