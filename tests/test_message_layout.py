@@ -28,7 +28,7 @@ LAYOUT = {
                     "signals:1x59"),
     "ESEA_DATA": (42663, "time:8 sequence:4 interval:2 stream:1 choice:1 count:1 data:1x236"),
     "ESEA_TRAFFIC": (42664, "stream_messages:4 stream_dropped:4 paired:4 unsigned_refused:4 "
-                     "bad_signatures:4 replayed:4 parameters_refused:4"),
+                     "bad_signatures:4 replayed:4 parameters_refused:4 expired:4"),
     "ESEA_KEY": (42665, "sequence:4 first:4 total:4 words:4x58"),
     "ESEA_KEPT": (42666, "serial:4x4 zero_rad:4x4 starts:4 armings:4 faults:4 watchdog_resets:4 "
                   "saves:4 active_s:4 encoders:1 zero:1 result:1"),
@@ -36,6 +36,7 @@ LAYOUT = {
                       "data:1x224"),
     "ESEA_LIFE": (42668, "serial:4 seconds:4 full:4 energy_J:4 width_rad:4 halves:4x48 number:1 "
                   "couplings:1 records:1 result:1"),
+    "ESEA_STAMP": (42669, "signature:8 boot:4 time_ms:4"),
 }  # fmt: skip
 ENUMS = {
     "ESEA_INFO.fault": "ESEA_FAULT",

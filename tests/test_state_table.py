@@ -57,6 +57,8 @@ def test_times_of_the_board():
         "LINK_LOST": 1000,
         "FADE": 500,
         "ZEROING": 200,
+        "COMMAND_AGE": 500,
+        "FRAME": 200,
     }
 
 
