@@ -297,7 +297,7 @@ def test_a_fault_ends_an_exchange(peer):
 
 def test_a_peer_that_goes_away_is_told(peer):
     peer.wire.close()
-    with pytest.raises(LinkError, match="the board has stopped"):
+    with pytest.raises(LinkError, match="the other end has closed"):
         peer.session.receive()
     with pytest.raises(LinkError, match="does not take data"):
         peer.session.send(heartbeat())

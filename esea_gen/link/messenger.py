@@ -18,6 +18,8 @@ LATE = (
     "It came too late: half a second after the board's time that it carries. Is the line full, or "
     "does something keep bytes back? Ask for fewer streams, or take a faster line."
 )
+BUSY = "this board is commanded by "  # and by whom, to those who come beside
+OTHERS = "End the other program, or let it command. A stop is taken from anybody."
 FRESH_S = 0.05  # the board's time is asked for again before a single command
 SOONEST_S, LATEST_S = 0.05, 1.0  # between two questions for it while set-points are sent
 CLOCK_ERROR_MS = 20  # where its clock goes as ours does
@@ -192,6 +194,17 @@ class Messenger:
             self._read(left_s)
         return self._board_time
 
+    def take_time_of(self, other: Messenger) -> None:
+        """Ask over another way: the one to here is made anew, and the board may be, too."""
+        known = other._learn_time()
+        self._board_time = known._replace(at_s=self.clock_s())
+        own = self._encoder.signing
+        own.timestamp = max(own.timestamp, other._encoder.signing.timestamp)
+
+    def sign_as_well(self, encoder: Any) -> None:
+        """Have another encoder sign as this session does, whatever key it is given."""
+        encoder.signing = self._encoder.signing
+
     def _ask_time_in_passing(self, known: BoardTime) -> BoardTime:
         if self.clock_s() - max(self._asked_s, known.at_s) >= self._every_s:
             self._ask_time()
@@ -282,9 +295,8 @@ class Messenger:
         try:
             data = self.transport.read(timeout_s)
         except LinkError as error:
-            if not self.texts or error.said:
-                raise
-            raise LinkError(error.what, error.fix, "\n".join(list(self.texts)[-3:])) from None
+            said = [t for t in self.texts if t.startswith(BUSY)]
+            raise LinkError(error.what, OTHERS, said[-1]) if said else error from None
         for message in self._reader.feed(data):
             if message.get_type() == "ESEA_STAMP":
                 self._take_time(message)

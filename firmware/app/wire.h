@@ -54,7 +54,7 @@ typedef struct {
 typedef struct {
     bool paired;
     mavlink_signing_t key;
-    uint64_t most; /* no timestamp above this is taken: the next start begins beyond it */
+    uint64_t most; /* no timestamp above this is taken, for the next start begins beyond it */
     mavlink_signing_streams_t streams;
     uint32_t unsigned_refused, bad, replayed; /* they stay at their maximum */
 } esea_signing_t;
