@@ -308,7 +308,7 @@ def test_a_process_speaks_through_its_standard_output_and_complains_beside_it():
     transport = ProcessTransport.over_stdio([sys.executable, "-c", program])
     try:
         assert transport.read(10.0) == b"frames"
-        with pytest.raises(LinkError, match="stopped; it said:\nno motor"):
+        with pytest.raises(LinkError, match="closed the link; it said:\nno motor"):
             transport.read(10.0)
     finally:
         transport.close()
