@@ -432,7 +432,7 @@ enums["MAV_RESULT"][0] = EnumEntry("MAV_RESULT_ACCEPTED", """Done.""")
 MAV_RESULT_TEMPORARILY_REJECTED = 1
 enums["MAV_RESULT"][1] = EnumEntry("MAV_RESULT_TEMPORARILY_REJECTED", """Not in this state; the table of states says in which.""")
 MAV_RESULT_DENIED = 2
-enums["MAV_RESULT"][2] = EnumEntry("MAV_RESULT_DENIED", """A parameter is invalid.""")
+enums["MAV_RESULT"][2] = EnumEntry("MAV_RESULT_DENIED", """A parameter is invalid, it is not signed, or it came too late.""")
 MAV_RESULT_UNSUPPORTED = 3
 enums["MAV_RESULT"][3] = EnumEntry("MAV_RESULT_UNSUPPORTED", """Unknown command.""")
 MAV_RESULT_FAILED = 4
@@ -614,7 +614,7 @@ enums["MAV_PARAM_ERROR"][1] = EnumEntry("MAV_PARAM_ERROR_DOES_NOT_EXIST", """The
 MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE = 2
 enums["MAV_PARAM_ERROR"][2] = EnumEntry("MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE", """Outside its bounds, not a number, or not of type REAL32.""")
 MAV_PARAM_ERROR_PERMISSION_DENIED = 3
-enums["MAV_PARAM_ERROR"][3] = EnumEntry("MAV_PARAM_ERROR_PERMISSION_DENIED", """Not in this state, or not signed.""")
+enums["MAV_PARAM_ERROR"][3] = EnumEntry("MAV_PARAM_ERROR_PERMISSION_DENIED", """Not in this state, not signed, or too late.""")
 MAV_PARAM_ERROR_READ_ONLY = 5
 enums["MAV_PARAM_ERROR"][5] = EnumEntry("MAV_PARAM_ERROR_READ_ONLY", """A calibration sets it.""")
 MAV_PARAM_ERROR_ENUM_END = 6
@@ -714,6 +714,7 @@ MAVLINK_MSG_ID_ESEA_KEY = 42665
 MAVLINK_MSG_ID_ESEA_KEPT = 42666
 MAVLINK_MSG_ID_ESEA_BLACKBOX = 42667
 MAVLINK_MSG_ID_ESEA_LIFE = 42668
+MAVLINK_MSG_ID_ESEA_STAMP = 42669
 
 
 class MAVLink_heartbeat_message(MAVLink_message):
@@ -1470,22 +1471,22 @@ class MAVLink_esea_traffic_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_ESEA_TRAFFIC
     msgname = "ESEA_TRAFFIC"
-    fieldnames = ["stream_messages", "stream_dropped", "paired", "unsigned_refused", "bad_signatures", "replayed", "parameters_refused"]
-    ordered_fieldnames = ["stream_messages", "stream_dropped", "paired", "unsigned_refused", "bad_signatures", "replayed", "parameters_refused"]
-    fieldtypes = ["uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
+    fieldnames = ["stream_messages", "stream_dropped", "paired", "unsigned_refused", "bad_signatures", "replayed", "parameters_refused", "expired"]
+    ordered_fieldnames = ["stream_messages", "stream_dropped", "paired", "unsigned_refused", "bad_signatures", "replayed", "parameters_refused", "expired"]
+    fieldtypes = ["uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t"]
     fielddisplays_by_name: Dict[str, str] = {}
     fieldenums_by_name: Dict[str, str] = {}
     fieldunits_by_name: Dict[str, str] = {}
-    native_format = bytearray(b"<IIIIIII")
-    orders = [0, 1, 2, 3, 4, 5, 6]
-    lengths = [1, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0]
-    crc_extra = 62
-    unpacker = struct.Struct("<IIIIIII")
+    native_format = bytearray(b"<IIIIIIII")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 102
+    unpacker = struct.Struct("<IIIIIIII")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, stream_messages: int, stream_dropped: int, paired: int, unsigned_refused: int, bad_signatures: int, replayed: int, parameters_refused: int):
+    def __init__(self, stream_messages: int, stream_dropped: int, paired: int, unsigned_refused: int, bad_signatures: int, replayed: int, parameters_refused: int, expired: int):
         MAVLink_message.__init__(self, MAVLink_esea_traffic_message.id, MAVLink_esea_traffic_message.msgname)
         self._fieldnames = MAVLink_esea_traffic_message.fieldnames
         self._instance_field = MAVLink_esea_traffic_message.instance_field
@@ -1497,9 +1498,10 @@ class MAVLink_esea_traffic_message(MAVLink_message):
         self.bad_signatures = bad_signatures
         self.replayed = replayed
         self.parameters_refused = parameters_refused
+        self.expired = expired
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.stream_messages, self.stream_dropped, self.paired, self.unsigned_refused, self.bad_signatures, self.replayed, self.parameters_refused), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.stream_messages, self.stream_dropped, self.paired, self.unsigned_refused, self.bad_signatures, self.replayed, self.parameters_refused, self.expired), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -1692,6 +1694,48 @@ class MAVLink_esea_life_message(MAVLink_message):
 setattr(MAVLink_esea_life_message, "name", mavlink_msg_deprecated_name_property())
 
 
+class MAVLink_esea_stamp_message(MAVLink_message):
+    """
+    The board's time. To the board: all 0 asks for it; else the last
+    known time of the same sender's next frame, a command that
+    expires.
+    """
+
+    id = MAVLINK_MSG_ID_ESEA_STAMP
+    msgname = "ESEA_STAMP"
+    fieldnames = ["signature", "boot", "time_ms"]
+    ordered_fieldnames = ["signature", "boot", "time_ms"]
+    fieldtypes = ["uint64_t", "uint32_t", "uint32_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {"time_ms": "ms"}
+    native_format = bytearray(b"<QII")
+    orders = [0, 1, 2]
+    lengths = [1, 1, 1]
+    array_lengths = [0, 0, 0]
+    crc_extra = 226
+    unpacker = struct.Struct("<QII")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, signature: int, boot: int, time_ms: int):
+        MAVLink_message.__init__(self, MAVLink_esea_stamp_message.id, MAVLink_esea_stamp_message.msgname)
+        self._fieldnames = MAVLink_esea_stamp_message.fieldnames
+        self._instance_field = MAVLink_esea_stamp_message.instance_field
+        self._instance_offset = MAVLink_esea_stamp_message.instance_offset
+        self.signature = signature
+        self.boot = boot
+        self.time_ms = time_ms
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.signature, self.boot, self.time_ms), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_esea_stamp_message, "name", mavlink_msg_deprecated_name_property())
+
+
 mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_HEARTBEAT: MAVLink_heartbeat_message,
     MAVLINK_MSG_ID_PARAM_REQUEST_READ: MAVLink_param_request_read_message,
@@ -1715,6 +1759,7 @@ mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_ESEA_KEPT: MAVLink_esea_kept_message,
     MAVLINK_MSG_ID_ESEA_BLACKBOX: MAVLink_esea_blackbox_message,
     MAVLINK_MSG_ID_ESEA_LIFE: MAVLink_esea_life_message,
+    MAVLINK_MSG_ID_ESEA_STAMP: MAVLink_esea_stamp_message,
 }
 
 
@@ -2286,7 +2331,7 @@ class MAVLink(object):
         command                   : Command that is answered. (type:uint16_t, values:MAV_CMD)
         result                    : Result. (type:uint8_t, values:MAV_RESULT)
         progress                  : Not used, 0. (type:uint8_t)
-        result_param2             : Not used, 0. (type:int32_t)
+        result_param2             : 1: denied because it came too late or without its time; else 0. (type:int32_t)
         target_system             : System which sent the command. (type:uint8_t)
         target_component          : Component which sent the command. (type:uint8_t)
 
@@ -2300,7 +2345,7 @@ class MAVLink(object):
         command                   : Command that is answered. (type:uint16_t, values:MAV_CMD)
         result                    : Result. (type:uint8_t, values:MAV_RESULT)
         progress                  : Not used, 0. (type:uint8_t)
-        result_param2             : Not used, 0. (type:int32_t)
+        result_param2             : 1: denied because it came too late or without its time; else 0. (type:int32_t)
         target_system             : System which sent the command. (type:uint8_t)
         target_component          : Component which sent the command. (type:uint8_t)
 
@@ -2361,7 +2406,7 @@ class MAVLink(object):
         target_system             : System that is meant. (type:uint8_t)
         target_component          : Component that is meant. (type:uint8_t)
         secret_key                : Key. (type:uint8_t)
-        initial_timestamp         : Signatures must be younger, 10 us since 2015. (type:uint64_t)
+        initial_timestamp         : Not used: the board counts for itself (ESEA_STAMP). (type:uint64_t)
 
         """
         return MAVLink_setup_signing_message(target_system, target_component, secret_key, initial_timestamp)
@@ -2374,7 +2419,7 @@ class MAVLink(object):
         target_system             : System that is meant. (type:uint8_t)
         target_component          : Component that is meant. (type:uint8_t)
         secret_key                : Key. (type:uint8_t)
-        initial_timestamp         : Signatures must be younger, 10 us since 2015. (type:uint64_t)
+        initial_timestamp         : Not used: the board counts for itself (ESEA_STAMP). (type:uint64_t)
 
         """
         self.send(self.setup_signing_encode(target_system, target_component, secret_key, initial_timestamp), force_mavlink1=force_mavlink1)
@@ -2603,7 +2648,7 @@ class MAVLink(object):
         """
         self.send(self.esea_data_encode(time, sequence, interval, stream, choice, count, data), force_mavlink1=force_mavlink1)
 
-    def esea_traffic_encode(self, stream_messages: int, stream_dropped: int, paired: int, unsigned_refused: int, bad_signatures: int, replayed: int, parameters_refused: int) -> MAVLink_esea_traffic_message:
+    def esea_traffic_encode(self, stream_messages: int, stream_dropped: int, paired: int, unsigned_refused: int, bad_signatures: int, replayed: int, parameters_refused: int, expired: int) -> MAVLink_esea_traffic_message:
         """
         Counters of the link; on request.
 
@@ -2612,13 +2657,14 @@ class MAVLink(object):
         paired                    : 1: only signed commands are taken, beside STOP. (type:uint32_t)
         unsigned_refused          : Frames without a signature that needed one. (type:uint32_t)
         bad_signatures            : Frames whose signature was wrong. (type:uint32_t)
-        replayed                  : Frames whose signature was good and old. (type:uint32_t)
+        replayed                  : Frames whose signature was good, but old or far ahead. (type:uint32_t)
         parameters_refused        : Parameters that were not set. (type:uint32_t)
+        expired                   : Commands that came too late, or without their time. (type:uint32_t)
 
         """
-        return MAVLink_esea_traffic_message(stream_messages, stream_dropped, paired, unsigned_refused, bad_signatures, replayed, parameters_refused)
+        return MAVLink_esea_traffic_message(stream_messages, stream_dropped, paired, unsigned_refused, bad_signatures, replayed, parameters_refused, expired)
 
-    def esea_traffic_send(self, stream_messages: int, stream_dropped: int, paired: int, unsigned_refused: int, bad_signatures: int, replayed: int, parameters_refused: int, force_mavlink1: bool = False) -> None:
+    def esea_traffic_send(self, stream_messages: int, stream_dropped: int, paired: int, unsigned_refused: int, bad_signatures: int, replayed: int, parameters_refused: int, expired: int, force_mavlink1: bool = False) -> None:
         """
         Counters of the link; on request.
 
@@ -2627,11 +2673,12 @@ class MAVLink(object):
         paired                    : 1: only signed commands are taken, beside STOP. (type:uint32_t)
         unsigned_refused          : Frames without a signature that needed one. (type:uint32_t)
         bad_signatures            : Frames whose signature was wrong. (type:uint32_t)
-        replayed                  : Frames whose signature was good and old. (type:uint32_t)
+        replayed                  : Frames whose signature was good, but old or far ahead. (type:uint32_t)
         parameters_refused        : Parameters that were not set. (type:uint32_t)
+        expired                   : Commands that came too late, or without their time. (type:uint32_t)
 
         """
-        self.send(self.esea_traffic_encode(stream_messages, stream_dropped, paired, unsigned_refused, bad_signatures, replayed, parameters_refused), force_mavlink1=force_mavlink1)
+        self.send(self.esea_traffic_encode(stream_messages, stream_dropped, paired, unsigned_refused, bad_signatures, replayed, parameters_refused, expired), force_mavlink1=force_mavlink1)
 
     def esea_key_encode(self, sequence: int, first: int, total: int, words: Sequence[int]) -> MAVLink_esea_key_message:
         """
@@ -2770,3 +2817,27 @@ class MAVLink(object):
 
         """
         self.send(self.esea_life_encode(serial, seconds, full, energy_J, width_rad, halves, number, couplings, records, result), force_mavlink1=force_mavlink1)
+
+    def esea_stamp_encode(self, signature: int, boot: int, time_ms: int) -> MAVLink_esea_stamp_message:
+        """
+        The board's time. To the board: all 0 asks for it; else the last known
+        time of the same sender's next frame, a command that expires.
+
+        signature                 : Timestamp that a signature must be above. To the board: 0. (type:uint64_t)
+        boot                      : Number of this start of the board, never 0. (type:uint32_t)
+        time_ms                   : Device clock, at 0 again after 49.7 days. [ms] (type:uint32_t)
+
+        """
+        return MAVLink_esea_stamp_message(signature, boot, time_ms)
+
+    def esea_stamp_send(self, signature: int, boot: int, time_ms: int, force_mavlink1: bool = False) -> None:
+        """
+        The board's time. To the board: all 0 asks for it; else the last known
+        time of the same sender's next frame, a command that expires.
+
+        signature                 : Timestamp that a signature must be above. To the board: 0. (type:uint64_t)
+        boot                      : Number of this start of the board, never 0. (type:uint32_t)
+        time_ms                   : Device clock, at 0 again after 49.7 days. [ms] (type:uint32_t)
+
+        """
+        self.send(self.esea_stamp_encode(signature, boot, time_ms), force_mavlink1=force_mavlink1)

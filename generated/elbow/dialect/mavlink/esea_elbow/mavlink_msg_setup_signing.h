@@ -7,7 +7,7 @@
 
 
 typedef struct __mavlink_setup_signing_t {
- uint64_t initial_timestamp; /*<  Signatures must be younger, 10 us since 2015.*/
+ uint64_t initial_timestamp; /*<  Not used: the board counts for itself (ESEA_STAMP).*/
  uint8_t target_system; /*<  System that is meant.*/
  uint8_t target_component; /*<  Component that is meant.*/
  uint8_t secret_key[32]; /*<  Key.*/
@@ -55,7 +55,7 @@ typedef struct __mavlink_setup_signing_t {
  * @param target_system  System that is meant.
  * @param target_component  Component that is meant.
  * @param secret_key  Key.
- * @param initial_timestamp  Signatures must be younger, 10 us since 2015.
+ * @param initial_timestamp  Not used: the board counts for itself (ESEA_STAMP).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_setup_signing_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
@@ -91,7 +91,7 @@ static inline uint16_t mavlink_msg_setup_signing_pack(uint8_t system_id, uint8_t
  * @param target_system  System that is meant.
  * @param target_component  Component that is meant.
  * @param secret_key  Key.
- * @param initial_timestamp  Signatures must be younger, 10 us since 2015.
+ * @param initial_timestamp  Not used: the board counts for itself (ESEA_STAMP).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_setup_signing_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
@@ -130,7 +130,7 @@ static inline uint16_t mavlink_msg_setup_signing_pack_status(uint8_t system_id, 
  * @param target_system  System that is meant.
  * @param target_component  Component that is meant.
  * @param secret_key  Key.
- * @param initial_timestamp  Signatures must be younger, 10 us since 2015.
+ * @param initial_timestamp  Not used: the board counts for itself (ESEA_STAMP).
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_setup_signing_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
@@ -205,7 +205,7 @@ static inline uint16_t mavlink_msg_setup_signing_encode_status(uint8_t system_id
  * @param target_system  System that is meant.
  * @param target_component  Component that is meant.
  * @param secret_key  Key.
- * @param initial_timestamp  Signatures must be younger, 10 us since 2015.
+ * @param initial_timestamp  Not used: the board counts for itself (ESEA_STAMP).
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
@@ -308,7 +308,7 @@ static inline uint16_t mavlink_msg_setup_signing_get_secret_key(const mavlink_me
 /**
  * @brief Get field initial_timestamp from setup_signing message
  *
- * @return  Signatures must be younger, 10 us since 2015.
+ * @return  Not used: the board counts for itself (ESEA_STAMP).
  */
 static inline uint64_t mavlink_msg_setup_signing_get_initial_timestamp(const mavlink_message_t* msg)
 {

@@ -10,7 +10,7 @@ typedef struct __mavlink_command_ack_t {
  uint16_t command; /*<  Command that is answered.*/
  uint8_t result; /*<  Result.*/
  uint8_t progress; /*<  Not used, 0.*/
- int32_t result_param2; /*<  Not used, 0.*/
+ int32_t result_param2; /*<  1: denied because it came too late or without its time; else 0.*/
  uint8_t target_system; /*<  System which sent the command.*/
  uint8_t target_component; /*<  Component which sent the command.*/
 } mavlink_command_ack_t;
@@ -61,7 +61,7 @@ typedef struct __mavlink_command_ack_t {
  * @param command  Command that is answered.
  * @param result  Result.
  * @param progress  Not used, 0.
- * @param result_param2  Not used, 0.
+ * @param result_param2  1: denied because it came too late or without its time; else 0.
  * @param target_system  System which sent the command.
  * @param target_component  Component which sent the command.
  * @return length of the message in bytes (excluding serial stream start sign)
@@ -105,7 +105,7 @@ static inline uint16_t mavlink_msg_command_ack_pack(uint8_t system_id, uint8_t c
  * @param command  Command that is answered.
  * @param result  Result.
  * @param progress  Not used, 0.
- * @param result_param2  Not used, 0.
+ * @param result_param2  1: denied because it came too late or without its time; else 0.
  * @param target_system  System which sent the command.
  * @param target_component  Component which sent the command.
  * @return length of the message in bytes (excluding serial stream start sign)
@@ -152,7 +152,7 @@ static inline uint16_t mavlink_msg_command_ack_pack_status(uint8_t system_id, ui
  * @param command  Command that is answered.
  * @param result  Result.
  * @param progress  Not used, 0.
- * @param result_param2  Not used, 0.
+ * @param result_param2  1: denied because it came too late or without its time; else 0.
  * @param target_system  System which sent the command.
  * @param target_component  Component which sent the command.
  * @return length of the message in bytes (excluding serial stream start sign)
@@ -235,7 +235,7 @@ static inline uint16_t mavlink_msg_command_ack_encode_status(uint8_t system_id, 
  * @param command  Command that is answered.
  * @param result  Result.
  * @param progress  Not used, 0.
- * @param result_param2  Not used, 0.
+ * @param result_param2  1: denied because it came too late or without its time; else 0.
  * @param target_system  System which sent the command.
  * @param target_component  Component which sent the command.
  */
@@ -352,7 +352,7 @@ static inline uint8_t mavlink_msg_command_ack_get_progress(const mavlink_message
 /**
  * @brief Get field result_param2 from command_ack message
  *
- * @return  Not used, 0.
+ * @return  1: denied because it came too late or without its time; else 0.
  */
 static inline int32_t mavlink_msg_command_ack_get_result_param2(const mavlink_message_t* msg)
 {

@@ -12,17 +12,18 @@ typedef struct __mavlink_esea_traffic_t {
  uint32_t paired; /*<  1: only signed commands are taken, beside STOP.*/
  uint32_t unsigned_refused; /*<  Frames without a signature that needed one.*/
  uint32_t bad_signatures; /*<  Frames whose signature was wrong.*/
- uint32_t replayed; /*<  Frames whose signature was good and old.*/
+ uint32_t replayed; /*<  Frames whose signature was good, but old or far ahead.*/
  uint32_t parameters_refused; /*<  Parameters that were not set.*/
+ uint32_t expired; /*<  Commands that came too late, or without their time.*/
 } mavlink_esea_traffic_t;
 
-#define MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN 28
-#define MAVLINK_MSG_ID_ESEA_TRAFFIC_MIN_LEN 28
-#define MAVLINK_MSG_ID_42664_LEN 28
-#define MAVLINK_MSG_ID_42664_MIN_LEN 28
+#define MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN 32
+#define MAVLINK_MSG_ID_ESEA_TRAFFIC_MIN_LEN 32
+#define MAVLINK_MSG_ID_42664_LEN 32
+#define MAVLINK_MSG_ID_42664_MIN_LEN 32
 
-#define MAVLINK_MSG_ID_ESEA_TRAFFIC_CRC 62
-#define MAVLINK_MSG_ID_42664_CRC 62
+#define MAVLINK_MSG_ID_ESEA_TRAFFIC_CRC 102
+#define MAVLINK_MSG_ID_42664_CRC 102
 
 
 
@@ -30,7 +31,7 @@ typedef struct __mavlink_esea_traffic_t {
 #define MAVLINK_MESSAGE_INFO_ESEA_TRAFFIC { \
     42664, \
     "ESEA_TRAFFIC", \
-    7, \
+    8, \
     {  { "stream_messages", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_traffic_t, stream_messages) }, \
          { "stream_dropped", NULL, MAVLINK_TYPE_UINT32_T, 0, 4, offsetof(mavlink_esea_traffic_t, stream_dropped) }, \
          { "paired", NULL, MAVLINK_TYPE_UINT32_T, 0, 8, offsetof(mavlink_esea_traffic_t, paired) }, \
@@ -38,12 +39,13 @@ typedef struct __mavlink_esea_traffic_t {
          { "bad_signatures", NULL, MAVLINK_TYPE_UINT32_T, 0, 16, offsetof(mavlink_esea_traffic_t, bad_signatures) }, \
          { "replayed", NULL, MAVLINK_TYPE_UINT32_T, 0, 20, offsetof(mavlink_esea_traffic_t, replayed) }, \
          { "parameters_refused", NULL, MAVLINK_TYPE_UINT32_T, 0, 24, offsetof(mavlink_esea_traffic_t, parameters_refused) }, \
+         { "expired", NULL, MAVLINK_TYPE_UINT32_T, 0, 28, offsetof(mavlink_esea_traffic_t, expired) }, \
          } \
 }
 #else
 #define MAVLINK_MESSAGE_INFO_ESEA_TRAFFIC { \
     "ESEA_TRAFFIC", \
-    7, \
+    8, \
     {  { "stream_messages", NULL, MAVLINK_TYPE_UINT32_T, 0, 0, offsetof(mavlink_esea_traffic_t, stream_messages) }, \
          { "stream_dropped", NULL, MAVLINK_TYPE_UINT32_T, 0, 4, offsetof(mavlink_esea_traffic_t, stream_dropped) }, \
          { "paired", NULL, MAVLINK_TYPE_UINT32_T, 0, 8, offsetof(mavlink_esea_traffic_t, paired) }, \
@@ -51,6 +53,7 @@ typedef struct __mavlink_esea_traffic_t {
          { "bad_signatures", NULL, MAVLINK_TYPE_UINT32_T, 0, 16, offsetof(mavlink_esea_traffic_t, bad_signatures) }, \
          { "replayed", NULL, MAVLINK_TYPE_UINT32_T, 0, 20, offsetof(mavlink_esea_traffic_t, replayed) }, \
          { "parameters_refused", NULL, MAVLINK_TYPE_UINT32_T, 0, 24, offsetof(mavlink_esea_traffic_t, parameters_refused) }, \
+         { "expired", NULL, MAVLINK_TYPE_UINT32_T, 0, 28, offsetof(mavlink_esea_traffic_t, expired) }, \
          } \
 }
 #endif
@@ -66,12 +69,13 @@ typedef struct __mavlink_esea_traffic_t {
  * @param paired  1: only signed commands are taken, beside STOP.
  * @param unsigned_refused  Frames without a signature that needed one.
  * @param bad_signatures  Frames whose signature was wrong.
- * @param replayed  Frames whose signature was good and old.
+ * @param replayed  Frames whose signature was good, but old or far ahead.
  * @param parameters_refused  Parameters that were not set.
+ * @param expired  Commands that came too late, or without their time.
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_traffic_pack(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg,
-                               uint32_t stream_messages, uint32_t stream_dropped, uint32_t paired, uint32_t unsigned_refused, uint32_t bad_signatures, uint32_t replayed, uint32_t parameters_refused)
+                               uint32_t stream_messages, uint32_t stream_dropped, uint32_t paired, uint32_t unsigned_refused, uint32_t bad_signatures, uint32_t replayed, uint32_t parameters_refused, uint32_t expired)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN];
@@ -82,6 +86,7 @@ static inline uint16_t mavlink_msg_esea_traffic_pack(uint8_t system_id, uint8_t 
     _mav_put_uint32_t(buf, 16, bad_signatures);
     _mav_put_uint32_t(buf, 20, replayed);
     _mav_put_uint32_t(buf, 24, parameters_refused);
+    _mav_put_uint32_t(buf, 28, expired);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN);
 #else
@@ -93,6 +98,7 @@ static inline uint16_t mavlink_msg_esea_traffic_pack(uint8_t system_id, uint8_t 
     packet.bad_signatures = bad_signatures;
     packet.replayed = replayed;
     packet.parameters_refused = parameters_refused;
+    packet.expired = expired;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN);
 #endif
@@ -113,12 +119,13 @@ static inline uint16_t mavlink_msg_esea_traffic_pack(uint8_t system_id, uint8_t 
  * @param paired  1: only signed commands are taken, beside STOP.
  * @param unsigned_refused  Frames without a signature that needed one.
  * @param bad_signatures  Frames whose signature was wrong.
- * @param replayed  Frames whose signature was good and old.
+ * @param replayed  Frames whose signature was good, but old or far ahead.
  * @param parameters_refused  Parameters that were not set.
+ * @param expired  Commands that came too late, or without their time.
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_traffic_pack_status(uint8_t system_id, uint8_t component_id, mavlink_status_t *_status, mavlink_message_t* msg,
-                               uint32_t stream_messages, uint32_t stream_dropped, uint32_t paired, uint32_t unsigned_refused, uint32_t bad_signatures, uint32_t replayed, uint32_t parameters_refused)
+                               uint32_t stream_messages, uint32_t stream_dropped, uint32_t paired, uint32_t unsigned_refused, uint32_t bad_signatures, uint32_t replayed, uint32_t parameters_refused, uint32_t expired)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN];
@@ -129,6 +136,7 @@ static inline uint16_t mavlink_msg_esea_traffic_pack_status(uint8_t system_id, u
     _mav_put_uint32_t(buf, 16, bad_signatures);
     _mav_put_uint32_t(buf, 20, replayed);
     _mav_put_uint32_t(buf, 24, parameters_refused);
+    _mav_put_uint32_t(buf, 28, expired);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN);
 #else
@@ -140,6 +148,7 @@ static inline uint16_t mavlink_msg_esea_traffic_pack_status(uint8_t system_id, u
     packet.bad_signatures = bad_signatures;
     packet.replayed = replayed;
     packet.parameters_refused = parameters_refused;
+    packet.expired = expired;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN);
 #endif
@@ -163,13 +172,14 @@ static inline uint16_t mavlink_msg_esea_traffic_pack_status(uint8_t system_id, u
  * @param paired  1: only signed commands are taken, beside STOP.
  * @param unsigned_refused  Frames without a signature that needed one.
  * @param bad_signatures  Frames whose signature was wrong.
- * @param replayed  Frames whose signature was good and old.
+ * @param replayed  Frames whose signature was good, but old or far ahead.
  * @param parameters_refused  Parameters that were not set.
+ * @param expired  Commands that came too late, or without their time.
  * @return length of the message in bytes (excluding serial stream start sign)
  */
 static inline uint16_t mavlink_msg_esea_traffic_pack_chan(uint8_t system_id, uint8_t component_id, uint8_t chan,
                                mavlink_message_t* msg,
-                                   uint32_t stream_messages,uint32_t stream_dropped,uint32_t paired,uint32_t unsigned_refused,uint32_t bad_signatures,uint32_t replayed,uint32_t parameters_refused)
+                                   uint32_t stream_messages,uint32_t stream_dropped,uint32_t paired,uint32_t unsigned_refused,uint32_t bad_signatures,uint32_t replayed,uint32_t parameters_refused,uint32_t expired)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN];
@@ -180,6 +190,7 @@ static inline uint16_t mavlink_msg_esea_traffic_pack_chan(uint8_t system_id, uin
     _mav_put_uint32_t(buf, 16, bad_signatures);
     _mav_put_uint32_t(buf, 20, replayed);
     _mav_put_uint32_t(buf, 24, parameters_refused);
+    _mav_put_uint32_t(buf, 28, expired);
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), buf, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN);
 #else
@@ -191,6 +202,7 @@ static inline uint16_t mavlink_msg_esea_traffic_pack_chan(uint8_t system_id, uin
     packet.bad_signatures = bad_signatures;
     packet.replayed = replayed;
     packet.parameters_refused = parameters_refused;
+    packet.expired = expired;
 
         memcpy(_MAV_PAYLOAD_NON_CONST(msg), &packet, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN);
 #endif
@@ -209,7 +221,7 @@ static inline uint16_t mavlink_msg_esea_traffic_pack_chan(uint8_t system_id, uin
  */
 static inline uint16_t mavlink_msg_esea_traffic_encode(uint8_t system_id, uint8_t component_id, mavlink_message_t* msg, const mavlink_esea_traffic_t* esea_traffic)
 {
-    return mavlink_msg_esea_traffic_pack(system_id, component_id, msg, esea_traffic->stream_messages, esea_traffic->stream_dropped, esea_traffic->paired, esea_traffic->unsigned_refused, esea_traffic->bad_signatures, esea_traffic->replayed, esea_traffic->parameters_refused);
+    return mavlink_msg_esea_traffic_pack(system_id, component_id, msg, esea_traffic->stream_messages, esea_traffic->stream_dropped, esea_traffic->paired, esea_traffic->unsigned_refused, esea_traffic->bad_signatures, esea_traffic->replayed, esea_traffic->parameters_refused, esea_traffic->expired);
 }
 
 /**
@@ -223,7 +235,7 @@ static inline uint16_t mavlink_msg_esea_traffic_encode(uint8_t system_id, uint8_
  */
 static inline uint16_t mavlink_msg_esea_traffic_encode_chan(uint8_t system_id, uint8_t component_id, uint8_t chan, mavlink_message_t* msg, const mavlink_esea_traffic_t* esea_traffic)
 {
-    return mavlink_msg_esea_traffic_pack_chan(system_id, component_id, chan, msg, esea_traffic->stream_messages, esea_traffic->stream_dropped, esea_traffic->paired, esea_traffic->unsigned_refused, esea_traffic->bad_signatures, esea_traffic->replayed, esea_traffic->parameters_refused);
+    return mavlink_msg_esea_traffic_pack_chan(system_id, component_id, chan, msg, esea_traffic->stream_messages, esea_traffic->stream_dropped, esea_traffic->paired, esea_traffic->unsigned_refused, esea_traffic->bad_signatures, esea_traffic->replayed, esea_traffic->parameters_refused, esea_traffic->expired);
 }
 
 /**
@@ -237,7 +249,7 @@ static inline uint16_t mavlink_msg_esea_traffic_encode_chan(uint8_t system_id, u
  */
 static inline uint16_t mavlink_msg_esea_traffic_encode_status(uint8_t system_id, uint8_t component_id, mavlink_status_t* _status, mavlink_message_t* msg, const mavlink_esea_traffic_t* esea_traffic)
 {
-    return mavlink_msg_esea_traffic_pack_status(system_id, component_id, _status, msg,  esea_traffic->stream_messages, esea_traffic->stream_dropped, esea_traffic->paired, esea_traffic->unsigned_refused, esea_traffic->bad_signatures, esea_traffic->replayed, esea_traffic->parameters_refused);
+    return mavlink_msg_esea_traffic_pack_status(system_id, component_id, _status, msg,  esea_traffic->stream_messages, esea_traffic->stream_dropped, esea_traffic->paired, esea_traffic->unsigned_refused, esea_traffic->bad_signatures, esea_traffic->replayed, esea_traffic->parameters_refused, esea_traffic->expired);
 }
 
 /**
@@ -249,12 +261,13 @@ static inline uint16_t mavlink_msg_esea_traffic_encode_status(uint8_t system_id,
  * @param paired  1: only signed commands are taken, beside STOP.
  * @param unsigned_refused  Frames without a signature that needed one.
  * @param bad_signatures  Frames whose signature was wrong.
- * @param replayed  Frames whose signature was good and old.
+ * @param replayed  Frames whose signature was good, but old or far ahead.
  * @param parameters_refused  Parameters that were not set.
+ * @param expired  Commands that came too late, or without their time.
  */
 #ifdef MAVLINK_USE_CONVENIENCE_FUNCTIONS
 
-static inline void mavlink_msg_esea_traffic_send(mavlink_channel_t chan, uint32_t stream_messages, uint32_t stream_dropped, uint32_t paired, uint32_t unsigned_refused, uint32_t bad_signatures, uint32_t replayed, uint32_t parameters_refused)
+static inline void mavlink_msg_esea_traffic_send(mavlink_channel_t chan, uint32_t stream_messages, uint32_t stream_dropped, uint32_t paired, uint32_t unsigned_refused, uint32_t bad_signatures, uint32_t replayed, uint32_t parameters_refused, uint32_t expired)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char buf[MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN];
@@ -265,6 +278,7 @@ static inline void mavlink_msg_esea_traffic_send(mavlink_channel_t chan, uint32_
     _mav_put_uint32_t(buf, 16, bad_signatures);
     _mav_put_uint32_t(buf, 20, replayed);
     _mav_put_uint32_t(buf, 24, parameters_refused);
+    _mav_put_uint32_t(buf, 28, expired);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_TRAFFIC, buf, MAVLINK_MSG_ID_ESEA_TRAFFIC_MIN_LEN, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN, MAVLINK_MSG_ID_ESEA_TRAFFIC_CRC);
 #else
@@ -276,6 +290,7 @@ static inline void mavlink_msg_esea_traffic_send(mavlink_channel_t chan, uint32_
     packet.bad_signatures = bad_signatures;
     packet.replayed = replayed;
     packet.parameters_refused = parameters_refused;
+    packet.expired = expired;
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_TRAFFIC, (const char *)&packet, MAVLINK_MSG_ID_ESEA_TRAFFIC_MIN_LEN, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN, MAVLINK_MSG_ID_ESEA_TRAFFIC_CRC);
 #endif
@@ -289,7 +304,7 @@ static inline void mavlink_msg_esea_traffic_send(mavlink_channel_t chan, uint32_
 static inline void mavlink_msg_esea_traffic_send_struct(mavlink_channel_t chan, const mavlink_esea_traffic_t* esea_traffic)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
-    mavlink_msg_esea_traffic_send(chan, esea_traffic->stream_messages, esea_traffic->stream_dropped, esea_traffic->paired, esea_traffic->unsigned_refused, esea_traffic->bad_signatures, esea_traffic->replayed, esea_traffic->parameters_refused);
+    mavlink_msg_esea_traffic_send(chan, esea_traffic->stream_messages, esea_traffic->stream_dropped, esea_traffic->paired, esea_traffic->unsigned_refused, esea_traffic->bad_signatures, esea_traffic->replayed, esea_traffic->parameters_refused, esea_traffic->expired);
 #else
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_TRAFFIC, (const char *)esea_traffic, MAVLINK_MSG_ID_ESEA_TRAFFIC_MIN_LEN, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN, MAVLINK_MSG_ID_ESEA_TRAFFIC_CRC);
 #endif
@@ -303,7 +318,7 @@ static inline void mavlink_msg_esea_traffic_send_struct(mavlink_channel_t chan, 
   is usually the receive buffer for the channel, and allows a reply to an
   incoming message with minimum stack space usage.
  */
-static inline void mavlink_msg_esea_traffic_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t stream_messages, uint32_t stream_dropped, uint32_t paired, uint32_t unsigned_refused, uint32_t bad_signatures, uint32_t replayed, uint32_t parameters_refused)
+static inline void mavlink_msg_esea_traffic_send_buf(mavlink_message_t *msgbuf, mavlink_channel_t chan,  uint32_t stream_messages, uint32_t stream_dropped, uint32_t paired, uint32_t unsigned_refused, uint32_t bad_signatures, uint32_t replayed, uint32_t parameters_refused, uint32_t expired)
 {
 #if MAVLINK_NEED_BYTE_SWAP || !MAVLINK_ALIGNED_FIELDS
     char *buf = (char *)msgbuf;
@@ -314,6 +329,7 @@ static inline void mavlink_msg_esea_traffic_send_buf(mavlink_message_t *msgbuf, 
     _mav_put_uint32_t(buf, 16, bad_signatures);
     _mav_put_uint32_t(buf, 20, replayed);
     _mav_put_uint32_t(buf, 24, parameters_refused);
+    _mav_put_uint32_t(buf, 28, expired);
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_TRAFFIC, buf, MAVLINK_MSG_ID_ESEA_TRAFFIC_MIN_LEN, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN, MAVLINK_MSG_ID_ESEA_TRAFFIC_CRC);
 #else
@@ -325,6 +341,7 @@ static inline void mavlink_msg_esea_traffic_send_buf(mavlink_message_t *msgbuf, 
     packet->bad_signatures = bad_signatures;
     packet->replayed = replayed;
     packet->parameters_refused = parameters_refused;
+    packet->expired = expired;
 
     _mav_finalize_message_chan_send(chan, MAVLINK_MSG_ID_ESEA_TRAFFIC, (const char *)packet, MAVLINK_MSG_ID_ESEA_TRAFFIC_MIN_LEN, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN, MAVLINK_MSG_ID_ESEA_TRAFFIC_CRC);
 #endif
@@ -389,7 +406,7 @@ static inline uint32_t mavlink_msg_esea_traffic_get_bad_signatures(const mavlink
 /**
  * @brief Get field replayed from esea_traffic message
  *
- * @return  Frames whose signature was good and old.
+ * @return  Frames whose signature was good, but old or far ahead.
  */
 static inline uint32_t mavlink_msg_esea_traffic_get_replayed(const mavlink_message_t* msg)
 {
@@ -404,6 +421,16 @@ static inline uint32_t mavlink_msg_esea_traffic_get_replayed(const mavlink_messa
 static inline uint32_t mavlink_msg_esea_traffic_get_parameters_refused(const mavlink_message_t* msg)
 {
     return _MAV_RETURN_uint32_t(msg,  24);
+}
+
+/**
+ * @brief Get field expired from esea_traffic message
+ *
+ * @return  Commands that came too late, or without their time.
+ */
+static inline uint32_t mavlink_msg_esea_traffic_get_expired(const mavlink_message_t* msg)
+{
+    return _MAV_RETURN_uint32_t(msg,  28);
 }
 
 /**
@@ -422,6 +449,7 @@ static inline void mavlink_msg_esea_traffic_decode(const mavlink_message_t* msg,
     esea_traffic->bad_signatures = mavlink_msg_esea_traffic_get_bad_signatures(msg);
     esea_traffic->replayed = mavlink_msg_esea_traffic_get_replayed(msg);
     esea_traffic->parameters_refused = mavlink_msg_esea_traffic_get_parameters_refused(msg);
+    esea_traffic->expired = mavlink_msg_esea_traffic_get_expired(msg);
 #else
         uint8_t len = msg->len < MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN? msg->len : MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN;
         memset(esea_traffic, 0, MAVLINK_MSG_ID_ESEA_TRAFFIC_LEN);
