@@ -115,6 +115,22 @@ def test_a_queue_in_the_path_moves_nothing_late_and_keeps_no_stop_back(board, wa
     assert (board.state_now, board.motor) == ("STOPPED", (False, 0.0))
 
 
+@pytest.mark.parametrize("wait_ms", [100, 251, 600])
+def test_a_command_is_as_old_as_the_word_of_who_gave_it(board, wait_ms):
+    """The question for the time and the command wait in the line, one after the other."""
+    line = board.transport
+    board.transport = Wiretap(line, lambda: board.ticks(wait_ms))
+    try:
+        if wait_ms < AGE_MS / 2:
+            board.arm()
+        else:
+            with pytest.raises(LinkError, match="came too late: half a second"):
+                board.arm()
+    finally:
+        board.transport = line
+    assert board.state_now == ("ARMED" if wait_ms < AGE_MS / 2 else "READY")
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(boot=st.integers(0, 2**32 - 1), time_ms=st.integers(0, 2**32 - 1), near=st.booleans())
 def test_a_time_of_another_start_or_of_the_future_is_none(board, boot, time_ms, near):
@@ -195,15 +211,16 @@ def test_from_who_comes_beside_the_host_only_a_stop_is_taken(board):
 
 
 class Wiretap:
-    """Remembers all that is sent."""
+    """Remembers all that is sent, and does something before it is."""
 
-    def __init__(self, transport):
-        self.transport, self.sent = transport, []
+    def __init__(self, transport, before=lambda: None):
+        self.transport, self.before, self.sent = transport, before, []
 
     def __getattr__(self, name):
         return getattr(self.transport, name)
 
     def write(self, data, timeout_s):
+        self.before()
         self.sent.append(data)
         self.transport.write(data, timeout_s)
 

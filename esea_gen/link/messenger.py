@@ -162,15 +162,15 @@ class Messenger:
         return kind in ("PARAM_SET", "SETUP_SIGNING", "ESEA_KEPT", "ESEA_LIFE")
 
     def _time_now(self, fresh_s: float | None) -> tuple[int, int]:
-        # The board's start and time; not after it, for what is on the way does not count. None:
-        # asked for without waiting.
-        known = self._board_time
-        old_s = 0.0 if known is None else self.clock_s() - known.at_s
+        # The board's start, and its time at this moment: how long its answer takes makes what is
+        # sent then as old. None: asked for without waiting.
+        known, now_s = self._board_time, self.clock_s()
+        old_s = 0.0 if known is None else now_s - known.at_s
         if known is None or old_s < 0 or (fresh_s is not None and old_s >= fresh_s):
             known = self._learn_time()
         elif fresh_s is None:
             known = self._ask_time_in_passing(known)
-        passed_ms = int((self.clock_s() - known.at_s) * 1e3)
+        passed_ms = int((now_s - known.at_s) * 1e3)
         return known.boot, (known.time_ms + passed_ms) % (1 << 32)
 
     def _ask_time(self) -> None:
