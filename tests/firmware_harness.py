@@ -156,6 +156,7 @@ static esea_app_t app;
 #include "streams.c"
 #include "parameters.c"
 #include "signing.c"
+#include "reader.c"
 #include "rainflow.c"
 #include "life.c"
 #include "keep.c"

@@ -186,6 +186,7 @@ def test_a_full_receive_buffer_keeps_what_it_has_and_counts_the_rest(tmp_path, s
         "typedef int mavlink_signing_t, mavlink_signing_streams_t;\n"
         "#define ESEA_LINK_STREAMS 1\n#define ESEA_LINK_STREAM_WORDS 1\n"
         "#define ESEA_LINK_KEY_WORDS 1\n#define ESEA_LINK_PARAMETERS 0u\n"
+        "#define MAVLINK_MAX_PACKET_LEN 280\n"
         "#define ESEA_LINK_SYSTEM 1u\n#define ESEA_LINK_COMPONENT 1u\n"
         "#define ESEA_LINK_DRIVE 0\n#define ESEA_LINK_COUPLINGS 0u\n"
     )

@@ -195,9 +195,10 @@ def test_nothing_over_the_link_moves_the_motor_past_its_limits(link_fuzzer):
 def test_no_bytes_are_taken_for_a_frame_that_is_none(link_fuzzer):
     parser = ROOT / "tests" / "fuzz" / "parser.c"
     target = link_fuzzer.folder / "fuzz_parser"
-    assert "it failed" not in fuzz(fuzzer(target, *link_fuzzer.flags, parser), 20000, 64)
+    sources = (parser, FIRMWARE / "app" / "reader.c")
+    assert "it failed" not in fuzz(fuzzer(target, *link_fuzzer.flags, *sources), 20000, 64)
     # Armed: signatures are not looked at.
-    blind = fuzzer(target, *link_fuzzer.flags, "-DMAVLINK_NO_SIGNATURE_CHECK", parser)
+    blind = fuzzer(target, *link_fuzzer.flags, "-DBLIND", *sources)
     assert "it failed" in fuzz(blind, 20000, 64)
 
 
@@ -208,7 +209,8 @@ def test_the_parsers_fuzzer_finds_a_frame_taken_twice(link_fuzzer, tmp_path):
     assert header.count(check) == 1
     copied = shutil.copytree(link_fuzzer.folder / "mavlink", tmp_path / "mavlink")
     (copied / "mavlink_helpers.h").write_text(header.replace(check, "if (false) {"))
-    forgetful = fuzzer(tmp_path / "parser", f"-isystem{copied}", *link_fuzzer.flags, parser)
+    sources = (parser, FIRMWARE / "app" / "reader.c")
+    forgetful = fuzzer(tmp_path / "parser", f"-isystem{copied}", *link_fuzzer.flags, *sources)
     assert "it failed" in fuzz(forgetful, 20000, 64)
 
 
@@ -221,7 +223,7 @@ def test_the_parsers_fuzzer_finds_a_frame_taken_twice(link_fuzzer, tmp_path):
             "const bool enable = true;",
         ),
         ("streams.c", "fields->stream >= ESEA_LINK_STREAMS ||", ""),
-        ("link.c", "default:\n        /* The parser", "default: run_message(app);\n/* The parser"),
+        ("link.c", "found == ESEA_READ_FRAME && esea_signing_good", "esea_signing_good"),
     ],
     ids=["motor on in any state", "a stream of any number", "corrupt frames taken"],
 )

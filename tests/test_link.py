@@ -79,6 +79,10 @@ def ack(command, result=0):
     return DIALECT.MAVLink_command_ack_message(command, result, 0, 0, *HOST)
 
 
+def stamp():
+    return DIALECT.MAVLink_esea_stamp_message(0, 7, 1000)
+
+
 def output(sequence):
     cls = DIALECT.MAVLink_esea_sense_out_message
     return cls(sequence, *[1] * (len(cls.fieldnames) - 1))
@@ -220,9 +224,10 @@ def test_what_was_not_waited_for_stays_in_order(peer):
 
 
 def test_a_command_takes_its_own_answer(peer):
-    peer.say(ack(400, 3), ack(31010, 0))
+    peer.say(stamp(), ack(400, 3), ack(31010, 0))
     assert peer.session.command(31010) == DIALECT.MAV_RESULT_ACCEPTED
-    (sent,) = peer.heard()
+    question, time_of_it, sent = peer.heard()
+    assert (question.boot, time_of_it.boot, sent.get_seq()) == (0, 7, time_of_it.get_seq() + 1)
     assert (sent.target_system, sent.target_component, sent.command) == (*BOARD, 31010)
     assert (sent.get_srcSystem(), sent.get_srcComponent()) == HOST
 
@@ -236,13 +241,15 @@ def test_frames_of_the_host_are_numbered(peer):
 
 
 def test_a_refused_reset_tells_the_fault(peer):
-    peer.say(ack(31010, DIALECT.MAV_RESULT_FAILED), ack(512), info(DIALECT.ESEA_FAULT_PROCESSOR))
+    peer.say(
+        stamp(), ack(31010, DIALECT.MAV_RESULT_FAILED), ack(512), info(DIALECT.ESEA_FAULT_PROCESSOR)
+    )
     with pytest.raises(LinkError, match="cannot reset: PROCESSOR: The processor took"):
         peer.session.reset()
 
 
 def test_a_reset_drops_what_came_before(peer):
-    peer.say(output(5), ack(31010), heartbeat("READY", "STANDBY"))
+    peer.say(stamp(), output(5), ack(31010), heartbeat("READY", "STANDBY"))
     peer.session.reset()
     assert [m.get_type() for m in peer.session.pending()] == ["HEARTBEAT"]
 
@@ -290,7 +297,7 @@ def test_a_fault_ends_an_exchange(peer):
 
 def test_a_peer_that_goes_away_is_told(peer):
     peer.wire.close()
-    with pytest.raises(LinkError, match="the board has stopped"):
+    with pytest.raises(LinkError, match="the other end has closed"):
         peer.session.receive()
     with pytest.raises(LinkError, match="does not take data"):
         peer.session.send(heartbeat())
@@ -301,7 +308,7 @@ def test_a_process_speaks_through_its_standard_output_and_complains_beside_it():
     transport = ProcessTransport.over_stdio([sys.executable, "-c", program])
     try:
         assert transport.read(10.0) == b"frames"
-        with pytest.raises(LinkError, match="stopped; it said:\nno motor"):
+        with pytest.raises(LinkError, match="closed the link; it said:\nno motor"):
             transport.read(10.0)
     finally:
         transport.close()

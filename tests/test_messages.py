@@ -108,7 +108,7 @@ def test_what_the_host_gives_and_what_the_board_measures(system):
     assert {n.partition("_")[0] for n in measured} == {"count", "frame"}
     assert {"mode", "stop", "rearm"} <= wanted
     fields = [f.name for f in words["ESEA_WANTED"].fields]
-    assert set(fields) == (wanted - {"stop", "rearm"}) | {"deadline_ms"}
+    assert set(fields) == (wanted - {"stop", "rearm"}) | {"deadline_ms", "boot", "time_ms"}
     # Each encoder with a zero of its own, beside its angle and its status.
     assert [z.instance for z in roles.encoders] == ["encoder_motor", "encoder_load"]
     outputs = {x.name: x.signals[0] for x in system.outputs}

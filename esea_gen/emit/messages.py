@@ -25,6 +25,7 @@ KEY_ID, KEY_PART = FIRST_ID + 65, 58  # words of a key frame that a message hold
 KEPT_ID, KEPT_ENCODERS = FIRST_ID + 66, 4
 BLACKBOX_ID, BLACKBOX_BYTES = FIRST_ID + 67, 224
 LIFE_ID, LIFE_CLASSES = FIRST_ID + 68, 48
+STAMP_ID = FIRST_ID + 69
 STREAM_WORDS = 59  # values that a message of a stream holds
 STREAMS = 6  # that a board sends side by side
 STREAM_SPAN_MS = 20  # longest that a sample waits for others to be packed with
@@ -224,8 +225,23 @@ _TRAFFIC = (
     MessageField("uint32_t", "paired", "1: only signed commands are taken, beside STOP."),
     MessageField("uint32_t", "unsigned_refused", "Frames without a signature that needed one."),
     MessageField("uint32_t", "bad_signatures", "Frames whose signature was wrong."),
-    MessageField("uint32_t", "replayed", "Frames whose signature was good and old."),
+    MessageField("uint32_t", "replayed", "Frames whose signature was good, but old or far ahead."),
     MessageField("uint32_t", "parameters_refused", "Parameters that were not set."),
+    MessageField("uint32_t", "expired", "Commands that came too late, or without their time."),
+)
+
+
+_TIME = (
+    MessageField("uint32_t", "boot", "Number of this start of the board, never 0."),
+    MessageField("uint32_t", "time_ms", "Device clock, at 0 again after 49.7 days.", units="ms"),
+)
+
+
+_STAMP = (
+    MessageField(
+        "uint64_t", "signature", "Timestamp that a signature must be above. To the board: 0."
+    ),
+    *_TIME,
 )
 
 
@@ -361,6 +377,13 @@ def messages(system: System) -> tuple[Message, ...]:
             "serial number of a coupling.",
             _LIFE,
         ),
+        Message(
+            STAMP_ID,
+            "ESEA_STAMP",
+            "The board's time. To the board: all 0 asks for it; else the last known time of the "
+            "same sender's next frame, a command that expires.",
+            _STAMP,
+        ),
     ]
     roles = board_roles(system)
     if roles.drive:
@@ -376,7 +399,8 @@ def messages(system: System) -> tuple[Message, ...]:
             units="ms",
         )
         meaning = "What the host wants, from the state ARMED on; anew before its deadline."
-        found.append(Message(WANTED_ID, "ESEA_WANTED", meaning, (*wanted, deadline)))
+        fields = (*wanted, deadline, *_TIME)
+        found.append(Message(WANTED_ID, "ESEA_WANTED", meaning, fields))
     for message in found:
         if message.payload_bytes > MAX_PAYLOAD_BYTES or len(message.fields) > MAX_FIELDS:
             raise UserError(

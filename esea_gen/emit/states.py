@@ -144,6 +144,8 @@ TIMES_MS = {
     "LINK_LOST": (1000, "without anything from the host"),
     "FADE": (500, "of letting go, from the torque that was set to none"),
     "ZEROING": (200, "in which the joint must stand still to be zeroed"),
+    "COMMAND_AGE": (500, "oldest that a command with a time may be; as far ahead of the clock"),
+    "FRAME": (200, "longest silence within a frame; what came of it is then searched for others"),
 }
 
 # The board's own faults share one list of numbers with the reasons of the limits, which stay below

@@ -9,15 +9,20 @@ from itertools import islice
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from esea_gen.link import signing
 from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, Counters, FrameReader
 from esea_gen.link.transport import LinkError, Transport
 
 MOST_ON_THE_WAY = 64
-UNSIGNED = (
-    "If it is paired, it takes what is signed with its key (use_key), by a clock that was not set "
-    "back."
+UNSIGNED = "If it is paired, it takes what is signed with its key (use_key)."
+LATE = (
+    "It came too late: half a second after the board's time that it carries. Is the line full, or "
+    "does something keep bytes back? Ask for fewer streams, or take a faster line."
 )
+BUSY = "this board is commanded by "  # and by whom, to those who come beside
+OTHERS = "End the other program, or let it command. A stop is taken from anybody."
+FRESH_S = 0.05  # the board's time is asked for again before a single command
+SOONEST_S, LATEST_S = 0.05, 1.0  # between two questions for it while set-points are sent
+CLOCK_ERROR_MS = 20  # where its clock goes as ours does
 
 
 class Address(NamedTuple):
@@ -25,6 +30,19 @@ class Address(NamedTuple):
 
     system: int
     component: int
+
+
+class BoardTime(NamedTuple):
+    """What the board last said of its time.
+
+    boot: number of its start.
+    time_ms: its clock then, and so at least so much.
+    at_s: our clock when it came.
+    """
+
+    boot: int
+    time_ms: int
+    at_s: float
 
 
 HOST = Address(255, 190)  # a ground station, by MAVLink's custom
@@ -39,6 +57,10 @@ class Messenger:
 
     dialect: the device's generated MAVLink module.
     timeout_s: longest wait for anything that does not name its own.
+
+    A command that may move something carries the board's time, and the board takes it only soon
+    after: it is asked for its time before one is sent. ``clock_s``: what passes between two of its
+    answers is measured with; of a board whose clock is moved by hand, its own.
 
     ``texts``: what the board said in words, the oldest first; who has read one takes it away.
     """
@@ -56,8 +78,14 @@ class Messenger:
         self.heartbeat: Any = None
         self._classes = {c.msgname: c for c in dialect.mavlink_map.values()}
         self._encoder = dialect.MAVLink(None, *host)
+        self._key: bytes | None = None
+        self.clock_s: Callable[[], float] = time.monotonic
+        self._board_time: BoardTime | None = None
+        self._asked_s, self._every_s = float("-inf"), SOONEST_S
         self._reader = FrameReader(dialect)
         self._pending: deque[Any] = deque()
+        self.was_late = False
+        self._refusal = ""  # what it said to the last command, if that did not count
         self.texts: deque[str] = deque(maxlen=MOST_TEXTS)
 
     def __enter__(self) -> Self:
@@ -95,9 +123,6 @@ class Messenger:
 
     def pack(self, message: Any) -> bytes:
         """A message as the next frame from the host."""
-        if self._encoder.signing.sign_outgoing:
-            own = self._encoder.signing
-            own.timestamp = max(own.timestamp, signing.timestamp())
         frame = bytes(message.pack(self._encoder))
         # pack() leaves counting to send(), which wants a file.
         self._encoder.seq = (self._encoder.seq + 1) % 256
@@ -105,7 +130,98 @@ class Messenger:
 
     def send(self, message: Any) -> None:
         """Send a message."""
-        self.send_bytes(self.pack(message))
+        self.send_bytes(self.frames(message))
+
+    def frames(self, message: Any) -> bytes:
+        """A message as frames from the host, with the board's time where it needs one."""
+        if message.get_type() == "ESEA_WANTED" and message.mode:
+            message.boot, message.time_ms = self._time_now(None)
+        elif self._expires(message):
+            stamp = self.message("ESEA_STAMP", 0, *self._time_now(FRESH_S))
+            self._refusal = ""
+            return self.pack(stamp) + self.pack(message)
+        elif self._key and not self._stops(message):
+            self._time_now(LATEST_S)  # from which count on to sign
+        return self.pack(message)
+
+    def _stops(self, message: Any) -> bool:
+        return (
+            message.get_type() == "COMMAND_LONG" and message.command == self.dialect.MAV_CMD_USER_4
+        )
+
+    def _expires(self, message: Any) -> bool:
+        kind, d = message.get_type(), self.dialect
+        if kind == "COMMAND_LONG":
+            never = (
+                d.MAV_CMD_USER_4, d.MAV_CMD_REQUEST_MESSAGE, d.MAV_CMD_SET_MESSAGE_INTERVAL
+            )  # fmt: skip
+            disarms = message.command == d.MAV_CMD_COMPONENT_ARM_DISARM and message.param1 != 1
+            return message.command not in never and not disarms
+        if kind == "ESEA_BLACKBOX":
+            return bool(message.records == 255)
+        return kind in ("PARAM_SET", "SETUP_SIGNING", "ESEA_KEPT", "ESEA_LIFE")
+
+    def _time_now(self, fresh_s: float | None) -> tuple[int, int]:
+        # The board's start, and its time at this moment: how long its answer takes makes what is
+        # sent then as old. None: asked for without waiting.
+        known, now_s = self._board_time, self.clock_s()
+        old_s = 0.0 if known is None else now_s - known.at_s
+        if known is None or old_s < 0 or (fresh_s is not None and old_s >= fresh_s):
+            known = self._learn_time()
+        elif fresh_s is None:
+            known = self._ask_time_in_passing(known)
+        passed_ms = int((now_s - known.at_s) * 1e3)
+        return known.boot, (known.time_ms + passed_ms) % (1 << 32)
+
+    def _ask_time(self) -> None:
+        own = self._encoder.signing
+        signs, own.sign_outgoing = own.sign_outgoing, False
+        self._asked_s = self.clock_s()
+        self.send_bytes(self.pack(self.message("ESEA_STAMP", 0, 0, 0)))
+        own.sign_outgoing = signs
+
+    def _learn_time(self) -> BoardTime:
+        deadline_s = time.monotonic() + self.timeout_s
+        frames, noise_bytes = self.counters.frames, self.counters.noise_bytes
+        self._board_time = None
+        self._ask_time()
+        while self._board_time is None:
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0:
+                frames = self.counters.frames - frames
+                noise_bytes = self.counters.noise_bytes - noise_bytes
+                raise self._too_late("ESEA_STAMP", self.timeout_s, frames, noise_bytes)
+            self._read(left_s)
+        return self._board_time
+
+    def take_time_of(self, other: Messenger) -> None:
+        """Ask over another way: the one to here is made anew, and the board may be, too."""
+        known = other._learn_time()
+        self._board_time = known._replace(at_s=self.clock_s())
+        own = self._encoder.signing
+        own.timestamp = max(own.timestamp, other._encoder.signing.timestamp)
+
+    def sign_as_well(self, encoder: Any) -> None:
+        """Have another encoder sign as this session does, whatever key it is given."""
+        encoder.signing = self._encoder.signing
+
+    def _ask_time_in_passing(self, known: BoardTime) -> BoardTime:
+        if self.clock_s() - max(self._asked_s, known.at_s) >= self._every_s:
+            self._ask_time()
+        if self._asked_s > known.at_s:
+            self._read(0.0)
+        return self._board_time or known
+
+    def _take_time(self, message: Any) -> None:
+        known, now_s = self._board_time, self.clock_s()
+        if known is not None and known.boot == message.boot:
+            ahead_ms = message.time_ms - known.time_ms - (now_s - known.at_s) * 1e3
+            same = abs(ahead_ms) <= CLOCK_ERROR_MS
+            self._every_s = min(2 * self._every_s, LATEST_S) if same else SOONEST_S
+        self._board_time = BoardTime(message.boot, message.time_ms, now_s)
+        own = self._encoder.signing
+        own.timestamp = max(own.timestamp, message.signature + 1)
+        own.sign_outgoing = self._key is not None
 
     def send_bytes(self, data: bytes) -> None:
         """Send bytes as they are."""
@@ -176,11 +292,20 @@ class Messenger:
 
     def _read(self, timeout_s: float) -> bool:
         # Whether any bytes came.
-        data = self.transport.read(timeout_s)
+        try:
+            data = self.transport.read(timeout_s)
+        except LinkError as error:
+            said = [t for t in self.texts if t.startswith(BUSY)]
+            raise LinkError(error.what, OTHERS, said[-1]) if said else error from None
         for message in self._reader.feed(data):
+            if message.get_type() == "ESEA_STAMP":
+                self._take_time(message)
+                continue
             self._pending.append(message)
             if message.get_type() == "STATUSTEXT":
                 self.texts.append(str(message.text).rstrip("\0"))
+                if self.texts[-1].startswith("refused: "):
+                    self._refusal = self.texts[-1]
             if message.get_type() == "HEARTBEAT":
                 self.heartbeat = message
                 if message.system_status == self.dialect.MAV_STATE_EMERGENCY:
@@ -202,23 +327,29 @@ class Messenger:
         zeros = [0.0] * 5
         self.send(self.message("COMMAND_LONG", *self.board, command, 0, param1, param2, *zeros))
         ack = self._wait(fits, "COMMAND_ACK", drop_before=drop_before)
+        self.was_late = bool(ack.result_param2)
         return int(ack.result)
 
     def _sign(self, key: bytes | None) -> None:
-        # Signs what is sent from now on; without a key no more.
+        # Signs what is sent from now on, once the board has said from which count on; without a key
+        # no more.
         own = self._encoder.signing
-        own.secret_key, own.link_id, own.timestamp = key, 0, signing.timestamp()
-        own.sign_outgoing = key is not None
+        self._key, own.secret_key, own.link_id, own.timestamp = key, key, 0, 0
+        own.sign_outgoing = False
+        self._board_time = None
 
     def _ask(self, what: str, command: int, param1: float = 0.0, param2: float = 0.0) -> None:
         result = self.command(command, param1, param2)
         if result == self._denied:
-            raise LinkError(f"the board does not {what}", UNSIGNED)
+            raise LinkError(f"the board does not {what}", LATE if self.was_late else UNSIGNED)
         if result != self.dialect.MAV_RESULT_ACCEPTED:
             raise self._refused(what)
 
     def _refused(self, what: str) -> LinkError:
         state, meaning = self._entry("ESEA_STATE", self.ask_for("ESEA_CLOCK").state)
+        if self._refusal:
+            fix = UNSIGNED if "paired" in self._refusal else LATE
+            return LinkError(f"the board does not {what}: {self._refusal}", fix)
         return LinkError(f"the board does not {what} now: it is {state}. {meaning}")
 
     def ask_for(self, name: str, number: int = 0) -> Any:

@@ -96,13 +96,14 @@ class Session(Messenger):
         cls = self._classes.get("ESEA_WANTED")
         if cls is None:
             raise LinkError("this device has no motor: nothing can be wanted of it")
-        names = [n for n in cls.fieldnames if n != "deadline_ms"]
+        own = ("deadline_ms", "boot", "time_ms")
+        names = [n for n in cls.fieldnames if n not in own]
         unknown = set(wanted) - set(names)
         if unknown:
             raise ValueError(f"{sorted(unknown)} cannot be wanted; there is {names}")
         sizes = dict(zip(cls.ordered_fieldnames, cls.array_lengths, strict=True))
         values = {n: wanted.get(n, [0.0] * sizes[n] if sizes[n] else 0.0) for n in names}
-        fields = values | {"deadline_ms": deadline_ms}
+        fields = values | {"deadline_ms": deadline_ms, "boot": 0, "time_ms": 0}
         self.send(cls(*(fields[n] for n in cls.fieldnames)))
 
     def tell(self, name: str, interval_us: float) -> None:
@@ -289,13 +290,19 @@ class Session(Messenger):
             raise LinkError("the board is paired already", "Use its key: use_key(file).")
         key = signing.new_key()
         signing.write_key(path, key)
-        now = signing.timestamp()
-        self.send(self.message("SETUP_SIGNING", *self.board, list(key), now))
+        self.send(self.message("SETUP_SIGNING", *self.board, list(key), 0))
         self._sign(key)
         if not self.traffic().paired:
             self._sign(None)
             path.unlink()
             raise self._refused("pair")
+
+    def unpair(self) -> None:
+        """Take the key away; from then on the board takes commands from anybody."""
+        self.send(self.message("SETUP_SIGNING", *self.board, [0] * signing.KEY_BYTES, 0))
+        if self.traffic().paired:
+            raise self._refused("forget its key")
+        self._sign(None)
 
     def use_key(self, path: Path) -> None:
         """Sign from now on, with the key of a board that is paired."""

@@ -6,19 +6,11 @@ import json
 import os
 import secrets
 import stat
-import time
 from pathlib import Path
 
 from esea_gen.link.transport import LinkError
 
 KEY_BYTES = 32
-# Of MAVLink's signatures: 10 us since 2015-01-01.
-_EPOCH_S = 1420070400
-
-
-def timestamp() -> int:
-    """Now, as a signature has it."""
-    return (time.time_ns() - _EPOCH_S * 10**9) // 10_000
 
 
 def new_key() -> bytes:

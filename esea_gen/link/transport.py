@@ -62,7 +62,7 @@ class SocketTransport:
         except OSError as error:
             raise LinkError(f"the link broke ({error})", said=self.said()) from None
         if not data:
-            raise LinkError("the board has stopped", said=self.said())
+            raise LinkError("the other end has closed the link", said=self.said())
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:
@@ -187,7 +187,7 @@ class PtyTransport:
         except OSError as error:
             raise LinkError(f"the link broke ({error.strerror})") from None
         if not data:
-            raise LinkError("the board has stopped")
+            raise LinkError("the other end has closed the link")
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:

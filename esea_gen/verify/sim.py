@@ -92,6 +92,7 @@ class SimBoard(Session):
             self.lib: Any = self._ffi.dlopen(str(own))
         self.inputs = [x.name for x in board_roles(device.system).measured]
         self.drivers = self._ffi.new("float[]", max(1, len(self.inputs)))
+        self._answer = self._ffi.new("uint8_t[]", 512)
         self._encoders = [k for k, n in enumerate(self.inputs) if n.startswith("count_")]
         system, task = device.system, device.system.tasks[0]
         signals = (*system.task_inputs(task), *system.task_outputs(task))
@@ -100,6 +101,7 @@ class SimBoard(Session):
         self._words = self._ffi.new("uint32_t[]", sum(sizes))
         self.values = self._ffi.cast("float *", self._words)
         super().__init__(SimTransport(self.lib, self._ffi), dialect, 1.0)
+        self.clock_s = lambda: float(self.lib.sim_time_ms()) * 1e-3
         self.lib.sim_start()
 
     def close(self) -> None:
@@ -121,7 +123,23 @@ class SimBoard(Session):
             area[:] = b"\xff" * len(area)
         self._ffi.buffer(self.drivers)[:] = bytes(self._ffi.sizeof(self.drivers))
         self.lib.sim_start()
+        self._board_time = None
         self.pending()
+
+    @property
+    def guests(self) -> int:
+        """How many who come beside the host can be heard at a time."""
+        return int(self.lib.sim_guests())
+
+    def greet(self, guest: int, commander: str) -> bytes:
+        """Somebody comes beside the host; what the board says to that."""
+        count = self.lib.sim_greet(guest, commander.encode("ascii"), self._answer)
+        return bytes(self._ffi.buffer(self._answer, count))
+
+    def overhear(self, guest: int, data: bytes, last: bool) -> bytes:
+        """Bytes of somebody beside the host, of which a stop is taken; the board's answer."""
+        count = self.lib.sim_overhear(guest, data, len(data), last, self._answer)
+        return bytes(self._ffi.buffer(self._answer, count))
 
     def measure(self, **values: float) -> None:
         """What the drivers give from now on; what is left out is 0."""

@@ -8,6 +8,7 @@
  *   send.c      frames out
  *   key.c       all that the next ticks come from, for a log
  *   life.c      what the couplings have borne
+ *   reader.c    frames out of bytes
  *   streams.c, parameters.c, signing.c   what goes over the link beside commands, and who may command
  *
  * There is no control mathematics here; that is in the generated files.  The caller owns all memory,
@@ -122,9 +123,13 @@ typedef struct esea_app {
     esea_parameters_t parameters;
     esea_signing_t signing;
 
-    mavlink_message_t received; /* the frame that is coming in */
-    mavlink_status_t receiving;
+    esea_reader_t reader;
+    uint32_t heard_ms; /* when a byte came last */
     mavlink_status_t sending;
+    esea_guest_t *guest; /* whom answers go to; NULL: the host */
+    esea_stamp_t stamp;
+    uint32_t boot;       /* number of this start, never 0 */
+    uint32_t refused_ms; /* when a text last said that something was refused */
     uint32_t next_tick[ESEA_LINK_TASKS]; /* replay: sequence number expected next, a task */
     bool started[ESEA_LINK_TASKS];       /* replay: whether the task has run since the reset */
     uint32_t released_tick;              /* replay: tick of the last release of the latches */
@@ -135,6 +140,7 @@ typedef struct esea_app {
     uint32_t sequence_gaps;
     uint32_t bad_frames;
     uint32_t unknown_messages;
+    uint32_t expired;
 } esea_app_t;
 
 /* Initial state, self-test, and a HEARTBEAT that says what was found. */
@@ -149,6 +155,11 @@ void esea_app_background(esea_app_t *app);
 /* Handles what has been received, sends what waits, then waits until there may be more.  Call it for
  * ever. */
 void esea_app_poll(esea_app_t *app);
+
+/* Somebody beside the host came in, and is told who commands; his bytes, or that none came.  A stop in them is taken,
+ * all else is left.  `last`: no more will come.  What is answered stands in the guest. */
+void esea_app_greet(esea_app_t *app, esea_guest_t *guest, const char *commander);
+void esea_app_overhear(esea_app_t *app, esea_guest_t *guest, const uint8_t *bytes, size_t count, bool last);
 
 /* Latches a fault and tells of it.  Takes no step; may be called from a fault handler. */
 void esea_app_fail(esea_app_t *app, ESEA_FAULT fault);
@@ -185,7 +196,12 @@ void esea_send_heartbeat(esea_app_t *app);
 void esea_send_info(esea_app_t *app);
 void esea_send_clock(esea_app_t *app);
 void esea_send_traffic(esea_app_t *app);
-void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result);
+/* `late`: denied for its age. */
+void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result, bool late);
+/* The board's time, and that of signatures. */
+void esea_send_stamp(esea_app_t *app);
+/* The device clock, which no reset sets back. */
+uint32_t esea_now_ms(const esea_app_t *app);
 /* A text of two parts; what is longer than 50 characters is cut. */
 void esea_send_text(esea_app_t *app, uint8_t severity, const char *first, const char *second);
 void esea_send_kept(esea_app_t *app, uint8_t result);

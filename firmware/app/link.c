@@ -5,6 +5,8 @@
 
 #include <string.h>
 
+#define MOST_AT_ONCE 8192u /* bytes, before anything is sent */
+
 static void replay_task(esea_app_t *app, uint32_t task, uint32_t sequence, const esea_link_in_t *in)
 {
     esea_link_out_t out;
@@ -137,7 +139,7 @@ static void run_command(esea_app_t *app, const mavlink_message_t *received)
         result = (uint8_t)(can_be_asked(command.param1) ? MAV_RESULT_ACCEPTED : MAV_RESULT_DENIED);
     else
         result = do_command(app, &command);
-    esea_send_ack(app, received, command.command, result);
+    esea_send_ack(app, received, command.command, result, false);
     if (command.command == MAV_CMD_REQUEST_MESSAGE && result == MAV_RESULT_ACCEPTED)
         send_asked(app, (uint32_t)command.param1, command.param2);
     if (result == MAV_RESULT_TEMPORARILY_REJECTED)
@@ -168,6 +170,83 @@ static void name_coupling(esea_app_t *app, const mavlink_message_t *message)
     const uint32_t coupling = mavlink_msg_esea_life_get_number(message);
 
     esea_send_life(app, coupling, esea_keep_coupling(app, coupling, mavlink_msg_esea_life_get_serial(message)));
+}
+
+/* Whether the host knew a time of this start that is not long past. */
+static bool in_time(const esea_app_t *app, uint32_t boot, uint32_t time_ms)
+{
+    const uint32_t past_ms = esea_now_ms(app) - time_ms; /* beyond half of the range: still to come */
+
+    return boot == app->boot && (past_ms <= ESEA_COMMAND_AGE_MS || 0u - past_ms <= ESEA_COMMAND_AGE_MS);
+}
+
+/* What may move something, or permit more, is only taken soon after it was said: it may have waited anywhere.  Not
+ * so what switches off, and what only asks. */
+static bool expires(const mavlink_message_t *message)
+{
+    mavlink_command_long_t command;
+
+    switch (message->msgid) {
+    case MAVLINK_MSG_ID_PARAM_SET:
+        return esea_meant(mavlink_msg_param_set_get_target_system(message),
+                mavlink_msg_param_set_get_target_component(message));
+    case MAVLINK_MSG_ID_SETUP_SIGNING:
+        return esea_meant(mavlink_msg_setup_signing_get_target_system(message),
+                mavlink_msg_setup_signing_get_target_component(message));
+    case MAVLINK_MSG_ID_ESEA_KEPT:
+    case MAVLINK_MSG_ID_ESEA_LIFE:
+        return true;
+    case MAVLINK_MSG_ID_ESEA_BLACKBOX:
+        return mavlink_msg_esea_blackbox_get_records(message) == UINT8_MAX;
+    case MAVLINK_MSG_ID_COMMAND_LONG:
+        break;
+    default:
+        return false;
+    }
+    mavlink_msg_command_long_decode(message, &command);
+    if (!esea_meant(command.target_system, command.target_component))
+        return false;
+    switch (command.command) {
+    case ESEA_LINK_CMD_STOP:
+    case MAV_CMD_SET_MESSAGE_INTERVAL:
+    case MAV_CMD_REQUEST_MESSAGE:
+        return false;
+    case MAV_CMD_COMPONENT_ARM_DISARM:
+        return command.param1 == 1.0f;
+    default:
+        return true;
+    }
+}
+
+static void refuse_late(esea_app_t *app, const mavlink_message_t *message, bool timed)
+{
+    esea_count(&app->expired);
+    esea_refuse(app, message, timed ? "too late, or of another start" : "without the board's time", true);
+}
+
+/* A message of the board's time is for the frame behind it. */
+static void take_stamp(esea_app_t *app, const mavlink_message_t *message)
+{
+    mavlink_esea_stamp_t fields;
+
+    mavlink_msg_esea_stamp_decode(message, &fields);
+    app->stamp.there = true;
+    app->stamp.system = message->sysid;
+    app->stamp.component = message->compid;
+    app->stamp.sequence = (uint8_t)(message->seq + 1u);
+    app->stamp.boot = fields.boot;
+    app->stamp.time_ms = fields.time_ms;
+}
+
+/* Whether there is a time for this frame; once. */
+static bool stamped(esea_app_t *app, const mavlink_message_t *message)
+{
+    esea_stamp_t *const stamp = &app->stamp;
+
+    if (!stamp->there || message->sysid != stamp->system || message->compid != stamp->component)
+        return false;
+    stamp->there = false;
+    return message->seq == stamp->sequence;
 }
 
 /* What the host wants, for as long as it says and no longer than we let it. */
@@ -205,6 +284,10 @@ static bool run_question(esea_app_t *app, const mavlink_message_t *message)
 
     switch (message->msgid) {
     case MAVLINK_MSG_ID_HEARTBEAT:
+        return true;
+    case MAVLINK_MSG_ID_ESEA_STAMP: /* of another's frame, or a question */
+        if (mavlink_msg_esea_stamp_get_boot(message) == 0u)
+            esea_send_stamp(app);
         return true;
     case MAVLINK_MSG_ID_TIMESYNC:
         /* Decoded whole: the getters of its 64-bit fields would read them where they stand, not aligned. */
@@ -245,16 +328,24 @@ static void release_blackbox(esea_app_t *app)
 
 static void run_message(esea_app_t *app)
 {
-    const mavlink_message_t *const message = &app->received;
+    const mavlink_message_t *const message = &app->reader.message;
     esea_link_in_t in;
     esea_link_wanted_t wanted;
-    uint32_t task, sequence, deadline_ms;
+    uint32_t task, sequence, deadline_ms, boot, time_ms;
+    const bool timed = stamped(app, message);
 
     app->motion.link_left = esea_ticks(ESEA_LINK_LOST_MS); /* one word: whole, whatever comes between */
     if (esea_link_decode(message, &task, &sequence, &in))
         replay_task(app, task, sequence, &in);
-    else if (esea_link_decode_wanted(message, &wanted, &deadline_ms))
-        run_wanted(app, &wanted, deadline_ms);
+    else if (esea_link_decode_wanted(message, &wanted, &deadline_ms, &boot, &time_ms)) {
+        if (esea_link_mode(&wanted) == 0.0f || in_time(app, boot, time_ms))
+            run_wanted(app, &wanted, deadline_ms);
+        else
+            refuse_late(app, message, boot != 0u);
+    } else if (expires(message) && !(timed && in_time(app, app->stamp.boot, app->stamp.time_ms)))
+        refuse_late(app, message, timed);
+    else if (message->msgid == MAVLINK_MSG_ID_ESEA_STAMP && mavlink_msg_esea_stamp_get_boot(message) != 0u)
+        take_stamp(app, message);
     else if (message->msgid == MAVLINK_MSG_ID_COMMAND_LONG)
         run_command(app, message);
     else if (message->msgid == MAVLINK_MSG_ID_ESEA_STREAM)
@@ -273,38 +364,82 @@ static void run_message(esea_app_t *app)
         esea_count(&app->unknown_messages); /* of the dialect, but not for the board */
 }
 
+static bool is_command(const mavlink_message_t *message, uint16_t command)
+{
+    return message->msgid == MAVLINK_MSG_ID_COMMAND_LONG && mavlink_msg_command_long_get_command(message) == command;
+}
+
 /* A frame whose signature is missing or not good, to a board that asks for one: a stop is taken all the
  * same, and questions are answered; none keeps the link alive. */
 static void run_stranger(esea_app_t *app)
 {
-    const mavlink_message_t *const message = &app->received;
+    const mavlink_message_t *const message = &app->reader.message;
 
-    if (message->msgid == MAVLINK_MSG_ID_COMMAND_LONG &&
-        mavlink_msg_command_long_get_command(message) == ESEA_LINK_CMD_STOP)
+    if (is_command(message, ESEA_LINK_CMD_STOP) || is_command(message, MAV_CMD_REQUEST_MESSAGE))
         run_command(app, message);
     else if (!run_question(app, message))
         esea_signing_refuse(app, message);
 }
 
-static void receive(esea_app_t *app, uint8_t byte)
+static void run_frames(esea_app_t *app)
 {
-    switch (mavlink_frame_char_buffer(&app->received, &app->receiving, byte, NULL, NULL)) {
-    case MAVLINK_FRAMING_OK:
-        run_message(app);
-        break;
-    case MAVLINK_FRAMING_BAD_SIGNATURE:
-        run_stranger(app);
-        break;
-    case MAVLINK_FRAMING_INCOMPLETE:
-        break;
-    default:
-        /* The parser reports a message that is not in its table as a wrong checksum. */
-        if (mavlink_get_msg_entry(app->received.msgid) == NULL)
-            esea_count(&app->unknown_messages);
+    ESEA_READ found;
+
+    while ((found = esea_reader_next(&app->reader)) != ESEA_READ_NOTHING)
+        if (found == ESEA_READ_FRAME && esea_signing_good(app, &app->reader.message))
+            run_message(app);
+        else if (found == ESEA_READ_FRAME)
+            run_stranger(app);
+        else if (mavlink_get_msg_entry(app->reader.message.msgid) == NULL)
+            esea_count(&app->unknown_messages); /* the parser reports it as a wrong checksum */
         else
             esea_count(&app->bad_frames);
-        break;
+}
+
+/* Answers of these are the guest's, by a count of their own. */
+static void turn_to(esea_app_t *app, esea_guest_t *guest, bool on)
+{
+    const mavlink_status_t other = app->sending;
+
+    app->guest = on ? guest : NULL;
+    app->sending = guest->sending;
+    guest->sending = other;
+}
+
+void esea_app_greet(esea_app_t *app, esea_guest_t *guest, const char *commander)
+{
+    memset(guest, 0, sizeof *guest);
+    turn_to(app, guest, true);
+    esea_send_heartbeat(app);
+    esea_send_text(app, MAV_SEVERITY_WARNING, "this board is commanded by ", commander);
+    esea_send_text(app, MAV_SEVERITY_WARNING, "from others it takes a stop only", "");
+    turn_to(app, guest, false);
+}
+
+static void run_guest(esea_app_t *app, esea_guest_t *guest)
+{
+    ESEA_READ found;
+
+    while ((found = esea_reader_next(&guest->reader)) != ESEA_READ_NOTHING)
+        if (found == ESEA_READ_FRAME && is_command(&guest->reader.message, ESEA_LINK_CMD_STOP))
+            run_command(app, &guest->reader.message);
+}
+
+void esea_app_overhear(esea_app_t *app, esea_guest_t *guest, const uint8_t *bytes, size_t count, bool last)
+{
+    const uint32_t now_ms = esea_now_ms(app);
+    size_t i;
+
+    turn_to(app, guest, true);
+    if (count > 0u)
+        guest->heard_ms = now_ms;
+    for (i = 0u; i < count; ++i) {
+        esea_reader_put(&guest->reader, bytes[i]);
+        run_guest(app, guest);
     }
+    while (esea_reader_pauses(&guest->reader, last ? UINT32_MAX : now_ms - guest->heard_ms))
+        run_guest(app, guest);
+    turn_to(app, guest, false);
 }
 
 /* Tells of the state: now and then, and where it is another. */
@@ -330,11 +465,19 @@ static void send_state(esea_app_t *app)
 static void receive_all(esea_app_t *app)
 {
     uint8_t bytes[64];
-    size_t n, i;
+    size_t n, i, all = 0u;
 
-    while ((n = app->port->read(bytes, sizeof bytes)) > 0u)
-        for (i = 0u; i < n; ++i)
-            receive(app, bytes[i]);
+    /* Who sends without end does not keep the rest from being done. */
+    while (all < MOST_AT_ONCE && (n = app->port->read(bytes, sizeof bytes)) > 0u) {
+        app->heard_ms = esea_now_ms(app);
+        all += n;
+        for (i = 0u; i < n; ++i) {
+            esea_reader_put(&app->reader, bytes[i]);
+            run_frames(app);
+        }
+    }
+    while (all == 0u && esea_reader_pauses(&app->reader, esea_now_ms(app) - app->heard_ms))
+        run_frames(app);
 }
 
 static bool room(const esea_app_t *app)
@@ -363,6 +506,7 @@ void esea_app_poll(esea_app_t *app)
     if (app->motion.zeroing_ends)
         esea_app_end_zeroing(app);
     esea_keep_up(app);
+    esea_signing_up(app);
     send_all(app);
     send_state(app);
     if (!room(app) || (!esea_parameters_send(app) && !esea_streams_wait(app) && !app->key.waits))

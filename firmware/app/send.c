@@ -20,7 +20,15 @@ void esea_send(esea_app_t *app, const mavlink_message_t *message)
 {
     uint8_t frame[MAVLINK_MAX_PACKET_LEN];
 
-    app->port->write(frame, mavlink_msg_to_send_buffer(frame, message));
+    const size_t count = mavlink_msg_to_send_buffer(frame, message);
+    esea_guest_t *const guest = app->guest;
+
+    if (guest == NULL) {
+        app->port->write(frame, count);
+    } else if (count <= sizeof guest->answer - guest->answered) {
+        memcpy(&guest->answer[guest->answered], frame, count);
+        guest->answered += count;
+    }
 }
 
 void esea_send_heartbeat(esea_app_t *app)
@@ -207,11 +215,12 @@ void esea_send_traffic(esea_app_t *app)
     fields.bad_signatures = app->signing.bad;
     fields.replayed = app->signing.replayed;
     fields.parameters_refused = app->parameters.refused;
+    fields.expired = app->expired;
     (void)mavlink_msg_esea_traffic_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
     esea_send(app, &message);
 }
 
-void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result)
+void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result, bool late)
 {
     mavlink_command_ack_t fields;
     mavlink_message_t message;
@@ -219,6 +228,7 @@ void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t comman
     memset(&fields, 0, sizeof fields);
     fields.command = command;
     fields.result = result;
+    fields.result_param2 = late ? 1 : 0;
     fields.target_system = to->sysid;
     fields.target_component = to->compid;
     (void)mavlink_msg_command_ack_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
@@ -255,6 +265,29 @@ static uint64_t now_ns(const esea_app_t *app)
     if (app->clock.timed && base > 0u)
         time += (uint64_t)(since < base ? since : base) * (ESEA_LINK_TICK_US * 1000u) / base;
     return time;
+}
+
+uint32_t esea_now_ms(const esea_app_t *app)
+{
+    uint64_t time;
+
+    app->port->quiet(true);
+    time = app->clock.time;
+    app->port->quiet(false);
+    return (uint32_t)(time * ESEA_LINK_TICK_US / 1000u);
+}
+
+void esea_send_stamp(esea_app_t *app)
+{
+    mavlink_esea_stamp_t fields;
+    mavlink_message_t message;
+
+    memset(&fields, 0, sizeof fields);
+    fields.signature = app->signing.key.timestamp;
+    fields.boot = app->boot;
+    fields.time_ms = esea_now_ms(app);
+    (void)mavlink_msg_esea_stamp_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
+    esea_send(app, &message);
 }
 
 void esea_send_time(esea_app_t *app, int64_t asked_ns)

@@ -1,23 +1,51 @@
 /* Who may command: once the board has been given a key, whoever signs with it.  The signatures are
  * MAVLink's own; a stop needs none.
  *
+ * Timestamps are the board's count, not a time: each frame's must be above that of the frame before.  Every start
+ * of a paired board begins beyond all that was taken before, so that recorded frames are void.  What a start may
+ * use is set aside in the store before the first frame is taken.
+ *
  * License: MIT. */
 #include "app.h"
 
 #include <string.h>
 
-static void pair(esea_app_t *app, bool on)
+#define LAST 0xFFFFFFFFFFFFu        /* a timestamp has 48 bits: a million starts */
+#define RESERVE 0x10000000u         /* timestamps that a start may use: 15 days at 200 a second */
+#define MOST_AHEAD 6000000u         /* above the last that was taken */
+
+/* From the timestamp on, if that is in the store. */
+static void set_aside(esea_signing_t *signing, bool kept)
 {
-    app->signing.paired = on;
-    app->receiving.signing = on ? &app->signing.key : NULL;
-    app->receiving.signing_streams = on ? &app->signing.streams : NULL;
+    signing->most = kept && signing->key.timestamp < LAST - RESERVE ? signing->key.timestamp + RESERVE - 1u : 0u;
 }
 
 void esea_signing_start(esea_app_t *app)
 {
+    const esea_store_t *const store = app->port->store;
     esea_signing_t *const signing = &app->signing;
 
-    pair(app, esea_kept_key(app, signing->key.secret_key, &signing->key.timestamp));
+    if (store == NULL)
+        return;
+    signing->key.timestamp = ((uint64_t)store->set.key.stamp[1] << 32 | store->set.key.stamp[0]) + RESERVE;
+    signing->paired = esea_kept_key(app, signing->key.secret_key, &signing->most);
+    if (!signing->paired)
+        return;
+    set_aside(signing, esea_keep_key(app, signing->key.secret_key, signing->key.timestamp));
+    if (signing->most > 0u)
+        app->use_changed = false; /* the start was counted by the same write */
+    else
+        esea_send_text(app, MAV_SEVERITY_WARNING, "the memory failed: only a stop is taken", "");
+}
+
+void esea_signing_up(esea_app_t *app)
+{
+    esea_signing_t *const signing = &app->signing;
+
+    if (!signing->paired || app->port->store == NULL || signing->most == 0u || esea_state_drives(app->state) ||
+            signing->most - signing->key.timestamp > RESERVE / 2u)
+        return;
+    set_aside(signing, esea_keep_key(app, signing->key.secret_key, signing->key.timestamp));
 }
 
 void esea_signing_setup(esea_app_t *app, const mavlink_message_t *message)
@@ -37,28 +65,53 @@ void esea_signing_setup(esea_app_t *app, const mavlink_message_t *message)
         return;
     }
     memcpy(signing->key.secret_key, asked.secret_key, sizeof signing->key.secret_key);
-    /* Never back: what was signed before stays old. */
-    if (asked.initial_timestamp > signing->key.timestamp)
-        signing->key.timestamp = asked.initial_timestamp;
-    pair(app, on);
+    signing->paired = on;
     kept = esea_keep_key(app, signing->key.secret_key, signing->key.timestamp);
+    set_aside(signing, true); /* where it is not kept, neither is the key */
     esea_send_text(app, MAV_SEVERITY_INFO, on ? "paired" : "no longer paired", kept ? "" : ", until power-off");
 }
 
-/* Commands that came in haste, one after the other, are only counted. */
-static void say(esea_app_t *app, const mavlink_message_t *message)
+bool esea_signing_good(esea_app_t *app, const mavlink_message_t *message)
+{
+    esea_signing_t *const signing = &app->signing;
+    const mavlink_signing_streams_t before = signing->streams;
+    const uint64_t last = signing->key.timestamp;
+
+    if (!signing->paired)
+        return true;
+    if ((message->incompat_flags & MAVLINK_IFLAG_SIGNED) == 0u ||
+            !mavlink_signature_check(&signing->key, &signing->streams, message))
+        return false;
+    if (signing->key.timestamp <= signing->most && signing->key.timestamp - last <= MOST_AHEAD)
+        return true;
+    signing->streams = before; /* who has another idea of the time locks nobody out */
+    signing->key.timestamp = last;
+    signing->key.last_status = MAVLINK_SIGNING_STATUS_OLD_TIMESTAMP;
+    return false;
+}
+
+void esea_refuse(esea_app_t *app, const mavlink_message_t *message, const char *why, bool late)
 {
     mavlink_param_set_t asked;
 
-    if (message->msgid == MAVLINK_MSG_ID_COMMAND_LONG) {
-        esea_send_ack(app, message, mavlink_msg_command_long_get_command(message), MAV_RESULT_DENIED);
-    } else if (message->msgid == MAVLINK_MSG_ID_PARAM_SET) {
+    switch (message->msgid) {
+    case MAVLINK_MSG_ID_COMMAND_LONG:
+        esea_send_ack(app, message, mavlink_msg_command_long_get_command(message), MAV_RESULT_DENIED, late);
+        break;
+    case MAVLINK_MSG_ID_PARAM_SET:
         mavlink_msg_param_set_decode(message, &asked);
         esea_parameters_error(app, message, asked.param_id, -1, MAV_PARAM_ERROR_PERMISSION_DENIED);
-    } else if (message->msgid != MAVLINK_MSG_ID_ESEA_STREAM && message->msgid != MAVLINK_MSG_ID_SETUP_SIGNING) {
-        return;
+        break;
+    case MAVLINK_MSG_ID_ESEA_STREAM:
+    case MAVLINK_MSG_ID_SETUP_SIGNING:
+        break;
+    default: /* what comes in haste, one after the other, is told of now and then */
+        if (!late || esea_now_ms(app) - app->refused_ms < 1000u)
+            return;
+        app->refused_ms = esea_now_ms(app);
+        break;
     }
-    esea_send_text(app, MAV_SEVERITY_WARNING, "refused: this board is paired, sign with its key", "");
+    esea_send_text(app, MAV_SEVERITY_WARNING, "refused: ", why);
 }
 
 void esea_signing_refuse(esea_app_t *app, const mavlink_message_t *message)
@@ -71,5 +124,5 @@ void esea_signing_refuse(esea_app_t *app, const mavlink_message_t *message)
         esea_count(&signing->bad);
     else
         esea_count(&signing->replayed);
-    say(app, message);
+    esea_refuse(app, message, "this board is paired, sign with its key", false);
 }

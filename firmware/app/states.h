@@ -52,6 +52,8 @@ typedef enum {
 #define ESEA_LINK_LOST_MS 1000u /* without anything from the host */
 #define ESEA_FADE_MS 500u /* of letting go, from the torque that was set to none */
 #define ESEA_ZEROING_MS 200u /* in which the joint must stand still to be zeroed */
+#define ESEA_COMMAND_AGE_MS 500u /* oldest that a command with a time may be; as far ahead of the clock */
+#define ESEA_FRAME_MS 200u /* longest silence within a frame; what came of it is then searched for others */
 
 /* What must hold for some transitions. */
 typedef struct {

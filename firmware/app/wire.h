@@ -64,9 +64,50 @@ typedef struct {
 typedef struct {
     bool paired;
     mavlink_signing_t key;
+    uint64_t most; /* no timestamp above this is taken, for the next start begins beyond it */
     mavlink_signing_streams_t streams;
     uint32_t unsigned_refused, bad, replayed; /* they stay at their maximum */
 } esea_signing_t;
+
+/* What has come of a frame, and the last whole one.  Where bytes turn out to be no frame, it looks for others from
+ * their second byte on, so that half a frame hides none that follows. */
+typedef struct {
+    mavlink_message_t message;
+    mavlink_status_t status;
+    uint8_t bytes[MAVLINK_MAX_PACKET_LEN];
+    uint32_t count, next; /* bytes, and how many of them the parser has had */
+    uint32_t bad;         /* of them in a bad frame that has been counted */
+} esea_reader_t;
+
+typedef enum {
+    ESEA_READ_NOTHING = 0, /* give it more bytes */
+    ESEA_READ_FRAME = 1,   /* `message` */
+    ESEA_READ_BAD = 2,     /* a frame whose checksum is wrong, or that nobody knows */
+} ESEA_READ;
+
+/* The board's time as the host knew it, for the next frame of the same sender. */
+typedef struct {
+    bool there;
+    uint8_t system, component, sequence; /* of that frame */
+    uint32_t boot, time_ms;
+} esea_stamp_t;
+
+/* Somebody beside the host who commands: a stop is taken from anybody.  Answers wait here. */
+typedef struct {
+    esea_reader_t reader;
+    mavlink_status_t sending;
+    uint32_t heard_ms; /* when something came last */
+    uint8_t answer[512];
+    size_t answered;
+} esea_guest_t;
+
+/* -- reader.c ---------------------------------------------------------------------------------- */
+
+/* After each byte, until it says NOTHING. */
+void esea_reader_put(esea_reader_t *reader, uint8_t byte);
+ESEA_READ esea_reader_next(esea_reader_t *reader);
+/* Whether nothing has come for longer than a frame may pause: then it takes it for none. */
+bool esea_reader_pauses(esea_reader_t *reader, uint32_t silence_ms);
 
 /* -- streams.c --------------------------------------------------------------------------------- */
 
@@ -110,8 +151,17 @@ bool esea_parameters_send(struct esea_app *app);
 void esea_signing_start(struct esea_app *app);
 void esea_signing_setup(struct esea_app *app, const mavlink_message_t *message);
 
-/* A frame whose signature is missing or not good has been refused: counts it, and says so. */
+/* Whether whoever sent it may command; each frame once. */
+bool esea_signing_good(struct esea_app *app, const mavlink_message_t *message);
+
+/* A frame that was not good has been refused: counts it, and says so. */
 void esea_signing_refuse(struct esea_app *app, const mavlink_message_t *message);
+
+/* From the main loop: makes room for more timestamps, while the motor is off. */
+void esea_signing_up(struct esea_app *app);
+
+/* Answers a frame that is not taken.  `late`: for its age. */
+void esea_refuse(struct esea_app *app, const mavlink_message_t *message, const char *why, bool late);
 
 /* -- keep.c: what a board keeps without power; it changes no state of the application -------------- */
 

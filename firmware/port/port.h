@@ -73,6 +73,8 @@ typedef struct {
     void (*feed)(void);
     /* Memory that a reset leaves as it is. */
     struct esea_blackbox *blackbox;
+    /* A number that is another at every start, where no store counts them; 0: none. */
+    uint32_t unique;
     /* What outlasts the power, and the flash that it is in; NULL where there is none. */
     struct esea_store *store;
     const esea_flash_t *flash;

@@ -140,6 +140,8 @@ static void write_wanted(mavlink_message_t *message)
     wanted.theta_desired_rad = number();
     wanted.omega_desired_rad_s = number();
     wanted.deadline_ms = (uint16_t)(next() * 8u);
+    wanted.boot = app.boot;
+    wanted.time_ms = esea_now_ms(&app) - next() / 16u * 64u;
     (void)mavlink_msg_esea_wanted_encode_status(255u, 0u, &writing, message, &wanted);
 }
 
@@ -155,7 +157,7 @@ static void send_corrupt(void)
     uint32_t turned[3];
 
     poll();
-    if (app.receiving.parse_state > MAVLINK_PARSE_STATE_IDLE || app.signing.paired)
+    if (app.reader.count > 0u || app.signing.paired)
         return; /* in the middle of a frame; or any frame is refused */
     write_message(&message);
     length = mavlink_msg_to_send_buffer(frame, &message);
@@ -183,10 +185,20 @@ static void start(void)
     poll();
 }
 
+/* Before a command, which expires. */
+static void send_time(uint32_t age_ms)
+{
+    mavlink_message_t message;
+
+    (void)mavlink_msg_esea_stamp_pack_status(255u, 0u, &writing, &message, 0u, app.boot, esea_now_ms(&app) - age_ms);
+    send(&message);
+}
+
 static void command(uint16_t what, float param1)
 {
     mavlink_message_t message;
 
+    send_time(0u);
     (void)mavlink_msg_command_long_pack_status(255u, 0u, &writing, &message, ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT,
             what, 0u, param1, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f);
     send(&message);
@@ -201,6 +213,8 @@ static void want(float mode, float tau_Nm)
     memset(&wanted, 0, sizeof wanted);
     wanted.mode = mode;
     wanted.tau_desired_Nm = tau_Nm;
+    wanted.boot = app.boot;
+    wanted.time_ms = esea_now_ms(&app);
     (void)mavlink_msg_esea_wanted_encode_status(255u, 0u, &writing, &message, &wanted);
     send(&message);
     poll();
@@ -289,10 +303,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             }
             break;
         case 1:
+            send_time(next() / 16u * 64u);
             write_message(&message);
             send(&message);
             break;
         case 2:
+            send_time(next() / 16u * 64u);
             write_command(&message);
             send(&message);
             break;

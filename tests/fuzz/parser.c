@@ -1,4 +1,4 @@
-/* libFuzzer on what stands between the line and the application: MAVLink's parser as the firmware uses it, and the
+/* libFuzzer on what stands between the line and the application: the reader over MAVLink's parser, and the
  * decoders of the device's binding.  Bytes, whole frames of every message, frames with bits turned, cut off or
  * with something before them, to a board that is paired and one that is not.  Whatever is taken is a frame that
  * stood in the bytes with the checksum that X.25 says, computed here bit by bit; when paired, one signed with the
@@ -6,7 +6,7 @@
  * signature is compared with, and forges one.)
  *
  * License: MIT. */
-#include ESEA_LINK_HEADER
+#include "app.h"
 
 #include <stdlib.h>
 
@@ -19,8 +19,8 @@ static const uint8_t *bytes;
 static size_t left;
 static uint8_t line[LONGEST];
 static size_t count; /* of all that was on the line */
-static mavlink_message_t received;
-static mavlink_status_t receiving;
+static esea_reader_t reader;
+static bool paired;
 static mavlink_signing_t key;
 static mavlink_signing_streams_t streams;
 
@@ -57,24 +57,24 @@ __attribute__((no_sanitize("coverage"))) static uint32_t crc_of(const uint8_t *f
 /* The frame that has just ended stands on the line, whole. */
 static void check_frame(void)
 {
-    const bool old = received.magic == MAVLINK_STX_MAVLINK1;
-    const bool is_signed = (received.incompat_flags & MAVLINK_IFLAG_SIGNED) != 0u;
+    const bool old = reader.message.magic == MAVLINK_STX_MAVLINK1;
+    const bool is_signed = (reader.message.incompat_flags & MAVLINK_IFLAG_SIGNED) != 0u;
     const size_t head = old ? 6u : 10u, tail = is_signed ? 13u : 0u;
-    const size_t length = head + received.len + 2u + tail;
-    const uint8_t *const frame = line + count - length;
+    const size_t length = head + reader.message.len + 2u + tail;
+    const uint8_t *const frame = line + count - reader.count - length;
     const mavlink_msg_entry_t *entry = NULL;
     uint32_t i, id, crc;
 
-    must(length <= count && frame[0] == (old ? 0xFEu : 0xFDu) && frame[1] == received.len);
+    must(length <= count - reader.count && frame[0] == (old ? 0xFEu : 0xFDu) && frame[1] == reader.message.len);
     id = old ? frame[5] : frame[7] | (uint32_t)frame[8] << 8 | (uint32_t)frame[9] << 16;
     for (i = 0u; i < sizeof entries / sizeof entries[0]; ++i)
         if (entries[i].msgid == id)
             entry = &entries[i];
-    must(entry != NULL && id == received.msgid);
-    must(memcmp(_MAV_PAYLOAD(&received), frame + head, received.len) == 0);
-    for (i = received.len; i < entry->max_msg_len; ++i) /* nothing is left of the frame before */
-        must(_MAV_PAYLOAD(&received)[i] == 0);
-    crc = crc_of(frame + 1, head - 1u + received.len, entry->crc_extra);
+    must(entry != NULL && id == reader.message.msgid);
+    must(memcmp(_MAV_PAYLOAD(&reader.message), frame + head, reader.message.len) == 0);
+    for (i = reader.message.len; i < entry->max_msg_len; ++i) /* nothing is left of the frame before */
+        must(_MAV_PAYLOAD(&reader.message)[i] == 0);
+    crc = crc_of(frame + 1, head - 1u + reader.message.len, entry->crc_extra);
     must(frame[length - tail - 2u] == (crc & 0xFFu) && frame[length - tail - 1u] == crc >> 8);
 }
 
@@ -92,15 +92,15 @@ static void signature_of(const uint8_t *frame, size_t length, uint8_t *signature
 /* The frame that has just been taken was signed with the key, and is not an old one again. */
 static void check_signed(void)
 {
-    const size_t length = 10u + received.len + 2u + MAVLINK_SIGNATURE_BLOCK_LEN;
-    const uint8_t *const frame = line + count - length;
+    const size_t length = 10u + reader.message.len + 2u + MAVLINK_SIGNATURE_BLOCK_LEN;
+    const uint8_t *const frame = line + count - reader.count - length;
     const uint8_t *const block = frame + length - MAVLINK_SIGNATURE_BLOCK_LEN;
     const uint8_t sender[3] = {frame[5], frame[6], block[0]};
     uint8_t signature[6], i;
     uint64_t time = 0u;
     size_t at;
 
-    must((received.incompat_flags & MAVLINK_IFLAG_SIGNED) != 0u);
+    must((reader.message.incompat_flags & MAVLINK_IFLAG_SIGNED) != 0u);
     signature_of(frame, length, signature);
     must(memcmp(block + 7, signature, sizeof signature) == 0);
     for (i = 6u; i > 0u; --i)
@@ -121,13 +121,36 @@ static void decode(void)
 {
     esea_link_in_t in;
     esea_link_wanted_t wanted;
-    uint32_t task, sequence, deadline_ms;
-    const bool is_input = esea_link_decode(&received, &task, &sequence, &in);
-    const bool is_wanted = esea_link_decode_wanted(&received, &wanted, &deadline_ms);
+    uint32_t task, sequence, deadline_ms, boot, time_ms;
+    const bool is_input = esea_link_decode(&reader.message, &task, &sequence, &in);
+    const bool is_wanted = esea_link_decode_wanted(&reader.message, &wanted, &deadline_ms, &boot, &time_ms);
 
     must(!(is_input && is_wanted));
-    must(!is_input || (task < ESEA_LINK_TASKS && received.msgid == esea_link_message(task, 0u)));
-    must(!is_wanted || (received.msgid == MAVLINK_MSG_ID_ESEA_WANTED && deadline_ms <= UINT16_MAX));
+    must(!is_input || (task < ESEA_LINK_TASKS && reader.message.msgid == esea_link_message(task, 0u)));
+    must(!is_wanted || (reader.message.msgid == MAVLINK_MSG_ID_ESEA_WANTED && deadline_ms <= UINT16_MAX));
+}
+
+static bool good(void)
+{
+#ifdef BLIND
+    return true;
+#else
+    return (reader.message.incompat_flags & MAVLINK_IFLAG_SIGNED) != 0u &&
+           mavlink_signature_check(&key, &streams, &reader.message);
+#endif
+}
+
+static void take_frames(void)
+{
+    ESEA_READ found;
+
+    while ((found = esea_reader_next(&reader)) != ESEA_READ_NOTHING)
+        if (found == ESEA_READ_FRAME) {
+            check_frame(); /* a stop in it is taken, whoever signed it */
+            if (paired && good())
+                check_signed();
+            decode();
+        }
 }
 
 static void receive(uint8_t byte)
@@ -135,20 +158,8 @@ static void receive(uint8_t byte)
     if (count == LONGEST)
         return;
     line[count++] = byte;
-    switch (mavlink_frame_char_buffer(&received, &receiving, byte, NULL, NULL)) {
-    case MAVLINK_FRAMING_OK:
-        check_frame();
-        if (receiving.signing != NULL)
-            check_signed();
-        decode();
-        break;
-    case MAVLINK_FRAMING_BAD_SIGNATURE: /* a stop in it is taken all the same */
-        must(receiving.signing != NULL);
-        check_frame();
-        break;
-    default:
-        break;
-    }
+    esea_reader_put(&reader, byte);
+    take_frames();
 }
 
 static void sign(uint8_t *frame, uint16_t length)
@@ -157,7 +168,7 @@ static void sign(uint8_t *frame, uint16_t length)
     uint8_t i;
 
     memset(block, 0, MAVLINK_SIGNATURE_BLOCK_LEN);
-    if (receiving.signing == NULL)
+    if (!paired)
         return;
     block[1] = (uint8_t)(1u + next() / 2u);
     signature_of(frame, length, block + 7);
@@ -211,20 +222,18 @@ static void send_frame(uint8_t kind)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    uint8_t paired, op, i;
+    uint8_t op, i;
 
     bytes = data;
     left = size;
     count = 0u;
-    memset(&receiving, 0, sizeof receiving);
+    memset(&reader, 0, sizeof reader);
     memset(&key, 0, sizeof key);
     memset(senders, 0, sizeof senders);
     known = 0u;
     streams.num_signing_streams = 0u;
-    memset(&received, 0x5A, sizeof received); /* of an earlier frame */
+    memset(&reader.message, 0x5A, sizeof reader.message); /* of an earlier frame */
     paired = next() % 4u == 0u;
-    receiving.signing = paired ? &key : NULL;
-    receiving.signing_streams = paired ? &streams : NULL;
     while (left > 0u) {
         op = next();
         if (op < 64u)
@@ -232,6 +241,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
                 receive(next());
         else
             send_frame((uint8_t)(op - 64u));
+        if (op == 255u)
+            while (esea_reader_pauses(&reader, UINT32_MAX))
+                take_frames();
     }
     return 0;
 }

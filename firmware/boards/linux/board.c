@@ -20,11 +20,13 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
 #include <sys/timerfd.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "app.h"
+#include "guests.h"
 #include "line.h"
 #include "port.h"
 
@@ -32,6 +34,7 @@
 #define BINS 22u /* the last one: 1 s and more */
 #define STACK_TOUCHED 65536u
 #define QUEUE_BYTES 4096u /* answers and states; telemetry waits in the application */
+#define AT_ONCE 4u /* who come between two ticks */
 #define PATIENCE_US (ESEA_LINK_LOST_MS * 1000u)
 
 typedef struct {
@@ -188,9 +191,19 @@ static void port_write(const uint8_t *bytes, size_t count)
 
 static void port_wait(void)
 {
+    uint32_t i;
+    int other;
+
     attend(true, queued > 0u, -1);
     give(); /* first: what waited for one host is not for the next */
-    line_accept(&line);
+    for (i = 0u; i < AT_ONCE && (other = line_accept(&line)) >= 0; ++i) {
+        guests_admit(&app, other, line.host, now_us());
+        take_tick();
+    }
+    for (i = 0u; i < GUESTS_MOST; ++i) {
+        guests_attend(&app, i, now_us());
+        take_tick();
+    }
 }
 
 /* Counts from when the tick was to come, so that a late one is not a lost one. */
@@ -257,9 +270,17 @@ static void fail(const char *what, const char *which)
 static void open_kept(esea_port_t *port, const char *name)
 {
     static const esea_flash_t flash = { AREA_BYTES, 4u, flash_read, flash_write, flash_erase };
-    const int file = open(name, O_RDWR | O_CREAT | O_CLOEXEC, 0600); /* whoever reads it may command */
+    const int file = open(name, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+    struct stat found;
 
-    if (file < 0 || flock(file, LOCK_EX | LOCK_NB) != 0 || ftruncate(file, (off_t)sizeof *kept) != 0)
+    if (file < 0 || fstat(file, &found) != 0)
+        fail("cannot keep anything in", name);
+    if (!S_ISREG(found.st_mode) || found.st_uid != geteuid()) {
+        fprintf(stderr, "cannot keep anything in %s: give a file of your own\n", name);
+        exit(2);
+    }
+    /* Whoever reads it may command. */
+    if (fchmod(file, 0600) != 0 || flock(file, LOCK_EX | LOCK_NB) != 0 || ftruncate(file, (off_t)sizeof *kept) != 0)
         fail("cannot keep anything in", name);
     kept = mmap(NULL, sizeof *kept, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
     if (kept == MAP_FAILED)
@@ -267,6 +288,19 @@ static void open_kept(esea_port_t *port, const char *name)
     port->store = &store;
     port->flash = &flash;
     port->blackbox = &kept->blackbox;
+}
+
+/* Of this start; 0 where the system has none. */
+static uint32_t any_number(void)
+{
+    const int file = open("/dev/urandom", O_RDONLY | O_CLOEXEC);
+    uint32_t number = 0u;
+
+    if (file >= 0 && read(file, &number, sizeof number) != (ssize_t)sizeof number)
+        number = 0u;
+    if (file >= 0)
+        (void)close(file);
+    return number;
 }
 
 /* -- the clock ------------------------------------------------------------------------------------- */
@@ -359,6 +393,7 @@ int main(int argc, char **argv)
         return 2;
     }
     esea_board_drivers(&port);
+    port.unique = any_number();
     if (line_live(&line)) {
         take_signals();
         be_prompt(priority);

@@ -44,7 +44,7 @@ static bool open_tcp(line_t *line, const char *where)
         return false;
     line->listener = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     (void)setsockopt(line->listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-    if (bind(line->listener, (struct sockaddr *)&at, sizeof at) != 0 || listen(line->listener, 1) != 0 ||
+    if (bind(line->listener, (struct sockaddr *)&at, sizeof at) != 0 || listen(line->listener, 16) != 0 ||
         getsockname(line->listener, (struct sockaddr *)&at, &size) != 0)
         return false;
     fprintf(stderr, "listens at tcp:%s:%u\n", host, ntohs(at.sin_port));
@@ -90,7 +90,8 @@ static bool open_serial(line_t *line, const char *where)
     memcpy(name, where, length);
     name[length] = '\0';
     line->in = line->out = open(name, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-    return line->in >= 0 && make_raw(line->in, speed_of(baud));
+    /* What waited there from before is not taken. */
+    return line->in >= 0 && make_raw(line->in, speed_of(baud)) && tcflush(line->in, TCIOFLUSH) == 0;
 }
 
 static bool open_pty(line_t *line)
@@ -146,17 +147,38 @@ static void hang_up(line_t *line)
         line->in = line->out = -1;
 }
 
-void line_accept(line_t *line)
+/* Whether the host has gone: what it said last is still to be read. */
+static bool leaves(const line_t *line)
+{
+    struct pollfd file = { line->in, POLLRDHUP, 0 };
+
+    return poll(&file, 1u, 0) > 0;
+}
+
+int line_accept(line_t *line)
 {
     const int yes = 1, room = 65536; /* a tenth of a second of everything: no more is old when it comes */
+    const int idle_s = 2, again_s = 1, tries = 3; /* until who went without a word is given up */
+    struct sockaddr_in from;
+    socklen_t size = sizeof from;
+    char host[INET_ADDRSTRLEN] = "";
+    int made;
 
-    if (line->listener < 0 || line->in >= 0)
-        return;
-    line->in = line->out = accept4(line->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
-    if (line->in < 0)
-        return;
-    (void)setsockopt(line->in, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
-    (void)setsockopt(line->in, SOL_SOCKET, SO_SNDBUF, &room, sizeof room);
+    if (line->listener < 0 || (line->in >= 0 && leaves(line)))
+        return -1;
+    made = accept4(line->listener, (struct sockaddr *)&from, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (made < 0 || line->in >= 0)
+        return made;
+    line->in = line->out = made;
+    (void)inet_ntop(AF_INET, &from.sin_addr, host, sizeof host);
+    (void)snprintf(line->host, sizeof line->host, "%s:%u", host, (unsigned)ntohs(from.sin_port));
+    (void)setsockopt(made, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+    (void)setsockopt(made, SOL_SOCKET, SO_SNDBUF, &room, sizeof room);
+    (void)setsockopt(made, SOL_SOCKET, SO_KEEPALIVE, &yes, sizeof yes);
+    (void)setsockopt(made, IPPROTO_TCP, TCP_KEEPIDLE, &idle_s, sizeof idle_s);
+    (void)setsockopt(made, IPPROTO_TCP, TCP_KEEPINTVL, &again_s, sizeof again_s);
+    (void)setsockopt(made, IPPROTO_TCP, TCP_KEEPCNT, &tries, sizeof tries);
+    return -1;
 }
 
 size_t line_read(line_t *line, uint8_t *bytes, size_t capacity)

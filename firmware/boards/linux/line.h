@@ -16,6 +16,7 @@ typedef struct {
     bool live;    /* whether the board has a clock of its own on it */
     bool over;    /* standard input has ended */
     bool deaf;    /* a terminal that nobody reads */
+    char host[22]; /* address and port of who is there */
 } line_t;
 
 /* False with errno: not to be had. */
@@ -24,8 +25,9 @@ bool line_open(line_t *line, const char *address);
 /* What to wait for, at most two. */
 nfds_t line_files(const line_t *line, bool to_read, bool to_write, struct pollfd *files);
 
-/* Takes a host that wants in, where there is none. */
-void line_accept(line_t *line);
+/* Takes a host that wants in, where there is none.  Where there is one: somebody else's connection, below 0 for
+ * nobody's. */
+int line_accept(line_t *line);
 
 /* Neither waits. */
 size_t line_read(line_t *line, uint8_t *bytes, size_t capacity);

@@ -9,6 +9,7 @@
 #include "port.h"
 
 #define LINE_BYTES 65536u
+#define GUESTS 4u
 
 typedef struct {
     uint8_t bytes[LINE_BYTES];
@@ -20,7 +21,8 @@ static line_t received, sent;
 static uint32_t lost, now;
 static float measured[ESEA_LINK_MEASURED + 1u];
 static float motor_Nm;
-static uint32_t trouble_found, times_fed;
+static uint32_t trouble_found, times_fed, unique;
+static esea_guest_t guests[GUESTS];
 static esea_blackbox_t blackbox; /* its memory outlasts the power */
 static uint8_t cells[ESEA_STORE_AREAS][16384];
 static esea_store_t store;
@@ -143,6 +145,11 @@ void sim_start(void);
 void sim_feed(const uint8_t *bytes, size_t count);
 size_t sim_take(uint8_t *bytes, size_t capacity);
 void sim_poll(void);
+void sim_unique(uint32_t number);
+uint32_t sim_time_ms(void);
+size_t sim_guests(void);
+size_t sim_greet(size_t guest, const char *commander, uint8_t *answer);
+size_t sim_overhear(size_t guest, const uint8_t *bytes, size_t count, bool last, uint8_t *answer);
 void sim_measure(const float *values);
 void sim_tick(uint32_t base_ticks, bool slower);
 void sim_step(const float *values, uint32_t *words);
@@ -177,7 +184,7 @@ static const esea_flash_t flash = { sizeof cells[0], 4u, flash_read, flash_write
 /* Power on: every encoder's frame is bad until something is measured. */
 void sim_start(void)
 {
-    static const esea_port_t port = {
+    static esea_port_t port = {
         .name = ESEA_BOARD_NAME,
         .receive_buffer_bytes = LINE_BYTES,
         .stack_bytes = 1u, /* the program's; not measured */
@@ -208,7 +215,14 @@ void sim_start(void)
     motor_Nm = 0.0f;
     for (i = 0u; i < ESEA_LINK_MEASURED; ++i)
         measured[i] = NAN;
+    port.unique = unique;
     esea_app_init(&app, &port);
+}
+
+/* Of the next start, which is otherwise counted in the flash's cells, whose memory ends with the program. */
+void sim_unique(uint32_t number)
+{
+    unique = number;
 }
 
 void sim_feed(const uint8_t *bytes, size_t count)
@@ -222,9 +236,43 @@ size_t sim_take(uint8_t *bytes, size_t capacity)
     return take(&sent, bytes, capacity);
 }
 
+uint32_t sim_time_ms(void)
+{
+    return esea_now_ms(&app);
+}
+
 void sim_poll(void)
 {
-    esea_app_poll(&app);
+    do
+        esea_app_poll(&app);
+    while (received.taken < received.count);
+}
+
+/* Those who come beside the host, by number; `answer` takes 512 bytes. */
+size_t sim_guests(void)
+{
+    return GUESTS;
+}
+
+static size_t answered(esea_guest_t *guest, uint8_t *answer)
+{
+    const size_t count = guest->answered;
+
+    memcpy(answer, guest->answer, count);
+    guest->answered = 0u;
+    return count;
+}
+
+size_t sim_greet(size_t guest, const char *commander, uint8_t *answer)
+{
+    esea_app_greet(&app, &guests[guest % GUESTS], commander);
+    return answered(&guests[guest % GUESTS], answer);
+}
+
+size_t sim_overhear(size_t guest, const uint8_t *bytes, size_t count, bool last, uint8_t *answer)
+{
+    esea_app_overhear(&app, &guests[guest % GUESTS], bytes, count, last);
+    return answered(&guests[guest % GUESTS], answer);
 }
 
 void sim_measure(const float *values)

@@ -65,6 +65,7 @@ class ConnectedDevice:
         self._ids = {c.msgname: n for n, c in dialect.mavlink_map.items()}
         self._recordings: list[LiveRecording] = []
         self._beats = dialect.MAVLink(None, 255, 191)
+        self.session.sign_as_well(self._beats)
         self._dialect, self._threaded, self._closing = dialect, threaded, False
         self.receiver.keep_alive, self.receiver.on_reconnect = self._heartbeat, self._tell_again
         if threaded:
@@ -115,6 +116,7 @@ class ConnectedDevice:
             found = identify(transport, self.identity.device.origin.removesuffix(".toml"))
             if found.content_hash != self.identity.content_hash:
                 raise UserError("Behind the link is another board now.", "Connect anew.")
+            self.session.take_time_of(Session(transport, self._dialect, WAIT_S))
         except BaseException:
             transport.close()
             raise

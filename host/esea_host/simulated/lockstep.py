@@ -55,6 +55,7 @@ class LockstepDevice(ConnectedDevice):
         self.drive = drive
         transport = LockstepTransport(drive)
         super().__init__(identify(transport, None), transport, threaded=False)
+        self.session.clock_s = lambda: drive.ticks * 1e-3
 
     def advance(self, time_s: float) -> None:
         """Let time pass.

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import secrets
+import select
 import socket
 import time
 import tty
 from collections.abc import Callable
+from functools import partial
 from typing import Protocol
 
 from esea_gen.errors import UserError
@@ -16,6 +19,7 @@ MOST_BACKLOG_BYTES = 1 << 18
 MOST_TICKS = 50  # between two looks at the line
 IDLE_S = 0.0005
 MOST_PUSH_RAD = 1.0
+GUEST_S, MOST_GUEST_BYTES = 1.0, 4096  # for which somebody beside the host is heard
 
 
 class _Line(Protocol):
@@ -29,9 +33,15 @@ class _Socket:
         link.setblocking(False)
         self._link = link
 
-    def read(self) -> bytes | None:
+    def leaves(self) -> bool:
+        # What it said last is still to be read.
+        poll = select.poll()
+        poll.register(self._link, getattr(select, "POLLRDHUP", 0))
+        return bool(poll.poll(0))
+
+    def read(self, most: int = 65536) -> bytes | None:
         try:
-            return self._link.recv(65536) or None
+            return self._link.recv(most) or None
         except BlockingIOError:
             return b""
         except OSError:
@@ -47,6 +57,55 @@ class _Socket:
 
     def close(self) -> None:
         self._link.close()
+
+
+class _Guests:
+    # Who comes while a host is there: is told who commands, a stop of theirs is taken, and they are
+    # let go.
+
+    def __init__(self, drive: SimulatedBoard, listener: socket.socket) -> None:
+        self._drive, self._listener = drive, listener
+        self._here: dict[int, tuple[_Socket, float, int]] = {}
+
+    def attend(self, host: _Socket, commander: str) -> None:
+        self._listener.setblocking(False)
+        for _ in range(self._drive.board.guests):
+            if host.leaves():
+                break
+            try:
+                line = _Socket(self._listener.accept()[0])
+            except OSError:
+                break
+            self._admit(line, commander)
+        for place in list(self._here):
+            self._hear(place)
+
+    def _admit(self, line: _Socket, commander: str) -> None:
+        free = set(range(self._drive.board.guests)) - set(self._here)
+        place = min(free) if free else min(self._here, key=lambda p: self._here[p][1])
+        if not free:  # who came first has been heard
+            self._hear(place)
+            self._let_go(place)
+        self._here[place] = line, time.monotonic() + GUEST_S, 0
+        line.write(self._drive.board.greet(place, commander))
+
+    def _hear(self, place: int) -> None:
+        line, until_s, count = self._here[place]
+        data = line.read(512)
+        last = data is None or count > MOST_GUEST_BYTES or time.monotonic() > until_s
+        line.write(self._drive.board.overhear(place, data or b"", last))
+        self._here[place] = line, until_s, count + len(data or b"")
+        if last:
+            self._let_go(place)
+
+    def _let_go(self, place: int) -> None:
+        if place in self._here:
+            self._here.pop(place)[0].close()
+
+    def close(self) -> None:
+        for place in list(self._here):
+            self._hear(place)
+            self._let_go(place)
 
 
 class _Terminal:
@@ -99,6 +158,8 @@ def serve(
     tell = say or (lambda text: print(text, flush=True))
     drive = SimulatedBoard(device, plant, person, seed, board)
     try:
+        drive.board.lib.sim_unique(1 + secrets.randbelow((1 << 32) - 1))
+        drive.restart()  # what was said to another one does not fit this start
         if port is None:
             terminal = _Terminal()
             tell(f"simulated {device} at pty:{terminal.name}")
@@ -148,11 +209,12 @@ def serve_hosts(
     once: bool,
     hands: Hands | None = None,
 ) -> None:
-    """One host after another; between two the board runs on, in real time, and hears nobody."""
+    """One host at a time; between two the board runs on, in real time, and hears nobody."""
+    guests = _Guests(drive, listener)
     while True:
         try:
             listener.settimeout(0.01)
-            link, _ = listener.accept()
+            link, (host, port) = listener.accept()
         except OSError as error:
             if not isinstance(error, TimeoutError):
                 return  # the listener was closed
@@ -163,14 +225,21 @@ def serve_hosts(
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         line = _Socket(link)
         try:
-            _play(drive, line, speed, hands)
+            _play(drive, line, speed, hands, partial(guests.attend, line, f"{host}:{port}"))
         finally:
             line.close()
+            guests.close()
         if once:
             return
 
 
-def _play(drive: SimulatedBoard, line: _Line, speed: float, hands: Hands | None) -> None:
+def _play(
+    drive: SimulatedBoard,
+    line: _Line,
+    speed: float,
+    hands: Hands | None,
+    attend: Callable[[], None] = lambda: None,
+) -> None:
     # Until the host has gone.
     backlog = bytearray()
     started_s, first = time.monotonic(), drive.ticks
@@ -180,6 +249,7 @@ def _play(drive: SimulatedBoard, line: _Line, speed: float, hands: Hands | None)
             return
         if data:
             drive.write(data)
+        attend()
         if hands is not None:
             hands.reach(drive)
         due = MOST_TICKS
