@@ -309,6 +309,13 @@ class Session(Messenger):
         """The board's own clock: ticks, what was lost or late, its state."""
         return self.ask_for("ESEA_CLOCK")
 
+    def unpair(self) -> None:
+        """Take the key from the board, signed with it: then anybody may command."""
+        self.send(self.message("SETUP_SIGNING", *self.board, [0] * signing.KEY_BYTES, 0))
+        if self.traffic().paired:
+            raise self._refused("forget its key")
+        self._sign(None)
+
 
 def _answers(asked_ns: int) -> Callable[[Any], bool]:
     return lambda message: bool(message.ts1 == asked_ns)

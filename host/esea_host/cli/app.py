@@ -22,6 +22,8 @@ GROUPS = {
         "sim": "live",
         "bridge": "bridge",
         "demo": "demo",
+        "pair": "pairing",
+        "unpair": "pairing",
     },
     "What a board keeps, and its joint": {
         "commission": "commission",

@@ -13,10 +13,8 @@ from esea_gen.files import write_whole
 from esea_gen.link.kept import kept_use, name_encoders, read_blackbox, release_blackbox
 from esea_gen.verify.blackbox import blackbox_csv, read_record
 from esea_host.cli.app import app, out
-from esea_host.cli.options import AddressArgument, DeviceOption
+from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.connection import open_device
-
-KeyOption = Annotated[Path | None, typer.Option("--key", help="Key of a board that is paired.")]
 
 
 @app.command()
@@ -35,10 +33,8 @@ def kept(
     key: KeyOption = None,
 ) -> None:
     """Show zeros and use counters that outlast the power; name the encoders that are fitted."""
-    with open_device(address, device) as board:
+    with open_device(address, device, key) as board:
         names = [e.instance for e in board_roles(board.identity.device.system).encoders]
-        if key is not None:
-            board.session.use_key(key)
         if encoder is not None and len(encoder) != len(names):
             raise UserError(
                 f"{len(encoder)} serial numbers for {len(names)} encoders.",
@@ -64,9 +60,7 @@ def blackbox(
     key: KeyOption = None,
 ) -> None:
     """Read the last two seconds before a fault out of a board."""
-    with open_device(address, device) as board:
-        if key is not None:
-            board.session.use_key(key)
+    with open_device(address, device, key) as board:
         found = read_blackbox(board.session)
         if found is None:
             raise UserError(

@@ -14,8 +14,7 @@ from esea_gen.errors import UserError
 from esea_gen.files import write_json
 from esea_gen.link.kept import CouplingLife, coupling_lives, forget_coupling, name_coupling
 from esea_host.cli.app import app, out
-from esea_host.cli.board import KeyOption
-from esea_host.cli.options import AddressArgument, DeviceOption
+from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.connection import life_told, open_device
 
 
@@ -41,9 +40,7 @@ def life(
     key: KeyOption = None,
 ) -> None:
     """Show what each coupling has borne, and how much of its life is used; name the couplings."""
-    with open_device(address, device) as board:
-        if key is not None:
-            board.session.use_key(key)
+    with open_device(address, device, key) as board:
         lives = coupling_lives(board.session)
         axes = sum(x.axis is not None for x in lives)
         if coupling and len(coupling) != axes:

@@ -14,7 +14,7 @@ import typer
 
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
-from esea_host.cli.options import AddressArgument, DeviceOption
+from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.connection import ConnectedDevice, open_device
 from esea_host.connection.address import SimulatedProcess
 
@@ -23,6 +23,7 @@ from esea_host.connection.address import SimulatedProcess
 def view(
     address: AddressArgument,
     device: DeviceOption = None,
+    key: KeyOption = None,
     record: Annotated[
         Path | None, typer.Option("--record", metavar="FILE", help="Record meanwhile (.mcap).")
     ] = None,
@@ -41,12 +42,12 @@ def view(
         raise UserError(
             f"{address} is a recording, and no board.", f"esea-host replay {address} --view"
         )
-    _watch(address, device, record, dark, seconds, screenshot, operated=False)
+    _watch(address, device, key, record, dark, seconds, screenshot, operated=False)
 
 
 def watch_demo(address: str, record: Path | None, seconds: float | None) -> None:
     """See a simulated board that somebody operates."""
-    _watch(address, None, record, None, seconds, None, operated=True)
+    _watch(address, None, None, record, None, seconds, None, operated=True)
 
 
 def watch_recording(
@@ -69,6 +70,7 @@ def watch_recording(
 def _watch(
     address: str,
     device: str | None,
+    key: Path | None,
     record: Path | None,
     dark: bool | None,
     seconds: float | None,
@@ -81,7 +83,7 @@ def _watch(
     from esea_host.windows.running import run_live
 
     with ExitStack() as held:
-        board = held.enter_context(open_device(address, device))
+        board = held.enter_context(open_device(address, device, key))
         recording = held.enter_context(board.record(record)) if record else None
         feed = LiveFeed(board, recording)
         held.callback(feed.close)

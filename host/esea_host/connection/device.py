@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
-from esea_gen.link.session import Session
+from esea_gen.link.session import Address, Session
 from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.address import BoardAddress, open_patiently
 from esea_host.connection.decoder import TICK, TelemetryDecoder
@@ -25,6 +25,7 @@ from esea_host.recording.layout import StreamLayout
 from esea_host.recording.writer import Recorder
 
 WAIT_S = 1.0
+BEATS = Address(255, 191)
 KEY_US = 1e6  # from one key frame to the next
 MOST_AWAY_S = 60.0  # a link that broke may take so long to come back
 
@@ -64,7 +65,10 @@ class ConnectedDevice:
         self._told: dict[str, float] = {}
         self._ids = {c.msgname: n for n, c in dialect.mavlink_map.items()}
         self._recordings: list[LiveRecording] = []
-        self._beats = dialect.MAVLink(None, 255, 191)
+        # Counted and signed apart from the session, whose commands other threads send.
+        self._beats = Session(SessionTransport(self.receiver), dialect, host=BEATS)
+        for sender in (self.session, self._beats) if identity.key else ():
+            sender.use_key(identity.key)
         self._dialect, self._threaded, self._closing = dialect, threaded, False
         self.receiver.keep_alive, self.receiver.on_reconnect = self._heartbeat, self._tell_again
         if threaded:
@@ -92,9 +96,7 @@ class ConnectedDevice:
 
     def _heartbeat(self) -> bytes:
         beat = self._dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
-        frame = bytes(beat.pack(self._beats))
-        self._beats.seq = (self._beats.seq + 1) % 256
-        return frame
+        return self._beats.pack(beat)
 
     def _open_again(self) -> Transport:
         # A link that breaks again while the board is asked who it is counts as not yet there.
@@ -112,7 +114,8 @@ class ConnectedDevice:
         assert self.address is not None
         transport = open_patiently(self.address, lambda: self._closing, most_s)
         try:
-            found = identify(transport, self.identity.device.origin.removesuffix(".toml"))
+            named = self.identity.device.origin.removesuffix(".toml")
+            found = identify(transport, named, self.identity.key)
             if found.content_hash != self.identity.content_hash:
                 raise UserError("Behind the link is another board now.", "Connect anew.")
         except BaseException:
@@ -126,9 +129,7 @@ class ConnectedDevice:
             number = float(self._ids[name])
             values = 1, 1, command, 0, number, interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
             message = self._dialect.MAVLink_command_long_message(*values)
-            frame = bytes(message.pack(self._beats))
-            self._beats.seq = (self._beats.seq + 1) % 256
-            self.receiver.write(frame, WAIT_S)
+            self.receiver.write(self._beats.pack(message), WAIT_S)
 
     def pump(self, timeout_s: float = 0.0) -> bool:
         """Listen once, where no thread does.
