@@ -67,8 +67,9 @@ class ConnectedDevice:
         self._recordings: list[LiveRecording] = []
         # Counted and signed apart from the session, whose commands other threads send.
         self._beats = Session(SessionTransport(self.receiver), dialect, host=BEATS)
-        for sender in (self.session, self._beats) if identity.key else ():
-            sender.use_key(identity.key)
+        if identity.key is not None:
+            self.session.use_key(identity.key)
+            self._beats.use_key(identity.key)
         self._dialect, self._threaded, self._closing = dialect, threaded, False
         self.receiver.keep_alive, self.receiver.on_reconnect = self._heartbeat, self._tell_again
         if threaded:

@@ -142,8 +142,8 @@ def identify(
                 "Say which file it is of: --device FILE.toml",
             )
         device = loaded_device(name)
-    told = _text(info.content_hash), _text(info.board), int(info.tick_us)
-    return replace(check_hash(device, *told), key=key)
+    board = _text(info.board), int(info.tick_us)
+    return replace(check_hash(device, _text(info.content_hash), *board), key=key)
 
 
 class PairedError(LinkError):
@@ -182,7 +182,7 @@ def _key_taken(session: Session, key: Path | None) -> Path | None:
 
 def _obeys(session: Session) -> bool:
     # Boards do not know this question: they deny it to whom they do not obey.
-    return session.command(GET_MESSAGE_INTERVAL) != session.dialect.MAV_RESULT_DENIED
+    return session.command(GET_MESSAGE_INTERVAL) != int(session.dialect.MAV_RESULT_DENIED)
 
 
 def passive(device: str | None) -> Identity:
