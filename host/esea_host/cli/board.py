@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.options import writable
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
@@ -52,7 +53,9 @@ def kept(
 @app.command()
 def blackbox(
     address: AddressArgument,
-    target: Annotated[Path, typer.Option("--out", metavar="FILE", help="Table to write, CSV.")],
+    target: Annotated[
+        Path, typer.Option("--out", metavar="FILE", callback=writable, help="Table to write, CSV.")
+    ],
     release: Annotated[
         bool, typer.Option("--release", help="Then let it go on; the board's copy is lost.")
     ] = False,

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.options import writable
 from esea_gen.device import Device
 from esea_gen.devices.fatigue import life_used
 from esea_gen.errors import UserError
@@ -34,7 +35,8 @@ def life(
         int | None, typer.Option("--forget", min=1, help="Forget a coupling that lies aside.")
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write the result, JSON.")
+        Path | None,
+        typer.Option("--json", metavar="FILE", callback=writable, help="Write the result, JSON."),
     ] = None,
     device: DeviceOption = None,
     key: KeyOption = None,

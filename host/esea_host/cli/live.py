@@ -12,8 +12,9 @@ import typer
 from rich.live import Live
 from rich.table import Table as Grid
 
+from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
-from esea_gen.files import write_json
+from esea_gen.files import read_whole, write_json
 from esea_host.cli.app import app, out
 from esea_host.cli.options import (
     AddressArgument,
@@ -112,7 +113,9 @@ def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) 
 @app.command()
 def record(
     address: AddressArgument,
-    path: Annotated[Path, typer.Argument(help="File to write (.mcap); must not exist.")],
+    path: Annotated[
+        Path, typer.Argument(callback=writable, help="File to write (.mcap); must not exist.")
+    ],
     stream: StreamOption = None,
     device: DeviceOption = None,
     key: KeyOption = None,
@@ -159,7 +162,8 @@ def parameters(
         typer.Option("--set", help="name=value, such as smc.lambda_1_s=12; again for more."),
     ] = None,
     save: Annotated[
-        Path | None, typer.Option("--save", help="Write the values into a JSON file.")
+        Path | None,
+        typer.Option("--save", callback=writable, help="Write the values into a JSON file."),
     ] = None,
     load: Annotated[
         Path | None, typer.Option("--load", help="Set those of a JSON file that differ.")
@@ -209,9 +213,9 @@ def _assigned(texts: list[str]) -> dict[str, float]:
 
 def _read(path: Path) -> dict[str, float]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_whole(path, "Write one with --save."))
         return {str(k): float(v) for k, v in content.get("parameters", content).items()}
-    except (OSError, ValueError, AttributeError, TypeError) as error:
+    except (ValueError, AttributeError, TypeError, RecursionError) as error:
         what = f"{path} is no file of parameters ({error})."
         raise UserError(what, "Write one with --save.") from None
 

@@ -166,6 +166,8 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
     from esea_host.study.scene import catalogue
 
     catalogue(asked.language)
+    if asked.key is not None and asked.device in (SIMULATED, VIRTUAL, POINTER):
+        raise UserError("--key is of a board, and --device names none.", "Leave --key out.")
     if asked.headless and asked.device == POINTER:
         raise UserError("Without a window nobody can point.", "Leave --headless out.")
     if not asked.headless:

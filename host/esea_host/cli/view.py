@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
@@ -25,7 +26,10 @@ def view(
     device: DeviceOption = None,
     key: KeyOption = None,
     record: Annotated[
-        Path | None, typer.Option("--record", metavar="FILE", help="Record meanwhile (.mcap).")
+        Path | None,
+        typer.Option(
+            "--record", metavar="FILE", callback=writable, help="Record meanwhile (.mcap)."
+        ),
     ] = None,
     dark: Annotated[
         bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
@@ -34,7 +38,10 @@ def view(
         float | None, typer.Option("--seconds", min=1.0, help="Close after so long.")
     ] = None,
     screenshot: Annotated[
-        Path | None, typer.Option("--screenshot", metavar="FILE", help="Picture before it closes.")
+        Path | None,
+        typer.Option(
+            "--screenshot", metavar="FILE", callback=writable, help="Picture before it closes."
+        ),
     ] = None,
 ) -> None:
     """See a board live: curves, limits, faults; Space or Escape stops the motor."""
