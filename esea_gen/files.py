@@ -57,7 +57,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
     It has the file's ending; folders that are missing are made.
     """
-    path = path.resolve()  # a link stays one
+    path = Path(os.path.realpath(path))  # a link stays one
     scratch = path.with_name(f".esea-{secrets.token_hex(4)}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,7 +86,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
     """A scratch folder that becomes a new folder at the end; after an error nothing is there."""
-    path = path.resolve()
+    path = Path(os.path.realpath(path))
     scratch = path.with_name(f".esea-{secrets.token_hex(4)}")
     try:
         if path.exists() and any(path.iterdir()):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import subprocess
 import sys
 from contextlib import ExitStack
 from functools import partial
@@ -18,6 +19,9 @@ from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.connection import ConnectedDevice, open_device
 from esea_host.connection.address import SimulatedProcess
+
+WITHOUT_SCREEN = ("offscreen", "minimal")  # platforms of Qt
+OPEN_S = 60.0
 
 
 @app.command()
@@ -113,13 +117,27 @@ def _push(board: ConnectedDevice, push_rad: float) -> None:
 
 def need_a_screen(otherwise: str) -> None:
     """What to use where there is none, or no Qt."""
-    # Qt ends the whole program where it finds none.
     missing = [m for m in ("PySide6", "pyqtgraph") if importlib.util.find_spec(m) is None]
     if missing:
         raise UserError(f"{missing[0]} is not installed.", "pip install 'esea-gen[host]'")
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
     if sys.platform.startswith("linux") and not any(os.environ.get(s) for s in screens):
-        raise UserError(
-            "There is no screen here.",
-            f"Use {otherwise}.",
+        raise UserError("There is no screen here.", f"Use {otherwise}.")
+    if os.environ.get("QT_QPA_PLATFORM") in WITHOUT_SCREEN:
+        return
+    # Qt ends the whole program where it cannot open a window: let it end another one.
+    code = "from PySide6.QtWidgets import QApplication; QApplication([])"
+    try:
+        tried = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            timeout=OPEN_S,
+            check=False,
         )
+        said, opened = tried.stderr, tried.returncode == 0
+    except subprocess.TimeoutExpired:
+        said, opened = f"no answer within {OPEN_S:g} s", False
+    if not opened:
+        line = next((x for x in said.splitlines() if "ould not" in x or "rror" in x), said[-200:])
+        raise UserError(f"No window can be opened here: {line.strip()}", f"Use {otherwise}.")
