@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
-from collections.abc import Collection, Mapping
+import secrets
+import shutil
+import stat
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,25 +30,77 @@ def sample_folder() -> Path:
     return packaged if packaged.is_dir() else Path(__file__).parents[1] / "tests" / "data"
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file, and the folders that it stands in."""
-    data = content.encode() if isinstance(content, str) else content
+MOST_BYTES = 1 << 30
+
+
+def read_whole(path: Path, fix: str, most_bytes: int = MOST_BYTES) -> bytes:
+    """Content of a file that a person named; devices and files without end are refused.
+
+    fix: what to do about a file that cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            kind = os.fstat(file.fileno()).st_mode
+            if not (stat.S_ISREG(kind) or stat.S_ISFIFO(kind)):
+                raise UserError(f"{path} is a device, not a file.", fix)
+            data = file.read(most_bytes + 1)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror or error}).", fix) from None
+    if len(data) > most_bytes:
+        raise UserError(f"{path}: more than {most_bytes >> 20} MiB.", fix)
+    return data
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """A scratch file that takes the place of a file at the end; after an error nothing has changed.
+
+    It has the file's ending; folders that are missing are made.
+    """
+    path = Path(os.path.realpath(path))  # a link stays one
+    scratch = path.with_name(f".esea-{secrets.token_hex(4)}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".esea-", delete=False) as scratch:
-            try:
-                scratch.write(data)
-                scratch.flush()
-                os.chmod(scratch.name, 0o644)
-                Path(scratch.name).replace(path)
-            except OSError:
-                Path(scratch.name).unlink(missing_ok=True)
-                raise
+        if path.exists() and not path.is_file() and not path.is_dir():
+            yield path  # a device or a pipe: there is nothing to keep, and it must not be replaced
+            return
+        yield scratch
+        scratch.chmod(0o644)
+        scratch.replace(path)
     except OSError as error:
         raise UserError(
             f"{path}: cannot be written ({error.strerror or error}).",
             "Make room, or give another file.",
         ) from error
+    finally:
+        if scratch.is_file():
+            scratch.unlink()
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file, and the folders that it stands in."""
+    with written_whole(path) as scratch:
+        scratch.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """A scratch folder that becomes a new folder at the end; after an error nothing is there."""
+    path = Path(os.path.realpath(path))
+    scratch = path.with_name(f".esea-{secrets.token_hex(4)}")
+    try:
+        if path.exists() and any(path.iterdir()):
+            raise UserError(f"{path} is not empty.", "Name a new folder; nothing is overwritten.")
+        scratch.mkdir(parents=True)
+        yield scratch
+        scratch.replace(path)
+    except OSError as error:
+        raise UserError(
+            f"{path}: cannot be written ({error.strerror or error}).",
+            "Make room, or name another folder.",
+        ) from error
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
 
 
 # Of every result's JSON; it grows when a key goes or means something else, not when one comes.
@@ -83,11 +138,11 @@ def read_result(path: Path, kinds: Collection[str]) -> dict[str, Any]:
     kinds: schemas that will do.
     """
     known, make = " or ".join(kinds), "Give the file that --json wrote."
+    data = read_whole(path, make)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise UserError(f"{path}: cannot be read as JSON ({reason}).", make) from None
+        content = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{path}: cannot be read as JSON ({error}).", make) from None
     kind = content.get("schema") if isinstance(content, dict) else None
     if kind not in kinds:
         holds = "no result of this program" if kind is None else f"a result of '{kind}'"

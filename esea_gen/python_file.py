@@ -9,14 +9,14 @@ from pathlib import Path
 from types import ModuleType
 
 from esea_gen.errors import UserError
+from esea_gen.files import read_whole
+
+MOST_BYTES = 1 << 24
 
 
 def import_file(path: Path) -> ModuleType:
     """The file as a module, under a name of its own content: one that was edited is another."""
-    try:
-        text = path.read_bytes()
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read ({error.strerror}).", "Check the path.") from None
+    text = read_whole(path, "Check the path.", MOST_BYTES)
     digest = hashlib.sha256(bytes(path.absolute()) + text).hexdigest()[:16]
     name = f"esea_file_{path.stem}_{digest}"
     if name in sys.modules:

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from esea_gen.errors import UserError, nearest
+from esea_gen.files import read_whole
 
 T = TypeVar("T")
 
@@ -50,8 +51,8 @@ class Problem:
 def read_text(path: Path, fix: str) -> str:
     """Text of a file that a person wrote."""
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_whole(path, fix).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise UserError(f"{path.name}: cannot be read as text ({error}).", fix) from None
 
 

@@ -69,7 +69,7 @@ def test_a_serial_port_without_pyserial_names_the_extra(monkeypatch):
 def test_the_host_tool_names_its_extra(tmp_path):
     assert without(("mcap",), "--help", cwd=tmp_path, program="esea_host")[0] == 0
     code, said = without(("mcap",), "show", "a.mcap", cwd=tmp_path, program="esea_host")
-    assert code == 1
+    assert code == 2
     assert f"needs mcap, which is not installed. {INSTALL}[host]'" in said
 
 

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import shlex
 import sys
-import traceback
-import warnings
 from collections.abc import Sequence
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
 
 from esea_gen import __version__
-from esea_gen.cli.groups import GroupedCommands, take_values_as_typed
-from esea_gen.errors import UserError, paragraphs
+from esea_gen.cli.boundary import Shown, run
+from esea_gen.cli.groups import GroupedCommands
 
 # Every command with the file that has it, in the groups that help shows.
 GROUPS = {
@@ -136,55 +132,12 @@ def _main(
         bool, typer.Option("-v", "--verbose", help="Keep every step said, and where errors arose.")
     ] = False,
 ) -> None:
-    out.quiet, out.verbose = quiet, verbose
+    out.quiet, out.verbose, Shown.verbose = quiet, verbose, verbose
     if version:
         print(f"esea-gen {__version__}")
         raise typer.Exit
 
 
-# What the machine refuses, in the words of its error; anything else is a fault of this program.
-REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM)
-
-
-COMPLETING = "_ESEA_GEN_COMPLETE"  # the shell's, while a word is completed
-
-
 def main() -> None:
-    """Entry point: bad input becomes one paragraph and exit code 2."""
-    warnings.showwarning = _note
-    if COMPLETING in os.environ:
-        take_values_as_typed()
-    try:
-        app()
-    except UserError as error:
-        _refuse(error, str(error))
-    except BrokenPipeError:
-        raise SystemExit(1) from None
-    except OSError as error:
-        if error.errno not in REFUSED:
-            raise
-        where = error.filename2 or error.filename or "a scratch file"
-        _refuse(
-            error,
-            f"{where}: {error.strerror}. Make room, or name other folders: TMPDIR for scratch "
-            "files, XDG_CACHE_HOME for what is kept.",
-        )
-
-
-def _note(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: Any = None,
-    line: str | None = None,
-) -> None:
-    if issubclass(category, UserWarning) and not out.quiet:
-        print(paragraphs(f"esea-gen: note: {message}"), file=sys.stderr)
-
-
-def _refuse(error: Exception, said: str) -> NoReturn:
-    if out.verbose:
-        traceback.print_exception(error)
-    print(paragraphs(f"esea-gen: {said}"), file=sys.stderr)
-    raise SystemExit(2)
+    """Entry point."""
+    run("esea-gen", app, lambda: out.quiet)

@@ -65,6 +65,8 @@ def writable(path: Path | None) -> Path | None:
             raise UserError(f"{path}: is a folder.", "Name a file in it.")
         folder = path.absolute().parent
         while not folder.exists() and folder != folder.parent:
+            if folder.is_symlink():
+                raise UserError(f"{path}: {folder} is a link to nothing.", fix)
             folder = folder.parent
         longest = os.pathconf(folder, "PC_NAME_MAX")
         for part in path.parts:

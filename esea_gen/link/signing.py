@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import secrets
 import stat
+from glob import escape
+from itertools import count
 from pathlib import Path
 
 from esea_gen.link.transport import LinkError
 
 KEY_BYTES = 32
+MOST_FILE_BYTES = 4096
+SUFFIX = ".key"
 
 
 def new_key() -> bytes:
@@ -18,38 +23,104 @@ def new_key() -> bytes:
     return secrets.token_bytes(KEY_BYTES)
 
 
-def write_key(path: Path, key: bytes) -> None:
-    """Keep a key in a new file, readable and writable by its owner alone."""
+def key_folder() -> Path:
+    """Folder of this user's keys."""
+    given = os.environ.get("XDG_CONFIG_HOME") or "~/.config"
+    return Path(given).expanduser() / "esea-gen" / "keys"
+
+
+def stored_keys(name: str = "") -> list[Path]:
+    """Stored key files whose name starts so, the newest first.
+
+    A board has no number of its own, so there may be several: whose key it is, the board decides.
+    """
     try:
-        # With its rights from the first moment on, and never over a file that is there.
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        found = [(p.stat().st_mtime, p) for p in key_folder().glob(f"{escape(name)}*{SUFFIX}")]
+    except OSError as error:
+        raise LinkError(f"{key_folder()} cannot be read ({error.strerror})") from None
+    return [p for _, p in sorted(found, reverse=True)]
+
+
+def new_key_path(device: str, board: str) -> Path:
+    """A free place in the folder of keys, which is made where it is missing."""
+    name = re.sub(r"[^A-Za-z0-9_.-]", "_", f"{device}-{board}").lstrip(".")
+    try:
+        key_folder().mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        what = f"{key_folder()} cannot be made ({error.strerror})"
+        raise LinkError(what, "Give a file for the key: --key FILE.") from None
+    return key_folder() / f"{name}-{secrets.token_hex(4)}{SUFFIX}"
+
+
+def set_aside(path: Path) -> Path:
+    """Keep a key file that is no longer used under another name, over no other file."""
+    for number in count(1):
+        aside = path.with_name(f"{path.name}.unpaired-{number}")
+        try:
+            os.link(path, aside)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise LinkError(f"{path} cannot be moved aside ({error.strerror})") from None
+        path.unlink()
+        return aside
+    raise AssertionError
+
+
+def write_key(path: Path, key: bytes) -> None:
+    """Write a key to a new file of its owner alone; on return it outlasts a power failure."""
+    # Complete before it has its name, and never over a file that is there.
+    scratch = path.with_name(f".{path.name[:100]}-{secrets.token_hex(4)}")
+    text = json.dumps({"kind": "esea signing key", "key": key.hex()}) + "\n"
+    try:
+        try:
+            handle = os.open(scratch, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            os.link(scratch, path)
+        finally:
+            scratch.unlink(missing_ok=True)
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
     except FileExistsError:
         what = f"{path} exists already"
         fix = "Use it with use_key, or give another file: a key that is lost locks you out."
         raise LinkError(what, fix) from None
     except OSError as error:
         raise LinkError(f"{path} cannot be written ({error.strerror})") from None
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        json.dump({"kind": "esea signing key", "key": key.hex()}, file)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def read_key(path: Path) -> bytes:
     """The key in a file, which nobody but its owner may be able to read."""
     try:
-        rights = stat.S_IMODE(path.stat().st_mode)
-        text = path.read_text(encoding="utf-8")
+        # Not waiting: a named pipe would never answer.
+        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+            about = os.fstat(file.fileno())
+            if not stat.S_ISREG(about.st_mode):
+                raise LinkError(f"{path} is no file", "Give the file that esea-host pair wrote.")
+            data = file.read(MOST_FILE_BYTES)
     except OSError as error:
-        raise LinkError(f"{path} cannot be read ({error.strerror})") from None
+        fix = "Give the file that esea-host pair wrote."
+        raise LinkError(f"{path} cannot be read ({error.strerror})", fix) from None
+    rights = stat.S_IMODE(about.st_mode)
+    if about.st_uid not in (0, os.geteuid()):
+        what = f"{path} belongs to another user (number {about.st_uid})"
+        raise LinkError(
+            what, "Whoever owns it can change it: use a copy of your own, or pair anew."
+        )
     if rights & 0o077:
         what = f"{path} can be read or written by others (rights {rights:o})"
         raise LinkError(what, f"chmod 600 {path}; if others could log in meanwhile, pair anew.")
     try:
-        key = bytes.fromhex(json.loads(text)["key"])
-    except (ValueError, KeyError, TypeError):
-        raise LinkError(f"{path} is no key file") from None
+        key = bytes.fromhex(json.loads(data)["key"])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        key = b""
     if len(key) != KEY_BYTES:
-        raise LinkError(f"{path} is no key file: {len(key)} bytes instead of {KEY_BYTES}")
+        what = f"{path} is no key file, or is damaged: it holds no key of {KEY_BYTES} bytes"
+        raise LinkError(what, "Give the file that esea-host pair wrote, or a copy of it.")
     return key

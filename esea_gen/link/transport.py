@@ -153,9 +153,14 @@ class PtyTransport:
 
     def __init__(self, path: str | Path) -> None:
         try:
-            self._open(os.open(path, os.O_RDWR | os.O_NOCTTY))
+            handle = os.open(path, os.O_RDWR | os.O_NOCTTY)
         except OSError as error:
             raise LinkError(f"{path} cannot be opened ({error.strerror})") from None
+        try:
+            self._open(handle)
+        except termios.error as error:
+            os.close(handle)
+            raise LinkError(f"{path} is no terminal ({error.args[1]})") from None
 
     def _open(self, handle: int) -> None:
         tty.setraw(handle, termios.TCSANOW)  # not after a flush: what has come stays

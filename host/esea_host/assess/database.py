@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
+from esea_gen.files import written_whole
 from esea_host.assess import MEASURED_NOTICE, NOTICE
 from esea_host.assess.patients import DEG, Array
 from esea_host.assess.responses import ERROR_STAYS_S, Location, Passage
@@ -255,19 +256,14 @@ class ResponseDataBase:
         head, arrays = self._content()
         head["digest"] = self.digest
         arrays["head"] = np.frombuffer(json.dumps(head, sort_keys=True).encode(), np.uint8)
-        scratch = path.with_name(f".{path.name}.part")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as file:
-                for name, array in arrays.items():
-                    buffer = io.BytesIO()
-                    np.save(buffer, array, allow_pickle=False)
-                    file.writestr(zipfile.ZipInfo(f"{name}.npy"), buffer.getvalue())
-            scratch.replace(path)
-        except OSError as error:
-            raise UserError(
-                f"{path}: cannot be written ({error.strerror}).", "Give another file."
-            ) from error
+        with (
+            written_whole(path) as scratch,
+            zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as file,
+        ):
+            for name, array in arrays.items():
+                buffer = io.BytesIO()
+                np.save(buffer, array, allow_pickle=False)
+                file.writestr(zipfile.ZipInfo(f"{name}.npy"), buffer.getvalue())
         return self.digest
 
     @classmethod

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import sys
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from esea_gen.cli.groups import GroupedCommands, take_values_as_typed
-from esea_gen.errors import UserError, paragraphs
-from esea_gen.link.transport import LinkError
+from esea_gen.cli.boundary import Shown, run
+from esea_gen.cli.groups import GroupedCommands
 
 # Every command with the files that have it, in the groups that help shows.
 GROUPS = {
@@ -22,6 +21,8 @@ GROUPS = {
         "sim": "live",
         "bridge": "bridge",
         "demo": "demo",
+        "pair": "pairing",
+        "unpair": "pairing",
     },
     "What a board keeps, and its joint": {
         "commission": "commission",
@@ -58,8 +59,12 @@ app = typer.Typer(
 
 
 @app.callback()
-def _app() -> None:
-    pass
+def _app(
+    verbose: Annotated[
+        bool, typer.Option("-v", "--verbose", help="Show where errors arose.")
+    ] = False,
+) -> None:
+    Shown.verbose = verbose
 
 
 # Words as they are: no markup in a title, no wrapping of a line that somebody will copy.
@@ -72,20 +77,5 @@ def told(text: str) -> None:
 
 
 def main() -> None:
-    """Entry point: bad input, or a board that does not answer, is one paragraph and exit code 2."""
-    if "_ESEA_HOST_COMPLETE" in os.environ:
-        take_values_as_typed()
-    try:
-        app()
-    except (UserError, LinkError) as error:
-        print(paragraphs(f"esea-host: {error}"), file=sys.stderr)
-        raise SystemExit(2) from None
-    except BrokenPipeError:
-        raise SystemExit(1) from None
-    except ModuleNotFoundError as error:
-        if not error.name or error.name.startswith("esea"):
-            raise
-        raise SystemExit(
-            f"esea-host needs {error.name.partition('.')[0]}, which is not installed.\n"
-            "Install it with: pip install 'esea-gen[host]'"
-        ) from None
+    """Entry point."""
+    run("esea-host", app)

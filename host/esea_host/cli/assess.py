@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from esea_gen.cli.groups import WholeSentences
-from esea_gen.cli.options import JobsOption
+from esea_gen.cli.options import JobsOption, writable
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
@@ -25,14 +25,17 @@ assess = typer.Typer(
 app.add_typer(assess, name="assess")
 
 JsonOption = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", help="Write the result.")
+    Path | None, typer.Option("--json", metavar="FILE", callback=writable, help="Write the result.")
 ]
 DataOption = Annotated[
     Path | None,
     typer.Option("--database", metavar="FILE", help="Data base; default: the simulated knee's."),
 ]
 PageOption = Annotated[
-    Path | None, typer.Option("--page", metavar="FILE", help="Write a page (.html, .png, .pdf).")
+    Path | None,
+    typer.Option(
+        "--page", metavar="FILE", callback=writable, help="Write a page (.html, .png, .pdf)."
+    ),
 ]
 HeightOption = Annotated[float, typer.Option("--height-m", help="Body height, 1.0 to 2.3.")]
 MassOption = Annotated[float, typer.Option("--mass-kg", help="Body mass, 15 to 250.")]
@@ -47,7 +50,9 @@ def _data(path: Path | None) -> Any:
 
 @assess.command(epilog=NOTICE)
 def build(
-    file: Annotated[Path, typer.Argument(help="Where the data base goes (.npz).")],
+    file: Annotated[
+        Path, typer.Argument(callback=writable, help="Where the data base goes (.npz).")
+    ],
     patients: Annotated[
         int, typer.Option("--patients", min=8, help="Simulated patients of each category.")
     ] = 60,
@@ -88,7 +93,8 @@ def evaluate(
     jobs: JobsOption = -1,
     json_file: JsonOption = None,
     page: Annotated[
-        Path | None, typer.Option("--page", metavar="FILE", help="Write the page (.html).")
+        Path | None,
+        typer.Option("--page", metavar="FILE", callback=writable, help="Write the page (.html)."),
     ] = None,
     database: DataOption = None,
 ) -> None:
@@ -218,7 +224,8 @@ def range_(
     mass_kg: MassOption = 70.0,
     json_file: JsonOption = None,
     figure: Annotated[
-        Path | None, typer.Option("--figure", metavar="FILE", help="Torque over angle.")
+        Path | None,
+        typer.Option("--figure", metavar="FILE", callback=writable, help="Torque over angle."),
     ] = None,
 ) -> None:
     """Passive range of motion: how far, how stiff, and what the loop of torque loses."""

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.options import writable
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
@@ -22,10 +23,8 @@ from esea_gen.link.parameters import find_parameter
 from esea_gen.link.session import Session
 from esea_gen.verify.blackbox import blackbox_csv, read_record
 from esea_host.cli.app import app, out
-from esea_host.cli.options import AddressArgument, DeviceOption
+from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.connection import open_device
-
-KeyOption = Annotated[Path | None, typer.Option("--key", help="Key of a board that is paired.")]
 
 
 @app.command()
@@ -47,10 +46,8 @@ def kept(
 
     A kept parameter that this firmware does not allow is told with what is in force in its place.
     """
-    with open_device(address, device) as board:
+    with open_device(address, device, key) as board:
         names = [e.instance for e in board_roles(board.identity.device.system).encoders]
-        if key is not None:
-            board.session.use_key(key)
         if encoder is not None and len(encoder) != len(names):
             raise UserError(
                 f"{len(encoder)} serial numbers for {len(names)} encoders.",
@@ -88,7 +85,9 @@ def _changed(session: Session, kept: KeptValue) -> str:
 @app.command()
 def blackbox(
     address: AddressArgument,
-    target: Annotated[Path, typer.Option("--out", metavar="FILE", help="Table to write, CSV.")],
+    target: Annotated[
+        Path, typer.Option("--out", metavar="FILE", callback=writable, help="Table to write, CSV.")
+    ],
     release: Annotated[
         bool, typer.Option("--release", help="Then let it go on; the board's copy is lost.")
     ] = False,
@@ -96,9 +95,7 @@ def blackbox(
     key: KeyOption = None,
 ) -> None:
     """Read the last two seconds before a fault out of a board."""
-    with open_device(address, device) as board:
-        if key is not None:
-            board.session.use_key(key)
+    with open_device(address, device, key) as board:
         found = read_blackbox(board.session)
         if found is None:
             raise UserError(

@@ -9,7 +9,13 @@ import typer
 
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
-from esea_host.cli.options import AddressArgument, DeviceOption, SecondsOption, StreamOption
+from esea_host.cli.options import (
+    AddressArgument,
+    DeviceOption,
+    KeyOption,
+    SecondsOption,
+    StreamOption,
+)
 from esea_host.connection import open_device
 from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet, Outlet
 from esea_host.connection.receiver import KEY
@@ -24,6 +30,7 @@ def bridge(
     lsl: Annotated[bool, typer.Option("--lsl", help="Lab Streaming Layer.")] = False,
     stream: StreamOption = None,
     device: DeviceOption = None,
+    key: KeyOption = None,
     rate: Annotated[
         float | None, typer.Option("--rate", min=0.001, help="Runs a second; default: every one.")
     ] = None,
@@ -32,7 +39,7 @@ def bridge(
     """Hand a board's streams on to Foxglove or the Lab Streaming Layer as they come."""
     if foxglove is None and not lsl:
         raise UserError("Nobody is named to hand on to.", "Add --foxglove PORT, --lsl, or both.")
-    with open_device(address, device) as board:
+    with open_device(address, device, key) as board:
         names = [s for s in stream or board.streams if s != KEY]
         told = board.listen(names, rate)
         system = board.identity.device.system

@@ -15,7 +15,7 @@ from esea_gen.studies.torque_check.check import RECORD_S, SETTLE_S
 from esea_gen.studies.torque_check.load import KnownLoad
 from esea_gen.studies.torque_check.procedure import REPEATS
 from esea_host.cli.app import app, out
-from esea_host.cli.options import AddressArgument, DeviceOption
+from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.cli.view import need_a_screen
 from esea_host.commissioning import (
     STEPS,
@@ -40,6 +40,7 @@ NAMES = ", ".join(s.name for s in STEPS)
 def commission(
     address: AddressArgument,
     device: DeviceOption = None,
+    key: KeyOption = None,
     step: Annotated[
         list[str] | None, typer.Option("--step", help=f"{NAMES}; again for more; default: all.")
     ] = None,
@@ -63,7 +64,7 @@ def commission(
     known = None if mass is None or arm is None else KnownLoad(mass, arm, math.radians(angle))
     options = StepOptions(known, settle, judge, repeats)
     chosen = _chosen(step, options)
-    with _bench(address, device) as bench:
+    with _bench(address, device, key) as bench:
         record = CommissioningRecord(
             folder or Path("commissioning") / bench.board.name, bench.board.name
         )
@@ -100,7 +101,7 @@ def _chosen(names: list[str] | None, options: StepOptions) -> tuple[Commissionin
 
 
 @contextmanager
-def _bench(address: str, device: str | None) -> Iterator[CommissioningBench]:
+def _bench(address: str, device: str | None, key: Path | None) -> Iterator[CommissioningBench]:
     place = parse_address(address)
     if place.kind == "file":
         raise UserError("A file cannot be commissioned.", "Give the address of a board.")
@@ -123,7 +124,7 @@ def _bench(address: str, device: str | None) -> Iterator[CommissioningBench]:
         finally:
             drive.close()
         return
-    with open_device(address, device) as board:
+    with open_device(address, device, key) as board:
         yield CommissioningBench(board, _person, out.print)
 
 

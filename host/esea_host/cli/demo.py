@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.options import writable
 from esea_host.cli.app import app, out
 from esea_host.cli.view import watch_demo
 
@@ -19,11 +20,12 @@ def demo(
         float | None,
         typer.Option("--seconds", help="Of torque control; default: 10, or until it is closed."),
     ] = None,
-    report: Annotated[Path, typer.Option("--report", help="Page to draw (.png).")] = Path(
-        "demo.png"
-    ),
+    report: Annotated[
+        Path, typer.Option("--report", callback=writable, help="Page to draw (.png).")
+    ] = Path("demo.png"),
     recording: Annotated[
-        Path | None, typer.Option("--recording", help="Default: beside the page.")
+        Path | None,
+        typer.Option("--recording", callback=writable, help="Default: beside the page."),
     ] = None,
     person: Annotated[str, typer.Option("--person", help="Who is in the joint.")] = "uncertain",
     seed: Annotated[int, typer.Option("--seed")] = 0,

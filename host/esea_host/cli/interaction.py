@@ -8,16 +8,23 @@ from typing import Annotated, Any
 
 import typer
 
+from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
-from esea_gen.files import write_json, write_whole
+from esea_gen.files import write_json, write_whole, written_whole
 from esea_host.cli.analyse import analyse
 from esea_host.cli.app import app, out
 
 JsonOption = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
+    Path | None,
+    typer.Option(
+        "--json", metavar="FILE", callback=writable, help="Also write the result as JSON."
+    ),
 ]
 FigureOption = Annotated[
-    Path | None, typer.Option("--figure", metavar="FILE", help="Picture: .png, .svg or .pdf.")
+    Path | None,
+    typer.Option(
+        "--figure", metavar="FILE", callback=writable, help="Picture: .png, .svg or .pdf."
+    ),
 ]
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file.")]
 
@@ -29,13 +36,8 @@ def _checked_figure(path: Path | None) -> None:
 
 def _draw(path: Path | None, figure: Any) -> None:
     if path is not None:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, dpi=150)
-        except OSError as error:
-            raise UserError(
-                f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
-            ) from None
+        with written_whole(path) as scratch:
+            figure.savefig(scratch, dpi=150)
 
 
 def _say(lines: list[str]) -> None:
@@ -48,7 +50,8 @@ def interaction(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="With interaction.toml.")],
     json_file: JsonOption = None,
     report: Annotated[
-        Path | None, typer.Option("--report", metavar="FILE", help="Page, .html.")
+        Path | None,
+        typer.Option("--report", metavar="FILE", callback=writable, help="Page, .html."),
     ] = None,
 ) -> None:
     """Spring against elastomer: smoothness, statistics, survey, and what could have been seen."""

@@ -8,14 +8,14 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.options import writable
 from esea_gen.device import Device
 from esea_gen.devices.fatigue import life_used
 from esea_gen.errors import UserError
 from esea_gen.files import write_json
 from esea_gen.link.kept import CouplingLife, coupling_lives, forget_coupling, name_coupling
 from esea_host.cli.app import app, out
-from esea_host.cli.board import KeyOption
-from esea_host.cli.options import AddressArgument, DeviceOption
+from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.connection import life_told, open_device
 
 
@@ -35,15 +35,14 @@ def life(
         int | None, typer.Option("--forget", min=1, help="Forget a coupling that lies aside.")
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write the result, JSON.")
+        Path | None,
+        typer.Option("--json", metavar="FILE", callback=writable, help="Write the result, JSON."),
     ] = None,
     device: DeviceOption = None,
     key: KeyOption = None,
 ) -> None:
     """Show what each coupling has borne, and how much of its life is used; name the couplings."""
-    with open_device(address, device) as board:
-        if key is not None:
-            board.session.use_key(key)
+    with open_device(address, device, key) as board:
         lives = coupling_lives(board.session)
         axes = sum(x.axis is not None for x in lives)
         if coupling and len(coupling) != axes:

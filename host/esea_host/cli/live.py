@@ -12,10 +12,17 @@ import typer
 from rich.live import Live
 from rich.table import Table as Grid
 
+from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
-from esea_gen.files import write_json
+from esea_gen.files import read_whole, write_json
 from esea_host.cli.app import app, out
-from esea_host.cli.options import AddressArgument, DeviceOption, SecondsOption, StreamOption
+from esea_host.cli.options import (
+    AddressArgument,
+    DeviceOption,
+    KeyOption,
+    SecondsOption,
+    StreamOption,
+)
 from esea_host.connection import ConnectedDevice, Subscription, listen_named, open_device
 
 SCREEN_S = 0.2
@@ -42,6 +49,7 @@ def monitor(
     address: AddressArgument,
     stream: Annotated[str, typer.Option("--stream", help="Which to show.")] = "sense_out",
     device: DeviceOption = None,
+    key: KeyOption = None,
     seconds: SecondsOption = None,
     jsonl: Annotated[
         bool, typer.Option("--jsonl", help="One JSON object a line for each run, for scripts.")
@@ -51,7 +59,7 @@ def monitor(
     ] = None,
 ) -> None:
     """Show what a board tells, in the terminal or line by line."""
-    with open_device(address, device) as board:
+    with open_device(address, device, key) as board:
         board.listen([stream], rate)
         queue = board.subscribe([stream])
         if jsonl:
@@ -105,9 +113,12 @@ def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) 
 @app.command()
 def record(
     address: AddressArgument,
-    path: Annotated[Path, typer.Argument(help="File to write (.mcap); must not exist.")],
+    path: Annotated[
+        Path, typer.Argument(callback=writable, help="File to write (.mcap); must not exist.")
+    ],
     stream: StreamOption = None,
     device: DeviceOption = None,
+    key: KeyOption = None,
     seconds: SecondsOption = None,
     compress: Annotated[bool, typer.Option("--compress", help="With zstandard.")] = False,
     signal: Annotated[
@@ -122,7 +133,7 @@ def record(
     """Record a board; gaps are counted, shown and kept."""
     if rate and not signal:
         raise UserError("--rate is of --signal.", "Name signals, such as --signal tau_Nm.")
-    with open_device(address, device) as board:
+    with open_device(address, device, key) as board:
         if signal:
             stream = [*(stream or ()), *listen_named(board, signal, rate)]
         with board.record(path, stream, compress) as recording:
@@ -145,12 +156,14 @@ def record(
 def parameters(
     address: AddressArgument,
     device: DeviceOption = None,
+    key: KeyOption = None,
     assign: Annotated[
         list[str] | None,
         typer.Option("--set", help="name=value, such as smc.lambda_1_s=12; again for more."),
     ] = None,
     save: Annotated[
-        Path | None, typer.Option("--save", help="Write the values into a JSON file.")
+        Path | None,
+        typer.Option("--save", callback=writable, help="Write the values into a JSON file."),
     ] = None,
     load: Annotated[
         Path | None, typer.Option("--load", help="Set those of a JSON file that differ.")
@@ -163,7 +176,7 @@ def parameters(
     wanted = _assigned(assign or [])
     if load is not None:
         wanted = _read(load) | wanted
-    with open_device(address, device) as board:
+    with open_device(address, device, key) as board:
         values = board.parameters()
         known = {p.name: p for p in board.session.known_parameters()}
         if compare is not None:
@@ -200,9 +213,9 @@ def _assigned(texts: list[str]) -> dict[str, float]:
 
 def _read(path: Path) -> dict[str, float]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_whole(path, "Write one with --save."))
         return {str(k): float(v) for k, v in content.get("parameters", content).items()}
-    except (OSError, ValueError, AttributeError, TypeError) as error:
+    except (ValueError, AttributeError, TypeError, RecursionError) as error:
         what = f"{path} is no file of parameters ({error})."
         raise UserError(what, "Write one with --save.") from None
 

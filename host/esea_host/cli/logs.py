@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
 from esea_host.cli.options import LogArgument
@@ -55,7 +56,10 @@ def replay(
         float | None, typer.Option("--seconds", min=1.0, help="With --view: close after so long.")
     ] = None,
     screenshot: Annotated[
-        Path | None, typer.Option("--screenshot", metavar="FILE", help="With --view: picture.")
+        Path | None,
+        typer.Option(
+            "--screenshot", metavar="FILE", callback=writable, help="With --view: picture."
+        ),
     ] = None,
 ) -> None:
     """Play a recording, line by line or in the live view, or prove that every bit is the C's."""
@@ -111,7 +115,7 @@ def export(
 @app.command(name="import")
 def import_(
     source: Annotated[Path, typer.Argument(help="CSV of another machine.")],
-    target: Annotated[Path, typer.Argument(help="Recording to write (.mcap).")],
+    target: Annotated[Path, typer.Argument(callback=writable, help="Recording to write (.mcap).")],
     mapping: Annotated[Path, typer.Option("--mapping", help="TOML: which column is what.")],
 ) -> None:
     """Make a recording of a foreign CSV log; its faults are told."""

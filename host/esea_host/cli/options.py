@@ -18,6 +18,14 @@ DeviceOption = Annotated[
     str | None,
     typer.Option("--device", help="Device that it must be: name or file; default: any shipped."),
 ]
+KeyOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--key",
+        metavar="FILE",
+        help="Key of a board that is paired; default: the one that esea-host pair stored.",
+    ),
+]
 LogArgument = Annotated[Path, typer.Argument(help="A recording (.mcap).")]
 SecondsOption = Annotated[
     float | None, typer.Option("--seconds", min=0.0, help="End after so long; default: Ctrl+C.")

@@ -15,6 +15,7 @@ import typer
 
 from esea_gen.errors import UserError
 from esea_host.cli.app import out
+from esea_host.cli.options import KeyOption
 from esea_host.cli.study import CodeArgument, FolderArgument, SessionOption, opened, study_app
 from esea_host.cli.view import need_a_screen
 
@@ -76,6 +77,7 @@ class _Asked:
     """What was asked for on the command line."""
 
     device: str
+    key: Path | None
     arm: bool
     headless: bool
     seed: int
@@ -94,6 +96,7 @@ def run(
     code: CodeArgument,
     session: SessionOption = 1,
     device: DeviceOption = SIMULATED,
+    key: KeyOption = None,
     arm: ArmOption = False,
     headless: HeadlessOption = False,
     seed: SeedOption = 1,
@@ -112,7 +115,9 @@ def run(
             f"{code} has begun session {session} already.",
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",
         )
-    asked = _Asked(device, arm, headless, seed, speed, language, patch, dark, close, hold, early)
+    asked = _Asked(
+        device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early
+    )
     _run(study, code, session, asked)
 
 
@@ -122,6 +127,7 @@ def resume(
     code: CodeArgument,
     session: SessionOption = 1,
     device: DeviceOption = SIMULATED,
+    key: KeyOption = None,
     arm: ArmOption = False,
     headless: HeadlessOption = False,
     seed: SeedOption = 1,
@@ -151,7 +157,7 @@ def resume(
     out.print(f"Remaining, as planned: {order}{', ...' if len(state.remaining) > 12 else ''}")
     if state.remaining:
         asked = _Asked(
-            device, arm, headless, seed, speed, language, patch, dark, close, hold, early
+            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early
         )
         _run(study, code, session, asked)
 
@@ -160,6 +166,8 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
     from esea_host.study.scene import catalogue
 
     catalogue(asked.language)
+    if asked.key is not None and asked.device in (SIMULATED, VIRTUAL, POINTER):
+        raise UserError("--key is of a board, and --device names none.", "Leave --key out.")
     if asked.headless and asked.device == POINTER:
         raise UserError("Without a window nobody can point.", "Leave --headless out.")
     if not asked.headless:
@@ -258,7 +266,7 @@ def _source(
     from esea_host.connection import open_device
     from esea_host.study.board import BoardSource
 
-    board = held.enter_context(open_device(asked.device))
+    board = held.enter_context(open_device(asked.device, key=asked.key))
     source = BoardSource(board, folder, asked.arm)
     held.callback(source.close)
     return source, board

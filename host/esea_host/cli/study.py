@@ -10,6 +10,7 @@ import typer
 
 from esea_gen.cli.groups import WholeSentences
 from esea_gen.errors import UserError
+from esea_gen.files import new_folder
 from esea_host.cli.app import app, out
 from esea_host.cli.options import know_shipped_tasks
 
@@ -67,7 +68,9 @@ def create(
     from esea_host.study.protocol import load_protocol
 
     know_shipped_tasks()
-    StudyFolder.create(folder, load_protocol(file, task or []), simulated)
+    protocol = load_protocol(file, task or [])
+    with new_folder(folder) as scratch:
+        StudyFolder.create(scratch, protocol, simulated)
     out.print(f"{folder}: ready; next: esea-host study enrol {folder} P01 --consent")
 
 
@@ -181,11 +184,10 @@ def export(
     from esea_host.study.folder import StudyFolder
 
     study = opened(folder)
-    if as_ is ExportForm.bids:
-        out.print(f"{to}: {to_bids(study, to, seed)} runs")
-    else:
-        write = to_parquet if as_ is ExportForm.parquet else StudyFolder.export
-        out.print(f"{to}: {write(study, to, seed)} rows")
+    forms = {ExportForm.bids: to_bids, ExportForm.parquet: to_parquet}
+    with new_folder(to) as scratch:
+        written = forms.get(as_, StudyFolder.export)(study, scratch, seed)
+    out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
 
 
 def opened(folder: Path) -> StudyFolder:

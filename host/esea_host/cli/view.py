@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import subprocess
 import sys
 from contextlib import ExitStack
 from functools import partial
@@ -12,19 +13,27 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
-from esea_host.cli.options import AddressArgument, DeviceOption
+from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.connection import ConnectedDevice, open_device
 from esea_host.connection.address import SimulatedProcess
+
+WITHOUT_SCREEN = ("offscreen", "minimal")  # platforms of Qt
+OPEN_S = 60.0
 
 
 @app.command()
 def view(
     address: AddressArgument,
     device: DeviceOption = None,
+    key: KeyOption = None,
     record: Annotated[
-        Path | None, typer.Option("--record", metavar="FILE", help="Record meanwhile (.mcap).")
+        Path | None,
+        typer.Option(
+            "--record", metavar="FILE", callback=writable, help="Record meanwhile (.mcap)."
+        ),
     ] = None,
     dark: Annotated[
         bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
@@ -33,7 +42,10 @@ def view(
         float | None, typer.Option("--seconds", min=1.0, help="Close after so long.")
     ] = None,
     screenshot: Annotated[
-        Path | None, typer.Option("--screenshot", metavar="FILE", help="Picture before it closes.")
+        Path | None,
+        typer.Option(
+            "--screenshot", metavar="FILE", callback=writable, help="Picture before it closes."
+        ),
     ] = None,
 ) -> None:
     """See a board live: curves, limits, faults; Space or Escape stops the motor."""
@@ -41,12 +53,12 @@ def view(
         raise UserError(
             f"{address} is a recording, and no board.", f"esea-host replay {address} --view"
         )
-    _watch(address, device, record, dark, seconds, screenshot, operated=False)
+    _watch(address, device, key, record, dark, seconds, screenshot, operated=False)
 
 
 def watch_demo(address: str, record: Path | None, seconds: float | None) -> None:
     """See a simulated board that somebody operates."""
-    _watch(address, None, record, None, seconds, None, operated=True)
+    _watch(address, None, None, record, None, seconds, None, operated=True)
 
 
 def watch_recording(
@@ -69,6 +81,7 @@ def watch_recording(
 def _watch(
     address: str,
     device: str | None,
+    key: Path | None,
     record: Path | None,
     dark: bool | None,
     seconds: float | None,
@@ -81,7 +94,7 @@ def _watch(
     from esea_host.windows.running import run_live
 
     with ExitStack() as held:
-        board = held.enter_context(open_device(address, device))
+        board = held.enter_context(open_device(address, device, key))
         recording = held.enter_context(board.record(record)) if record else None
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
@@ -104,13 +117,27 @@ def _push(board: ConnectedDevice, push_rad: float) -> None:
 
 def need_a_screen(otherwise: str) -> None:
     """What to use where there is none, or no Qt."""
-    # Qt ends the whole program where it finds none.
     missing = [m for m in ("PySide6", "pyqtgraph") if importlib.util.find_spec(m) is None]
     if missing:
         raise UserError(f"{missing[0]} is not installed.", "pip install 'esea-gen[host]'")
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
     if sys.platform.startswith("linux") and not any(os.environ.get(s) for s in screens):
-        raise UserError(
-            "There is no screen here.",
-            f"Use {otherwise}.",
+        raise UserError("There is no screen here.", f"Use {otherwise}.")
+    if os.environ.get("QT_QPA_PLATFORM") in WITHOUT_SCREEN:
+        return
+    # Qt ends the whole program where it cannot open a window: let it end another one.
+    code = "from PySide6.QtWidgets import QApplication; QApplication([])"
+    try:
+        tried = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            timeout=OPEN_S,
+            check=False,
         )
+        said, opened = tried.stderr, tried.returncode == 0
+    except subprocess.TimeoutExpired:
+        said, opened = f"no answer within {OPEN_S:g} s", False
+    if not opened:
+        line = next((x for x in said.splitlines() if "ould not" in x or "rror" in x), said[-200:])
+        raise UserError(f"No window can be opened here: {line.strip()}", f"Use {otherwise}.")

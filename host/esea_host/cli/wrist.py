@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from esea_gen.cli.options import writable
 from esea_gen.files import write_json, write_whole
 from esea_host.cli.analyse import analyse as analyse_app
 from esea_host.cli.app import out
@@ -16,12 +17,18 @@ from esea_host.cli.app import out
 if TYPE_CHECKING:
     from esea_host.wrist.analysis import WristResult
 
-JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write as JSON.")]
+JsonOption = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", callback=writable, help="Write as JSON.")
+]
 ReportOption = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE", help="Write one HTML page.")
+    Path | None,
+    typer.Option("--report", metavar="FILE", callback=writable, help="Write one HTML page."),
 ]
 CsvOption = Annotated[
-    Path | None, typer.Option("--csv", metavar="FILE", help="Write every participant's values.")
+    Path | None,
+    typer.Option(
+        "--csv", metavar="FILE", callback=writable, help="Write every participant's values."
+    ),
 ]
 
 
@@ -154,7 +161,7 @@ def shown_wrist(
             for c, values in people.items()
             for k, x in values.items()
         ]
-        pd.DataFrame(rows).to_csv(csv, index=False)
+        write_whole(csv, pd.DataFrame(rows).to_csv(index=False))
 
 
 @analyse_app.command("reaches")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -23,14 +24,16 @@ class AsyncDevice:
         Where the board is.
     device : str, optional
         What it must be.
+    key : Path, optional
+        File of its key, where it is paired; default: the stored one that it takes.
     """
 
-    def __init__(self, address: str, device: str | None = None) -> None:
-        self._address, self._device = address, device
+    def __init__(self, address: str, device: str | None = None, key: Path | None = None) -> None:
+        self._asked = address, device, key
         self.blocking: ConnectedDevice | None = None
 
     async def __aenter__(self) -> Self:
-        self.blocking = await asyncio.to_thread(open_device, self._address, self._device)
+        self.blocking = await asyncio.to_thread(open_device, *self._asked)
         return self
 
     async def __aexit__(
@@ -92,7 +95,7 @@ class AsyncDevice:
             device.receiver.unsubscribe(subscription)
 
 
-def connect(address: str, device: str | None = None) -> AsyncDevice:
+def connect(address: str, device: str | None = None, key: Path | None = None) -> AsyncDevice:
     """Connect to a board from a program with an event loop.
 
     Parameters
@@ -101,10 +104,12 @@ def connect(address: str, device: str | None = None) -> AsyncDevice:
         As for :func:`open_device`.
     device : str, optional
         What it must be.
+    key : Path, optional
+        File of its key, where it is paired; default: the stored one that it takes.
 
     Returns
     -------
     AsyncDevice
         For ``async with``.
     """
-    return AsyncDevice(address, device)
+    return AsyncDevice(address, device, key)

@@ -66,6 +66,8 @@ class ConnectedDevice:
         self._recordings: list[LiveRecording] = []
         self._beats = dialect.MAVLink(None, 255, 191)
         self.session.sign_as_well(self._beats)
+        if identity.key is not None:
+            self.session.use_key(identity.key)
         self._dialect, self._threaded, self._closing = dialect, threaded, False
         self.receiver.keep_alive, self.receiver.on_reconnect = self._heartbeat, self._tell_again
         if threaded:
@@ -93,7 +95,10 @@ class ConnectedDevice:
 
     def _heartbeat(self) -> bytes:
         beat = self._dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
-        frame = bytes(beat.pack(self._beats))
+        return self._packed(beat)
+
+    def _packed(self, message: Any) -> bytes:
+        frame = bytes(message.pack(self._beats))
         self._beats.seq = (self._beats.seq + 1) % 256
         return frame
 
@@ -113,7 +118,8 @@ class ConnectedDevice:
         assert self.address is not None
         transport = open_patiently(self.address, lambda: self._closing, most_s)
         try:
-            found = identify(transport, self.identity.device.origin.removesuffix(".toml"))
+            named = self.identity.device.origin.removesuffix(".toml")
+            found = identify(transport, named, self.identity.key)
             if found.content_hash != self.identity.content_hash:
                 raise UserError("Behind the link is another board now.", "Connect anew.")
             self.session.take_time_of(Session(transport, self._dialect, WAIT_S))
@@ -128,9 +134,7 @@ class ConnectedDevice:
             number = float(self._ids[name])
             values = 1, 1, command, 0, number, interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
             message = self._dialect.MAVLink_command_long_message(*values)
-            frame = bytes(message.pack(self._beats))
-            self._beats.seq = (self._beats.seq + 1) % 256
-            self.receiver.write(frame, WAIT_S)
+            self.receiver.write(self._packed(message), WAIT_S)
 
     def pump(self, timeout_s: float = 0.0) -> bool:
         """Listen once, where no thread does.

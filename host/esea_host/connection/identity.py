@@ -9,7 +9,7 @@ import os
 import platform
 import sys
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from esea_gen.emit.build import format_hash, render_device
 from esea_gen.emit.dialect import load_dialect, render_dialect
 from esea_gen.errors import UserError
 from esea_gen.link.session import Session
+from esea_gen.link.signing import key_folder, stored_keys
 from esea_gen.link.transport import LinkError, Transport
 from esea_gen.targets import BOARDS
 from esea_host.recording.replay import loaded_device
@@ -27,6 +28,7 @@ from esea_host.recording.replay import loaded_device
 ANYBODY = "elbow_drive"  # its dialect has the messages that all devices share
 SIMULATED_BOARDS = ("sim", "sim-q31")
 PROBE_S = 3.0
+GET_MESSAGE_INTERVAL = 510  # MAVLink's number; not in our dialect
 PACKAGES = ("esea-gen", "numpy", "casadi", "pymavlink", "mcap")
 
 
@@ -36,6 +38,7 @@ class Identity:
 
     real: number format of its C.
     board: its name; simulated boards say so.
+    key: file of the key that it takes commands by, where it is paired.
     """
 
     device: Device
@@ -43,6 +46,7 @@ class Identity:
     content_hash: str
     board: str
     tick_us: int
+    key: Path | None = None
 
     @property
     def simulated(self) -> bool:
@@ -105,15 +109,21 @@ def _zipped(files: Any) -> bytes:
     return made.getvalue()
 
 
-def identify(transport: Transport, expected: str | None = None) -> Identity:
+def identify(
+    transport: Transport, expected: str | None = None, key: Path | None = None
+) -> Identity:
     """Ask a board who it is.
 
     expected: name or file of the device that it should be; default: any shipped one.
+    key: file of its key, where it is paired; default: the stored one that it takes.
     """
     device = loaded_device(expected or ANYBODY)
     session = Session(transport, load_dialect(device), PROBE_S)
     try:
+        key = _key_taken(session, key)
         info = session.info()
+    except PairedError:
+        raise
     except LinkError as error:
         heard = session.counters.frames
         told = ", though it speaks" if heard else ": nothing at the other end speaks"
@@ -132,7 +142,47 @@ def identify(transport: Transport, expected: str | None = None) -> Identity:
                 "Say which file it is of: --device FILE.toml",
             )
         device = loaded_device(name)
-    return check_hash(device, _text(info.content_hash), _text(info.board), int(info.tick_us))
+    board = _text(info.board), int(info.tick_us)
+    return replace(check_hash(device, _text(info.content_hash), *board), key=key)
+
+
+class PairedError(LinkError):
+    """The board is paired, and its key is not at hand."""
+
+
+def _key_taken(session: Session, key: Path | None) -> Path | None:
+    """The key file that the board takes commands by; None where it takes them from anybody."""
+    if key is None and _obeys(session):
+        return None
+    unread = []
+    for path in stored_keys() if key is None else [key]:
+        try:
+            session.use_key(path)
+        except LinkError as error:
+            unread.append(PairedError(error.what, error.fix))
+            continue
+        if _obeys(session):
+            return path
+    if key is None:
+        raise PairedError(
+            "The board is paired: it takes only commands that are signed with its key, and "
+            f"{key_folder()} holds no key that it takes",
+            "Give the file with its key: --key FILE. On the computer where it was paired esea-host "
+            "finds the key, unless that computer's clock was set back."
+            + "".join(f" Not tried: {x.what}. {x.fix}" for x in unread),
+        )
+    if unread:
+        raise unread[0]
+    raise PairedError(
+        f"The board is paired, and does not take the key in {key}",
+        "Give the file that esea-host pair wrote for this board. If this is that file, this "
+        "computer's clock was set back.",
+    )
+
+
+def _obeys(session: Session) -> bool:
+    # Boards do not know this question: they deny it to whom they do not obey.
+    return session.command(GET_MESSAGE_INTERVAL) != int(session.dialect.MAV_RESULT_DENIED)
 
 
 def passive(device: str | None) -> Identity:

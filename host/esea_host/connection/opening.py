@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from esea_gen.devices.fatigue import life_used
 from esea_gen.devices.file import DeviceData
 from esea_gen.link.kept import CouplingLife, coupling_lives
@@ -10,7 +12,9 @@ from esea_host.connection.device import ConnectedDevice
 from esea_host.connection.identity import identify, passive
 
 
-def open_device(address: str, device: str | None = None) -> ConnectedDevice:
+def open_device(
+    address: str, device: str | None = None, key: Path | None = None
+) -> ConnectedDevice:
     """Connect to a board, waiting until it has answered.
 
     Parameters
@@ -19,6 +23,8 @@ def open_device(address: str, device: str | None = None) -> ConnectedDevice:
         ``tcp:host:port``, ``serial:/dev/...``, ``pty:...``, ``sim:elbow_drive``.
     device : str, optional
         Name or file of the device that it must be; default: any shipped one.
+    key : Path, optional
+        File of its key, where it is paired; default: the stored one that it takes.
 
     Returns
     -------
@@ -30,16 +36,16 @@ def open_device(address: str, device: str | None = None) -> ConnectedDevice:
     UserError
         For no address, another device, or C that is not what this tree makes.
     LinkError
-        When nobody answers.
+        When nobody answers, or the board is paired and its key is not at hand.
     """
     place = parse_address(address)
     transport = open_transport(place)
     try:
-        identity = passive(device) if place.kind == "file" else identify(transport, device)
+        identity = passive(device) if place.kind == "file" else identify(transport, device, key)
+        connected = ConnectedDevice(identity, transport, place)
     except BaseException:
         transport.close()
         raise
-    connected = ConnectedDevice(identity, transport, place)
     try:
         connected.texts.extend(warn_of_life(connected))
     except BaseException:

@@ -31,6 +31,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.errors import UserError
+from esea_gen.files import write_whole
 from esea_gen.toml_file import checked, parse_toml, read_text
 from esea_host.interaction.design import element_of
 from esea_host.smoothness import NoAnswerError
@@ -135,7 +136,7 @@ def write_recording(
     held = any(p for _, _, p in rows)
     head = (SIMULATED if simulated else "") + "time_s,theta_rad" + ",paused" * held + "\n"
     lines = (f"{t:.3f},{x:.9g}" + f",{int(p)}" * held + "\n" for t, x, p in rows)
-    path.write_text(head + "".join(lines), encoding="utf-8")
+    write_whole(path, head + "".join(lines))
 
 
 def is_simulated(path: Path) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.files import write_whole
 from esea_host.interaction.design import ELEMENTS, SPRING
 from esea_host.interaction.elements import element_device
 from esea_host.interaction.player import RigPlayer
@@ -178,4 +179,4 @@ def write_manifest(folder: Path, last_s: float) -> None:
             ]
     # One that is simulated makes the study so.
     head = [f"simulated = {str(simulated).lower()}", f"last_s = {last_s:g}", ""]
-    (folder / MANIFEST).write_text("\n".join([*head, *lines]), encoding="utf-8")
+    write_whole(folder / MANIFEST, "\n".join([*head, *lines]))

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from esea_gen.errors import UserError
+from esea_gen.toml_file import read_text
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import Array, StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
@@ -120,8 +121,8 @@ def read_mapping(path: Path) -> ForeignMapping:
         With file and key of what is wrong.
     """
     try:
-        return ForeignMapping(**tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, tomllib.TOMLDecodeError) as error:
+        return ForeignMapping(**tomllib.loads(read_text(path, "docs/host.md has one.")))
+    except tomllib.TOMLDecodeError as error:
         raise UserError(f"{path} is no mapping file ({error}).", "docs/host.md has one.") from None
     except ValidationError as error:
         first = error.errors()[0]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.files import written_whole
 from esea_host.recording.log import Log, Table, open_log
 from esea_host.recording.replay import ReplayVerdict, device_of, verify
 from esea_host.simulated.drive import SimulatedBoard
@@ -144,7 +145,8 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
             f"replay of {verdict.values} values: {said}",
             x=0.01, ha="left", color=INK, fontsize=11,
         )  # fmt: skip
-        figure.savefig(path, dpi=110)
+        with written_whole(path) as scratch:
+            figure.savefig(scratch, dpi=110)
     return rms_Nm
 
 
