@@ -1,4 +1,4 @@
-"""Text that somebody else wrote (a board, a recording, a folder), made safe to print and to name files."""
+"""Received text (from a board, a recording, a folder), made safe to print and to name files."""
 
 from __future__ import annotations
 

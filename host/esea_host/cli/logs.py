@@ -107,7 +107,7 @@ def replay(
         if verdict.proven:
             out.print("Replay matches the generated C bit for bit.")
             return
-        out.print("What is left matches the generated C bit for bit; the recording is NOT COMPLETE.")
+        out.print("The rest matches the generated C bit for bit; the recording is NOT COMPLETE.")
         if not allow_damage:
             out.print("To accept that, add --allow-damage.")
             raise typer.Exit(1)

@@ -54,7 +54,8 @@ class Gap:
         return asdict(self)
 
     def __str__(self) -> str:
-        count = "runs" if self.missing < 0 else f"{self.missing} runs"
+        count = "some runs" if self.missing < 0 else f"{self.missing} runs"
+        count = "perhaps runs" if self.missing < 0 and self.reason == "recording" else count
         where = f"between ticks {self.after_tick} and {self.before_tick}"
         if self.before_tick < 0:
             where = f"after tick {self.after_tick}" if self.after_tick >= 0 else "everywhere"

@@ -66,6 +66,11 @@ class StreamLayout:
         return np.dtype(fields)
 
     @property
+    def shape(self) -> list[tuple[str, str, int]]:
+        """Name, kind and size of every column."""
+        return [(c.name, c.kind, c.size) for c in self.columns]
+
+    @property
     def units(self) -> dict[str, str]:
         """Unit of every column that has one."""
         return {c.name: c.unit for c in self.columns if c.unit}
@@ -83,7 +88,7 @@ class StreamLayout:
         return out
 
     def rows(self, data: bytes) -> Array:
-        """Rows of protobuf messages, one after another; refused when they are not of this layout."""
+        """Rows of protobuf messages, one after another; rejects another layout's."""
         if len(data) % self.record_dtype.itemsize:
             raise UserError(f"Messages of {self.name} have another size.", "Record with esea-host.")
         records = np.frombuffer(data, self.record_dtype)

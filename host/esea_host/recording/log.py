@@ -18,15 +18,16 @@ from esea_gen.received import shown
 from esea_host.recording.gaps import Gap, GapError
 from esea_host.recording.integrity import Integrity, RecordingState
 from esea_host.recording.layout import Array, StreamLayout
-from esea_host.recording.reader import LogFile, Piece, Rows, json_object
+from esea_host.recording.pieces import Piece
+from esea_host.recording.reader import LogFile, Rows, json_object
 from esea_host.recording.records import PieceError
 
 if TYPE_CHECKING:
     import pandas
 
 TICK = "sequence"
-FACTS = {"device": str, "content_hash": str, "real": str, "board": str, "simulated": bool}
-FACTS |= {"tick_us": int}
+FACTS: dict[str, type] = dict.fromkeys(("device", "content_hash", "real", "board"), str)
+FACTS |= {"simulated": bool, "tick_us": int}
 MOST_TICK_US = 1_000_000
 
 
@@ -225,9 +226,8 @@ class Log:
         what = f"{self.path.name}: facts.json"
         found = json_object(self.attachments.get("facts.json", b"{}"), what)
         for name, kind in FACTS.items():
-            value = found.get(name, kind())
-            tick = name == "tick_us" and name in found
-            if type(value) is not kind or (tick and not 0 < value <= MOST_TICK_US):
+            value: Any = found.get(name, kind())
+            if type(value) is not kind or (name == "tick_us" and not 0 <= value <= MOST_TICK_US):
                 raise UserError(f"{what} has {name} = {shown(repr(value))}.", "Record it again.")
             if kind is str and name in found:
                 found[name] = shown(value)
@@ -326,7 +326,9 @@ class Log:
         kind = self._file.kind(stream)
         has = f"It has {', '.join(self.streams) or 'no stream of esea-host'}."
         if kind:
-            what = f"{self.path.name}: {stream} is {kind}, and only streams of esea-host are tables."
+            what = (
+                f"{self.path.name}: {stream} is {kind}, and only streams of esea-host are tables."
+            )
             raise UserError(what, f"Convert it with the tool that wrote it. {has}")
         raise UserError(f"{self.path.name} has no stream {stream}.", has)
 
@@ -430,7 +432,7 @@ class Log:
     @property
     def tick_s(self) -> float:
         """The board's base tick, in seconds."""
-        return float(self.facts.get("tick_us", 1000)) * 1e-6
+        return float(self.facts.get("tick_us") or 1000) * 1e-6
 
 
 def open_log(path: str | Path) -> Log:

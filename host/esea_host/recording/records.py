@@ -1,4 +1,4 @@
-"""MCAP records in bytes that anybody may have written: every length is checked before it is used."""
+"""MCAP records in bytes of any origin: every length is checked before it is used."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from esea_gen.errors import UserError, choose
 from esea_gen.hostlib import HostLibrary, compile_device
 from esea_gen.hostlib.codec import Field
 from esea_host.recording.integrity import Integrity
-from esea_host.recording.layout import Array, StreamLayout, fits, layout_of
+from esea_host.recording.layout import Array, fits, layout_of
 from esea_host.recording.log import TICK, Log
 
 KEY = "key"
@@ -67,7 +67,7 @@ class ReplayVerdict:
     integrity: of the recording.
     ticks: base ticks that were computed again.
     values: outputs that were compared.
-    unproven: ticks from the first to the last that no key frame reaches, or whose inputs are missing.
+    unproven: ticks of the recording that no key frame reaches, or whose inputs are missing.
     key_frames: complete ones.
     differences: in sound pieces.
     changed: what is different in damaged pieces, as far as their rows can be told apart.
@@ -218,10 +218,6 @@ class _Task:
         return given, _rows_at(self.told_at, ns)
 
 
-def _shape(layout: StreamLayout) -> list[tuple[str, str, int]]:
-    return [(c.name, c.kind, c.size) for c in layout.columns]
-
-
 def _rows_at(times: Array, ns: Array) -> list[int]:
     at = np.searchsorted(times, ns)
     there = times[np.minimum(at, len(times) - 1)] == ns
@@ -263,7 +259,7 @@ class _Replay:
         """Rows and their times; refused when their columns are not the device's."""
         layout = self.log.file.layout(stream)
         wanted = self.layouts.get(stream)
-        if layout and (not wanted or _shape(layout) != _shape(wanted)):
+        if layout and (not wanted or layout.shape != wanted.shape):
             what = f"{self.log.path.name}: {stream} has other columns than the device."
             raise UserError(what, "Record with esea-host.")
         parts = list(self.log.read_timed(stream, self.damaged))
@@ -304,7 +300,10 @@ class _Replay:
         assert first.given is not None
         assert first.given_at is not None
         steps = np.maximum(np.diff(first.given_at) // max(1, self.tick_ns), 1)
-        v.unproven = 1 + int(steps.sum()) - v.ticks
+        span = 1 + int(steps.sum())
+        # Beyond its ends, only an index tells how many are missing.
+        beyond = v.integrity.lost.get(f"{first.name}_in", 0) - (span - len(first.given))
+        v.unproven = span + max(0, beyond) - v.ticks
         v.differences.sort(key=lambda d: (d.time_s, d.stream))
         self._explain()
         del v.differences[MOST_DIFFERENCES:]

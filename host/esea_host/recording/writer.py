@@ -43,9 +43,11 @@ class Recorder:
     attachments : mapping of str to bytes
         What belongs to it: device file, dialect, facts; by file name.
     compress : bool
-        With zstandard.  Without, a damaged bit costs one number and not a piece.
+        With zstandard.  Without, ``replay --verify`` can name a bit that was changed.
     piece_s : float
         After how long a piece is written, at the latest.
+
+    ``closed``: nothing more is written.
 
     Raises
     ------
@@ -72,7 +74,7 @@ class Recorder:
         self._writer: Any = Writer(self._file, PIECE_BYTES, kind, enable_data_crcs=True)
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
-        self._closed, self._good_bytes, self._mark_at = False, 0, 0
+        self.closed, self._good_bytes, self._mark_at = False, 0, 0
         self._guarded(self._begin, dict(attachments or {}))
 
     def _begin(self, attachments: dict[str, bytes]) -> None:
@@ -88,7 +90,7 @@ class Recorder:
 
     def _guarded(self, act: Callable[..., None], *given: Any) -> None:
         # A disk that is full ends the recording; what had been written complete stays.
-        if self._closed:
+        if self.closed:
             raise UserError(f"{self.path}: the recording has ended.", "Begin another one.")
         try:
             act(*given)
@@ -96,7 +98,7 @@ class Recorder:
             self._give_up(error)
 
     def _give_up(self, error: OSError) -> None:
-        self._closed = True
+        self.closed = True
         # What is still in the buffer must not come behind the last complete piece.
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._file.fileno())
@@ -244,7 +246,7 @@ class Recorder:
 
     def close(self) -> None:
         """End the file with its index; more than once does no harm."""
-        if not self._closed:
+        if not self.closed:
             self._guarded(self._finish)
 
     def _finish(self) -> None:
@@ -253,7 +255,7 @@ class Recorder:
         self._file.flush()
         os.fsync(self._file.fileno())
         self._file.close()
-        self._closed = True
+        self.closed = True
 
 
 def spread(first_ns: int, step_ns: int, count: int) -> Array:
