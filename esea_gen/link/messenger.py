@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Self
 from esea_gen.link import signing
 from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, Counters, FrameReader
 from esea_gen.link.transport import LinkError, Transport
+from esea_gen.received import shown
 
 MOST_ON_THE_WAY = 64
 UNSIGNED = (
@@ -30,6 +31,14 @@ class Address(NamedTuple):
 HOST = Address(255, 190)  # a ground station, by MAVLink's custom
 BOARD = Address(1, 1)
 MOST_TEXTS = 100
+
+
+def _clean(message: Any) -> None:
+    # Every text of a board, before anybody prints it or names a file by it.
+    for name, kind in zip(message.fieldnames, message.fieldtypes, strict=True):
+        text = getattr(message, name) if kind == "char" else None
+        if isinstance(text, str):
+            setattr(message, name, shown(text.rstrip("\0")))
 
 
 class Messenger:
@@ -178,9 +187,10 @@ class Messenger:
         # Whether any bytes came.
         data = self.transport.read(timeout_s)
         for message in self._reader.feed(data):
+            _clean(message)
             self._pending.append(message)
             if message.get_type() == "STATUSTEXT":
-                self.texts.append(str(message.text).rstrip("\0"))
+                self.texts.append(str(message.text))
             if message.get_type() == "HEARTBEAT":
                 self.heartbeat = message
                 if message.system_status == self.dialect.MAV_STATE_EMERGENCY:
@@ -243,7 +253,9 @@ class Messenger:
         return f"{name}: {meaning}"
 
     def _entry(self, enum: str, value: int) -> tuple[str, str]:
-        entry = self.dialect.enums[enum][value]
+        entry = self.dialect.enums[enum].get(value)
+        if entry is None:
+            return str(value), "This version does not know that number."
         return str(entry.name).removeprefix(f"{enum}_"), str(entry.description)
 
     def window(self, names: Iterable[str]) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Any
 
 import typer
 from rich.console import Console
@@ -11,6 +12,7 @@ from rich.console import Console
 from esea_gen.cli.groups import GroupedCommands, take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.link.transport import LinkError
+from esea_gen.received import shown_lines
 
 # Every command with the files that have it, in the groups that help shows.
 GROUPS = {
@@ -62,13 +64,20 @@ def _app() -> None:
     pass
 
 
+class _Terminal(Console):
+    # What came from a board or a file moves no cursor and changes no colour.
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        super().print(*(shown_lines(o) if isinstance(o, str) else o for o in objects), **how)
+
+
 # Words as they are: no markup in a title, no wrapping of a line that somebody will copy.
-out = Console(highlight=False, markup=False, soft_wrap=True)
+out = _Terminal(highlight=False, markup=False, soft_wrap=True)
 
 
 def told(text: str) -> None:
     """What is being done, while it is: beside the result, not in it."""
-    print(text, file=sys.stderr, flush=True)
+    print(shown_lines(text), file=sys.stderr, flush=True)
 
 
 def main() -> None:
@@ -78,7 +87,7 @@ def main() -> None:
     try:
         app()
     except (UserError, LinkError) as error:
-        print(paragraphs(f"esea-host: {error}"), file=sys.stderr)
+        told(paragraphs(f"esea-host: {error}"))
         raise SystemExit(2) from None
     except BrokenPipeError:
         raise SystemExit(1) from None

@@ -227,7 +227,8 @@ class Log:
         found = json_object(self.attachments.get("facts.json", b"{}"), what)
         for name, kind in FACTS.items():
             value: Any = found.get(name, kind())
-            if type(value) is not kind or (name == "tick_us" and not 0 <= value <= MOST_TICK_US):
+            wrong = type(value) is not kind
+            if wrong or (name == "tick_us" and not 0 <= value <= MOST_TICK_US):
                 raise UserError(f"{what} has {name} = {shown(repr(value))}.", "Record it again.")
             if kind is str and name in found:
                 found[name] = shown(value)

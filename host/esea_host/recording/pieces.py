@@ -31,7 +31,8 @@ _SPAN = np.dtype(
     [("channel", "u2"), ("count", "i8"), ("log_ns", "i8", 2), ("board_ns", "i8", 2)]
 )  # fmt: skip
 MAGIC_BYTES = len(MCAP0_MAGIC)
-MOST_PIECES, MOST_CHANNELS, MOST_WALKED = 1_000_000, 4096, 20_000_000
+MOST_PIECES, MOST_CHANNELS = 1_000_000, 4096
+MOST_WALKED = 2_000_000  # records one by one, where no index lists them; and one for 8 bytes
 MOST_LOOSE_BYTES = 1 << 22  # of messages outside chunks that are one piece
 MOST_ATTACHED_BYTES = 1 << 24
 KEPT_BYTES = 1 << 25  # of unpacked pieces
@@ -269,7 +270,7 @@ class PieceFile:
         found = []
         for opcode, at, end in records.records(content):
             self._walked += 1
-            if self._walked > MOST_WALKED:
+            if self._walked > MOST_WALKED + self.size // 8:
                 raise PieceError("is one too many: the file has too many records without an index")
             if opcode == Opcode.MESSAGE:
                 if end - at < MESSAGE.itemsize:

@@ -231,6 +231,8 @@ def records(data: bytes) -> Iterator[tuple[int, int, int]]:
             raise PieceError("ends in the middle of a record")
         opcode, length = HEAD.unpack_from(data, at)
         end = at + HEAD.size + length
+        if opcode not in _KNOWN and opcode < _PRIVATE:
+            raise PieceError("has something that is no record")
         if end > size:
             raise PieceError("has a record that goes beyond its end")
         yield opcode, at, end
