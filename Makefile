@@ -9,7 +9,7 @@ STAMP := .venv/.stamp
 # test compiles the package anew, and each worker every assertion, a quarter of the whole.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test search docs bench test-ci test-slow proof style check setup clean
+.PHONY: run test search fuzz docs bench test-ci test-slow proof style check setup clean
 
 run: setup
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
@@ -39,6 +39,12 @@ docs: setup
 
 bench: setup
 	@$(BIN)/python -m esea_gen.bench --json bench.json
+
+# Other hostile files, bytes and texts at each run: 5 minutes for each kind, or FUZZ_S seconds.
+fuzz: setup
+	@for target in mcap tables toml mavlink strings; do \
+		$(BIN)/python -m tests.fuzz.hostile $$target --seconds $${FUZZ_S:-300} \
+			--seed $${SEED:-$$(od -An -N4 -tu4 /dev/urandom | tr -d ' ')}; done
 
 # What takes longer than a change should wait for, and a fixed sample of the slow tests: CI runs it.
 test-ci: setup

@@ -19,6 +19,7 @@ from esea_gen.errors import UserError, nearest
 from esea_gen.files import read_whole
 
 T = TypeVar("T")
+DEEPEST = 32
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,9 @@ def read_text(path: Path, fix: str) -> str:
 def parse_toml(text: str, origin: str, see: str) -> dict[str, Any]:
     """The document as plain values; ``see`` names where the form is shown."""
     try:
-        return tomllib.loads(text)
+        document = tomllib.loads(text)
+        _check_depth(document)
+        return document
     except tomllib.TOMLDecodeError as error:
         where = re.search(r"\(at line (\d+), column \d+\)$", str(error))
         line = int(where[1]) if where else 0
@@ -67,6 +70,19 @@ def parse_toml(text: str, origin: str, see: str) -> dict[str, Any]:
         raise UserError(
             f"{origin}: not valid TOML ({error}){stands}", f"Correct that line; see {see}."
         ) from None
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or too nested
+        raise UserError(f"{origin}: not valid TOML ({error}).", f"See {see}.") from None
+
+
+def _check_depth(document: dict[str, Any]) -> None:
+    # What reads it on goes down by recursion.
+    level: list[Any] = [document]
+    for _ in range(DEEPEST):
+        tables = (v.values() if isinstance(v, dict) else v for v in level)
+        level = [x for inner in tables for x in inner if isinstance(x, dict | list)]
+        if not level:
+            return
+    raise ValueError(f"tables are nested more than {DEEPEST} deep")
 
 
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([\w.\"-]+)\s*\]\]?")

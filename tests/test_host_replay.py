@@ -10,6 +10,7 @@ import pytest
 
 import esea_host
 from esea_gen.errors import UserError
+from esea_host.recording import RecordingState
 from esea_host.recording.replay import device_of, verify
 from esea_host.simulated import LockstepDevice, SimulatedBoard
 
@@ -49,7 +50,7 @@ def test_every_bit_is_the_cs(recorded):
     log = esea_host.open_log(recorded)
     verdict = verify(log)
     assert verdict.differences == []
-    assert verdict.same
+    assert verdict.proven
     assert verdict.unproven == 0
     assert verdict.ticks == len(log["sense_in"]) == 2560
     # Asked for, zeroing, zeroed, the parameter, and one a second.
@@ -99,20 +100,22 @@ def test_a_single_flipped_bit_is_found_and_named(recorded, tmp_path, stream, tic
     log = esea_host.open_log(path)
     assert log.gaps  # the piece's checksum is wrong: nobody takes it as it is
     verdict = verify(log)
-    assert not verdict.same
-    (piece,) = verdict.damaged
-    assert "wrong checksum" in piece
-    first = verdict.differences[0]
+    assert verdict.same  # no tick of a sound piece is blamed
+    assert not verdict.proven
+    assert verdict.unproven > 0
+    (damage,) = verdict.integrity.damages
+    assert "wrong checksum" in damage.what
+    first = verdict.changed[0]
     if stream == "sense_in":
         assert (first.tick, first.input_signal) == (tick, signal)
     else:
         assert (first.stream, first.tick, first.signal) == (stream, tick, signal)
-        assert len(verdict.differences) == 1
+        assert len(verdict.changed) == 1
         assert first.recorded != first.computed or math.isnan(first.recorded)
 
 
 def test_behind_a_gap_the_proof_goes_on_at_a_key_frame(recorded, tmp_path):
-    """Half a piece cut out of the middle: less is proven, and it is said how much."""
+    """A piece cut out of the middle: less is proven, and how much is reported."""
     log = esea_host.open_log(recorded)
     pieces = log.file.pieces
     largest = max(pieces[1:-1], key=lambda p: p.end - p.offset)
@@ -123,8 +126,10 @@ def test_behind_a_gap_the_proof_goes_on_at_a_key_frame(recorded, tmp_path):
     verdict = verify(cut)
     assert verdict.same
     assert verdict.unproven > 0
-    assert verdict.ticks + verdict.unproven == len(cut["sense_in"])
-    assert np.ptp(np.diff(cut["sense_in"].board_ns)) > 0
+    board_ns = cut["sense_in"].board_ns
+    assert verdict.ticks + verdict.unproven == (board_ns[-1] - board_ns[0]) // 1_000_000 + 1
+    assert np.ptp(np.diff(board_ns)) > 0
+    assert cut.state is RecordingState.DAMAGED
 
 
 @pytest.mark.ci

@@ -222,7 +222,7 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
         return " ".join(" ".join(capsys.readouterr()).split())
 
     log = str(demo.recording)
-    assert "every bit is the C's" in said("replay", log, "--verify")
+    assert "matches the generated C bit for bit." in said("replay", log, "--verify")
     first = said("replay", log, "--speed", "0").split("} {")[0] + "}"
     assert json.loads(first)["sequence"] == 0
     assert "replay" in said("view", log, code=2)

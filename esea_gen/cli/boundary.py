@@ -21,6 +21,7 @@ import typer
 from esea_gen.cache import cache_folder
 from esea_gen.cli.groups import take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
+from esea_gen.received import shown_lines
 
 # Exit codes; 0: done, 1: done with a negative result, or nobody reads the output any more.
 REFUSED, FAULT, INTERRUPTED = 2, 70, 130
@@ -199,7 +200,7 @@ def _fault(program: str, error: BaseException) -> str:
 
 def _print(text: str) -> None:
     with suppress(OSError, ValueError):
-        print(paragraphs(text), file=sys.stderr, flush=True)
+        print(shown_lines(paragraphs(text)), file=sys.stderr, flush=True)
 
 
 # -- the process ----------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Self
 
 from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, Counters, FrameReader
 from esea_gen.link.transport import LinkError, Transport
+from esea_gen.received import shown
 
 MOST_ON_THE_WAY = 64
 UNSIGNED = "If it is paired, it takes what is signed with its key (use_key)."
@@ -48,6 +49,14 @@ class BoardTime(NamedTuple):
 HOST = Address(255, 190)  # a ground station, by MAVLink's custom
 BOARD = Address(1, 1)
 MOST_TEXTS = 100
+
+
+def _clean(message: Any) -> None:
+    # Every text of a board, before anybody prints it or names a file by it.
+    for name, kind in zip(message.fieldnames, message.fieldtypes, strict=True):
+        text = getattr(message, name) if kind == "char" else None
+        if isinstance(text, str):
+            setattr(message, name, shown(text.rstrip("\0")))
 
 
 class Messenger:
@@ -301,9 +310,10 @@ class Messenger:
             if message.get_type() == "ESEA_STAMP":
                 self._take_time(message)
                 continue
+            _clean(message)
             self._pending.append(message)
             if message.get_type() == "STATUSTEXT":
-                self.texts.append(str(message.text).rstrip("\0"))
+                self.texts.append(str(message.text))
                 if self.texts[-1].startswith("refused: "):
                     self._refusal = self.texts[-1]
             if message.get_type() == "HEARTBEAT":
@@ -374,7 +384,9 @@ class Messenger:
         return f"{name}: {meaning}"
 
     def _entry(self, enum: str, value: int) -> tuple[str, str]:
-        entry = self.dialect.enums[enum][value]
+        entry = self.dialect.enums[enum].get(value)
+        if entry is None:
+            return str(value), "This version does not know that number."
         return str(entry.name).removeprefix(f"{enum}_"), str(entry.description)
 
     def window(self, names: Iterable[str]) -> int:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
 from esea_gen.cli.boundary import Shown, run
 from esea_gen.cli.groups import GroupedCommands
+from esea_gen.received import shown_lines
 
 # Every command with the files that have it, in the groups that help shows.
 GROUPS = {
@@ -67,13 +68,20 @@ def _app(
     Shown.verbose = verbose
 
 
+class _Terminal(Console):
+    # What came from a board or a file moves no cursor and changes no colour.
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        super().print(*(shown_lines(o) if isinstance(o, str) else o for o in objects), **how)
+
+
 # Words as they are: no markup in a title, no wrapping of a line that somebody will copy.
-out = Console(highlight=False, markup=False, soft_wrap=True)
+out = _Terminal(highlight=False, markup=False, soft_wrap=True)
 
 
 def told(text: str) -> None:
     """What is being done, while it is: beside the result, not in it."""
-    print(text, file=sys.stderr, flush=True)
+    print(shown_lines(text), file=sys.stderr, flush=True)
 
 
 def main() -> None:

@@ -13,9 +13,9 @@ from rich.live import Live
 from rich.table import Table as Grid
 
 from esea_gen.cli.options import writable
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, paragraphs
 from esea_gen.files import read_whole, write_json
-from esea_host.cli.app import app, out
+from esea_host.cli.app import app, out, told
 from esea_host.cli.options import (
     AddressArgument,
     DeviceOption,
@@ -130,7 +130,10 @@ def record(
     ] = 0.0,
     note: Annotated[str, typer.Option("--note", help="Written into it at the start.")] = "",
 ) -> None:
-    """Record a board; gaps are counted, shown and kept."""
+    """Record a board; gaps are counted, shown and kept.
+
+    Exit code 1: the board went away or the disk was full; what was recorded until then is kept.
+    """
     if rate and not signal:
         raise UserError("--rate is of --signal.", "Name signals, such as --signal tau_Nm.")
     with open_device(address, device, key) as board:
@@ -139,17 +142,25 @@ def record(
         with board.record(path, stream, compress) as recording:
             if note:
                 recording.note(note)
-            told_s = time.monotonic()
+            told_s, away = time.monotonic(), False
             for _ in _until(seconds, 0.1):
                 if recording.error is not None:
-                    raise recording.error
+                    break
+                if board.receiver.away and not away:
+                    told(f"The link to {address} is broken; trying again ...")
+                away = board.receiver.away
                 if time.monotonic() - told_s > 5:
                     told_s = time.monotonic()
                     out.print(f"{recording.rows} runs, {recording.gaps} gaps")
-            recording.event("board_clock", **board.clock())
+            if recording.error is None and not board.receiver.away:
+                recording.event("board_clock", **board.clock())
         health = board.health()
         out.print(f"{path}: {recording.rows} runs of {_said(board)}, {recording.gaps} gaps")
         out.print(", ".join(f"{k} {v}" for k, v in health.items() if v and k != "frames"))
+        if recording.error is not None or board.receiver.away:
+            why = recording.error or "the link was broken."
+            told(paragraphs(f"esea-host: the recording ended early and is kept: {why}"))
+            raise typer.Exit(1)
 
 
 @app.command()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -9,38 +11,54 @@ import typer
 
 from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
+from esea_gen.received import shown
 from esea_host.cli.app import app, out
 from esea_host.cli.options import LogArgument
 from esea_host.cli.view import watch_recording
 from esea_host.recording import open_log
 from esea_host.recording.clock import clock_fit
+from esea_host.recording.integrity import warn_unless_complete
 
 FORMATS = ("csv", "parquet", "bids")
+EVENTS = ("gap", "note", "clock", "parameter", "parameters", "board_clock")
+MOST_LINES = 20
 SpeedOption = Annotated[float, typer.Option("--speed", min=0.0, help="1: as it was; 0: at once.")]
 
 
 @app.command()
 def show(path: LogArgument) -> None:
-    """Say what is in a recording: device, streams, gaps, notes."""
+    """Print what is in a recording: its state, device, streams, gaps, notes."""
     with open_log(path) as log:
         facts = log.facts
-        kind = "simulated" if facts.get("simulated") else "board"
-        out.print(f"{path}: {'whole' if log.whole else 'cut off; read up to the cut'}")
+        out.print(f"{path}: {log.integrity}")
+        _list("damage", log.integrity.damages)
         if facts:
-            out.print(f"{facts['device']} ({kind} {facts['board']}), C {facts['content_hash']}")
-        for name in log.streams:
-            table = log[name]
-            length = f"{table.time_s[-1] - table.time_s[0]:.3f} s" if len(table) else "empty"
-            out.print(f"  {name}: {len(table)} runs, {length}, {len(table.names)} columns")
-        fit = clock_fit(log)
-        if fit is not None:
-            out.print(f"  clocks: {fit}")
-        for gap in log.gaps:
-            out.print(f"  gap: {gap}")
-        for note in log.events("note"):
-            out.print(f"  note: {note['text']}")
+            kind = "simulated" if facts.get("simulated") else "board"
+            device, board = facts.get("device", "?"), facts.get("board", "?")
+            out.print(f"{device} ({kind} {board}), C {facts.get('content_hash', '?')}")
+        for name, (count, first, last) in log.spans().items():
+            length = f"{(last - first) * 1e-9:.3f} s" if count else "empty"
+            layout = log.file.layout(name)
+            if layout is not None:
+                out.print(f"  {name}: {count} runs, {length}, {len(layout.columns)} columns")
+            elif name not in EVENTS:
+                kind = log.file.kind(name)
+                out.print(f"  {name}: {count} messages, {length}, {kind}: no table of esea-host")
+        with contextlib.suppress(KeyError, TypeError, ValueError, OverflowError):
+            fit = clock_fit(log)  # of events that anybody may have written
+            if fit is not None:
+                out.print(f"  clocks: {fit}")
+        _list("gap", log.gaps)
+        _list("note", [shown(str(note.get("text"))) for note in log.events("note")])
         if log.attachments:
             out.print(f"  attached: {', '.join(log.attachments)}")
+
+
+def _list(what: str, found: Sequence[object]) -> None:
+    for one in found[:MOST_LINES]:
+        out.print(f"  {what}: {one}")
+    if len(found) > MOST_LINES:
+        out.print(f"  and {len(found) - MOST_LINES} more of {what}")
 
 
 @app.command()
@@ -48,6 +66,10 @@ def replay(
     path: LogArgument,
     verify: Annotated[
         bool, typer.Option("--verify", help="Compute it again with the C that made it.")
+    ] = False,
+    allow_damage: Annotated[
+        bool,
+        typer.Option("--allow-damage", help="With --verify: pass if what is left is the C's."),
     ] = False,
     stream: Annotated[str, typer.Option("--stream", help="Which to print.")] = "sense_out",
     speed: SpeedOption = 1.0,
@@ -62,7 +84,7 @@ def replay(
         ),
     ] = None,
 ) -> None:
-    """Play a recording, line by line or in the live view, or prove that every bit is the C's."""
+    """Play a recording, line by line or in the live view, or compare it with the C bit for bit."""
     if view:
         watch_recording(path, speed, seconds, screenshot)
         return
@@ -70,6 +92,7 @@ def replay(
         if not verify:
             from esea_host.recording.playing import play
 
+            warn_unless_complete(path, log.integrity)
             for line in play(log, stream, speed):
                 print(line)
             return
@@ -80,14 +103,20 @@ def replay(
             f"{path}: {verdict.ticks} ticks, {verdict.values} values, {verdict.key_frames} key "
             f"frames, {verdict.unproven} ticks unproven"
         )
-        for text in verdict.damaged:
-            out.print(f"  {text}")
-        for difference in verdict.differences:
-            out.print(f"  {difference}")
+        out.print(f"The recording is {verdict.integrity}.")
+        _list("damage", verdict.integrity.damages)
+        _list("changed", verdict.changed)
+        _list("different", verdict.differences)
         if not verdict.same:
             out.print("NOT THE SAME" if verdict.differences else "NOTHING TO COMPARE")
             raise typer.Exit(1)
-        out.print("every bit is the C's")
+        if verdict.proven:
+            out.print("Replay matches the generated C bit for bit.")
+            return
+        out.print("The rest matches the generated C bit for bit; the recording is NOT COMPLETE.")
+        if not allow_damage:
+            out.print("To accept that, add --allow-damage.")
+            raise typer.Exit(1)
 
 
 @app.command()
@@ -103,6 +132,7 @@ def export(
     from esea_host.recording.export import to_bids, to_csv, to_parquet
 
     with open_log(path) as log:
+        warn_unless_complete(path, log.integrity)
         if to == "bids":
             out.print(f"{to_bids(log, target, subject, task, stream)}")
         elif to in FORMATS:

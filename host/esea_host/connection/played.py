@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Collection, Iterator
+from itertools import pairwise
 
 import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
+from esea_gen.received import shown
 from esea_host.connection.device import ConnectedDevice
 from esea_host.connection.identity import Identity
 from esea_host.connection.receiver import Batch
+from esea_host.recording.gaps import Gap
 from esea_host.recording.log import Log
-from esea_host.recording.reader import PieceError
+from esea_host.recording.playing import LONGEST_S
 from esea_host.recording.replay import device_of
 
 STEP_S = 0.03  # of whoever watches
@@ -57,7 +61,7 @@ class PlayedBoard(ConnectedDevice):
                 f"Nothing is played at {speed:g} times its speed.", "Say 0.001 to 1000."
             )
         device, facts = device_of(log), log.facts
-        words = str(facts.get("real", "f32")), str(facts["content_hash"]), str(facts["board"])
+        words = facts.get("real", "f32"), facts["content_hash"], facts.get("board", "unknown")
         super().__init__(
             Identity(device, *words, round(log.tick_s * 1e6)), NobodyListens(), threaded=False
         )
@@ -72,8 +76,10 @@ class PlayedBoard(ConnectedDevice):
         return [s for s in (self.streams if streams is None else streams) if s in self.log.streams]
 
     def state(self) -> str:
-        """That it is a recording, and whether it has ended."""
-        return f"RECORDED: {self.log.path.name}" + (", its end" if self.ended else "")
+        """That it is a recording, whether it has ended, and whether it is complete."""
+        text = f"RECORDED: {shown(self.log.path.name)}"
+        text += "" if self.log.whole else f" ({self.log.state.value})"
+        return text + (", its end" if self.ended else "")
 
     def health(self) -> dict[str, int]:
         """The recording's own gaps."""
@@ -97,7 +103,11 @@ class PlayedBoard(ConnectedDevice):
                 before_s = time.monotonic()
                 self._halt.wait(STEP_S)
                 started_s += time.monotonic() - before_s
-            if self._halt.wait(max(0.0, at_s / self.speed - (time.monotonic() - started_s))):
+            wait_s = at_s / self.speed - (time.monotonic() - started_s)
+            if wait_s > LONGEST_S:  # a clock that jumps
+                started_s -= wait_s - LONGEST_S
+                wait_s = LONGEST_S
+            if self._halt.wait(max(0.0, wait_s)):
                 return
             for batch in batches:
                 self.receiver.hand_out(batch)
@@ -106,37 +116,28 @@ class PlayedBoard(ConnectedDevice):
     def steps(self) -> Iterator[tuple[float, list[Batch]]]:
         """What comes a moment later: seconds since the beginning, and the rows until then."""
         file, log = self.log.file, self.log
-        layouts = {x.name: x for x in self._layouts if x.name in log.streams}
-        seen_ns, at_s = dict.fromkeys(layouts, -1), 0.0
+        ours = {x.name: x.shape for x in self._layouts}
+        recorded = [x for x in map(file.layout, log.streams) if x is not None]
+        layouts = {x.name: x for x in recorded if ours.get(x.name) == x.shape}
+        in_order = sorted(log.gaps, key=lambda g: g.board_ns)
+        gaps = {name: deque(g for g in in_order if g.stream == name) for name in layouts}
+        step_ns, at_s = max(1, round(STEP_S * self.speed * 1e9)), 0.0
         for piece in file.pieces:
-            found = {}
+            # By the step in which its rows come; a time may be any.
+            steps: dict[int, list[Batch]] = {}
             for name, layout in layouts.items():
-                try:
-                    rows = file.read(piece, name)
-                except PieceError:
-                    break  # one of the log's gaps
-                if rows is not None:
-                    held = layout.rows(rows.data)
-                    found[name] = Batch(layout, held, rows.board_ns, int(time.time_ns()))
-            if not found:
-                continue
-            first = min(int(b.board_ns[0]) for b in found.values())
-            last = max(int(b.board_ns[-1]) for b in found.values())
-            step_ns = max(1, round(STEP_S * self.speed * 1e9))
-            for start_ns in range(first, last + 1, step_ns):
-                parts = []
-                for name, batch in found.items():
-                    a, b = np.searchsorted(batch.board_ns, [start_ns, start_ns + step_ns])
-                    if b > a:
-                        ns = batch.board_ns[a:b]
-                        gaps = tuple(
-                            g
-                            for g in log.gaps
-                            if g.stream == name and seen_ns[name] <= g.board_ns < int(ns[-1])
-                        )
-                        seen_ns[name] = int(ns[-1])
-                        part = batch.rows[a:b]
-                        parts.append(Batch(batch.layout, part, ns, batch.arrived_ns, gaps))
-                # Pieces overlap by a moment: time stands meanwhile.
-                at_s = max(at_s, (start_ns + step_ns - log.start_ns) * 1e-9)
-                yield at_s, parts
+                found = None if piece.problem else file.read(piece, name)
+                if found is None:
+                    continue
+                rows, ns = layout.rows(found.data), found.board_ns
+                cuts = [0, *(np.flatnonzero(np.diff(ns // step_ns)) + 1).tolist(), len(ns)]
+                for a, b in pairwise(cuts):
+                    due: list[Gap] = []
+                    while gaps[name] and gaps[name][0].board_ns < int(ns[b - 1]):
+                        due.append(gaps[name].popleft())
+                    part = Batch(layout, rows[a:b], ns[a:b], time.time_ns(), tuple(due))
+                    steps.setdefault(int(ns[a]) // step_ns, []).append(part)
+            for step in sorted(steps):
+                # Pieces overlap by a moment: time stands still meanwhile.
+                at_s = max(at_s, ((step + 1) * step_ns - log.start_ns) * 1e-9)
+                yield at_s, steps[step]

@@ -133,6 +133,8 @@ class Receiver:
         The board's base tick.
     reopen : callable, optional
         Opens the link anew after it broke, or raises LinkError; without it a broken link ends it.
+
+    ``away``: the link is broken, and not, or not yet, open again.
     """
 
     def __init__(
@@ -149,6 +151,7 @@ class Receiver:
         self.keep_alive: Callable[[], bytes] | None = None
         self.keep_alive_s = 0.25
         self.error: Exception | None = None
+        self.away = False
         self.gap_count = 0
         self._subscriptions: list[Subscription] = []
         self._raw: list[Callable[[bytes], None]] = []
@@ -273,6 +276,7 @@ class Receiver:
                 if self._stopped.is_set() or not self._open_again(error):
                     return
             except Exception as error:
+                self.away = True
                 self._fail(error)
                 return
 
@@ -283,6 +287,7 @@ class Receiver:
             self.write(self.keep_alive(), 1.0)
 
     def _open_again(self, error: LinkError) -> bool:
+        self.away = True
         if self._reopen is None:
             self._fail(error)
             return False
@@ -292,6 +297,7 @@ class Receiver:
         except Exception as final:
             self._fail(final)
             return False
+        self.away = False
         self.reconnects += 1
         self.decoder.forget()
         self._clock.broken()

@@ -10,7 +10,10 @@ from typing import Any, Self
 
 import numpy as np
 
+from esea_gen.errors import UserError
+from esea_host.connection.decoder import TICK
 from esea_host.connection.receiver import Receiver
+from esea_host.recording.gaps import Gap
 from esea_host.recording.writer import Recorder
 
 MOST_ROWS = 120_000
@@ -19,6 +22,9 @@ CLOCK_S = 1.0
 
 class LiveRecording:
     """Writes what comes, in a thread of its own.
+
+    When the board goes away for good, the file is ended with a gap ``disconnected`` in every
+    stream; when the disk is full, with its last complete piece.  ``error`` has the reason.
 
     Time in the file is the board's, put onto the host's clock once, at the first row; every
     second an event ``clock`` tells both, so that offset and drift can be found afterwards.
@@ -46,6 +52,9 @@ class LiveRecording:
         self.error: Exception | None = None
         self._lock = threading.Lock()
         self._start: tuple[int, int] | None = None
+        layouts = receiver.decoder.layouts.values()
+        names = [x.name for x in layouts if streams is None or x.name in streams]
+        self._last = dict.fromkeys(names, (-1, -1))  # tick, and the board's time
         self._clock_s = 0.0
         self._stopped = threading.Event()
         self._thread: threading.Thread | None = None
@@ -89,6 +98,7 @@ class LiveRecording:
                     board_ns = int(np.max(batch.board_ns))
                     told = {"host_ns": batch.arrived_ns, "board_ns": board_ns}
                     self.recorder.event("clock", told | self._health())
+            self._last[batch.layout.name] = int(batch.rows[TICK][-1]), int(batch.board_ns[-1])
             self.rows += len(batch.rows)
             self.gaps += len(batch.gaps)
 
@@ -97,14 +107,14 @@ class LiveRecording:
             while not self._stopped.is_set():
                 self.drain(0.1)
         except Exception as error:
-            # A full disk, or a link that has gone: who holds the recording sees it.
-            self.error = error
+            self.error = error  # who holds the recording sees it
 
     def close(self) -> None:
         """End the file; more than once does no harm."""
         self._stopped.set()
         if self._thread is not None:
             self._thread.join(5.0)
+        away = self._receiver.away and not self.recorder.closed
         try:
             if self.error is None:
                 self.drain(0.0)
@@ -112,5 +122,10 @@ class LiveRecording:
             self.error = error
         self._receiver.unsubscribe(self.subscription)
         self._ended(self)
-        with self._lock:
-            self.recorder.close()
+        try:
+            with self._lock:
+                for stream, (tick, ns) in self._last.items() if away else ():
+                    self.recorder.gap(Gap(stream, tick, -1, -1, "disconnected", ns))
+                self.recorder.close()
+        except UserError as error:
+            self.error = self.error or error

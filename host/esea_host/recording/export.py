@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,11 +27,38 @@ _LABEL = re.compile(r"[0-9a-zA-Z]+")
 _BIDS_TYPES = {"rad": "JNTANG", "rad/s": "VEL", "rad/s^2": "ANGACCEL"}
 
 
-def _new(path: Path) -> Path:
-    if path.exists():
-        raise UserError(f"{path} is there already.", "Give another name.")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return path
+@contextmanager
+def _new(*paths: Path) -> Iterator[list[Path]]:
+    # Files to write in the place of these, which must not exist; they get their names at the end.
+    for path in paths:
+        if path.exists():
+            raise UserError(f"{path} is there already.", "Give another name.")
+    made: list[Path] = []
+    try:
+        try:
+            for path in paths:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                number, name = tempfile.mkstemp(prefix=".esea-", dir=path.parent)
+                os.close(number)
+                made.append(Path(name))
+            yield made
+            for scratch, path in zip(made, paths, strict=True):
+                scratch.chmod(0o644)
+                scratch.replace(path)
+        except OSError as error:
+            what = f"{paths[0]}: cannot be written ({error.strerror or error})."
+            raise UserError(what, "Make room, or give another place.") from None
+    finally:
+        for scratch in made:
+            scratch.unlink(missing_ok=True)
+
+
+def _about(log: Log, table: Table) -> dict[str, Any]:
+    return {
+        "facts": log.facts,
+        "integrity": log.integrity.to_dict(),
+        "gaps": [g.to_dict() for g in table.gaps],
+    }
 
 
 def _columns(table: Table) -> list[tuple[str, str, Array]]:
@@ -58,10 +89,14 @@ def to_csv(log: Log, stream: str, path: Path) -> int:
     -------
     int
         Rows; a gap is a row with nothing but its time's place left empty, so that no line is drawn
-        across.
+        across.  ``PATH.json`` has the facts, the gaps and whether the recording is complete.
     """
     table = log[stream]
-    with _new(path).open("w", newline="", encoding="utf-8") as file:
+    with (
+        _new(path, path.with_name(f"{path.name}.json")) as (target, side),
+        target.open("w", newline="", encoding="utf-8") as file,
+    ):
+        side.write_text(json.dumps(_about(log, table), indent=1) + "\n", encoding="utf-8")
         writer = csv.writer(file)
         columns = _columns(table)
         writer.writerow([f"{n} [{u}]" if u and u != "1" else n for n, u, _ in columns])
@@ -89,8 +124,8 @@ def to_parquet(log: Log, stream: str, path: Path) -> int:
     stream : str
         Which.
     path : Path
-        Must not exist; each column's metadata has ``unit`` and ``meaning``, the file's the facts
-        and the gaps.
+        Must not exist; each column's metadata has ``unit`` and ``meaning``, the file's the facts,
+        the gaps and whether the recording is complete.
 
     Returns
     -------
@@ -109,11 +144,9 @@ def to_parquet(log: Log, stream: str, path: Path) -> int:
         about = {"unit": unit, "meaning": meanings.get(name.partition("[")[0], "")}
         fields.append(pa.field(name, array.type, metadata=about))
         arrays.append(array)
-    about = {
-        "esea.facts": json.dumps(log.facts),
-        "esea.gaps": json.dumps([g.to_dict() for g in table.gaps]),
-    }
-    pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields, about)), _new(path))
+    about = {f"esea.{name}": json.dumps(found) for name, found in _about(log, table).items()}
+    with _new(path) as (target,):
+        pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields, about)), target)
     return len(table)
 
 
@@ -150,10 +183,21 @@ def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sens
     track = "".join(_LABEL.findall(str(log.facts.get("device", "device"))))
     stem = f"sub-{subject}_task-{task}_tracksys-{track}"
     place = folder / f"sub-{subject}" / "motion"
-    samples = _new(place / f"{stem}_motion.tsv")
+    names = [place / f"{stem}_{end}" for end in ("motion.tsv", "channels.tsv", "motion.json")]
+    with _new(*names) as scratch:
+        _write_motion(log, table, task, track, scratch)
+        _data_set(folder, subject)
+    return names[0]
+
+
+def _write_motion(log: Log, table: Table, task: str, track: str, names: Sequence[Path]) -> None:
+    samples, rows, side = names
     columns = [c for c in _columns(table) if c[0] not in ("time_s", TICK)]
-    rate_Hz = 1.0 / float(np.median(np.diff(table.time_s)))
-    rate_Hz = round(rate_Hz, 6)
+    steps = np.diff(table.time_s)
+    step_s = float(np.median(steps)) if len(steps) else 0.0
+    if step_s <= 0:
+        raise UserError(f"{table.layout.name}: its times do not ascend.", "Record for longer.")
+    rate_Hz = round(1.0 / step_s, 6)
     with samples.open("w", encoding="utf-8") as file:
         texts = [[_text(v) if np.isfinite(v) else "n/a" for v in c[2]] for c in columns]
         file.writelines("\t".join(row) + "\n" for row in zip(*texts, strict=True))
@@ -162,7 +206,7 @@ def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sens
         kind = _BIDS_TYPES.get(unit, "MISC")
         row = [name, "n/a", kind, "n/a", unit if unit and unit != "1" else "n/a", f"{rate_Hz:g}"]
         channels.append("\t".join(row))
-    (place / f"{stem}_channels.tsv").write_text("\n".join(channels) + "\n", encoding="utf-8")
+    rows.write_text("\n".join(channels) + "\n", encoding="utf-8")
     kinds = [_BIDS_TYPES.get(unit, "MISC") for _, unit, _ in columns]
     about = {
         "TaskName": task,
@@ -178,11 +222,10 @@ def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sens
         "RecordingType": "continuous",
         "MotionChannelCount": len(columns),
         "MissingValues": "n/a",
+        "RecordingState": log.state.value,
+        "RecordingIntegrity": log.integrity.to_dict(),
     } | {f"{k}ChannelCount": kinds.count(k) for k in sorted(set(kinds))}
-    side = place / f"{stem}_motion.json"
     side.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-    _data_set(folder, subject)
-    return samples
 
 
 def longest(table: Table) -> Table:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Self
 
 from esea_gen.errors import UserError
+from esea_gen.received import shown
 
 REASONS = {
     "board": "the board had no room for them: they were never sent",
@@ -35,13 +37,28 @@ class Gap:
     reason: str
     board_ns: int = -1
 
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self | None:
+        """What :meth:`to_dict` gave, from a file; None for anything else."""
+        found = {f.name: content.get(f.name, f.default) for f in fields(cls)}
+        texts = [found["stream"], found["reason"]]
+        numbers = [found[n] for n in ("after_tick", "before_tick", "missing", "board_ns")]
+        if any(type(t) is not str for t in texts) or any(type(n) is not int for n in numbers):
+            return None
+        if any(abs(n) >= 1 << 63 for n in numbers):
+            return None
+        return cls(**found | {"stream": shown(texts[0]), "reason": shown(texts[1])})
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         return asdict(self)
 
     def __str__(self) -> str:
-        count = "runs" if self.missing < 0 else f"{self.missing} runs"
+        count = "some runs" if self.missing < 0 else f"{self.missing} runs"
+        count = "perhaps runs" if self.missing < 0 and self.reason == "recording" else count
         where = f"between ticks {self.after_tick} and {self.before_tick}"
+        if self.before_tick < 0:
+            where = f"after tick {self.after_tick}" if self.after_tick >= 0 else "everywhere"
         return f"{self.stream}: {count} missing {where}: {REASONS.get(self.reason, self.reason)}"
 
 

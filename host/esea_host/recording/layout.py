@@ -8,14 +8,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import TypeAdapter, ValidationError
+
+from esea_gen.errors import UserError
+from esea_gen.received import shown
 
 PACKAGE = "esea"
+MOST_COLUMNS = 4096
 Array = npt.NDArray[Any]
 
 # numpy kind: protobuf's wire type, its field type, and the name in a schema's text.
@@ -61,6 +66,11 @@ class StreamLayout:
         return np.dtype(fields)
 
     @property
+    def shape(self) -> list[tuple[str, str, int]]:
+        """Name, kind and size of every column."""
+        return [(c.name, c.kind, c.size) for c in self.columns]
+
+    @property
     def units(self) -> dict[str, str]:
         """Unit of every column that has one."""
         return {c.name: c.unit for c in self.columns if c.unit}
@@ -78,7 +88,9 @@ class StreamLayout:
         return out
 
     def rows(self, data: bytes) -> Array:
-        """Rows of protobuf messages that stand one after another."""
+        """Rows of protobuf messages, one after another; rejects another layout's."""
+        if len(data) % self.record_dtype.itemsize:
+            raise UserError(f"Messages of {self.name} have another size.", "Record with esea-host.")
         records = np.frombuffer(data, self.record_dtype)
         out = np.empty(len(records), self.dtype)
         for column in self.columns:
@@ -86,6 +98,14 @@ class StreamLayout:
             found = np.ascontiguousarray(records[column.name]).view(bits)
             out[column.name].view(bits)[...] = found
         return out
+
+    def framed(self, data: bytes) -> Array:
+        """Which of the messages, of this layout's size, have its tags; shape (n,)."""
+        records = np.frombuffer(data, self.record_dtype)
+        names = [n for n in self.record_dtype.names or () if n.startswith(("tag ", "length "))]
+        wanted = self.record(np.zeros(1, self.dtype))[0]
+        same = [(records[n] == wanted[n]).all(axis=1) for n in names]
+        return np.asarray(np.logical_and.reduce(same))
 
     def descriptor(self) -> bytes:
         """The protobuf ``FileDescriptorSet`` that says so to everybody else."""
@@ -105,8 +125,25 @@ class StreamLayout:
 
     @classmethod
     def from_json(cls, name: str, text: str) -> Self:
-        """What :meth:`to_json` wrote."""
-        return cls(name, tuple(StreamColumn(**c) for c in json.loads(text)))
+        """What :meth:`to_json` wrote; refused when it cannot be that."""
+        try:
+            columns = TypeAdapter(tuple[StreamColumn, ...]).validate_json(text, strict=True)
+        except ValidationError:
+            columns = ()
+        names = [c.name for c in columns]
+        sound = (
+            0 < len(columns) <= MOST_COLUMNS
+            and len(set(names)) == len(names)
+            and all(shown(n) == n and n and not n.startswith(("tag ", "length ")) for n in names)
+            and all(c.kind in _KINDS and 0 < c.size <= MOST_COLUMNS for c in columns)
+            and sum(c.size for c in columns) <= 2 * MOST_COLUMNS
+            and any((c.name, c.kind, c.size) == ("sequence", "u4", 1) for c in columns)
+        )
+        if not sound:
+            raise UserError(f"The columns of {name} cannot be read.", "Record with esea-host.")
+        texts = [(shown(c.unit), shown(c.meaning)) for c in columns]
+        pairs = zip(columns, texts, strict=True)
+        return cls(name, tuple(replace(c, unit=u, meaning=m) for c, (u, m) in pairs))
 
 
 def _field(name: str, column: StreamColumn) -> Any:

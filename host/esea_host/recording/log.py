@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
+from bisect import bisect_left
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -13,14 +14,21 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.received import shown
 from esea_host.recording.gaps import Gap, GapError
+from esea_host.recording.integrity import Integrity, RecordingState
 from esea_host.recording.layout import Array, StreamLayout
-from esea_host.recording.reader import LogFile, PieceError
+from esea_host.recording.pieces import Piece
+from esea_host.recording.reader import LogFile, Rows, json_object
+from esea_host.recording.records import PieceError
 
 if TYPE_CHECKING:
     import pandas
 
 TICK = "sequence"
+FACTS: dict[str, type] = dict.fromkeys(("device", "content_hash", "real", "board"), str)
+FACTS |= {"simulated": bool, "tick_us": int}
+MOST_TICK_US = 1_000_000
 
 
 class Table:
@@ -187,10 +195,25 @@ class Log:
         """The pieces below."""
         return self._file
 
+    @cached_property
+    def integrity(self) -> Integrity:
+        """Whether anything is missing or changed, where, and how much."""
+        found = self._file.integrity
+        if not any(g.reason == "disconnected" and g.before_tick < 0 for g in self.recorded_gaps):
+            return found
+        order = list(RecordingState)
+        states = {*found.states, RecordingState.DISCONNECTED} - {RecordingState.COMPLETE}
+        return replace(found, states=tuple(sorted(states, key=order.index)))
+
+    @property
+    def state(self) -> RecordingState:
+        """The worst that applies: damaged, disk full, truncated, disconnected or complete."""
+        return self.integrity.state
+
     @property
     def whole(self) -> bool:
-        """Whether the recording was ended, and not cut off."""
-        return self._file.whole
+        """Whether nothing is missing or changed."""
+        return self.integrity.complete
 
     @property
     def attachments(self) -> dict[str, bytes]:
@@ -200,7 +223,15 @@ class Log:
     @cached_property
     def facts(self) -> dict[str, Any]:
         """Device, content hash, versions, the computer; empty where nobody wrote them."""
-        found: dict[str, Any] = json.loads(self.attachments.get("facts.json", b"{}"))
+        what = f"{self.path.name}: facts.json"
+        found = json_object(self.attachments.get("facts.json", b"{}"), what)
+        for name, kind in FACTS.items():
+            value: Any = found.get(name, kind())
+            wrong = type(value) is not kind
+            if wrong or (name == "tick_us" and not 0 <= value <= MOST_TICK_US):
+                raise UserError(f"{what} has {name} = {shown(repr(value))}.", "Record it again.")
+            if kind is str and name in found:
+                found[name] = shown(value)
         return found
 
     @property
@@ -229,93 +260,149 @@ class Log:
         return [{"log_ns": ns, **content} for ns, content in self._file.events(topic)]
 
     @cached_property
-    def gaps(self) -> tuple[Gap, ...]:
-        """Holes that were found while recording, and pieces that are damaged since."""
-        found = [Gap(**{k: v for k, v in e.items() if k != "log_ns"}) for e in self.events("gap")]
-        for stream in self.streams:
-            for piece in self._file.pieces:
-                try:
-                    self._file.content(piece)
-                except PieceError:
-                    found.append(self._around(stream, piece.offset))
-        return tuple(found)
+    def recorded_gaps(self) -> tuple[Gap, ...]:
+        """Holes that were found while recording."""
+        found = [Gap.from_dict(content) for _, content in self._file.events("gap")]
+        return tuple(g for g in found if g is not None)
 
-    def _around(self, stream: str, offset: int) -> Gap:
-        # The last run before a damaged piece, and the first behind it.
-        before, behind, board_ns = -1, -1, -1
-        for at, rows, ns in self._rows(stream):
-            if at > offset:
-                behind = int(rows[TICK][0])
-                break
-            before, board_ns = int(rows[TICK][-1]), int(ns[-1])
-        return Gap(stream, before, behind, -1, "recording", board_ns)
+    @cached_property
+    def gaps(self) -> tuple[Gap, ...]:
+        """Holes that were found while recording, and those of damaged pieces."""
+        return (*self.recorded_gaps, *self._damaged_gaps())
+
+    def _damaged_gaps(self) -> list[Gap]:
+        # One pass: for every stream the last run before a damage, and the first behind it.
+        holes = self._file.holes
+        if not holes:
+            return []
+        found: list[Gap] = []
+        last = dict.fromkeys(self.streams, (-1, -1))
+        passed = dict.fromkeys(self.streams, 0)
+        for piece in self._file.pieces:
+            if piece.problem:
+                continue
+            before = bisect_left(holes, piece.offset)
+            for stream in self._streams_of(piece):
+                rows = self._file.read(piece, stream)
+                if rows is None:
+                    continue
+                ticks = self._layout(stream).rows(rows.data)[TICK]
+                if passed[stream] < before:
+                    tick, ns = last[stream]
+                    found.append(Gap(stream, tick, int(ticks[0]), -1, "recording", ns))
+                last[stream], passed[stream] = (int(ticks[-1]), int(rows.board_ns[-1])), before
+        for stream, (tick, ns) in last.items():
+            if passed[stream] < len(holes):
+                found.append(Gap(stream, tick, -1, -1, "recording", ns))
+        return found
+
+    def _streams_of(self, piece: Piece) -> list[str]:
+        if piece.spans is None:
+            return []
+        topics = (self._names.get(c) for c in piece.spans["channel"].tolist())
+        return [t for t in dict.fromkeys(topics) if t is not None]
+
+    @cached_property
+    def _names(self) -> dict[int, str]:
+        topics = self._file.topics()
+        return {number: stream for stream in self.streams for number in topics[stream]}
+
+    def spans(self) -> dict[str, tuple[int, int, int]]:
+        """Of every topic: messages, and the board's times of the first and the last, in ns."""
+        names = {n: topic for topic, numbers in self._file.topics().items() for n in numbers}
+        found: dict[str, tuple[int, int, int]] = dict.fromkeys(names.values(), (0, 0, 0))
+        for piece in self._file.pieces:
+            for channel, count, _, (first, last) in (
+                [] if piece.spans is None else piece.spans.tolist()
+            ):
+                topic = names.get(channel, f"channel {channel}")
+                before, start, _ = found.get(topic, (0, first, last))
+                found[topic] = before + count, start if before else first, last
+        return found
 
     def _layout(self, stream: str) -> StreamLayout:
-        if stream not in self._file.topics() or self._file.layout(stream) is None:
-            raise UserError(
-                f"{self.path.name} has no stream {stream}.",
-                f"It has {', '.join(self.streams) or 'none'}.",
-            )
         layout = self._file.layout(stream)
-        assert layout is not None
-        return layout
+        if layout is not None:
+            return layout
+        kind = self._file.kind(stream)
+        has = f"It has {', '.join(self.streams) or 'no stream of esea-host'}."
+        if kind:
+            what = (
+                f"{self.path.name}: {stream} is {kind}, and only streams of esea-host are tables."
+            )
+            raise UserError(what, f"Convert it with the tool that wrote it. {has}")
+        raise UserError(f"{self.path.name} has no stream {stream}.", has)
 
-    def _rows(self, stream: str, checked: bool = True) -> Iterator[tuple[int, Array, Array]]:
+    def _rows(self, stream: str) -> Iterator[tuple[Array, Array]]:
         layout = self._layout(stream)
         for piece in self._file.pieces:
-            try:
-                found = self._file.read(piece, stream, checked)
-            except PieceError:
-                continue
+            found = None if piece.problem else self._file.read(piece, stream)
             if found is not None:
-                yield piece.offset, layout.rows(found.data), found.board_ns
+                yield layout.rows(found.data), found.board_ns
 
-    def read(self, stream: str, checked: bool = True) -> Iterator[Array]:
+    def read(self, stream: str) -> Iterator[Array]:
         """A stream's rows, a piece at a time: for recordings that are larger than the memory.
 
         Parameters
         ----------
         stream : str
             One of :attr:`streams`.
-        checked : bool
-            Leave out pieces whose checksum is wrong.
 
         Returns
         -------
         iterator of ndarray
-            Structured, of the rows of one piece.
+            Structured, of the rows of one piece; damaged pieces are left out.
         """
-        for _, rows, _ in self._rows(stream, checked):
+        for rows, _ in self._rows(stream):
             yield rows
 
-    def read_all(self, stream: str, damaged: list[str]) -> Iterator[tuple[Array, Array]]:
-        """Rows and board times of every piece, those with a wrong checksum too, which are named.
+    def read_timed(self, stream: str, damaged: bool = False) -> Iterator[tuple[Array, Array]]:
+        """Rows and board times of every piece.
 
         Parameters
         ----------
         stream : str
             One of :attr:`streams`.
-        damaged : list of str
-            Gets what is wrong with each piece, once.
+        damaged : bool
+            With the rows of damaged pieces whose frame and time fit to those before: to name what
+            was changed, not to compute with.
 
         Returns
         -------
         iterator of (ndarray, ndarray)
             Rows, and nanoseconds of the board's clock.
         """
+        if not damaged:
+            yield from self._rows(stream)
+            return
         layout = self._layout(stream)
+        before = None
         for piece in self._file.pieces:
             try:
-                self._file.content(piece)
-            except PieceError as error:
-                if str(error) not in damaged:
-                    damaged.append(str(error))
-            try:
-                found = self._file.read(piece, stream, checked=False)
-                if found is not None:
-                    yield layout.rows(found.data), found.board_ns
-            except (PieceError, ValueError, IndexError):
+                found = self._file.read(piece, stream, damaged=True)
+            except PieceError:
                 continue
+            if found is None:
+                continue
+            if not piece.problem:
+                rows = layout.rows(found.data)
+                before = rows[TICK][-1], found.board_ns[-1]
+                yield rows, found.board_ns
+                continue
+            rows, board_ns = self._plausible(layout, found, before)
+            if len(rows):
+                yield rows, board_ns
+
+    def _plausible(
+        self, layout: StreamLayout, found: Rows, before: tuple[int, int] | None
+    ) -> tuple[Array, Array]:
+        size = layout.record_dtype.itemsize
+        if before is None or (found.lengths != size).any():
+            return np.empty(0, layout.dtype), np.empty(0, np.int64)
+        rows, ns = layout.rows(found.data), found.board_ns
+        late_ns = (rows[TICK].astype(np.int64) - int(before[0])) * round(self.tick_s * 1e9)
+        fits = layout.framed(found.data) & (ns - int(before[1]) == late_ns) & (ns > before[1])
+        return rows[fits], ns[fits]
 
     def __getitem__(self, stream: str) -> Table:
         """All of a stream.
@@ -332,21 +419,21 @@ class Log:
         """
         layout = self._layout(stream)
         parts = [*self._rows(stream)]
-        rows = np.concatenate([r for _, r, _ in parts]) if parts else np.empty(0, layout.dtype)
-        board_ns = np.concatenate([ns for _, _, ns in parts]) if parts else np.empty(0, np.int64)
+        rows = np.concatenate([r for r, _ in parts]) if parts else np.empty(0, layout.dtype)
+        board_ns = np.concatenate([ns for _, ns in parts]) if parts else np.empty(0, np.int64)
         gaps = tuple(g for g in self.gaps if g.stream == stream)
         return Table(layout, rows, board_ns, self.start_ns, gaps)
 
     @cached_property
     def start_ns(self) -> int:
         """The recording's beginning, on the board's clock."""
-        firsts = [next(self._rows(s), None) for s in self.streams]
-        return min((int(f[2][0]) for f in firsts if f is not None), default=0)
+        found = [self.spans()[stream] for stream in self.streams]
+        return min((first for count, first, _ in found if count), default=0)
 
     @property
     def tick_s(self) -> float:
         """The board's base tick, in seconds."""
-        return float(self.facts.get("tick_us", 1000)) * 1e-6
+        return float(self.facts.get("tick_us") or 1000) * 1e-6
 
 
 def open_log(path: str | Path) -> Log:

@@ -1,59 +1,35 @@
-"""What is in an MCAP file, whole, cut off or damaged: every piece is found and checked by itself.
+"""Whether an MCAP file is all that was written, and the messages in it.
 
-The index at a file's end is not used: a file that was cut has none, and the pieces say it all.
+The index at a file's end is never trusted: it only says what should be there.
 """
 
 from __future__ import annotations
 
-import io
 import json
-import mmap
-import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Schema
-from mcap.writer import MCAP0_MAGIC
+from numpy.lib.stride_tricks import sliding_window_view
 
 from esea_gen.errors import UserError
+from esea_host.recording import records
+from esea_host.recording.integrity import Damage, Integrity, RecordingState
 from esea_host.recording.layout import Array, StreamLayout
-from esea_host.recording.writer import COLUMNS_KEY
+from esea_host.recording.pieces import KEPT_BYTES, MAGIC_BYTES, MESSAGE, Piece, PieceFile
+from esea_host.recording.records import HEAD, Fields, PieceError
+from esea_host.recording.writer import COLUMNS_KEY, DISK_FULL
 
-_RECORD = struct.Struct("<BQ")
-_CHUNK = struct.Struct("<QQQII")  # times, size, crc, length of the compression's name
-_MESSAGE = struct.Struct("<BQHIQQ")
-_MESSAGE_DTYPE = [("op", "u1"), ("length", "<u8"), ("channel", "<u2"), ("number", "<u4")]
-_MESSAGE_DTYPE += [("log_ns", "<u8"), ("board_ns", "<u8")]
-_MAGIC_BYTES = len(MCAP0_MAGIC)
-
-
-@dataclass(frozen=True)
-class Piece:
-    """A chunk: where it is, when it is, and how long its content is.
-
-    offset, end: of the whole record in the file.
-    """
-
-    offset: int
-    end: int
-    start_ns: int
-    end_ns: int
-    crc: int
-    compression: str
-    data: int
-    index: dict[int, tuple[int, int]] = field(default_factory=dict)
+MOST_EVENTS = 500_000
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Messages of a channel, of a piece.
+    """Messages of a topic, of a piece.
 
     data: their contents, one after another.
     lengths: of each.
@@ -65,214 +41,230 @@ class Rows:
     lengths: Array
 
 
-class PieceError(ValueError):
-    """A piece's checksum is wrong, or it cannot be read at all."""
+class LogFile(PieceFile):
+    """A recording's file; ``integrity`` says what is missing of it."""
 
+    def _finish(self) -> None:
+        self.integrity = self._judge()
+        super()._finish()
 
-class LogFile:
-    """An MCAP file, mapped into memory.
+    # -- whether it is complete ------------------------------------------------------------------
 
-    whole: whether it was finished; else everything up to ``readable_bytes`` could be read.
-    """
+    def _judge(self) -> Integrity:
+        statistics = self._judge_summary() if self._ended else None
+        for piece in self.pieces:  # the last resort for what a damaged one alone describes
+            if piece.problem and not piece.compression:
+                self._learn_from_damaged(piece)
+        if self._ended and self._data_end is None and not self._damages:
+            self._damage(self._readable, self.size, "the record that ends the data is missing")
+        covered = self._judge_bytes()
+        lost = self._missing(statistics)
+        if any(n < 0 for n in lost.values()) or (lost and not self._damages):
+            self._damage(0, self.size, "there are other messages than its index counts")
+        states = [
+            state
+            for state, applies in (
+                (RecordingState.DAMAGED, bool(self._damages)),
+                (RecordingState.DISK_FULL, not self._ended and self._end_mark == DISK_FULL),
+                (RecordingState.TRUNCATED, not self._ended and self._end_mark != DISK_FULL),
+            )
+            if applies
+        ]
+        checked = covered or all(p.crc for p in self.pieces)
+        damages = tuple(self._placed(d) for d in sorted(self._damages, key=lambda d: d.offset))
+        if statistics is None:
+            for damage in damages:
+                for topic, count in damage.lost.items():
+                    lost[topic] = lost.get(topic, 0) + count
+        return Integrity(
+            tuple(states) or (RecordingState.COMPLETE,),
+            damages,
+            self._readable if not self._ended else self.size,
+            self.size,
+            checked,
+            {topic: n for topic, n in lost.items() if n > 0},
+        )
 
-    def __init__(self, path: Path) -> None:
-        self.path = Path(path)
+    def _judge_summary(self) -> dict[int, int] | None:
+        # Learns what the index at the end repeats; returns how many messages a channel should have.
+        foot = self.size - MAGIC_BYTES - records.FOOTER_BYTES
+        place = Fields(self._map, foot + HEAD.size, self.size - MAGIC_BYTES)
+        start, _, crc = place.number(8), place.number(8), place.number(4)
+        behind = None if self._data_end is None else records.record_end(
+            self._map, self._data_end, self.size
+        )[1]  # fmt: skip
+        if start == 0 and crc == 0 and behind in (None, foot):
+            return None
+        with memoryview(self._map) as data:
+            wrong = crc and zlib.crc32(data[start : foot + HEAD.size + 16]) != crc
+        if not MAGIC_BYTES <= start <= foot or wrong or behind not in (None, start):
+            self._damage(min(start, foot), self.size, "the index at the end was changed")
+            return None
+        counts, at = None, start
         try:
-            self._handle = self.path.open("rb")
-        except OSError as error:
-            raise UserError(f"{path} cannot be opened: {error.strerror}.", "") from None
-        size = self.path.stat().st_size
-        start = self._handle.read(_MAGIC_BYTES)
-        if start != MCAP0_MAGIC:
-            self._handle.close()
-            what = "is empty" if not start else "is no MCAP file"
-            if MCAP0_MAGIC.startswith(start) and start:
-                what = "was cut off before anything was written"
-            raise UserError(f"{path} {what}.", "Give a recording.")
-        self._map = mmap.mmap(self._handle.fileno(), size, access=mmap.ACCESS_READ)
-        self.channels: dict[int, Channel] = {}
-        self.schemas: dict[int, Schema] = {}
-        self.attachments: dict[str, bytes] = {}
-        self.damaged_attachments: list[str] = []
-        self.pieces: list[Piece] = []
-        self.damaged: list[str] = []
-        self.readable_bytes, self.whole = self._scan(size)
-
-    def close(self) -> None:
-        """Let go of the file."""
-        self._map.close()
-        self._handle.close()
-
-    def _scan(self, size: int) -> tuple[int, bool]:
-        at = _MAGIC_BYTES
-        while at + _RECORD.size <= size:
-            opcode, length = _RECORD.unpack_from(self._map, at)
-            end = at + _RECORD.size + length
-            if end > size:
-                return at, False
-            if opcode == Opcode.CHUNK:
-                self._found_piece(at, end)
-            elif opcode == Opcode.MESSAGE_INDEX and self.pieces:
-                (channel, count) = struct.unpack_from("<HI", self._map, at + _RECORD.size)
-                place = at + _RECORD.size + 6, count // 16
-                self.pieces[-1].index.setdefault(channel, place)
-            elif opcode == Opcode.ATTACHMENT:
-                self._found_attachment(at, end)
-            elif opcode in (Opcode.CHANNEL, Opcode.SCHEMA):
-                self._learn(self._map[at:end])
-            elif opcode == Opcode.DATA_END:
-                tail = self._map[size - _MAGIC_BYTES : size]
-                return at, tail == MCAP0_MAGIC and size > end
-            at = end
-        return at, False
-
-    def _found_attachment(self, at: int, end: int) -> None:
-        data = self._map[at:end]
-        stream = ReadDataStream(io.BytesIO(data[_RECORD.size :]))
-        (crc,) = struct.unpack_from("<I", data, len(data) - 4)
-        try:
-            found = Attachment.read(stream)
-        except Exception:
-            self.damaged_attachments.append("?")
-            return
-        if crc and zlib.crc32(data[_RECORD.size : -4]) != crc:
-            self.damaged_attachments.append(found.name)
-            return
-        self.attachments[found.name] = found.data
-
-    def _found_piece(self, at: int, end: int) -> None:
-        place = at + _RECORD.size
-        start, stop, _, crc, length = _CHUNK.unpack_from(self._map, place)
-        place += _CHUNK.size
-        name = bytes(self._map[place : place + length]).decode("ascii", "replace")
-        piece = Piece(at, end, start, stop, crc, name, place + length + 8)
-        self.pieces.append(piece)
-        try:
-            self._learn_from(piece)
+            while at < foot:
+                opcode, end = records.record_end(self._map, at, foot)
+                fields = Fields(self._map, at + HEAD.size, end)
+                self._beside(opcode, self._map[at:end] if opcode in (3, 4) else b"", 0, end - at)
+                if opcode == Opcode.STATISTICS:
+                    fields.skip(42)
+                    size = fields.number(4)
+                    pairs = Fields(self._map, fields.at, min(fields.at + size, end))
+                    counts = {}
+                    while pairs.at < pairs.end:
+                        channel = pairs.number(2)
+                        counts[channel] = pairs.number(8)
+                elif opcode == Opcode.CHUNK_INDEX:
+                    times = fields.number(8), fields.number(8)
+                    self._indexed[fields.number(8)] = times
+                at = end
         except PieceError as error:
-            self.damaged.append(str(error))
+            self._damage(at, self.size, f"the index at the end {error}")
+            return None
+        unknown = self._indexed.keys() - {p.offset for p in self.pieces}
+        if unknown and not self._damages:
+            self._damage(min(unknown), self.size, "a piece that the index names is missing")
+        return counts
 
-    def _learn_from(self, piece: Piece) -> None:
-        # Channels stand at a piece's beginning, and only in the first that has them.
-        content = memoryview(self._map)[piece.data : piece.end]
+    def _learn_from_damaged(self, piece: Piece) -> None:
+        content = self._unpacked(piece)
         try:
-            first = content[0] if not piece.compression else self.content(piece, True)[0]
-        except IndexError:
+            for opcode, at, end in records.records(content[: 1 << 20]):
+                if opcode == Opcode.MESSAGE:
+                    return
+                self._beside(opcode, content, at, end)
+        except PieceError:
             return
-        finally:
-            content.release()
-        if first in (Opcode.CHANNEL, Opcode.SCHEMA):
-            data = self.content(piece, checked=False)
-            for op, at, end in _records(data):
-                if op in (Opcode.CHANNEL, Opcode.SCHEMA):
-                    self._learn(data[at:end])
 
-    def _learn(self, record: bytes) -> None:
-        stream = ReadDataStream(io.BytesIO(record[_RECORD.size :]))
-        if record[0] == Opcode.CHANNEL:
-            channel = Channel.read(stream)
-            self.channels.setdefault(channel.id, channel)
-        else:
-            schema = Schema.read(stream)
-            self.schemas.setdefault(schema.id, schema)
+    def _judge_bytes(self) -> bool:
+        # The checksum over all data, where there is one: whether it covers everything.
+        if self._data_end is None:
+            return False
+        crc = int.from_bytes(self._map[self._data_end + 9 : self._data_end + 13], "little")
+        if not crc:
+            return False
+        found = 0
+        with memoryview(self._map) as data:
+            for at in range(0, self._data_end, KEPT_BYTES):
+                found = zlib.crc32(data[at : min(at + KEPT_BYTES, self._data_end)], found)
+        if found != crc and not self._damages:
+            self._damage(0, self._data_end, "bytes beside the messages were changed")
+        return found == crc
 
-    def content(self, piece: Piece, checked: bool = True) -> bytes:
-        """A piece's records.
+    def _missing(self, counts: dict[int, int] | None) -> dict[str, int]:
+        if counts is None:
+            return {}
+        found = dict.fromkeys(counts, 0)
+        for piece in self.pieces:
+            if piece.spans is not None:
+                for channel, count in piece.spans[["channel", "count"]].tolist():
+                    found[channel] = found.get(channel, 0) + count
+        left = {self._topic(c): counts.get(c, 0) - n for c, n in found.items()}
+        return {topic: n for topic, n in left.items() if n}
 
-        checked: refuse it when its checksum is wrong.
-        """
-        data = self._map[piece.data : piece.end]
-        if piece.compression == "zstd":
-            try:
-                data = zstandard.ZstdDecompressor().decompress(data)
-            except zstandard.ZstdError as error:
-                raise PieceError(self._where(piece, f"cannot be unpacked ({error})")) from None
-        elif piece.compression:
-            raise PieceError(self._where(piece, f"is packed as {piece.compression}"))
-        if checked and zlib.crc32(data) != piece.crc:
-            raise PieceError(self._where(piece, "has a wrong checksum"))
-        return bytes(data)
+    def _topic(self, channel: int) -> str:
+        known = self.channels.get(channel)
+        return known.topic.lstrip("/") if known else f"channel {channel}"
 
-    def _where(self, piece: Piece, what: str) -> str:
-        return f"{self.path.name}: the piece at byte {piece.offset} {what}"
+    def _placed(self, damage: Damage) -> Damage:
+        # With names of its topics, and its times where they can be those of this recording.
+        lost = {self._topic(int(channel)): count for channel, count in damage.lost.items()}
+        spans = [p.spans["log_ns"] for p in self.pieces if p.spans is not None and len(p.spans)]
+        own = (p.times_ns for p in self.pieces if p.offset == damage.offset)
+        times = self._indexed.get(damage.offset) or next(own, None)
+        if times is None or not spans:
+            return Damage(damage.offset, damage.end, damage.what, lost=lost)
+        first, last = min(int(s.min()) for s in spans), max(int(s.max()) for s in spans)
+        room = 10**9 + last - first
+        if not first - room <= times[0] <= times[1] <= last + room:
+            return Damage(damage.offset, damage.end, damage.what, lost=lost)
+        start_s, end_s = ((ns - first) * 1e-9 for ns in times)
+        return Damage(damage.offset, damage.end, damage.what, start_s, end_s, lost)
 
-    def topics(self) -> dict[str, int]:
-        """Channel of every topic, without the slash before it."""
-        return {c.topic.lstrip("/"): i for i, c in self.channels.items()}
+    # -- reading ---------------------------------------------------------------------------------
+
+    def topics(self) -> dict[str, list[int]]:
+        """Channels of every topic, without the slash before it."""
+        found: dict[str, list[int]] = {}
+        for number in self.channels:
+            found.setdefault(self._topic(number), []).append(number)
+        return found
 
     def layout(self, topic: str) -> StreamLayout | None:
-        """A stream's layout; None for events."""
-        channel = self.channels[self.topics()[topic]]
-        text = channel.metadata.get(COLUMNS_KEY)
-        return None if text is None else StreamLayout.from_json(topic, text)
+        """A stream's layout; None for events, and for what is not ours."""
+        return self._layouts.get(topic)
 
-    def read(self, piece: Piece, topic: str, checked: bool = True) -> Rows | None:
-        """Messages of a topic in a piece."""
-        channel = self.topics()[topic]
-        data = self.content(piece, checked)
-        offsets = self._indexed(piece, channel, data)
-        if offsets is None:
-            # Cut right behind the piece, or its index is another's.
-            found = [
-                at
-                for op, at, _ in _records(data)
-                if op == Opcode.MESSAGE and _MESSAGE.unpack_from(data, at)[2] == channel
-            ]
-            offsets = np.array(found, np.int64)
-        return _gather(data, offsets) if len(offsets) else None
+    def kind(self, topic: str) -> str:
+        """How a topic's messages are written, in words; empty for an unknown topic."""
+        found = self.channels.get(self.topics().get(topic, [-1])[0])
+        if found is None:
+            return ""
+        schema = self.schemas.get(found.schema)
+        return f"{found.encoding or 'unnamed'} ({schema.name})" if schema else found.encoding
 
-    def _indexed(self, piece: Piece, channel: int, data: bytes) -> Array | None:
-        if not piece.index:
+    @cached_property
+    def _layouts(self) -> dict[str, StreamLayout]:
+        found = {}
+        for topic, numbers in self.topics().items():
+            text = self.channels[numbers[0]].metadata.get(COLUMNS_KEY)
+            try:
+                if text is not None:
+                    found[topic] = StreamLayout.from_json(topic, text)
+            except UserError:
+                continue
+        return found
+
+    def read(self, piece: Piece, topic: str, damaged: bool = False) -> Rows | None:
+        """Messages of a topic in a piece.
+
+        damaged: of a damaged piece too, as far as its records can be told apart.
+        """
+        numbers = self.topics()[topic]
+        if piece.problem and (not damaged or piece.compression):
+            raise PieceError(f"{self.path.name}: the piece at byte {piece.offset} {piece.problem}")
+        if piece.spans is not None and not np.isin(piece.spans["channel"], numbers).any():
             return None
-        at, count = piece.index.get(channel, (0, 0))
-        table = np.frombuffer(self._map[at : at + 16 * count], "<u8").reshape(-1, 2)
-        offsets = table[:, 1].astype(np.int64)
-        if not len(offsets):
-            return offsets
-        raw = np.frombuffer(data, np.uint8)
-        if offsets.max() + _MESSAGE.size > len(raw) or (raw[offsets] != Opcode.MESSAGE).any():
+        content, heads, offsets = self._content(piece)
+        mine = np.isin(heads["channel"], numbers)
+        if not mine.any():
             return None
-        low, high = raw[offsets + _RECORD.size], raw[offsets + _RECORD.size + 1]
-        return offsets if (low.astype(int) | high.astype(int) << 8 == channel).all() else None
+        heads, starts = heads[mine], offsets[mine] + MESSAGE.itemsize
+        lengths = heads["length"].astype(np.int64) - (MESSAGE.itemsize - HEAD.size)
+        if (lengths == lengths[0]).all() and lengths[0] > 0:
+            data = sliding_window_view(np.frombuffer(content, np.uint8), lengths[0])[starts]
+            joined = data.tobytes()
+        else:
+            pairs = zip(starts.tolist(), lengths.tolist(), strict=True)
+            joined = b"".join(content[s : s + n] for s, n in pairs)
+        return Rows(heads["log_ns"], heads["board_ns"], joined, lengths)
+
+    def rows(self, piece: Piece, topic: str) -> Iterator[tuple[int, bytes]]:
+        """Time and content of each message of a topic in a piece."""
+        found = None if piece.problem or topic not in self.topics() else self.read(piece, topic)
+        place = 0
+        if found is not None:
+            for ns, length in zip(found.log_ns.tolist(), found.lengths.tolist(), strict=True):
+                yield ns, found.data[place : place + length]
+                place += length
 
     def events(self, topic: str) -> Iterator[tuple[int, dict[str, Any]]]:
         """Time and content of a topic's JSON messages, damaged pieces left out."""
-        if topic not in self.topics():
-            return
+        count = 0
         for piece in self.pieces:
-            try:
-                rows = self.read(piece, topic)
-            except PieceError:
-                continue
-            if rows is None:
-                continue
-            place = 0
-            for ns, length in zip(rows.log_ns.tolist(), rows.lengths.tolist(), strict=True):
-                yield ns, json.loads(rows.data[place : place + length])
-                place += length
+            for ns, data in self.rows(piece, topic):
+                count += 1
+                if count > MOST_EVENTS:
+                    what = f"{self.path.name}: more than {MOST_EVENTS} events of {topic}."
+                    raise UserError(what, "Split the recording.")
+                yield ns, json_object(data, f"{self.path.name}: event {count} of {topic}")
 
 
-def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    at = 0
-    while at + _RECORD.size <= len(data):
-        opcode, length = _RECORD.unpack_from(data, at)
-        end = at + _RECORD.size + length
-        if end > len(data):
-            return
-        yield opcode, at, end
-        at = end
-
-
-def _gather(data: bytes, offsets: Array) -> Rows:
-    raw = np.frombuffer(data, np.uint8)
-    head = raw[offsets[:, None] + np.arange(_MESSAGE.size)]
-    heads = np.ascontiguousarray(head).view(np.dtype(_MESSAGE_DTYPE)).ravel()
-    lengths = heads["length"].astype(np.int64) - (_MESSAGE.size - _RECORD.size)
-    starts = offsets + _MESSAGE.size
-    if len(set(lengths.tolist())) == 1:
-        content = raw[starts[:, None] + np.arange(lengths[0])].tobytes()
-    else:
-        pairs = zip(starts.tolist(), lengths.tolist(), strict=True)
-        content = b"".join(data[s : s + n] for s, n in pairs)
-    times = heads["log_ns"].astype(np.int64), heads["board_ns"].astype(np.int64)
-    return Rows(*times, content, lengths)
+def json_object(data: bytes, what: str) -> dict[str, Any]:
+    """A JSON object that somebody wrote."""
+    try:
+        found = json.loads(data)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise UserError(f"{what} is not a JSON object.", "Give a recording of esea-host.")
+    return found

@@ -1,15 +1,18 @@
-"""The recorder: MCAP in small pieces, each whole on the disk within a second.
+"""The recorder: MCAP in small pieces, each complete on the disk within a second.
 
 A file that is cut off anywhere keeps every piece before the cut; :func:`esea_host.open_log` reads
-it without being asked to repair anything.
+it without being asked to repair anything.  When the disk is full, the file ends with its last
+complete piece, and a record at its beginning, which takes no further room, reports it.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -25,6 +28,8 @@ PIECE_BYTES = 1 << 18
 PIECE_S = 0.5
 LIBRARY = "esea-host"
 COLUMNS_KEY = "esea.columns"
+MARK, END_KEY, OPEN, DISK_FULL = "esea.recording", "end", "open     ", "disk full"
+FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 EVENT_SCHEMA: dict[str, Any] = {"type": "object", "properties": {}, "additionalProperties": True}
 
 
@@ -38,14 +43,16 @@ class Recorder:
     attachments : mapping of str to bytes
         What belongs to it: device file, dialect, facts; by file name.
     compress : bool
-        With zstandard.  Without, a damaged bit costs one number and not a piece.
+        With zstandard.  Without, ``replay --verify`` can name a bit that was changed.
     piece_s : float
         After how long a piece is written, at the latest.
+
+    ``closed``: nothing more is written.
 
     Raises
     ------
     UserError
-        When the file exists or cannot be written.
+        When the file exists or cannot be written; from every method when the disk is full.
     """
 
     def __init__(
@@ -64,16 +71,55 @@ class Recorder:
             raise UserError(f"{path} cannot be written: {error.strerror}.", "") from None
         kind = CompressionType.ZSTD if compress else CompressionType.NONE
         # Any: much of the library has no types.
-        self._writer: Any = Writer(self._file, PIECE_BYTES, kind)
-        self._writer.start(profile="", library=LIBRARY)
+        self._writer: Any = Writer(self._file, PIECE_BYTES, kind, enable_data_crcs=True)
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
-        self._closed = False
+        self.closed, self._good_bytes, self._mark_at = False, 0, 0
+        self._guarded(self._begin, dict(attachments or {}))
+
+    def _begin(self, attachments: dict[str, bytes]) -> None:
+        self._writer.start(profile="", library=LIBRARY)
+        self._file.flush()
+        self._mark_at = self._file.tell()
+        self._writer.add_metadata(MARK, {END_KEY: OPEN})
         now = time.time_ns()
-        for name, data in (attachments or {}).items():
+        for name, data in attachments.items():
             media = "application/json" if name.endswith(".json") else "text/plain"
             self._writer.add_attachment(now, now, name, media, data)
         self._sync()
+
+    def _guarded(self, act: Callable[..., None], *given: Any) -> None:
+        # A disk that is full ends the recording; what had been written complete stays.
+        if self.closed:
+            raise UserError(f"{self.path}: the recording has ended.", "Begin another one.")
+        try:
+            act(*given)
+        except OSError as error:
+            self._give_up(error)
+
+    def _give_up(self, error: OSError) -> None:
+        self.closed = True
+        # What is still in the buffer must not come behind the last complete piece.
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self._file.fileno())
+        os.close(nowhere)
+        self._file.close()
+        with contextlib.suppress(OSError), self.path.open("r+b", buffering=0) as file:
+            file.truncate(self._good_bytes)
+            file.seek(self._mark_at)
+            at = file.read(200).find(OPEN.encode())
+            if error.errno in FULL and at >= 0:
+                file.seek(self._mark_at + at)
+                file.write(DISK_FULL.encode())
+            os.fsync(file.fileno())
+        if not self._channels:
+            self.path.unlink(missing_ok=True)
+        full = "the disk is full" if error.errno in FULL else error.strerror or str(error)
+        kept = f"The {self._good_bytes} bytes written before are kept and can be read."
+        raise UserError(
+            f"{self.path}: recording ended, {full}.",
+            kept if self._channels else "Make room, or give another folder.",
+        ) from None
 
     def __enter__(self) -> Self:
         return self
@@ -94,8 +140,11 @@ class Recorder:
         layout : StreamLayout
             Of the stream.
         """
-        if layout.name in self._channels:
-            return
+        if layout.name not in self._channels:
+            self._guarded(self._declare, layout)
+
+    def _declare(self, layout: StreamLayout) -> None:
+        StreamLayout.from_json(layout.name, layout.to_json())  # what cannot be read is not written
         self._sync()  # so that what describes a channel stands first in its piece
         schema = self._writer.register_schema(
             f"{PACKAGE}.{layout.name}", "protobuf", layout.descriptor()
@@ -117,6 +166,9 @@ class Recorder:
             Shape (n,): nanoseconds since 1970 and of the board's clock.
         """
         self.declare(layout)
+        self._guarded(self._rows, layout, rows, log_ns, board_ns)
+
+    def _rows(self, layout: StreamLayout, rows: Array, log_ns: Array, board_ns: Array) -> None:
         channel = self._channels[layout.name]
         data, size = layout.record(rows).tobytes(), layout.record_dtype.itemsize
         first = self._counts.get(layout.name, 0)
@@ -141,6 +193,9 @@ class Recorder:
         log_ns : int, optional
             When, in nanoseconds since 1970; default: now.
         """
+        self._guarded(self._event, topic, content, log_ns)
+
+    def _event(self, topic: str, content: Mapping[str, Any], log_ns: int | None) -> None:
         channel = self._channels.get(topic)
         if channel is None:
             self._sync()
@@ -186,16 +241,21 @@ class Recorder:
         self._writer._Writer__finalize_chunk()
         self._file.flush()
         os.fsync(self._file.fileno())
+        self._good_bytes = self._file.tell()
         self._synced_s = time.monotonic()
 
     def close(self) -> None:
         """End the file with its index; more than once does no harm."""
-        if not self._closed:
-            self._closed = True
-            self._writer.finish()
-            self._file.flush()
-            os.fsync(self._file.fileno())
-            self._file.close()
+        if not self.closed:
+            self._guarded(self._finish)
+
+    def _finish(self) -> None:
+        self._sync()
+        self._writer.finish()
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self._file.close()
+        self.closed = True
 
 
 def spread(first_ns: int, step_ns: int, count: int) -> Array:
