@@ -121,11 +121,11 @@ def test_a_typed_number_is_the_same_in_every_locale(qtbot, data, locale):
         window._timer.stop()
         qtbot.addWidget(window)
         c = window.controls
-        for text, rate in (("62.5", 62.5), ("412,5", 62.5), ("1.062,5", 62.5), ("70,5", 70.5)):
+        for text, taken in (("62.5", True), ("412,5", False), ("1.062,5", False), ("62,5", True)):
             c.fastest.clear()
             qtbot.keyClicks(c.fastest, text + "\r")
-            assert window.desk.comfort.rate_rad_s / DEG == pytest.approx(rate)
-            assert c.fastest.reason.isHidden() == (float(c.fastest.text()[:2]) == int(rate))
+            assert window.desk.comfort.rate_rad_s / DEG == pytest.approx(62.5)
+            assert c.fastest.reason.isHidden() == taken
         for text in ("2 500", "", "2,5"):
             c.torque.clear()
             qtbot.keyClicks(c.torque, text)
