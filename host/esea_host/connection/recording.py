@@ -21,7 +21,7 @@ class LiveRecording:
     """Writes what comes, in a thread of its own.
 
     Time in the file is the board's, put onto the host's clock once, at the first row; every
-    second an event ``clock`` tells both, so that offset and drift can be found afterwards.
+    second an event ``clock`` tells both, and by how much the wall clock has been set since.
 
     health: of link and board, told with the clocks.
     ended: called once the file is closed.
@@ -88,6 +88,7 @@ class LiveRecording:
                     self._clock_s = time.monotonic()
                     board_ns = int(np.max(batch.board_ns))
                     told = {"host_ns": batch.arrived_ns, "board_ns": board_ns}
+                    told["wall_ahead_ns"] = self._receiver.wall_ahead_ns()
                     self.recorder.event("clock", told | self._health())
             self.rows += len(batch.rows)
             self.gaps += len(batch.gaps)
