@@ -10,7 +10,7 @@ from weakref import WeakValueDictionary
 
 from esea_gen.control.impaired import impaired_system
 from esea_gen.control.law import Law
-from esea_gen.control.laws import find_law
+from esea_gen.control.laws import LAWS, find_law
 from esea_gen.control.system import control_system
 from esea_gen.devices.fields import LAW_SECTIONS, DeviceFile
 from esea_gen.devices.file import (
@@ -163,7 +163,7 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
         laws: list[Law] = []
         for name in names:
             if name in files:
-                laws += [find_law(n) for n in controller_document(name).get("laws", [])]
+                laws += [_named_law(n, name) for n in controller_document(name).get("laws", [])]
             else:
                 laws.append(find_law(name))
         file = parse_file(text, origin, files)
@@ -174,6 +174,13 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
             'Write extends = "elbow_drive" in it.',
         )
     return device
+
+
+def _named_law(law: object, file: str) -> Law:
+    # A file names shipped laws only: it runs no code of its own.
+    if law not in LAWS:
+        raise UserError(f"{file}: laws names {law!r}.", f"Choose from {', '.join(LAWS)}.")
+    return LAWS[str(law)]
 
 
 def parse_device(text: str, origin: str) -> Device:

@@ -14,20 +14,24 @@ from esea_gen.files import read_whole
 MOST_BYTES = 1 << 24
 
 
-def import_file(path: Path) -> ModuleType:
-    """The file as a module, under a name of its own content: one that was edited is another."""
-    text = read_whole(path, "Check the path.", MOST_BYTES)
+def import_file(path: Path, content: bytes | None = None) -> ModuleType:
+    """Run the file as a module, under a name of its own content: one that was edited is another.
+
+    content: its bytes, where they have been read and checked already.  Byte code that lies beside
+        the file is never used.
+    """
+    text = read_whole(path, "Check the path.", MOST_BYTES) if content is None else content
     digest = hashlib.sha256(bytes(path.absolute()) + text).hexdigest()[:16]
     name = f"esea_file_{path.stem}_{digest}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
+    if spec is None:
         raise UserError(f"{path}: is no Python file.", "Write FILE.py:name.")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        exec(compile(text, str(path), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         raise UserError(

@@ -102,6 +102,17 @@ def results_follow_their_schemas():
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def the_examples_are_trusted(tmp_path_factory):
+    """What a person does once for a task file; no test reads or writes a person's own list."""
+    from esea_host.study.trust import read_code, trust
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.mktemp("config")))
+        trust([read_code(ROOT / "examples" / "steady_hold.py").sha256])
+        yield
+
+
 @pytest.fixture(scope="session")
 def elbow() -> Device:
     return esea_gen.load_device("elbow")

@@ -108,6 +108,34 @@ def test_limits_are_shown_and_kept_and_impossible_ones_refused(opened):
     assert c.high.value() == 80
 
 
+@pytest.mark.parametrize("locale", ["C", "de_DE", "fr_FR"])
+def test_a_typed_number_is_the_same_in_every_locale(qtbot, data, locale):
+    from PySide6.QtCore import QLocale
+
+    from esea_host.windows.assess import AssessWindow
+
+    before = QLocale()
+    QLocale.setDefault(QLocale(locale))
+    try:
+        window = AssessWindow(ClinicDesk(Assessment(data), Comfort(0, 120 * DEG)))
+        window._timer.stop()
+        qtbot.addWidget(window)
+        c = window.controls
+        for text, taken in (("62.5", True), ("412,5", False), ("1.062,5", False), ("62,5", True)):
+            c.fastest.clear()
+            qtbot.keyClicks(c.fastest, text + "\r")
+            assert window.desk.comfort.rate_rad_s / DEG == pytest.approx(62.5)
+            assert c.fastest.reason.isHidden() == taken
+        for text in ("2 500", "", "2,5"):
+            c.torque.clear()
+            qtbot.keyClicks(c.torque, text)
+            c._take_torque()
+        assert steps(window) == ["begin", "measured"]
+        assert "2.5 Nm" in window.trail.item(1).text()
+    finally:
+        QLocale.setDefault(before)
+
+
 def test_it_tells_when_probabilities_have_stopped_changing(opened):
     assert opened.settled.text() == "The probabilities are still changing."
     session = opened.desk.session

@@ -96,6 +96,63 @@ def test_drift_and_offset_of_the_clocks_are_found(tmp_path):
         assert clock_fit(log) is None
 
 
+LATE_MS = {
+    "usb": lambda rng, n: rng.uniform(0, 1, n) + rng.exponential(0.1, n),
+    "tcp": lambda rng, n: 0.3 * rng.pareto(1.5, n),
+    "bursts": lambda rng, n: rng.exponential(0.5, n) + 80 * (rng.random(n) < 0.03) * rng.random(n),
+}
+
+
+def fitted(path, steps_ms, late_ms, monotonic=False, drift=20e-6):
+    """The fit of pairs a second apart; steps of the wall clock by time."""
+    at_s = np.arange(len(late_ms))
+    wall_ns = sum(round(ms * 1e6) * (at_s >= s) for s, ms in steps_ms.items()) + 0 * at_s
+    host_ns = np.rint(at_s * (1 + drift) * 1e9 + late_ms * 1e6).astype(np.int64) + 1_795 * 10**15
+    with Recorder(path) as recorder:
+        for host, wall, s in zip(host_ns.tolist(), wall_ns.tolist(), at_s.tolist(), strict=True):
+            event = {"host_ns": host if monotonic else host + wall, "board_ns": s * 10**9}
+            recorder.event("clock", event | ({"wall_ahead_ns": wall} if monotonic else {}))
+    with esea_host.open_log(path) as log:
+        return clock_fit(log)
+
+
+@pytest.mark.parametrize("late", LATE_MS)
+@pytest.mark.parametrize("steps_ms", [{}, {40: 12}, {70: -100}, {30: 1.5}, {25: 30, 80: -55}])
+def test_a_step_of_the_wall_clock_is_reported_and_leaves_the_drift(tmp_path, late, steps_ms):
+    for seed in range(3):
+        late_ms = LATE_MS[late](np.random.default_rng(seed), 120)
+        fit = fitted(tmp_path / f"{seed}.mcap", steps_ms, late_ms)
+        assert fit.low_ppm <= 20 <= fit.high_ppm
+        assert len(fit.steps) <= len(steps_ms)
+        for step in fit.steps:
+            near = min(steps_ms, key=lambda s, step=step: abs(s - step.at_s))
+            assert step.at_s == pytest.approx(near, abs=3)
+            assert step.size_ms == pytest.approx(steps_ms[near], abs=1 + 0.1 * abs(steps_ms[near]))
+        assert {ms for ms in steps_ms.values() if abs(ms) > 5} <= {
+            ms for ms in steps_ms.values() for s in fit.steps if abs(s.size_ms - ms) < 3
+        }
+
+
+def test_with_the_monotonic_clock_steps_of_a_millisecond_are_read_off(tmp_path):
+    late_ms = np.random.default_rng(1).exponential(4, 3000)
+    steps = {300: 1.0, 900: -1.0, 901: 100, 2000: -3600e3}
+    fit = fitted(tmp_path / "a.mcap", steps, late_ms, True)
+    assert {round(s.at_s): round(s.size_ms, 3) for s in fit.steps} == steps
+    assert fit.low_ppm <= 20 <= fit.high_ppm < fit.low_ppm + 1
+    assert "stepped by -1.0 ms at 900 s" in str(fit)
+
+
+def test_arrivals_are_stamped_by_a_clock_that_nobody_sets(device, monkeypatch):
+    from esea_host.connection import receiver as module
+
+    receiver, real = device.receiver, module.time.time_ns
+    assert abs(receiver.now_ns() - real()) < 10**9
+    before = receiver.now_ns()
+    monkeypatch.setattr(module.time, "time_ns", lambda: real() - 3600 * 10**9)
+    assert receiver.now_ns() >= before
+    assert receiver.wall_ahead_ns() == pytest.approx(-3600e9, abs=1e9)
+
+
 LAYOUT = StreamLayout(
     "sense_out", (StreamColumn("sequence", "u4"), StreamColumn("tau_Nm", unit="Nm"))
 )

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from esea_host.study.plan import build_plan, explain, group_of
 from esea_host.study.protocol import Protocol, load_protocol, parse_protocol
 from esea_host.study.scene import COLOURS, Scene, Shape, Text, catalogue, draw, said
 from esea_host.study.session import StudySession, read_session, replay
-from esea_host.study.task import Actor, Situation, task_named
+from esea_host.study.task import Actor, Situation, TaskEvent, TrialOutcome, task_named
 
 from .conftest import ROOT
 
@@ -231,6 +232,90 @@ def test_what_a_task_raises_fails_its_trial(tmp_path, protocol, monkeypatch):
     assert session.state.states[1] == "failed"
     assert "task steady_hold: KeyError: 'theta'" in session.state.reasons[1]
     assert "trials in a row failed" in session.state.ended
+
+
+def circular() -> dict:
+    held: dict = {}
+    held["itself"] = held
+    return held
+
+
+ODD = {
+    "nan": float("nan"), "inf": np.float32("inf"), "object": object(), "bytes": b"1", "set": {1},
+    "complex": 1j, "large": 10**5000, "surrogate": "\ud800", "key": {1: 2}, "circular": circular(),
+    "deep": [[{"a": np.nan}]], "date": np.datetime64("2026-01-01"),
+}  # fmt: skip
+
+
+def returning(task, change):
+    """A step of a task with something else in what it returns, 0.1 s into each trial."""
+    step = type(task).step
+
+    def changed_step(self, state, time_s, inputs):
+        made = step(self, state, time_s, inputs)
+        return change(made) if time_s > 0.1 else made
+
+    return changed_step
+
+
+def event(data, name="odd"):
+    return lambda made: replace(made, events=(TaskEvent(name, data),))
+
+
+def scene(*parts, **more):
+    return lambda made: replace(made, scene=Scene(*parts, **more))
+
+
+WRONG = {f"event {n}": event({"x": x}) for n, x in ODD.items()} | {
+    "the engine's name": event({"trial": 1}),
+    "event's name": event({}, np.nan),
+    "advice": event({"advice": 3}),
+    "no events": lambda made: replace(made, events=3),
+    "no step": lambda made: None,
+    "no scene": lambda made: replace(made, scene=None),
+    "request": lambda made: replace(made, requests={"tau_desired_Nm": np.float64("nan")}),
+    "request's kind": lambda made: replace(made, requests={"tau_desired_Nm": "1"}),
+    "shape": scene((Shape("disc", "cursor", np.nan, 0.0),)),
+    "role": scene((Shape("disc", "nobody", 0.0, 0.0),)),
+    "width": scene(half_width=0.0),
+    "text": scene((), (Text("rest"),)),
+    "outcome": lambda made: replace(made, outcome="over"),
+    "row": lambda made: replace(made, outcome=TrialOutcome({"held": True, "after_s": np.nan})),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_a_task_returns_wrongly_fails_its_trial(tmp_path, protocol, monkeypatch, wrong):
+    task = task_named("steady_hold", "")
+    monkeypatch.setattr(type(task), "step", returning(task, WRONG[wrong]))
+    study = study_in(tmp_path / "s", protocol)
+    state = run_one(study).state
+    assert state.ended.startswith("2 trials in a row failed, the last one: task steady_hold: ")
+    assert [state.states[n] for n in (1, 2, 3)] == ["failed", "failed", "pending"]
+    assert all(same for _, _, same in replay(study.log_of("P01", 0)))
+
+
+def test_numpys_scalars_are_written_as_numbers(tmp_path, protocol, monkeypatch):
+    task = task_named("steady_hold", "")
+    odd = {"k": np.argmax([0, 1]), "f": np.float32(0.5), "b": np.bool_(True), "a": np.eye(2)}
+    monkeypatch.setattr(type(task), "step", returning(task, event(odd | {"kind": None})))
+    session = run_one(study_in(tmp_path / "s", protocol))
+    assert session.state.ended == ""
+    told = next(e.data for e in read_log(session.log.path).entries if e.data.get("name") == "odd")
+    wanted = {"k": 1, "f": 0.5, "b": True, "a": [[1.0, 0.0], [0.0, 1.0]], "kind": None}
+    assert {k: told[k] for k in wanted} == wanted
+
+
+@pytest.mark.parametrize("answer", [(0.02, {"theta_deg": "1"}), (np.nan, {}), (None, {}), (1, 2)])
+def test_what_a_simulated_person_answers_wrongly_fails_the_trial(
+    tmp_path, protocol, monkeypatch, answer
+):
+    class Odd(Actor):
+        def react(self, scene, requests):
+            return answer
+
+    monkeypatch.setattr(type(task_named("steady_hold", "")), "simulate", lambda *_: Odd())
+    assert "trials in a row failed" in run_one(study_in(tmp_path / "s", protocol)).state.ended
 
 
 class NotReady(SimulatedSource):

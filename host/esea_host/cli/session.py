@@ -16,7 +16,14 @@ import typer
 from esea_gen.errors import UserError
 from esea_host.cli.app import out
 from esea_host.cli.options import KeyOption
-from esea_host.cli.study import CodeArgument, FolderArgument, SessionOption, opened, study_app
+from esea_host.cli.study import (
+    CodeArgument,
+    FolderArgument,
+    SessionOption,
+    TrustOption,
+    opened,
+    study_app,
+)
 from esea_host.cli.view import need_a_screen
 
 if TYPE_CHECKING:
@@ -107,9 +114,10 @@ def run(
     close: CloseOption = False,
     hold: HoldOption = False,
     early: EarlyOption = "",
+    trust: TrustOption = None,
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
-    study = opened(folder)
+    study = opened(folder, trust)
     if study.log_of(code, session - 1).exists():
         raise UserError(
             f"{code} has begun session {session} already.",
@@ -138,11 +146,12 @@ def resume(
     close: CloseOption = False,
     hold: HoldOption = False,
     early: EarlyOption = "",
+    trust: TrustOption = None,
 ) -> None:
     """Show what an interrupted session holds, and go on with it in the planned order."""
     from esea_host.study.session import read_session
 
-    study = opened(folder)
+    study = opened(folder, trust)
     path = study.log_of(code, session - 1)
     if not path.exists():
         raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -38,6 +39,14 @@ class ExportForm(StrEnum):
 TaskOption = Annotated[
     list[Path] | None, typer.Option("--task", metavar="FILE.py", help="File with a task of yours.")
 ]
+TrustOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--trust",
+        metavar="HASH",
+        help="Run the task file with this SHA-256, now and later; a command without it shows it.",
+    ),
+]
 FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="The study's folder.")]
 CodeArgument = Annotated[str, typer.Argument(metavar="CODE", help="Participant code, such as P01.")]
 SessionOption = Annotated[int, typer.Option("--session", min=1, help="Which session.")]
@@ -47,11 +56,13 @@ SessionOption = Annotated[int, typer.Option("--session", min=1, help="Which sess
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file.")],
     task: TaskOption = None,
+    trust: TrustOption = None,
 ) -> None:
     """Check a protocol file and say in plain words what it asks of people, with its duration."""
     from esea_host.study.plan import explain
     from esea_host.study.protocol import load_protocol
 
+    trusted(trust)
     know_shipped_tasks()
     out.print(explain(load_protocol(file, task or [])))
 
@@ -62,15 +73,18 @@ def create(
     folder: FolderArgument,
     task: TaskOption = None,
     simulated: Annotated[bool, typer.Option("--simulated", help="No real people in it.")] = False,
+    trust: TrustOption = None,
 ) -> None:
     """Make a study's folder from a protocol."""
     from esea_host.study.folder import StudyFolder
     from esea_host.study.protocol import load_protocol
 
+    trusted(trust)
     know_shipped_tasks()
     protocol = load_protocol(file, task or [])
     with new_folder(folder) as scratch:
         StudyFolder.create(scratch, protocol, simulated)
+    trusted(c.sha256 for c in protocol.code)  # what --task named runs from the folder too
     out.print(f"{folder}: ready; next: esea-host study enrol {folder} P01 --consent")
 
 
@@ -83,7 +97,7 @@ def enrol(
     ] = False,
 ) -> None:
     """Take a participant in, by code."""
-    study = opened(folder)
+    study = opened(folder, runs=False)
     study.enrol(code, consent)
     group = study.group_shown(code, "operator")
     out.print(f"{code} enrolled; group: {group or 'none'}")
@@ -100,9 +114,10 @@ def skip(
     trial: TrialArgument,
     session: SessionOption = 1,
     reason: ReasonOption = "",
+    trust: TrustOption = None,
 ) -> None:
     """Leave a trial of an interrupted session out."""
-    _begun(folder, code, session).skip(trial, reason)
+    _begun(folder, code, session, trust).skip(trial, reason)
     out.print(f"{code}: trial {trial} is left out")
 
 
@@ -113,27 +128,33 @@ def repeat(
     trial: TrialArgument,
     session: SessionOption = 1,
     reason: ReasonOption = "",
+    trust: TrustOption = None,
 ) -> None:
     """Have a trial again: what it gave no longer counts, and stays on record."""
-    _begun(folder, code, session).repeat(trial, reason)
+    _begun(folder, code, session, trust).repeat(trial, reason)
     out.print(f"{code}: trial {trial} comes again with study resume")
 
 
-def _begun(folder: Path, code: str, number: int) -> StudySession:
+def _begun(folder: Path, code: str, number: int, trust: list[str] | None) -> StudySession:
     from esea_host.study.acting import SimulatedSource
 
-    study = opened(folder)
+    study = opened(folder, trust)
     if not study.log_of(code, number - 1).exists():
         raise UserError(f"{code} has not begun session {number}.", "Name one that was begun.")
     return study.session(code, number - 1, SimulatedSource(0))
 
 
 @study_app.command("replay")
-def replay_command(folder: FolderArgument, code: CodeArgument, session: SessionOption = 1) -> None:
+def replay_command(
+    folder: FolderArgument,
+    code: CodeArgument,
+    session: SessionOption = 1,
+    trust: TrustOption = None,
+) -> None:
     """Make every scene of a session again from its log, and say whether they are the same."""
     from esea_host.study.session import replay
 
-    study = opened(folder)
+    study = opened(folder, trust)
     path = study.log_of(code, session - 1)
     if not path.exists():
         raise UserError(f"{code} has not begun session {session}.", "Name one that was begun.")
@@ -148,10 +169,14 @@ def replay_command(folder: FolderArgument, code: CodeArgument, session: SessionO
 
 @study_app.command("audit")
 def audit(folder: FolderArgument) -> None:
-    """Check every log's chain; name each line that was changed; list what was done."""
-    study = opened(folder)
+    """Check every log's chain, the protocol and the tasks; list what was done.  Runs no code."""
+    study = opened(folder, runs=False)
     for kind, data in study.audited_anyway():
-        out.print(kind + "".join(f" {k}={v}" for k, v in data.items()))
+        out.print(kind + "".join(f" {k}={v}" for k, v in data.items() if k != "content"))
+    for name, digest in study.content().items():
+        out.print(f"{name}: SHA-256 {digest}")
+    if not any("content" in data for _, data in study.audited_anyway()):
+        out.print("Protocol and tasks were not recorded when the study was created: not checked.")
     problems = study.problems()
     if problems:
         raise UserError(f"{folder}: {'; '.join(problems)}.", "Restore these files from a copy.")
@@ -167,7 +192,7 @@ def delete(
     """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
     if not reason:
         raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
-    out.print(f"{code}: {opened(folder).delete(code, reason)} files deleted")
+    out.print(f"{code}: {opened(folder, runs=False).delete(code, reason)} files deleted")
 
 
 @study_app.command("export")
@@ -178,21 +203,36 @@ def export(
     as_: Annotated[
         ExportForm, typer.Option("--as", help="rows: CSV and JSON; bids: samples and events too.")
     ] = ExportForm.rows,
+    trust: TrustOption = None,
 ) -> None:
     """Write scrubbed data for others: new codes, no notes, no times of day."""
     from esea_host.study.exchange import to_bids, to_parquet
     from esea_host.study.folder import StudyFolder
 
-    study = opened(folder)
+    study = opened(folder, trust, runs=as_ is ExportForm.bids)
     forms = {ExportForm.bids: to_bids, ExportForm.parquet: to_parquet}
     with new_folder(to) as scratch:
         written = forms.get(as_, StudyFolder.export)(study, scratch, seed)
     out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
 
 
-def opened(folder: Path) -> StudyFolder:
-    """A study's folder, with every shipped task known."""
-    from esea_host.study.folder import StudyFolder
+def trusted(hashes: Iterable[str] | None) -> None:
+    """Trust task files by their hashes, from now on."""
+    from esea_host.study.trust import trust
 
+    trust(hashes or ())
+
+
+def opened(folder: Path, trust: list[str] | None = None, runs: bool = True) -> StudyFolder:
+    """A study's folder, with every shipped task known.
+
+    runs: whether the tasks in it are needed; they run if they are trusted.
+    """
+    from esea_host.study.folder import StudyFolder
+    from esea_host.study.trust import inside
+
+    trusted(trust)
     know_shipped_tasks()
-    return StudyFolder.open(folder)
+    for link in (p for p in folder.rglob("*") if p.is_symlink()):
+        inside(folder, link.relative_to(folder), str(folder))
+    return StudyFolder.open(folder, runs=runs)

@@ -13,7 +13,7 @@ from esea_gen.errors import UserError
 from esea_host.cli.app import out, told
 from esea_host.cli.interaction import checked_page, shown_interaction
 from esea_host.cli.options import know_shipped_tasks
-from esea_host.cli.study import study_app
+from esea_host.cli.study import TrustOption, study_app, trusted
 from esea_host.cli.wrist import JsonOption, ReportOption, compare_wrist, shift_wrist, shown_wrist
 
 
@@ -26,6 +26,7 @@ def virtual(
     seed: Annotated[int, typer.Option("--seed", min=0, help="The same seed, the same study.")] = 1,
     jobs: JobsOption = -1,
     cluster: ClusterOption = None,
+    trust: TrustOption = None,
     method: Annotated[
         str, typer.Option("--method", help="Wrist: normalisation none, linear, published or rbf.")
     ] = "rbf",
@@ -46,6 +47,7 @@ def virtual(
 
     if method not in METHODS:
         raise UserError(f"There is no method {method!r}.", f"There are: {', '.join(METHODS)}.")
+    trusted(trust)
     with tempfile.TemporaryDirectory() as scratch:
         folder = keep or Path(scratch) / "study"
         if study == "wrist" and compare:
@@ -115,6 +117,8 @@ def _any_protocol(
     know_shipped_tasks()
     protocol = load_protocol(path)
     early = run_everybody(folder, protocol, participants, EveryTask(seed), jobs, cluster, told)
-    rows = sum(len(StudyFolder.open(folder).rows(code_of(k))) for k in range(participants))
+    rows = sum(
+        len(StudyFolder.open(folder, runs=False).rows(code_of(k))) for k in range(participants)
+    )
     out.print(f"{participants} SIMULATED participants: {rows} trials completed")
     return early

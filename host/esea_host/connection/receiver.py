@@ -30,7 +30,7 @@ class Batch:
     """Rows of a stream that came together, and the holes before and between them.
 
     board_ns: on the board's clock; it goes on where the board's ticks start again at 0.
-    arrived_ns: by the host's clock, since 1970.
+    arrived_ns: since 1970, as :meth:`Receiver.now_ns`.
     """
 
     layout: StreamLayout
@@ -163,6 +163,15 @@ class Receiver:
         self._clock = _StreamClocks(tick_ns)
         self._told_s = 0.0
         self.named: dict[tuple[int, int], NamedStream] = {}
+        self._epoch_ns = _wall_ahead_ns()
+
+    def now_ns(self) -> int:
+        """The wall clock at the connection, carried on by the monotonic clock: nobody sets it."""
+        return self._epoch_ns + time.monotonic_ns()
+
+    def wall_ahead_ns(self) -> int:
+        """By how much the wall clock is ahead of :meth:`now_ns`: 0 until somebody sets it."""
+        return _wall_ahead_ns() - self._epoch_ns
 
     @property
     def health(self) -> LinkHealth:
@@ -228,7 +237,7 @@ class Receiver:
     def take(self, data: bytes) -> None:
         """Hand out what these bytes complete."""
         decoded, others = self.decoder.feed(data)
-        now = time.time_ns()
+        now = self.now_ns()
         if self.named:
             decoded += self._of_named()
         for found in decoded:
@@ -312,6 +321,13 @@ class Receiver:
             self._changed.notify_all()
         for subscription in self._subscriptions:
             subscription.fail(self.error)
+
+
+def _wall_ahead_ns() -> int:
+    # Of the monotonic clock; of several readings the one with the least time between.
+    readings = [(time.monotonic_ns(), time.time_ns(), time.monotonic_ns()) for _ in range(5)]
+    before, wall, after = min(readings, key=lambda r: r[2] - r[0])
+    return wall - (before + after) // 2
 
 
 class _StreamClocks:

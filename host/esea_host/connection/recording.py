@@ -27,7 +27,7 @@ class LiveRecording:
     stream; when the disk is full, with its last complete piece.  ``error`` has the reason.
 
     Time in the file is the board's, put onto the host's clock once, at the first row; every
-    second an event ``clock`` tells both, so that offset and drift can be found afterwards.
+    second an event ``clock`` tells both, and by how much the wall clock has been set since.
 
     health: of link and board, told with the clocks.
     ended: called once the file is closed.
@@ -97,6 +97,7 @@ class LiveRecording:
                     self._clock_s = time.monotonic()
                     board_ns = int(np.max(batch.board_ns))
                     told = {"host_ns": batch.arrived_ns, "board_ns": board_ns}
+                    told["wall_ahead_ns"] = self._receiver.wall_ahead_ns()
                     self.recorder.event("clock", told | self._health())
             self._last[batch.layout.name] = int(batch.rows[TICK][-1]), int(batch.board_ns[-1])
             self.rows += len(batch.rows)

@@ -157,7 +157,7 @@ def run_crossover(
 
 def write_manifest(folder: Path, last_s: float) -> None:
     """Name the recordings that a study has, for the analysis; familiarisation is left out."""
-    study = StudyFolder.open(folder, durable=False)
+    study = StudyFolder.open(folder, durable=False, runs=False)
     lines = []
     simulated = False
     for code, index in study.participants().items():

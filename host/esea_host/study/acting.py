@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from esea_host.study.edge import number, of_task
 from esea_host.study.plan import generator
 from esea_host.study.scene import Scene
 from esea_host.study.session import InputSource
@@ -12,15 +13,19 @@ from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 
 
 class Timed(Actor):
-    """An actor whose time the source can read."""
+    """A task's own actor, whose time the source can read."""
 
-    def __init__(self, inner: Actor) -> None:
-        self.inner, self.time_s = inner, 0.0
+    def __init__(self, task: StudyTask, inner: Actor) -> None:
+        self.task, self.inner, self.time_s = task, inner, 0.0
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
         """As the actor inside."""
-        self.time_s, inputs = self.inner.react(scene, requests)
-        return self.time_s, inputs
+        return of_task(self.task, self._react, scene, requests)  # type: ignore[no-any-return]
+
+    def _react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
+        time_s, inputs = self.inner.react(scene, requests)
+        self.time_s = number(time_s, f"{self.task.name}: time of the simulated person")
+        return self.time_s, dict(inputs)
 
 
 class SimulatedSource(InputSource):
@@ -43,8 +48,8 @@ class SimulatedSource(InputSource):
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """The task's own actor, with random numbers of its own trial."""
         self._past_s = self.now_s()
-        actor = task.simulate(situation, generator(self.seed, number, situation.seed))
-        self._actor = Timed(actor)
+        rng = generator(self.seed, number, situation.seed)
+        self._actor = Timed(task, of_task(task, task.simulate, situation, rng))
         return self._actor
 
     def rest(self, seconds: float) -> None:

@@ -310,7 +310,7 @@ class Conductor(SessionWatcher):
         self.shown = ShownScene(step.scene, before.number + 1, onsets, time.monotonic())
         for event in step.events:
             if "advice" in event.data:
-                self.advice = tuple(event.data["advice"])
+                self.advice = tuple(event.data["advice"] or ())
             self._tell(event.name.replace("_", " "))
 
     def ends(self, number: int, state: str, reason: str, row: Mapping[str, Any]) -> None:
@@ -322,7 +322,7 @@ class Conductor(SessionWatcher):
             session.say("display", trial=number, **self.display.take(False))
         if self._again and state != ABORTED:  # it was over before the word was heard
             self._jobs.put(partial(session.repeat, number, str(self._again)))
-        self.advice = tuple(row.get("complaints", ()))
+        self.advice = tuple(row.get("complaints") or ())
         self._tell(f"trial {number} {state}{f': {reason}' if reason else ''}")
         if self.hold and self.advice:
             self.phase = HELD

@@ -8,6 +8,7 @@ session.  No name of a person is anywhere.
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import re
 import shutil
@@ -16,14 +17,16 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
+from esea_gen.toml_file import read_text
 from esea_host.study.log import EventLog, read_log
 from esea_host.study.plan import build_plan, generator, group_of
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import InputSource, StudySession, read_session
 from esea_host.study.task import Row
+from esea_host.study.trust import inside, read_code
 
 CODE = re.compile(r"^[A-Z]{1,3}[0-9]{2,4}$")
-EVENTS = "events.jsonl"
+EVENTS, AUDIT, PROTOCOL, TASKS = "events.jsonl", "audit.jsonl", "protocol.toml", "tasks"
 
 
 class StudyFolder:
@@ -55,34 +58,46 @@ class StudyFolder:
             ) from None
         if any(path.iterdir()):
             raise UserError(f"{path} is not empty.", "Name a new folder; nothing is overwritten.")
-        (path / "protocol.toml").write_text(protocol.text, encoding="utf-8")
-        for file in protocol.task_files:
-            (path / "tasks").mkdir(exist_ok=True)
-            shutil.copy(file, path / "tasks" / file.name)
+        (path / PROTOCOL).write_text(protocol.text, encoding="utf-8")
+        for code in protocol.code:
+            (path / TASKS).mkdir(exist_ok=True)
+            (path / TASKS / code.path.name).write_bytes(code.content)
         study = cls(path, protocol, durable)
-        study.audit("created", protocol=protocol.file.name, simulated=simulated)
+        content = study.content()
+        study.audit("created", protocol=protocol.file.name, simulated=simulated, content=content)
         return study
 
     @classmethod
-    def open(cls, path: Path, durable: bool = True) -> StudyFolder:
-        """A study that is there."""
-        if not (path / "protocol.toml").exists():
+    def open(cls, path: Path, durable: bool = True, runs: bool = True) -> StudyFolder:
+        """A study that is there.
+
+        runs: False: none of its code is run, trusted or not; what only reads needs none.
+        """
+        if not (path / PROTOCOL).exists():
             raise UserError(f"{path} is no study.", "Name the folder with protocol.toml.")
-        text = (path / "protocol.toml").read_text(encoding="utf-8")
-        files = sorted((path / "tasks").glob("*.py"))
-        return cls(path, parse_protocol(text, "protocol.toml", (), files), durable)
+        files = [path / PROTOCOL, path / AUDIT, *sorted((path / TASKS).glob("*.py"))]
+        for file in files:
+            inside(path, file.relative_to(path), str(path))
+        text = read_text(path / PROTOCOL, "Name a study's folder.")
+        codes = [read_code(p) for p in files[2:]]
+        return cls(path, parse_protocol(text, PROTOCOL, (), codes, runs), durable)
+
+    def content(self) -> dict[str, str]:
+        """SHA-256 of the protocol and of every task file, by name."""
+        found = {PROTOCOL: hashlib.sha256((self.path / PROTOCOL).read_bytes()).hexdigest()}
+        return found | {f"{TASKS}/{c.path.name}": c.sha256 for c in self.protocol.code}
 
     # -- audit --------------------------------------------------------------------------------
 
     def audit(self, kind: str, **data: Any) -> None:
         """Record what was done."""
-        log = EventLog(self.path / "audit.jsonl", self.durable)
+        log = EventLog(self.path / AUDIT, self.durable)
         log.append(0.0, kind, data)
         log.close()
 
     def audited(self) -> list[tuple[str, Mapping[str, Any]]]:
         """All that was done, from a sound record."""
-        path = self.path / "audit.jsonl"
+        path = self.path / AUDIT
         return [(e.kind, e.data) for e in read_log(path).sound(path).entries]
 
     @property
@@ -91,11 +106,20 @@ class StudyFolder:
         return bool(self.audited()[0][1].get("simulated", False))
 
     def problems(self) -> list[str]:
-        """Every break of a chain, each with file and line; sessions shorter than was recorded."""
-        found = [f"audit.jsonl: {b}" for b in read_log(self.path / "audit.jsonl").breaks]
+        """Every break of a chain, each with file and line; sessions shorter than was recorded.
+
+        Protocol and tasks too, where they are not those of the beginning.
+        """
+        found = [f"audit.jsonl: {b}" for b in read_log(self.path / AUDIT).breaks]
+        begun = next((d for k, d in self.audited_anyway() if k == "created"), {}).get("content")
+        now = self.content()
+        for name in sorted({*now, *begun} if begun else ()):
+            if now.get(name) != begun.get(name):
+                change = "added" if name not in begun else "changed" if name in now else "removed"
+                found.append(f"{name}: {change} since the study was created")
         heads = {
             (d["participant"], d["session"]): d["head"]
-            for k, d in ((e.kind, e.data) for e in read_log(self.path / "audit.jsonl").entries)
+            for k, d in ((e.kind, e.data) for e in read_log(self.path / AUDIT).entries)
             if k == "session_end"
         }
         gone = {d["participant"] for k, d in self.audited_anyway() if k == "deleted"}
@@ -113,7 +137,7 @@ class StudyFolder:
 
     def audited_anyway(self) -> list[tuple[str, Mapping[str, Any]]]:
         """As :meth:`audited`, of a broken record too."""
-        return [(e.kind, e.data) for e in read_log(self.path / "audit.jsonl").entries]
+        return [(e.kind, e.data) for e in read_log(self.path / AUDIT).entries]
 
     # -- people -------------------------------------------------------------------------------
 

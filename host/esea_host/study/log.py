@@ -10,14 +10,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from esea_gen.errors import UserError
 
+DEEPEST = 20
 START = "0" * 64
 
 
@@ -51,6 +55,47 @@ class LogFound:
                 "Restore the file from a copy; the study goes on only from a sound log.",
             )
         return self
+
+
+def plain(value: Any, where: str, depth: int = 0) -> Any:
+    """A value as JSON holds it: NumPy's scalars and arrays are numbers and lists.
+
+    Raises
+    ------
+    UserError
+        For what JSON cannot hold, or other readers could not take: where it is, and what.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, int) and -(2**63) <= value < 2**64:
+        return value
+    if value is None or (isinstance(value, float) and math.isfinite(value)):
+        return value
+    if _is_unicode(value):
+        return value
+    if isinstance(value, Mapping | list | tuple) and depth == DEEPEST:
+        fault = f"is nested more than {DEEPEST} times, or contains itself"
+    elif isinstance(value, Mapping):
+        for key in value:
+            if not isinstance(key, str) or not _is_unicode(key):
+                raise UserError(f"{where}: the key {key!r} is no text.", "Write a text.")
+        return {k: plain(v, f"{where}.{k}", depth + 1) for k, v in value.items()}
+    elif isinstance(value, list | tuple):
+        return [plain(v, f"{where}[{i}]", depth + 1) for i, v in enumerate(value)]
+    elif isinstance(value, int | float | str):
+        fault = f"is {str(value) if isinstance(value, float) else 'out of range'}"
+    else:
+        fault = f"is {type(value).__name__}"
+    fix = "Write finite numbers, texts, lists and mappings."
+    raise UserError(f"{where} {fault}, which no log can hold.", fix)
+
+
+def _is_unicode(value: Any) -> bool:
+    # A lone surrogate would end every later export.
+    try:
+        return isinstance(value, str) and bool(value.encode() or True)
+    except UnicodeEncodeError:
+        return False
 
 
 def _canonical(fields: Mapping[str, Any]) -> str:
@@ -148,15 +193,10 @@ class EventLog:
         kind : str
             What sort of event.
         data : mapping
-            Of JSON's types.
+            Of JSON's types; see :func:`plain`.
         """
-        fields = {
-            "n": self._count,
-            "t": time_s,
-            "kind": kind,
-            "data": dict(data),
-            "before": self._before,
-        }
+        held = plain({"t": time_s, "data": data}, kind)
+        fields = {"n": self._count, "kind": kind, "before": self._before, **held}
         # As read back: tuples are lists, and the hash is that of what is on disk.
         own = _hash(fields)
         self._write(_canonical({**fields, "hash": own}).encode() + b"\n")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from esea_host.study.log import read_log
 from esea_host.study.plan import generator
 from esea_host.study.protocol import Protocol
 from esea_host.study.session import InputSource
+from esea_host.study.trust import allow
 
 # From the participant's number to what gives the source of each session, told the days between.
 Sources = Callable[[int], Callable[[int, float], InputSource]]
@@ -85,7 +86,8 @@ def run_everybody(
     codes = [code_of(k) for k in range(participants)]
     for code in codes:
         study.enrol(code, consent=True)
-    work, cases = partial(_everything, folder, sources), enumerate(codes)
+    trusted = [c.sha256 for c in study.protocol.code]
+    work, cases = partial(_everything, folder, sources, trusted), enumerate(codes)
     if cluster is None:
         done = Parallel(n_jobs=jobs, return_as="generator_unordered")(map(delayed(work), cases))
         found = _told(done, participants, say)
@@ -112,8 +114,11 @@ def _told(done: Iterable[str], participants: int, say: Callable[[str], None] | N
     return found
 
 
-def _everything(folder: Path, sources: Sources, case: tuple[int, str]) -> str:
+def _everything(
+    folder: Path, sources: Sources, trusted: Sequence[str], case: tuple[int, str]
+) -> str:
     index, code = case
+    allow(trusted)  # on a worker, as where the study was begun
     # All sessions of one participant; the first that ends early is the last one.
     study = StudyFolder.open(folder, durable=False)
     source = sources(index)

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from esea_gen.errors import UserError, nearest
 from esea_gen.toml_file import Problem, checked, line_of, parse_toml, read_text
 from esea_host.study.task import StudyTask, load_tasks, task_named
+from esea_host.study.trust import TaskCode, allow, inside, read_code
 
 GROUP = "group"
 SEE = "docs/studies-with-people.md"
@@ -98,7 +99,7 @@ class Protocol:
     file: ProtocolFile
     text: str
     origin: str
-    task_files: tuple[Path, ...] = ()
+    code: tuple[TaskCode, ...] = ()
 
     def line(self, *loc: str | int) -> str:
         """``protocol.toml, line 12``: where something stands."""
@@ -107,14 +108,14 @@ class Protocol:
 
 
 def load_protocol(path: Path, task_files: Sequence[Path] = ()) -> Protocol:
-    """Read a protocol, and import the tasks that it names.
+    """Read a protocol, and run the files with tasks that it names, if they are trusted.
 
     Parameters
     ----------
     path : Path
         The TOML file.
     task_files : sequence of Path
-        Files with tasks beside those that the protocol names.
+        Files with tasks beside those that the protocol names; to name one here is to trust it.
 
     Returns
     -------
@@ -124,25 +125,40 @@ def load_protocol(path: Path, task_files: Sequence[Path] = ()) -> Protocol:
     Raises
     ------
     UserError
-        For anything else: the line, the value, what may stand there.
+        For anything else: the line, the value, what may stand there; for code that has not been
+        trusted, with its hash.
     """
     text = read_text(path, "Name a protocol file.")
-    protocol = parse_protocol(text, path.name, [path.parent], task_files)
-    return protocol
+    named = [read_code(f) for f in task_files]
+    allow(c.sha256 for c in named)
+    return parse_protocol(text, path.name, [path.parent], named)
 
 
 def parse_protocol(
-    text: str, origin: str, folders: Sequence[Path] = (), task_files: Sequence[Path] = ()
+    text: str,
+    origin: str,
+    folders: Sequence[Path] = (),
+    codes: Sequence[TaskCode] = (),
+    runs: bool = True,
 ) -> Protocol:
-    """As :func:`load_protocol`, from text."""
+    """As :func:`load_protocol`, from text.
+
+    folders: where the files are that it names; none: they are among the codes.
+    runs: False: no code is run, and what depends on a task is not checked.
+    """
     document = parse_toml(text, origin, SEE)
     kind = cast(Any, ProtocolFile)
 
     file = checked(kind, document, origin, _explainer(lambda p: line_of(text, p.loc)))
-    files = (*((f / t) for f in folders for t in file.tasks), *task_files)
-    protocol = Protocol(file, text, origin, files)
-    load_tasks(files)
-    _check(protocol)
+    where = Protocol(file, text, origin).line("tasks")
+    own = [read_code(inside(f, Path(t), where)) for f in folders for t in file.tasks]
+    protocol = Protocol(file, text, origin, (*own, *codes))
+    names = [c.path.name for c in protocol.code]
+    if twice := sorted({n for n in names if names.count(n) > 1}):
+        raise UserError(f"{where}: several files {', '.join(twice)}.", "Give each another name.")
+    if runs:
+        load_tasks(protocol.code)
+        _check(protocol)
     return protocol
 
 

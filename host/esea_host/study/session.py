@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -11,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
+from esea_host.study.edge import checked_step, finite, of_task
+from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
 from esea_host.study.scene import Scene
 from esea_host.study.task import Actor, Situation, StudyTask, TaskBrokenError, TaskStep, task_named
@@ -201,7 +201,7 @@ class StudySession:
             self.log.append(0.0, "session", data)
             self.state = state_of(read_log(path), path)
 
-    def say(self, kind: str, **data: Any) -> None:
+    def say(self, kind: str, /, **data: Any) -> None:
         """Write an event; it is on disk when this returns.  Only in the session's thread."""
         self.log.append(self._offset_s + self.source.now_s(), kind, data)
 
@@ -293,7 +293,7 @@ class StudySession:
         ended, row, reason = ABORTED, None, ""
         try:
             actor = self.source.trial(task, situation, trial.number)
-            state = _own(task, task.begin, situation)
+            state = of_task(task, task.begin, situation)
             scene = Scene()
             requests: dict[str, float] = {}
             while True:
@@ -301,11 +301,12 @@ class StudySession:
                 if reason:
                     break
                 time_s, inputs = actor.react(scene, requests)
-                lost = [n for n, x in inputs.items() if not math.isfinite(x)]
+                lost = [n for n, x in inputs.items() if not finite(x)]
                 if lost:
                     ended, reason = FAILED, f"no number comes from: {', '.join(lost)}"
                     break
-                step = _own(task, task.step, state, time_s, inputs)
+                inputs = plain(inputs, "inputs")  # as they are read back for a replay
+                step = checked_step(task, of_task(task, task.step, state, time_s, inputs))
                 state, scene, requests = step.state, step.scene, dict(step.requests)
                 frames.add(time_s, inputs, step)
                 watcher.steps(time_s, step)
@@ -313,7 +314,7 @@ class StudySession:
                     reason = step.outcome.reason
                     ended = FAILED if step.outcome.row is None else COMPLETED
                     if step.outcome.row is not None:
-                        row = _whole_row(task.checked_row(step.outcome.row), trial, self.state.plan)
+                        row = _whole_row(step.outcome.row, trial, self.state.plan)
                     break
         except (TaskBrokenError, UserError) as error:
             ended, row, reason = FAILED, None, str(error)
@@ -372,16 +373,6 @@ def situation_of(trial: PlannedTrial, past: tuple[Mapping[str, Any], ...]) -> Si
     """What a planned trial starts from."""
     task = task_named(trial.task, "plan")
     return Situation(task.Parameters(**trial.parameters), trial.condition, past, trial.seed)
-
-
-def _own(task: StudyTask, part: Callable[..., Any], *given: Any) -> Any:
-    # What a task's own code raises fails the trial; the session, and the device, stay in hand.
-    try:
-        return part(*given)
-    except (TaskBrokenError, UserError):
-        raise
-    except Exception as error:
-        raise TaskBrokenError(f"task {task.name}: {type(error).__name__}: {error}") from error
 
 
 def _whole_row(row: Mapping[str, Any], trial: PlannedTrial, plan: Plan) -> dict[str, Any]:

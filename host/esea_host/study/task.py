@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,6 +18,7 @@ from pydantic import BaseModel, ConfigDict
 from esea_gen.errors import UserError, nearest
 from esea_gen.python_file import import_file
 from esea_host.study.scene import Scene
+from esea_host.study.trust import TaskCode, must_be_trusted
 
 Row = Mapping[str, Any]
 Inputs = Mapping[str, float]
@@ -165,12 +165,13 @@ def register(kind: type[StudyTask]) -> type[StudyTask]:
     return kind
 
 
-def load_tasks(files: Iterable[Path]) -> None:
-    """Import files with tasks of the user's own."""
-    for path in files:
-        tasks = _OF_MODULE.get(import_file(path).__name__, [])
+def load_tasks(codes: Sequence[TaskCode]) -> None:
+    """Run files with tasks of the user's own, which all must be trusted."""
+    must_be_trusted(codes)
+    for code in codes:
+        tasks = _OF_MODULE.get(import_file(code.path, code.content).__name__, [])
         if not tasks:
-            raise UserError(f"{path}: registers no task.", "Put @register above the class.")
+            raise UserError(f"{code.path}: registers no task.", "Put @register above the class.")
         _TASKS.update({t.name: t for t in tasks})
 
 

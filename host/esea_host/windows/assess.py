@@ -98,7 +98,7 @@ class AssessWindow(QMainWindow):
         controls.setWidgetResizable(True)
         for part in (self.history.view, controls, self.trail):
             right.addWidget(part)
-        right.setSizes([230, 350, 130])
+        right.setSizes([205, 395, 110])
         both = QSplitter()
         both.addWidget(left)
         both.addWidget(right)

@@ -8,7 +8,6 @@ from functools import partial
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QComboBox,
-    QDoubleSpinBox,
     QGridLayout,
     QGroupBox,
     QHBoxLayout,
@@ -23,6 +22,7 @@ from esea_host.assess.desk import long_name
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
 from esea_host.assess.session import WORDS
+from esea_host.windows.number_field import NumberField
 
 
 class ClinicControls(QWidget):
@@ -53,11 +53,11 @@ class ClinicControls(QWidget):
             self.move_button = _button("Move the simulated leg  (Ctrl+M)", self.moved.emit)
             grid.addWidget(self.move_button, row, 0, 1, 3)
             row += 1
-        self.torque = _number(-100, 100, 0.5, " Nm")
+        self.torque = NumberField(-100, 100, 0.5, "Nm")
         self.torque.setToolTip("Torque of your hands at that moment, bending positive")
         grid.addWidget(QLabel("Sensor shows"), row, 0)
-        grid.addWidget(self.torque, row, 1)
-        grid.addWidget(_button("Take", lambda: self.torque_read.emit(self.torque.value())), row, 2)
+        grid.addWidget(self.torque.box, row, 1)
+        grid.addWidget(_button("Take", self._take_torque), row, 2)
         grid.addWidget(QLabel("Resistance felt"), row + 1, 0)
         words = QGridLayout()
         self.words = {w: _button(w, partial(self.felt.emit, w)) for w in WORDS}
@@ -76,49 +76,54 @@ class ClinicControls(QWidget):
         grid.addLayout(both, row + 3, 0, 1, 3)
         return box
 
+    def _take_torque(self) -> None:
+        torque_Nm = self.torque.take()
+        if torque_Nm is not None:
+            self.torque_read.emit(torque_Nm)
+
     def _judgement(self, names: Sequence[str]) -> QGroupBox:
         box, grid = _titled("Your own judgement (kept in the steps)")
-        self.name, self.percent, self.why = QComboBox(), _number(0, 100, 5, " %"), QLineEdit()
+        self.name, self.percent, self.why = QComboBox(), NumberField(0, 100, 5, "%"), QLineEdit()
         for name in names:
             self.name.addItem(long_name(name), name)
         self.percent.setValue(50)
         self.why.setPlaceholderText("why, such as the history")
         grid.addWidget(self.name, 0, 0)
-        grid.addWidget(self.percent, 0, 1)
+        grid.addWidget(self.percent.box, 0, 1)
+        grid.addWidget(self.percent.reason, 2, 0, 1, 2)
+        grid.setColumnStretch(0, 1)
         grid.addWidget(self.why, 1, 0)
         grid.addWidget(_button("Set", self._judge), 1, 1)
         return box
 
     def _judge(self) -> None:
-        share = {str(self.name.currentData()): self.percent.value() / 100}
-        self.judged.emit(share, self.why.text().strip())
+        percent = self.percent.take()
+        if percent is not None:
+            share = {str(self.name.currentData()): percent / 100}
+            self.judged.emit(share, self.why.text().strip())
 
     def _limits(self, comfort: Comfort) -> QGroupBox:
         box, grid = _titled("Reach and comfort")
-        self.low, self.high = _number(0, 160, 5, "°"), _number(0, 160, 5, "°")
-        self.fastest = _number(5, 300, 5, "°/s")
+        self.low, self.high = NumberField(0, 160, 5, "°"), NumberField(0, 160, 5, "°")
+        self.fastest = NumberField(5, 300, 5, "°/s")
         self.show_limits(comfort)
         for i, (text, field) in enumerate(
             (("from", self.low), ("to", self.high), ("at most", self.fastest))
         ):
             grid.addWidget(QLabel(text), 0, 2 * i)
-            grid.addWidget(field, 0, 2 * i + 1)
-            field.editingFinished.connect(self._limit)
+            grid.addWidget(field.box, 0, 2 * i + 1)
+            grid.addWidget(field.reason, i + 1, 0, 1, 6)
+            field.taken.connect(self._limit)
         return box
 
     def show_limits(self, comfort: Comfort) -> None:
         """As they are."""
-        self._comfort = comfort
         self.low.setValue(comfort.low_rad / DEG)
         self.high.setValue(comfort.high_rad / DEG)
         self.fastest.setValue(comfort.rate_rad_s / DEG)
 
     def _limit(self) -> None:
-        asked = self.low.value(), self.high.value(), self.fastest.value()
-        c = self._comfort
-        now = c.low_rad / DEG, c.high_rad / DEG, c.rate_rad_s / DEG
-        if any(abs(a - b) > 0.05 for a, b in zip(asked, now, strict=True)):
-            self.limited.emit(*asked)
+        self.limited.emit(self.low.value(), self.high.value(), self.fastest.value())
 
 
 def _titled(title: str) -> tuple[QGroupBox, QGridLayout]:
@@ -133,12 +138,3 @@ def _button(text: str, job: Callable[[], object]) -> QPushButton:
     button = QPushButton(text)
     button.clicked.connect(lambda _checked=False: job())
     return button
-
-
-def _number(low: float, high: float, step: float, suffix: str) -> QDoubleSpinBox:
-    field = QDoubleSpinBox()
-    field.setRange(low, high)
-    field.setSingleStep(step)
-    field.setDecimals(1)
-    field.setSuffix(suffix)
-    return field

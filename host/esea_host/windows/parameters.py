@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 
 from PySide6.QtCore import QObject, Qt, Signal
@@ -17,22 +16,12 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from esea_gen.link.parameters import BoardParameter
+from esea_gen.errors import UserError
 from esea_host.windows.feed import LiveFeed
+from esea_host.windows.number_field import read_number, shown_number
 
 HEADS = ("parameter", "in force", "new", "unit", "bounds", "effect")
 NEW, MOST_HEIGHT_PX = 2, 210
-
-
-def wrong(parameter: BoardParameter, text: str) -> str:
-    """Why a text is no value of a parameter; empty when it is one."""
-    try:
-        value = float(text)
-    except ValueError:
-        return f"{parameter.name}: '{text}' is no number"
-    if not math.isfinite(value) or not parameter.low <= value <= parameter.high:
-        return f"{parameter.name}: {text} is outside [{parameter.low:g}, {parameter.high:g}]"
-    return ""
 
 
 class _Answers(QObject):
@@ -102,17 +91,18 @@ class ParameterEditor(QWidget):
             new, held = self.table.item(row, NEW), self.table.item(row, NEW - 1)
             if new is None or held is None or new.text() == held.text():
                 continue
-            fault = wrong(p, new.text())
-            if fault:
-                faults.append(fault)
-            else:
-                wanted[p.name] = float(new.text())
+            try:
+                wanted[p.name] = read_number(new.text(), p.low, p.high, p.unit)
+            except UserError as error:
+                faults.append(f"{p.name}: {error}")
         return wanted, faults
 
     def _compared(self) -> None:
         wanted, faults = self.differences()
         units = {p.name: p.unit for p in self.known}
-        lines = [f"{n}: {self._values[n]:g} -> {v:g} {units[n]}" for n, v in wanted.items()]
+        lines = [
+            f"{n}: {self._values[n]:g} -> {shown_number(v)} {units[n]}" for n, v in wanted.items()
+        ]
         self.changes.setText("; ".join(faults or lines) or "Nothing is changed.")
         self.write_button.setEnabled(bool(wanted) and not faults)
 

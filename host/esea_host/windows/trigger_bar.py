@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QHBoxLayout, QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QWidget
 
+from esea_host.windows.number_field import NumberField
 from esea_host.windows.plots import ShownSignal
 from esea_host.windows.trigger import MODES, OFF, SINGLE, Trigger
 
@@ -23,10 +24,7 @@ class TriggerBar(QWidget):
         super().__init__()
         self.trigger, self._now = trigger, now
         self.source, self.mode, self.edge = QComboBox(), QComboBox(), QComboBox()
-        self.level = QDoubleSpinBox()
-        self.level.setRange(-1e6, 1e6)
-        self.level.setDecimals(3)
-        self.level.setSingleStep(0.1)
+        self.level = NumberField(-1e6, 1e6, 0.1)
         self.mode.addItems(list(MODES))
         self.edge.addItems(["rises", "falls"])
         self.again = QPushButton("Again")
@@ -37,7 +35,7 @@ class TriggerBar(QWidget):
             ("Trigger", self.mode),
             ("when", self.source),
             ("", self.edge),
-            ("through", self.level),
+            ("through", self.level.box),
             ("", self.again),
         ):
             if text:

@@ -120,7 +120,7 @@ def analyse(folder: Path) -> WristResult:
     UserError
         For a folder without a row of it.
     """
-    study = StudyFolder.open(folder, durable=False)
+    study = StudyFolder.open(folder, durable=False, runs=False)
     simulated = any(k == "created" and d["simulated"] for k, d in study.audited())
     by_code = {c: study.rows(c) for c in sorted({c for c, _, _ in study.sessions()})}
     tracked = {c: _tracked(rows) for c, rows in by_code.items()}

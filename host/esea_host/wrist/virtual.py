@@ -135,6 +135,6 @@ def run_study(
 
 def all_rows(folder: Path) -> list[Row]:
     """Rows of every participant of a study."""
-    study = StudyFolder.open(folder, durable=False)
+    study = StudyFolder.open(folder, durable=False, runs=False)
     codes = sorted({c for c, _, _ in study.sessions()})
     return [row for code in codes for row in study.rows(code)]

@@ -1,0 +1,116 @@
+"""The engine's edge to a task's own code: a fault of it fails its trial, and no more."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, get_args
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_host.study.log import plain
+from esea_host.study.scene import COLOURS, Kind, Scene, Shape, Text, said
+from esea_host.study.task import StudyTask, TaskBrokenError, TaskEvent, TaskStep, TrialOutcome
+
+_KINDS = get_args(Kind)
+_OWN = ("trial", "name", "at_s")  # the engine's, in every event
+
+
+def of_task(task: StudyTask, part: Callable[..., Any], *given: Any) -> Any:
+    """What a part of a task returns; what it raises fails the trial, and the session goes on."""
+    try:
+        return part(*given)
+    except (TaskBrokenError, UserError):
+        raise
+    except Exception as error:
+        raise TaskBrokenError(f"task {task.name}: {type(error).__name__}: {error}") from error
+
+
+def checked_step(task: StudyTask, step: Any) -> TaskStep:
+    """A step as it may be shown, asked of the device and written: NumPy scalars are numbers.
+
+    Raises
+    ------
+    TaskBrokenError
+        For anything that cannot be: which value, and why.
+    """
+    try:
+        _is(isinstance(step, TaskStep), "step", step, "a TaskStep")
+        _scene(step.scene)
+        _is(isinstance(step.requests, Mapping), "requests", step.requests, "a mapping")
+        requests = {str(n): number(x, f"request {n}") for n, x in step.requests.items()}
+        _is(isinstance(step.events, tuple | list), "events", step.events, "a tuple")
+        events = tuple(_event(e) for e in step.events)
+        outcome = step.outcome
+        if outcome is not None:
+            _is(isinstance(outcome, TrialOutcome), "outcome", outcome, "a TrialOutcome")
+            _is(isinstance(outcome.reason, str), "reason", outcome.reason, "a text")
+        if outcome is not None and outcome.row is not None:
+            row = task.checked_row(_mapping(outcome.row, "row"))
+            _words(row, "complaints")
+            outcome = replace(outcome, row=row)
+    except UserError as error:
+        raise TaskBrokenError(f"task {task.name}: {error.what}") from None
+    return replace(step, requests=requests, events=events, outcome=outcome)
+
+
+def number(value: Any, where: str) -> float:
+    """A finite number."""
+    found = plain(value, where)
+    _is(isinstance(found, int | float), where, value, "a number")
+    return found  # type: ignore[no-any-return]
+
+
+def _is(right: bool, where: str, value: Any, what: str) -> None:
+    if not right:
+        raise UserError(f"{where} is {type(value).__name__}, not {what}.", "Correct the task.")
+
+
+def _mapping(value: Any, where: str) -> dict[str, Any]:
+    _is(isinstance(value, Mapping), where, value, "a mapping")
+    return plain(value, where)  # type: ignore[no-any-return]
+
+
+def _words(data: Mapping[str, Any], key: str) -> None:
+    # What an operator reads.
+    words = data.get(key) or ()
+    right = isinstance(words, list) and all(isinstance(w, str) for w in words)
+    _is(right or not words, key, words, "a list of texts")
+
+
+def _event(event: Any) -> TaskEvent:
+    _is(isinstance(event, TaskEvent), "event", event, "a TaskEvent")
+    _is(isinstance(event.name, str), "event's name", event.name, "a text")
+    data = _mapping(event.data, f"event {event.name}")
+    if own := sorted(set(data) & set(_OWN)):
+        raise UserError(f"event {event.name}: the engine sets {', '.join(own)}.", "Rename it.")
+    _words(data, "advice")
+    return replace(event, data=data)
+
+
+def _scene(scene: Any) -> None:
+    # Only looked at: its digest is of what the task gave.
+    _is(isinstance(scene, Scene), "scene", scene, "a Scene")
+    for s in scene.shapes:
+        _is(isinstance(s, Shape), "shape", s, "a Shape")
+        if s.kind not in _KINDS or s.role not in COLOURS:
+            raise UserError(f"scene: there is no {s.kind!r} of the role {s.role!r}.", "")
+        lengths = (s.x, s.y, s.size, s.to_x, s.to_y)
+        if not all(map(finite, lengths)):
+            raise UserError(f"scene: {s.role} at {lengths}: no finite numbers.", "")
+    if not finite(scene.half_width) or not scene.half_width > 0:
+        raise UserError(f"scene: a half width of {scene.half_width}.", "")
+    for t in scene.texts:
+        _is(isinstance(t, Text), "text", t, "a Text")
+        try:
+            said(t)
+        except Exception as error:
+            what = f"{type(error).__name__}: {error}"
+            raise UserError(f"scene: text {t.key!r} cannot be written ({what}).", "") from None
+
+
+def finite(value: Any) -> bool:
+    """Whether it is a finite number, NumPy's too."""
+    return isinstance(value, int | float | np.number) and math.isfinite(value)

@@ -1,0 +1,104 @@
+"""Which task files may run: those that somebody has trusted by their SHA-256, and no others.
+
+A study's folder and a protocol may come from anybody.  A file that is named on the command line
+(``--task FILE.py``) was chosen by who names it; any other one is first shown with its hash.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from esea_gen.errors import UserError
+from esea_gen.files import write_whole
+
+MOST_BYTES = 1_000_000
+_allowed: set[str] = set()
+
+
+@dataclass(frozen=True)
+class TaskCode:
+    """A file with tasks: the bytes that were hashed are the bytes that run."""
+
+    path: Path
+    content: bytes
+    sha256: str
+
+    @property
+    def trusted(self) -> bool:
+        """Whether it may run."""
+        return self.sha256 in _allowed or self.sha256 in _kept()
+
+
+def read_code(path: Path) -> TaskCode:
+    """A task file, not run."""
+    what = ""
+    try:
+        if not path.is_file():
+            what = "is no file"
+        elif path.stat().st_size > MOST_BYTES:
+            what = f"has {path.stat().st_size} bytes, {MOST_BYTES} at most"
+        else:
+            content = path.read_bytes()
+    except OSError as error:
+        what = f"cannot be read ({error.strerror})"
+    if what:
+        raise UserError(f"{path}: {what}.", "Name a Python file with tasks.")
+    return TaskCode(path, content, hashlib.sha256(content).hexdigest())
+
+
+def inside(folder: Path, path: Path, where: str) -> Path:
+    """A path below a folder; an error for one that leaves it, by a link too."""
+    try:
+        leaves = not (folder / path).resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # a link to itself, a null character
+        leaves = True
+    if leaves or path.is_absolute():
+        raise UserError(
+            f"{where}: {str(path)!r} leads out of {folder.resolve()}.",
+            "Put the file itself into that folder.",
+        )
+    return folder / path
+
+
+def must_be_trusted(codes: Iterable[TaskCode]) -> None:
+    """Refuse code that nobody has trusted, with each hash."""
+    new = [c for c in codes if not c.trusted]
+    if new:
+        listed = "; ".join(f"{c.path}, SHA-256 {c.sha256}" for c in new)
+        options = " ".join(f"--trust {c.sha256}" for c in new)
+        raise UserError(
+            f"Code that has not been trusted; none of it was run: {listed}.",
+            f"Read it. To run it from now on, add: {options}",
+        )
+
+
+def allow(hashes: Iterable[str]) -> None:
+    """Trust files by their SHA-256 in this process."""
+    _allowed.update(hashes)
+
+
+def trust(hashes: Iterable[str]) -> None:
+    """Trust files by their SHA-256 from now on, as this user; a changed file is another one."""
+    new = {h.lower() for h in hashes}
+    for text in sorted(new):
+        if not re.fullmatch("[0-9a-f]{64}", text):
+            raise UserError(f"--trust {text}: no SHA-256.", "Give the 64 digits that were shown.")
+    if not new <= (kept := _kept()):
+        write_whole(_file(), "".join(f"{h}\n" for h in sorted(kept | new)))
+
+
+def _file() -> Path:
+    base = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
+    return Path(base) / "esea-host" / "trusted-code"
+
+
+def _kept() -> set[str]:
+    try:
+        return set(_file().read_text(encoding="utf-8").split())
+    except (OSError, ValueError):
+        return set()

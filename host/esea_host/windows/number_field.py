@@ -1,0 +1,143 @@
+"""The one field for typed numbers: the same number in every locale, or a reason and no change."""
+
+from __future__ import annotations
+
+import math
+import re
+from decimal import Decimal
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QColor, QKeyEvent, QPalette
+from PySide6.QtWidgets import QGridLayout, QLabel, QLineEdit, QWidget
+
+from esea_gen.errors import UserError
+
+# Nothing here asks the locale: "2.5" and "2,5" are the same number on every desktop.
+_NUMBER = re.compile(r"[+\-\u2212]?(\d+[.,]?\d*|[.,]\d+)([eE][+\-]?\d{1,3})?", re.ASCII)
+_GROUPED = re.compile(r"[+\-\u2212]?\d+([\s.,'\u2019_\u066c]+\d+)+")
+_LONGEST = 40
+_REFUSED = QColor("#d55e00")
+
+
+def shown_number(value: float) -> str:
+    """A number with a decimal point and all its digits, without exponent and grouping."""
+    text = format(Decimal(repr(value)), "f")
+    return text if "." in text else f"{text}.0"
+
+
+def read_number(text: str, low: float, high: float, unit: str = "") -> float:
+    """The number that was typed; point and comma are both decimal separators.
+
+    Raises
+    ------
+    UserError
+        For anything else: the text, the limits, and what to write.
+    """
+    of = f" {unit}" if unit else ""
+    limits = f"{shown_number(low)} to {shown_number(high)}{of}"
+    typed = text.strip(" \t\r\n")
+    shown = typed if len(typed) <= _LONGEST else f"{typed[:_LONGEST]}..."
+    if not typed:
+        raise UserError("The field is empty.", f"Enter {limits}.")
+    if not _NUMBER.fullmatch(typed):
+        fix = f"Enter digits and at most one decimal point: {limits}."
+        if _GROUPED.fullmatch(typed):
+            fix = f"Write it without digit grouping, such as 1234.5; enter {limits}."
+        raise UserError(f"'{shown}' is no number.", fix)
+    value = float(typed.replace(",", ".").replace("\u2212", "-"))
+    if not low <= value <= high:
+        raise UserError(f"{shown}{of} is outside the limits.", f"Enter {limits}.")
+    return value + 0.0  # -0 is 0
+
+
+class NumberField(QLineEdit):
+    """A typed number; a text that is no number within the limits changes nothing.
+
+    Enter, or leaving the field, takes the text.  A refused text stays, with the reason below it and
+    the value that is still in force.  Up and Down change the text by a step, the wheel by nothing.
+
+    box: the field with its unit and the reason, for a layout; reason may go to a wider place.
+    taken: a different number was typed.  valueChanged: the same, or one was set.
+    """
+
+    taken = Signal(float)
+    valueChanged = Signal(float)
+
+    def __init__(self, low: float, high: float, step: float, suffix: str = "") -> None:
+        super().__init__()
+        self.low, self.high, self._step, self._value = low, high, step, min(max(0.0, low), high)
+        self.box, self._unit, self.reason = QWidget(), QLabel(suffix), QLabel()
+        self.reason.setWordWrap(True)
+        self.reason.setTextFormat(Qt.TextFormat.PlainText)
+        grid = QGridLayout(self.box)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setSpacing(3)
+        grid.addWidget(self, 0, 0)
+        grid.addWidget(self._unit, 0, 1)
+        grid.addWidget(self.reason, 1, 0, 1, 2)
+        self.setMinimumWidth(60)
+        self.editingFinished.connect(self.take)
+        self.textEdited.connect(lambda _: self._explain(""))
+        self._show()
+
+    def value(self) -> float:
+        """The number in force: the last one that was taken or set."""
+        return self._value
+
+    def setValue(self, value: float) -> None:
+        """Put a number in force; a refused text stays where the number is the same."""
+        # From radians and back: 120, not 119.99999999999999.
+        value = float(f"{value:.10g}")
+        if value != self._value:
+            self._value = value
+            self._show()
+            self.valueChanged.emit(value)
+
+    def suffix(self) -> str:
+        """The unit beside it."""
+        return self._unit.text()
+
+    def setSuffix(self, suffix: str) -> None:
+        """Put another unit beside it."""
+        self._unit.setText(suffix)
+
+    def take(self) -> float | None:
+        """Put the text in force and return its number; None, with the reason shown, for others."""
+        unit = self.suffix().strip()
+        try:
+            value = read_number(self.text(), self.low, self.high, unit)
+        except UserError as error:
+            self._explain(f"{error} Still {shown_number(self._value)} {unit}".rstrip() + ".")
+            return None
+        before, self._value = self._value, value
+        self._show()
+        if value != before:
+            self.valueChanged.emit(value)
+            self.taken.emit(value)
+        return value
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Up and Down step."""
+        way = {Qt.Key.Key_Up: 1, Qt.Key.Key_Down: -1}.get(Qt.Key(event.key()))
+        if way is None:
+            super().keyPressEvent(event)
+            return
+        try:
+            start = read_number(self.text(), -math.inf, math.inf)
+        except UserError:
+            start = self._value
+        self.setText(shown_number(float(f"{start + way * self._step:.10g}")))
+        self._explain("")
+
+    def _show(self) -> None:
+        self.setText(shown_number(self._value))
+        self._explain("")
+
+    def _explain(self, reason: str) -> None:
+        self.reason.setText(reason)
+        self.reason.setVisible(bool(reason))
+        self.setAccessibleDescription(reason)
+        palette = QPalette()
+        if reason:
+            palette.setColor(QPalette.ColorRole.Text, _REFUSED)
+        self.setPalette(palette)
