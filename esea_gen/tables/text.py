@@ -1,0 +1,336 @@
+"""Delimited text: :mod:`csv` in strict mode, a row a line, its structure verified.
+
+pyarrow takes an open quote to the file's end and 0x10 for a number, and keeps one of two columns of
+one name; pandas moves the columns of rows that are longer than the header; neither names lines.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_gen.tables.form import (
+    TableFormat,
+    check_unique,
+    listed,
+    missing_column,
+    numbered,
+    remedy,
+    shortened,
+)
+from esea_gen.tables.table import COMMA, GROUPED, POINT, Table
+
+MARKS = {  # The longer ones first: UTF-32 begins as UTF-16 does.
+    codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF32_BE: "utf-32",
+    codecs.BOM_UTF8: "utf-8",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+DELIMITERS = (",", ";", "\t", "|")
+SAMPLE = 20  # rows that the delimiter is detected by
+DECIMALS = 1000  # rows that the decimal mark is detected by
+MOST_HEADER = 1000  # lines that are searched for a header to propose
+
+
+@dataclass
+class TextReader:
+    """One file, read once.
+
+    fields: cells of a row; by default as many as the header or the first row has.
+    drop_ragged: leave out rows of another number of cells and count them, instead of an error.
+    """
+
+    name: str
+    text: str
+    form: TableFormat
+    settings: str
+    fields: int | None = None
+    drop_ragged: bool = False
+    left_out: list[str] = field(default_factory=list)
+
+    def fix(self, key: str, otherwise: str) -> str:
+        return remedy(self.settings, key, otherwise)
+
+    def read(self, wanted: Sequence[str] | None, digest: str) -> Table:
+        """Read the wanted columns, all by default."""
+        if self.form.delimiter is None:
+            self.form = self.form.model_copy(update={"delimiter": self._delimiter()})
+        header_line, names, first, rows = self._header()
+        width = self.fields or len(names)
+        if header_line == 0:
+            names = [str(k) for k in range(1, width + 1)]
+        elif self.fields and self.fields != len(names):
+            names = (names + [""] * width)[:width]
+        self._check_names(header_line, names, wanted)
+        chosen = [n for n in names if n] if wanted is None else list(dict.fromkeys(wanted))
+        places = [names.index(n) for n in chosen]
+        columns: list[list[str]] = [[] for _ in places]
+        lines: list[int] = []
+        empty: list[int] = []
+        ragged: list[int] = []
+        for line, row in rows:
+            if line < first:
+                continue
+            if len(row) != width:
+                if not self.drop_ragged:
+                    raise self._ragged(line, len(row), header_line, width, wanted)
+                ragged.append(line)
+            elif not any(map(str.strip, row)):
+                empty.append(line)
+            else:
+                lines.append(line)
+                for column, place in zip(columns, places, strict=True):
+                    column.append(row[place])
+        for why, gone in (
+            ("without a value", empty),
+            (f"of other than {width} cells", ragged),
+        ):
+            if gone:
+                rows_word = "row" if len(gone) == 1 else "rows"
+                self.left_out.append(f"{len(gone)} {rows_word} {why} ({numbered('line', gone)})")
+        decimal = self.form.decimal or self._decimal(columns)
+        update = {"kind": "csv", "header_line": header_line, "decimal": decimal}
+        return Table(
+            self.name,
+            tuple(names),
+            dict(zip(chosen, columns, strict=True)),
+            np.array(lines, dtype=np.intp),
+            self.form.model_copy(update=update),
+            digest,
+            tuple(self.left_out),
+            self.settings,
+        )
+
+    def _header(self) -> tuple[int, list[str], int, Iterator[tuple[int, list[str]]]]:
+        # Line and names of the header, first line of numbers, and the rows that follow.
+        given = self.form.header_line
+        first = self.form.first_data_line or (given or 0) + 1
+        rows = self._rows(self.form.delimiter or ",", skip=given or (first if given == 0 else 1))
+        line, row = next(rows, (0, []))
+        if given == 0:
+            return 0, row, first, _before((line, row), rows) if line else rows
+        if not line or (given and line != given):
+            raise UserError(
+                f"{self.name}: has no line {given or 1} with column names.",
+                self.fix("header_line", "The first line names the columns"),
+            )
+        names = [n.strip() for n in row]
+        if given and names[0].startswith("#"):
+            names[0] = names[0].lstrip("# ")
+        if given is None and all(map(POINT.fullmatch, names)):
+            raise UserError(
+                f"{self.name}: line {line} has numbers, no column names: {shortened(str(row))}.",
+                self.fix("header_line = 0", "Write a line with the column names"),
+            )
+        first = max(first, line + 1)
+        if first > line + 1:
+            self.left_out.append(f"lines {line + 1} to {first - 1}, as first_data_line says")
+        return line, names, first, rows
+
+    def _rows(self, delimiter: str, skip: int = 1) -> Iterator[tuple[int, list[str]]]:
+        # Line and cells of each row from line ``skip`` on, without blank and comment lines.
+        comments: list[int] = []
+        for line, raw in enumerate(io.StringIO(self.text, newline=""), 1):
+            if line < skip or not raw.strip():
+                continue
+            explicit = line == self.form.header_line
+            if raw.startswith("#") and not explicit:
+                comments.append(line)
+                continue
+            yield line, self._cells(line, raw.rstrip("\r\n"), delimiter)
+        if comments:
+            lines = f"{len(comments)} comment line{'s' if len(comments) > 1 else ''}"
+            self.left_out.insert(0, f"{lines} ({numbered('line', comments)})")
+
+    def _cells(self, line: int, raw: str, delimiter: str) -> list[str]:
+        quote = self.form.quote
+        if delimiter == " ":
+            raw = raw.strip(" ")
+        try:
+            # One line at a time: a quote that is not closed ends with its line.
+            (row,) = csv.reader(
+                [raw],
+                delimiter=delimiter,
+                quotechar=quote or None,
+                quoting=csv.QUOTE_MINIMAL if quote else csv.QUOTE_NONE,
+                skipinitialspace=True,
+                strict=True,
+            )
+            return row
+        except csv.Error as error:
+            raise self._broken(line, raw, delimiter, str(error)) from None
+
+    def _broken(self, line: int, raw: str, delimiter: str, said: str) -> UserError:
+        if "field limit" in said:
+            return UserError(
+                f"{self.name}: line {line} has a cell of more than {csv.field_size_limit()} "
+                "characters.",
+                "Shorten it, or check that the file is a table.",
+            )
+        quote = self.form.quote
+        column, opens = _broken_quote(raw, delimiter, quote)
+        what = "opens and is not closed in the line" if opens else "closes within the cell's text"
+        return UserError(
+            f"{self.name}: line {line}, character {column}: a quote ({quote}) {what}: "
+            f"{shortened(raw[column - 1 :])}",
+            self.fix(
+                'quote = "" (quoting off)',
+                "Close the quote, or double it if it is text in a quoted cell",
+            ),
+        )
+
+    def _ragged(
+        self, line: int, found: int, header_line: int, width: int, wanted: Sequence[str] | None
+    ) -> UserError:
+        names = "names in the header" if header_line else "cells in the first row"
+        what = f"{self.name}: line {line} has {found} cells for {width} {names}."
+        better = self._better_header(header_line, wanted) if wanted else 0
+        if better:
+            fix = self._names_at(better)
+        else:
+            mark = "," if self.form.delimiter == "," else self.form.delimiter
+            fix = self.fix(
+                "delimiter, decimal or header_line",
+                f"Give every row as many cells as the header (delimiter {mark!r}; a decimal comma "
+                "among commas, and a delimiter at the end of the line, make one more)",
+            )
+        return UserError(what, fix)
+
+    def _check_names(
+        self, header_line: int, names: list[str], wanted: Sequence[str] | None
+    ) -> None:
+        where = f", line {header_line}" if header_line else ""
+        check_unique(
+            self.name,
+            where,
+            names,
+            self.fix(
+                f"header_line = 0 and first_data_line = {header_line + 1} (columns '1', '2', ...)",
+                "Give every column a name of its own",
+            ),
+        )
+        for w in wanted or ():
+            if w not in names:
+                better = self._better_header(header_line, wanted or ())
+                fix = "Correct the column's name."
+                if better:
+                    fix = self._names_at(better)
+                raise missing_column(f"{self.name}{where}", w, names, fix)
+
+    def _names_at(self, line: int) -> str:
+        return self.fix(
+            f"header_line = {line}", f"Line {line} has the names: make it the first one, without #"
+        )
+
+    def _better_header(self, header_line: int, wanted: Sequence[str]) -> int:
+        # A line that has all names: there was a preamble.
+        lines = islice(io.StringIO(self.text, newline=""), MOST_HEADER)
+        for line, raw in enumerate(lines, 1):
+            cells = {c.strip(' \r\n"') for c in raw.lstrip("# ").split(self.form.delimiter)}
+            if line != header_line and cells >= set(wanted):
+                return line
+        return 0
+
+    def _delimiter(self) -> str:
+        # The one by which the header and the rows behind it have equally many cells.
+        counts: dict[str, list[int]] = {}
+        first = self.form.header_line or 1
+        if self.form.header_line == 0:
+            first = self.form.first_data_line or 1
+        before, self.left_out = self.left_out, []
+        for d in (*DELIMITERS, " "):
+            try:
+                counts[d] = [len(r) for _, r in islice(self._rows(d, first), SAMPLE + 1)]
+            except UserError:
+                continue
+        self.left_out = before
+        several = {d: c for d, c in counts.items() if c and c[0] > 1}
+        even = [d for d, c in several.items() if len(set(c)) == 1]
+        even = [d for d in even if d != " "] or even
+        if len(even) > 1:
+            raise UserError(
+                f"{self.name}: both {listed(even)} divide the lines into equally many cells.",
+                self.fix("delimiter", "Write the file with one of them only"),
+            )
+        if even:
+            return even[0]
+        several.pop(" ", None)
+        return max(several, key=lambda d: several[d][0]) if several else ","
+
+    def _decimal(self, columns: list[list[str]]) -> str | None:
+        # None: every comma could be a decimal mark or group thousands.
+        sample = [c.strip() for column in columns for c in column[:DECIMALS]]
+        commas = [c for c in sample if "," in c and COMMA.fullmatch(c)]
+        if not commas or any("." in c and POINT.fullmatch(c) for c in sample):
+            return "."
+        clear = any(not GROUPED.fullmatch(c) or c.lstrip("+-").startswith("0") for c in commas)
+        return "," if clear else None
+
+
+def _before(
+    first: tuple[int, list[str]], rest: Iterator[tuple[int, list[str]]]
+) -> Iterator[tuple[int, list[str]]]:
+    yield first
+    yield from rest
+
+
+def _broken_quote(raw: str, delimiter: str, quote: str) -> tuple[int, bool]:
+    # Character of the quote that breaks a line, from 1, and whether it is an opening one.
+    start, inside, at = True, 0, 0
+    while at < len(raw):
+        c = raw[at]
+        if inside:
+            if c == quote and raw[at + 1 : at + 2] == quote:
+                at += 1
+            elif c == quote:
+                if raw[at + 1 : at + 2] not in ("", delimiter):
+                    return at + 1, False
+                inside = 0
+        elif c == quote and start:
+            inside = at + 1
+        start = c == delimiter or (start and c == " ")
+        at += 1
+    return inside, True
+
+
+def decoded(raw: bytes, name: str, form: TableFormat, settings: str) -> tuple[str, str]:
+    """Text of a file and its encoding; a byte order mark is taken off."""
+    mark = next((m for m in MARKS if raw.startswith(m)), b"")
+    encoding = form.encoding or MARKS.get(mark, "utf-8")
+    fix = "Repair the file, or convert it to UTF-8."
+    if settings:
+        fix = f"Set encoding in {settings} (latin-1, utf-16-le or gb18030, for example)."
+    if mark == codecs.BOM_UTF8 and codecs.lookup(encoding).name not in ("utf-8", "utf-8-sig"):
+        raise UserError(
+            f"{name}: begins with the byte order mark of UTF-8, its encoding is given as "
+            f"'{encoding}'.",
+            "Leave encoding out.",
+        )
+    try:
+        text = raw.decode(encoding)
+    except UnicodeError as error:
+        before = raw[: getattr(error, "start", 0)].split(b"\n")
+        raise UserError(
+            f"{name}: line {len(before)}, byte {len(before[-1]) + 1}: not text in the encoding "
+            f"'{encoding}' ({getattr(error, 'reason', error)}).",
+            fix,
+        ) from None
+    if "\0" in text:
+        lines = text[: text.index("\0")].split("\n")
+        raise UserError(
+            f"{name}: line {len(lines)}, character {len(lines[-1]) + 1} is a NUL: the file is "
+            f"damaged or not text in the encoding '{encoding}'.",
+            fix,
+        )
+    return text.removeprefix("\ufeff"), encoding
+
+
+__all__ = ["TextReader", "decoded"]
