@@ -19,7 +19,9 @@ JsonOption = Annotated[
 FigureOption = Annotated[
     Path | None, typer.Option("--figure", metavar="FILE", help="Picture: .png, .svg or .pdf.")
 ]
-FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file.")]
+FileArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="CSV, Parquet, MAT, HDF5 or JSON.")
+]
 
 
 def _checked_figure(path: Path | None) -> None:
@@ -148,18 +150,27 @@ def power(
 def smoothness(
     file: FileArgument,
     column: Annotated[
-        str, typer.Option("--column", help="Angle or position; its unit is the metrics'.")
-    ] = "theta_deg",
-    time: Annotated[str, typer.Option("--time", help="Column of the time in s.")] = "time_s",
+        str | None,
+        typer.Option(
+            "--column", help="Angle, position or their speed; default: by its name and unit."
+        ),
+    ] = None,
+    time: Annotated[
+        str | None, typer.Option("--time", help="Column of the time; default: by its name.")
+    ] = None,
     stop_Hz: Annotated[float, typer.Option("--stop", help="Stop band of the filter, Hz.")] = 4.0,
     last_s: Annotated[
         float | None, typer.Option("--last", help="Analyse the last so many seconds.")
+    ] = None,
+    resample_Hz: Annotated[
+        float | None,
+        typer.Option("--resample", help="Rate in Hz, for frames at irregular times; reported."),
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Every smoothness metric of a recording of your own, with its settings and their band."""
     from esea_host.interaction.own_data import measure_file
 
-    found = measure_file(file, column, time, stop_Hz, last_s)
+    found = measure_file(file, column, time, stop_Hz, last_s, resample_Hz)
     _say(found.lines())
     write_json(json_file, "host-smoothness", found.to_dict())

@@ -22,6 +22,7 @@ has ``paused``, what counts is what came after the last pause.
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -33,8 +34,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from esea_gen.errors import UserError
 from esea_gen.toml_file import checked, parse_toml, read_text
 from esea_host.interaction.design import element_of
-from esea_host.smoothness import NoAnswerError
-from esea_host.smoothness.checks import checked_rate, rows
+from esea_host.smoothness import NoAnswerError, steady_rate
+from esea_host.smoothness.checks import rows
 
 Array = npt.NDArray[np.float64]
 MANIFEST = "interaction.toml"
@@ -139,9 +140,9 @@ def write_recording(
 
 
 def is_simulated(path: Path) -> bool:
-    """Whether a recording says so of itself."""
-    with path.open(encoding="utf-8") as file:
-        return file.readline() == SIMULATED
+    """Whether a recording's first line says so."""
+    with path.open("rb") as file:
+        return file.readline(100).removeprefix(BOM_UTF8).split() == SIMULATED.encode().split()
 
 
 def read_angle(path: Path) -> tuple[Array, Array]:
@@ -169,22 +170,11 @@ def read_angle(path: Path) -> tuple[Array, Array]:
     return time, np.rad2deg(theta) if angle == "theta_rad" else theta
 
 
-def rate_of(time_s: Array) -> float:
-    """Mean sampling rate, to six digits, for times are printed with a few only."""
-    if len(time_s) < 2 or not time_s[-1] > time_s[0]:
-        raise NoAnswerError(
-            "rate",
-            f"{len(time_s)} samples whose times do not rise from first to last.",
-            "Give the times of a recording, in s.",
-        )
-    return checked_rate(float(f"{(len(time_s) - 1) / (time_s[-1] - time_s[0]):.6g}"))
-
-
 def steady_angle(path: Path) -> tuple[Array, float]:
     """Angle in degrees and sampling rate; a gap in time or a missing sample is refused."""
     time, theta = read_angle(path)
     try:
-        fs_Hz = rate_of(time)
+        fs_Hz = steady_rate(time)
         rows(theta, "The angle", fs_Hz, time)
     except NoAnswerError as error:
         raise UserError(f"{path.name}: {error.what}", error.fix) from None
