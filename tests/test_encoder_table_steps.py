@@ -194,11 +194,11 @@ def test_the_table_for_people_is_in_degrees():
 def test_counts_are_from_0_to_one_below_a_turn(tmp_path: Path):
     path = tmp_path / "x.csv"
     path.write_text("count,reference_rad\n0,1.5\n4095,-2\n")
-    count, reference = read_counts(path, 4096)
+    _, count, reference = read_counts(path, 4096)
     assert (count.tolist(), reference.tolist()) == ([0, 4095], [1.5, -2])
-    for wrong in ("-1", "4096"):
+    for wrong in ("-1", "4096", "0.5"):
         path.write_text(f"count,reference_rad\n0,1.5\n{wrong},2\n")
-        with pytest.raises(UserError, match="a count is outside 0 to 4095"):
+        with pytest.raises(UserError, match=r"line 3, column .*is not a count of 0 to 4095"):
             read_counts(path, 4096)
 
 

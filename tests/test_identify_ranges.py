@@ -8,22 +8,20 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from esea_gen.errors import UserError
 from esea_gen.identify.compare import CompareRow, ModelComparison
 from esea_gen.identify.peers import PEERS
 from esea_gen.identify.population import polished
 from esea_gen.identify.quality import spikes
-from esea_gen.identify.reading import read_csv
 from esea_gen.identify.recording import _spiked
 from esea_gen.identify.tables import (
     ConditionTable,
     Cycles,
     Deflection,
     DeviceTable,
-    FileFormat,
     Mapping,
     Sampling,
     Search,
+    TableFormat,
     Torque,
 )
 
@@ -57,7 +55,7 @@ NUMBERS = {
         "block_tolerance": ("above", 0, "below", 1),
     },
     Search: {"seed": (0, None), "population": (16, 65536)},
-    FileFormat: {"header_line": (0, 1000), "first_data_line": (1, 1000)},
+    TableFormat: {"header_line": (0, 1000), "first_data_line": (1, 1000)},
 }
 QUANTITIES = {
     DeviceTable: {
@@ -159,18 +157,6 @@ def test_a_comparison_in_the_terminal():
         "the difference (0.12 %)",
         "note: mind",
     ]
-
-
-def test_columns_of_a_file_without_names_are_numbered():
-    form = FileFormat(delimiter=";", decimal=",", header_line=0, first_data_line=3)
-    raw = b"made by a rig\n;;;\n0,5;7;-1,25e1\n\n1;8;2\n"
-    table, rows = read_csv(raw, "rig.txt", form, ["3", "1"])
-    assert {k: v.tolist() for k, v in table.items()} == {"3": [-12.5, 2.0], "1": [0.5, 1.0]}
-    assert rows.tolist() == [3, 5]
-    with pytest.raises(UserError, match=r"rig\.txt.*'4'"):
-        read_csv(raw, "rig.txt", form, ["4"])
-    with pytest.raises(UserError, match="line 3 has 4 cells, but there are 3 columns"):
-        read_csv(b"a;b;c\n1;2;3\n1;2;3;4\n", "rig.txt", FileFormat(delimiter=";"), ["a"])
 
 
 def test_no_spike_is_where_the_deflection_turns_as_sharply():

@@ -23,7 +23,7 @@ from esea_gen.studies.torque_check.procedure import (
     procedure,
     static_torque_Nm,
 )
-from esea_gen.studies.torque_check.recording import CheckRecording, apply_recording, read_recording
+from esea_gen.studies.torque_check.recording import CheckRecording, apply_recording
 from esea_gen.studies.torque_check.study import instructions
 
 from .conftest import require_tool
@@ -412,30 +412,6 @@ def test_a_recording_is_taken_whole_or_not_at_all(elbow):
         apply_recording(checked(elbow, recorded), recorded)
     with pytest.raises(UserError, match="no phase was found"):
         apply_recording(check, replace(recorded, step=("",) * len(labels)))
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "column time_s is there 0 times; columns: none"),
-        ("time_s,torque\n0,1\n", "column tau_Nm is there 0 times"),
-        ("time_s,tau_Nm,tau_Nm\n0,1,1\n", "column tau_Nm is there 2 times"),
-        ("time_s,tau_Nm\n", "no samples"),
-        ("time_s,tau_Nm\n0,1\n0.1,nan\n", "line 3: tau_Nm = 'nan' is no finite number"),
-        ("time_s,tau_Nm\n0,1\n\n0.1,1e999\n", "line 4: tau_Nm = '1e999'"),
-        ("time_s,tau_Nm\n0,1\nx,1\n", "line 3: time_s = 'x'"),
-        ("time_s,tau_Nm\n0,1\n0.1\n", "line 3 has 1 cells, the header has 2"),
-        (b"\xff\xfe\x00", "cannot be read as text"),
-    ],
-)
-def test_bad_files_are_named(tmp_path, text, message):
-    path = tmp_path / "bad.csv"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(UserError) as error:
-        read_recording(path)
-    assert message in str(error.value)
-    with pytest.raises(UserError, match="cannot be read"):
-        read_recording(tmp_path / "none.csv")
 
 
 # -- the real sensor ----------------------------------------------------------------------------

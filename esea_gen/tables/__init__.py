@@ -9,8 +9,8 @@ A table is read completely or refused; whatever is left out is counted and repor
 Rows without a time are refused by ``numbers``, or left out and counted by ``table.timed("t")``.
 """
 
-from esea_gen.tables.form import TableFormat
+from esea_gen.tables.form import TableFormat, numbered
 from esea_gen.tables.reader import read_table
 from esea_gen.tables.table import Table
 
-__all__ = ["Table", "TableFormat", "read_table"]
+__all__ = ["Table", "TableFormat", "numbered", "read_table"]

@@ -139,7 +139,11 @@ class Table:
             else [c for c, keep in zip(v, mask, strict=True) if keep]
             for k, v in self.cells.items()
         }
-        return replace(self, cells=cells, lines=self.lines[mask], left_out=(*self.left_out, said))
+        return replace(self, cells=cells, lines=self.lines[mask]).noting(said)
+
+    def noting(self, left_out: str) -> Table:
+        """Return the table with one more entry in ``left_out``."""
+        return replace(self, left_out=(*self.left_out, left_out))
 
     def report(self) -> str:
         """One line: rows, how the file is written, and what was left out."""
@@ -148,9 +152,10 @@ class Table:
         if f.kind == "csv":
             mark = {"\t": "tab", " ": "blanks"}.get(f.delimiter or "", f"'{f.delimiter}'")
             header = f"header in line {f.header_line}" if f.header_line else "no header"
+            quote = f"quote '{f.quote}'" if f.quote else "no quoting"
             how += (
                 f", {f.encoding}, delimiter {mark}, decimal mark '{f.decimal or '.'}', "
-                f"{f'quote {f.quote}' if f.quote else 'no quoting'}, {header}"
+                f"{quote}, {header}"
             )
         out = "; ".join(self.left_out) or "nothing"
         return f"{self.name}: {len(self)} rows ({how}); left out: {out}"
@@ -193,7 +198,7 @@ class Table:
         if values.dtype.kind == "O":  # JSON: None is an empty cell; true and false are no numbers
             for k, v in enumerate(values):
                 if v is not None and type(v) not in (int, float):
-                    raise self._no_number(k, column, repr(v))
+                    raise self._no_number(k, column, str(v))
                 if type(v) is int and not _exact(v):
                     raise self._too_large(k, column, str(v))
             return np.array([math.nan if v is None else v for v in values], dtype=np.float64)

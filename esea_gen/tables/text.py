@@ -179,8 +179,8 @@ class TextReader:
         column, opens = _broken_quote(raw, delimiter, quote)
         what = "opens and is not closed in the line" if opens else "closes within the cell's text"
         return UserError(
-            f"{self.name}: line {line}, character {column}: a quote ({quote}) {what}: "
-            f"{shortened(raw[column - 1 :])}",
+            f"{self.name}: line {line}, character {column}: a quote ({quote}) {what}, "
+            f"at {shortened(raw[column - 1 :])} .",
             self.fix(
                 'quote = "" (quoting off)',
                 "Close the quote, or double it if it is text in a quoted cell",

@@ -9,9 +9,8 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
-from esea_gen.identify.reading import read_table
 from esea_gen.studies.startup.watch import DriveRecording
-from esea_gen.toml_file import read_text
+from esea_gen.tables import read_table
 
 COLUMNS = ("time_s", "u_Nm", "gear_rad", "motor_rad", "load_rad")
 
@@ -32,13 +31,13 @@ def read_recordings(folder: Path, names: Sequence[str], tick_s: float) -> dict[s
 
 
 def _read(path: Path, tick_s: float) -> DriveRecording:
-    fix = "Give the folder that --keep wrote."
-    time_s, *signals = read_table(path, read_text(path, fix), COLUMNS, fix).values()
+    table = read_table(path, COLUMNS)
+    time_s, *signals = (table.numbers(c) for c in COLUMNS)
     wrong = np.flatnonzero(np.abs(np.diff(time_s) - tick_s) > 1e-3 * tick_s)
     if len(wrong) or len(time_s) < 2:
-        at = f"row {wrong[0] + 2}" if len(wrong) else "its end"
+        at = table.at(wrong[0] + 1) if len(wrong) else f"{path}: at its end"
         raise UserError(
-            f"{path}: at {at} the time does not go on by a tick of {1e3 * tick_s:g} ms.",
+            f"{at}: the time does not go on by a tick of {1e3 * tick_s:g} ms.",
             "A recording with gaps cannot be used: record it again.",
         )
     return DriveRecording(tick_s, *(np.ascontiguousarray(c) for c in signals))
