@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,24 @@ def write_whole(path: Path, content: str | bytes) -> None:
         raise UserError(
             f"{path}: cannot be written ({error.strerror or error}).",
             "Make room, or give another file.",
+        ) from error
+
+
+@contextmanager
+def new_whole(path: Path) -> Iterator[Path]:
+    """Where to write a new file or folder; if the body ends without an error it becomes ``path``."""
+    if path.exists() and not (path.is_dir() and not any(path.iterdir())):
+        raise UserError(f"{path} is there already.", "Give another name; nothing is overwritten.")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".esea-") as scratch:
+            part = Path(scratch) / path.name
+            yield part
+            part.replace(path)
+    except OSError as error:
+        raise UserError(
+            f"{path}: cannot be written ({error.strerror or error}).",
+            "Make room, or give another name.",
         ) from error
 
 
