@@ -37,7 +37,7 @@ KNOWN = KnownLoad(1.0, 0.2)
 
 
 def limit(name: str) -> float:
-    return next(x.percent for x in LIMITS if x.name == name) / 100 * FULL
+    return next(x for x in LIMITS if x.name == name).torque_Nm(FULL, TORQUE)
 
 
 def sensor(
@@ -166,6 +166,22 @@ def test_accuracy_is_the_limit_less_the_uncertainty(elbow, gain_error, known):
         accuracy = [d for d in check.decisions if d.criterion == "accuracy"]
         assert accuracy[0].limit_Nm == pytest.approx(room, rel=1e-6)
         assert accuracy[0].steps == ("zero_1", "plus_1", "zero_2")
+
+
+@pytest.mark.parametrize("gain", [0.8333, 0.9, 1.1, 1.1667])
+@pytest.mark.parametrize("mass_kg", [0.6, 1.0, 1.5])
+def test_a_wrong_gain_fails_whatever_the_load(elbow, mass_kg, gain):
+    """Of 1.177 Nm a sensor once passed that showed 0.981: 16.7 % of the load, 4.4 % of full scale.
+
+    A tenth of the load fails as well, for the load itself is not known perfectly.
+    """
+    known = KnownLoad(mass_kg, 0.2)
+    for minus in (gain, 1.0):
+        recorded = sensor(gain=gain, minus_gain=minus)
+        recorded = replace(recorded, tau_Nm=recorded.tau_Nm * mass_kg)  # the same sensor
+        assert "accuracy" in failing(checked(elbow, recorded, known))
+    right = replace(sensor(gain=1.03), tau_Nm=sensor(gain=1.03).tau_Nm * mass_kg)
+    assert checked(elbow, right, known).verdict == "pass"
 
 
 def test_a_wrong_sign_fails(elbow):
