@@ -51,9 +51,10 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 @contextmanager
 def new_whole(path: Path) -> Iterator[Path]:
-    """Where to write a new file or folder; if the body ends without an error it becomes ``path``."""
+    """Where to write a new file or folder, which becomes ``path`` unless the body fails."""
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
-        raise UserError(f"{path} is there already.", "Give another name; nothing is overwritten.")
+        there = "is not empty" if path.is_dir() else "is there already"
+        raise UserError(f"{path} {there}.", "Give another name; nothing is overwritten.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".esea-") as scratch:

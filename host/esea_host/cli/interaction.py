@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,13 +32,9 @@ def _checked_figure(path: Path | None) -> None:
 
 def _draw(path: Path | None, figure: Any) -> None:
     if path is not None:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, dpi=150)
-        except OSError as error:
-            raise UserError(
-                f"{path}: cannot be written ({error.strerror or error}).", "Give another file."
-            ) from None
+        buffer = io.BytesIO()
+        figure.savefig(buffer, dpi=150, format=path.suffix[1:])
+        write_whole(path, buffer.getvalue())
 
 
 def _say(lines: list[str]) -> None:

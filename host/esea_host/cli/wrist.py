@@ -154,7 +154,7 @@ def shown_wrist(
             for c, values in people.items()
             for k, x in values.items()
         ]
-        pd.DataFrame(rows).to_csv(csv, index=False)
+        write_whole(csv, pd.DataFrame(rows).to_csv(index=False))
 
 
 @analyse_app.command("reaches")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.files import new_whole, write_whole
 from esea_host.recording.layout import Array
 from esea_host.recording.log import TICK, Log, Table
 
@@ -23,15 +24,8 @@ _LABEL = re.compile(r"[0-9a-zA-Z]+")
 _BIDS_TYPES = {"rad": "JNTANG", "rad/s": "VEL", "rad/s^2": "ANGACCEL"}
 
 
-def _new(path: Path) -> Path:
-    if path.exists():
-        raise UserError(f"{path} is there already.", "Give another name.")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return path
-
-
-def _columns(table: Table) -> list[tuple[str, str, Array]]:
-    # Name, unit and values; a vector's elements by themselves.
+def _columns(table: Table, simulated: bool = False) -> list[tuple[str, str, Array]]:
+    # Name, unit and values; a vector's elements by themselves; whether simulated in every row.
     found: list[tuple[str, str, Array]] = [("time_s", "s", table.time_s)]
     for c in table.layout.columns:
         values = table[c.name]
@@ -39,6 +33,8 @@ def _columns(table: Table) -> list[tuple[str, str, Array]]:
             found.append((c.name, c.unit, values))
         else:
             found += [(f"{c.name}[{i}]", c.unit, values[:, i]) for i in range(c.size)]
+    if simulated:
+        found.append(("simulated", "1", np.ones(len(table), np.uint8)))
     return found
 
 
@@ -53,6 +49,7 @@ def to_csv(log: Log, stream: str, path: Path) -> int:
         Which.
     path : Path
         Must not exist.  Header ``name [unit]``; floats so that they read back to the same bits.
+        The last column of a simulated recording is ``simulated``, 1.
 
     Returns
     -------
@@ -60,15 +57,15 @@ def to_csv(log: Log, stream: str, path: Path) -> int:
         Rows; a gap is a row with nothing but its time's place left empty, so that no line is drawn
         across.
     """
-    table = log[stream]
-    with _new(path).open("w", newline="", encoding="utf-8") as file:
+    table, simulated = log[stream], bool(log.facts.get("simulated"))
+    with new_whole(path) as scratch, scratch.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        columns = _columns(table)
+        columns = _columns(table, simulated)
         writer.writerow([f"{n} [{u}]" if u and u != "1" else n for n, u, _ in columns])
         for i, part in enumerate(table.pieces()):
             if i:
                 writer.writerow([""] * len(columns))
-            texts = [[_text(v) for v in values] for _, _, values in _columns(part)]
+            texts = [[_text(v) for v in values] for _, _, values in _columns(part, simulated)]
             writer.writerows(zip(*texts, strict=True))
     return len(table)
 
@@ -89,8 +86,8 @@ def to_parquet(log: Log, stream: str, path: Path) -> int:
     stream : str
         Which.
     path : Path
-        Must not exist; each column's metadata has ``unit`` and ``meaning``, the file's the facts
-        and the gaps.
+        Must not exist; columns as in the CSV; each column's metadata has ``unit`` and ``meaning``,
+        the file's the facts and the gaps.
 
     Returns
     -------
@@ -104,7 +101,7 @@ def to_parquet(log: Log, stream: str, path: Path) -> int:
     meanings = {c.name: c.meaning for c in table.layout.columns}
     fields: list[pyarrow.Field] = []
     arrays = []
-    for name, unit, values in _columns(table):
+    for name, unit, values in _columns(table, bool(log.facts.get("simulated"))):
         array = pa.array(np.ascontiguousarray(values))
         about = {"unit": unit, "meaning": meanings.get(name.partition("[")[0], "")}
         fields.append(pa.field(name, array.type, metadata=about))
@@ -113,7 +110,8 @@ def to_parquet(log: Log, stream: str, path: Path) -> int:
         "esea.facts": json.dumps(log.facts),
         "esea.gaps": json.dumps([g.to_dict() for g in table.gaps]),
     }
-    pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields, about)), _new(path))
+    with new_whole(path) as scratch:
+        pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields, about)), scratch)
     return len(table)
 
 
@@ -150,19 +148,15 @@ def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sens
     track = "".join(_LABEL.findall(str(log.facts.get("device", "device"))))
     stem = f"sub-{subject}_task-{task}_tracksys-{track}"
     place = folder / f"sub-{subject}" / "motion"
-    samples = _new(place / f"{stem}_motion.tsv")
+    samples = place / f"{stem}_motion.tsv"
     columns = [c for c in _columns(table) if c[0] not in ("time_s", TICK)]
     rate_Hz = 1.0 / float(np.median(np.diff(table.time_s)))
     rate_Hz = round(rate_Hz, 6)
-    with samples.open("w", encoding="utf-8") as file:
-        texts = [[_text(v) if np.isfinite(v) else "n/a" for v in c[2]] for c in columns]
-        file.writelines("\t".join(row) + "\n" for row in zip(*texts, strict=True))
     channels = ["name\tcomponent\ttype\ttracked_point\tunits\tsampling_frequency"]
     for name, unit, _ in columns:
         kind = _BIDS_TYPES.get(unit, "MISC")
         row = [name, "n/a", kind, "n/a", unit if unit and unit != "1" else "n/a", f"{rate_Hz:g}"]
         channels.append("\t".join(row))
-    (place / f"{stem}_channels.tsv").write_text("\n".join(channels) + "\n", encoding="utf-8")
     kinds = [_BIDS_TYPES.get(unit, "MISC") for _, unit, _ in columns]
     about = {
         "TaskName": task,
@@ -179,9 +173,13 @@ def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sens
         "MotionChannelCount": len(columns),
         "MissingValues": "n/a",
     } | {f"{k}ChannelCount": kinds.count(k) for k in sorted(set(kinds))}
-    side = place / f"{stem}_motion.json"
-    side.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-    _data_set(folder, subject)
+    with new_whole(samples) as scratch:  # last: while it is missing, another try is possible
+        texts = [[_text(v) if np.isfinite(v) else "n/a" for v in c[2]] for c in columns]
+        lines = ("\t".join(row) + "\n" for row in zip(*texts, strict=True))
+        scratch.write_text("".join(lines), encoding="utf-8")
+        write_whole(place / f"{stem}_channels.tsv", "\n".join(channels) + "\n")
+        write_whole(place / f"{stem}_motion.json", json.dumps(about, indent=2) + "\n")
+        _data_set(folder, subject)
     return samples
 
 
@@ -219,15 +217,15 @@ def _data_set(folder: Path, subject: str) -> None:
             "Authors": ["n/a"],
             "GeneratedBy": [{"Name": "esea-host"}],
         }
-        about.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        write_whole(about, json.dumps(content, indent=2) + "\n")
     people = folder / "participants.tsv"
     known = people.read_text(encoding="utf-8").splitlines() if people.exists() else []
     known = known or ["participant_id"]
     if f"sub-{subject}" not in (line.partition("\t")[0] for line in known):
         empty = "\tn/a" * known[0].count("\t")
         known.append(f"sub-{subject}{empty}")
-    people.write_text("\n".join(known) + "\n", encoding="utf-8")
+    write_whole(people, "\n".join(known) + "\n")
     readme = folder / "README"
     if not readme.exists():
         text = "Recordings of an elastomeric series elastic actuator, exported by esea-host.\n"
-        readme.write_text(text, encoding="utf-8")
+        write_whole(readme, text)
