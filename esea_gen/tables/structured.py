@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -56,15 +57,23 @@ def read_mat(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:
     if raw.startswith((b"MATLAB 7.3 MAT-file", b"\x89HDF")):
         return read_hdf5(raw, name, wanted)
     try:
-        sizes = [np.prod(shape, dtype=float) for _, shape, _ in scipy.io.whosmat(io.BytesIO(raw))]
-        _bounded(name, len(sizes), sum(sizes))
-        content = scipy.io.loadmat(
-            io.BytesIO(raw), squeeze_me=False, struct_as_record=True, chars_as_strings=True
-        )
+        kinds = scipy.io.whosmat(io.BytesIO(raw))
+        _bounded(name, len(kinds), sum(np.prod(shape, dtype=float) for _, shape, _ in kinds))
+        out = _flat_mat(name, scipy.io.loadmat(io.BytesIO(raw)))
+        # Only so is a logical array one of bool; a complex one then loses its imaginary part.
+        with warnings.catch_warnings(action="ignore"):
+            typed = _flat_mat(name, scipy.io.loadmat(io.BytesIO(raw), mat_dtype=True))
     except UserError:
         raise
     except Exception as error:
         raise UserError(f"{name}: is not a MATLAB file ({error}).", CELL_DAMAGED) from None
+    for k, v in typed.items():
+        if isinstance(v, np.ndarray) and v.dtype.kind == "b":
+            out[k] = "a logical array, not a vector of numbers"
+    return out
+
+
+def _flat_mat(name: str, content: Mapping[str, Any]) -> Content:
     out: Content = {}
     for k, v in content.items():
         if not k.startswith("__"):
