@@ -11,6 +11,7 @@ import typer
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
+from esea_gen.tables import read_table
 from esea_host.cli.analyse import analyse
 from esea_host.cli.app import app, out
 
@@ -86,14 +87,14 @@ def loading(
     figure: FigureOption = None,
 ) -> None:
     """Loading stiffness and hysteresis of a torque-displacement curve (theta_rad, tau_Nm)."""
-    from esea_host.interaction.design import read_numbers
     from esea_host.interaction.figures import loading_figure
     from esea_host.interaction.loading import analyse_loading
 
     _checked_figure(figure)
-    theta, tau = read_numbers(file, ("theta_rad", "tau_Nm"))
+    table = read_table(file, ("theta_rad", "tau_Nm"))
+    theta, tau = table.numbers("theta_rad"), table.numbers("tau_Nm")
     found = analyse_loading(theta, tau, rest_rad=rest, skip_first=skip_first)
-    _say(found.lines())
+    _say([table.report(), *found.lines()])
     write_json(json_file, "host-loading", found.to_dict())
     _draw(figure, loading_figure(theta - rest, tau, found))
 
