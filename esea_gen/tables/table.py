@@ -24,6 +24,8 @@ POINT, COMMA = NUMBER[r"\."], NUMBER[","]
 NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE | re.ASCII)
 GROUPED = re.compile(r"[+-]?\d{1,3}(?:([,.'\u2019\u00a0\u202f ])\d{3})(?:\1\d{3})*(?:[.,]\d*)?")
 LONG_INTEGER = re.compile(r"[+-]?\d{16,}", re.ASCII)
+PLAIN = frozenset("0123456789+-eE \t\n")  # of these and a decimal mark float takes only numbers
+EXACT = 2**53  # whole numbers up to here are doubles
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,14 @@ class Table:
 
     def _parsed(self, column: str, cells: Sequence[str]) -> Array:
         comma = self.form.decimal == ","
+        text = "\n".join(cells)
+        if PLAIN | {"," if comma else "."} >= set(text):
+            try:
+                values = np.array([float(c) for c in text.replace(",", ".").split("\n")])
+                if len(values) == len(cells) and np.all(np.abs(values) < EXACT):
+                    return values
+            except ValueError:
+                pass  # which cell it is, below
         match = (COMMA if comma else POINT).fullmatch
         out = np.empty(len(cells))
         for k, cell in enumerate(cells):
@@ -209,7 +219,7 @@ class Table:
                 "Name another column, or convert this one.",
             )
         if values.dtype.kind in "iu":
-            for k in np.flatnonzero((values > 2**53) | (values < -(2**53))).tolist():
+            for k in np.flatnonzero((values > EXACT) | (values < -EXACT)).tolist():
                 if not _exact(int(values[k])):
                     raise self._too_large(k, column, str(values[k]))
         return np.asarray(values, dtype=np.float64)
@@ -217,7 +227,7 @@ class Table:
     def _too_large(self, row: int, column: str, text: str) -> UserError:
         return UserError(
             f"{self.at(row, column)}: {shortened(text)} has no exact double: whole numbers are "
-            f"exact to 2^53 = {2**53}, numbers end at 1.8e308.",
+            f"exact to 2^53 = {EXACT}, numbers end at 1.8e308.",
             "Subtract an offset from the column, the first value for example.",
         )
 

@@ -154,6 +154,8 @@ class TextReader:
         quote = self.form.quote
         if delimiter == " ":
             raw = raw.strip(" ")
+        elif not (quote and quote in raw) and len(raw) < csv.field_size_limit():
+            return raw.split(delimiter)  # as csv does it, in a fifth of the time
         try:
             # One line at a time: a quote that is not closed ends with its line.
             (row,) = csv.reader(
@@ -180,7 +182,7 @@ class TextReader:
         what = "opens and is not closed in the line" if opens else "closes within the cell's text"
         return UserError(
             f"{self.name}: line {line}, character {column}: a quote ({quote}) {what}, "
-            f"at {shortened(raw[column - 1 :])} .",
+            f"before: {shortened(raw[column:])}.",
             self.fix(
                 'quote = "" (quoting off)',
                 "Close the quote, or double it if it is text in a quoted cell",
@@ -196,11 +198,11 @@ class TextReader:
         if better:
             fix = self._names_at(better)
         else:
-            mark = "," if self.form.delimiter == "," else self.form.delimiter
             fix = self.fix(
                 "delimiter, decimal or header_line",
-                f"Give every row as many cells as the header (delimiter {mark!r}; a decimal comma "
-                "among commas, and a delimiter at the end of the line, make one more)",
+                "Give every row as many cells as the header (the delimiter is "
+                f"{self.form.delimiter!r}; a decimal comma among commas, and a delimiter at the "
+                "end of the line, make one more)",
             )
         return UserError(what, fix)
 
@@ -330,7 +332,7 @@ def decoded(raw: bytes, name: str, form: TableFormat, settings: str) -> tuple[st
             f"damaged or not text in the encoding '{encoding}'.",
             fix,
         )
-    return text.removeprefix("\ufeff"), encoding
+    return text.lstrip("\ufeff"), encoding
 
 
 __all__ = ["TextReader", "decoded"]
