@@ -28,6 +28,7 @@ def read_table(
     wanted: Sequence[str] | None = None,
     form: TableFormat | None = None,
     *,
+    optional: Sequence[str] = (),
     name: str | None = None,
     raw: bytes | None = None,
     settings: str = "",
@@ -44,6 +45,8 @@ def read_table(
         Columns that are needed; by default all are read.
     form : TableFormat, optional
         How it is written; what is left out is detected.
+    optional : sequence of str, optional
+        Columns that are read as well if they are there.
     name : str, optional
         The file in messages.
     raw : bytes, optional
@@ -77,13 +80,18 @@ def read_table(
             f"Set kind = '{found}'" + (f" in {settings}." if settings else "."),
         )
     if kind in BINARY:
-        content = BINARY[kind](raw, name, wanted)
-        return table_of(content, name, wanted, form.model_copy(update={"kind": kind}), digest)
+        names = None if wanted is None else [*wanted, *optional]
+        content = BINARY[kind](raw, name, names)
+        form = form.model_copy(update={"kind": kind})
+        return table_of(content, name, wanted, optional, form, digest)
     text, encoding = decoded(raw, name, form, settings)
     form = form.model_copy(update={"kind": kind, "encoding": encoding})
     if kind == "json":
-        return table_of(read_json(text, name, wanted), name, wanted, form, digest)
-    return TextReader(name, text, form, settings, fields, drop_ragged).read(wanted, digest)
+        return table_of(read_json(text, name), name, wanted, optional, form, digest)
+    reader = TextReader(
+        name, text, form, settings, wanted, optional, fields, drop_ragged=drop_ragged
+    )
+    return reader.read(digest)
 
 
 def _content(path: Path, name: str) -> bytes:

@@ -24,12 +24,17 @@ Content = dict[str, "np.ndarray[Any, Any] | str"]
 
 
 def table_of(
-    content: Content, name: str, wanted: Sequence[str] | None, form: TableFormat, digest: str
+    content: Content,
+    name: str,
+    wanted: Sequence[str] | None,
+    optional: Sequence[str],
+    form: TableFormat,
+    digest: str,
 ) -> Table:
     """Equally long vectors of a file's content as a table, the wanted ones or all."""
     known = [k for k, v in content.items() if not isinstance(v, str) and np.size(v) > 1]
     cells: dict[str, Any] = {}
-    for w in known if wanted is None else wanted:
+    for w in known if wanted is None else [*wanted, *(o for o in optional if o in content)]:
         value = content.get(w)
         if isinstance(value, str):
             raise UserError(f"{name}: '{w}' is {value}.", f"Name a column: {listed(known)}.")
@@ -186,7 +191,7 @@ def _arrow(pa: Any, kind: Any, column: Any) -> Any:
     return f"of the type {kind}, neither numbers nor texts"
 
 
-def read_json(text: str, name: str, wanted: Sequence[str] | None) -> Content:
+def read_json(text: str, name: str) -> Content:
     """Columns by name, or a list of rows; objects in them by ``s.t``; null is an empty cell."""
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

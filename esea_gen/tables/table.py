@@ -160,7 +160,7 @@ class Table:
                 f"{quote}, {header}"
             )
         out = "; ".join(self.left_out) or "nothing"
-        return f"{self.name}: {len(self)} rows ({how}); left out: {out}"
+        return f"{self.name}: {len(self)} row{'s' * (len(self) != 1)} ({how}); left out: {out}"
 
     def fix(self, key: str, otherwise: str) -> str:
         """A remedy by a key of the format, where the user can set one."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -44,6 +45,7 @@ MOST_HEADER = 1000  # lines that are searched for a header to propose
 class TextReader:
     """One file, read once.
 
+    wanted: columns that are read, all if None; optional: those that are read if they are there.
     fields: cells of a row; by default as many as the header or the first row has.
     drop_ragged: leave out rows of another number of cells and count them, instead of an error.
     """
@@ -52,6 +54,8 @@ class TextReader:
     text: str
     form: TableFormat
     settings: str
+    wanted: Sequence[str] | None = None
+    optional: Sequence[str] = ()
     fields: int | None = None
     drop_ragged: bool = False
     left_out: list[str] = field(default_factory=list)
@@ -59,8 +63,8 @@ class TextReader:
     def fix(self, key: str, otherwise: str) -> str:
         return remedy(self.settings, key, otherwise)
 
-    def read(self, wanted: Sequence[str] | None, digest: str) -> Table:
-        """Read the wanted columns, all by default."""
+    def read(self, digest: str) -> Table:
+        """Read the file; digest: of its bytes."""
         if self.form.delimiter is None:
             self.form = self.form.model_copy(update={"delimiter": self._delimiter()})
         header_line, names, first, rows = self._header()
@@ -69,8 +73,10 @@ class TextReader:
             names = [str(k) for k in range(1, width + 1)]
         elif self.fields and self.fields != len(names):
             names = (names + [""] * width)[:width]
-        self._check_names(header_line, names, wanted)
-        chosen = [n for n in names if n] if wanted is None else list(dict.fromkeys(wanted))
+        self._check_names(header_line, names)
+        chosen = [n for n in names if n]
+        if self.wanted is not None:
+            chosen = [n for n in chosen if n in {*self.wanted, *self.optional}]
         places = [names.index(n) for n in chosen]
         columns: list[list[str]] = [[] for _ in places]
         lines: list[int] = []
@@ -81,7 +87,7 @@ class TextReader:
                 continue
             if len(row) != width:
                 if not self.drop_ragged:
-                    raise self._ragged(line, len(row), header_line, width, wanted)
+                    raise self._ragged(line, len(row), header_line, width)
                 ragged.append(line)
             elif not any(map(str.strip, row)):
                 empty.append(line)
@@ -126,9 +132,12 @@ class TextReader:
         if given and names[0].startswith("#"):
             names[0] = names[0].lstrip("# ")
         if given is None and all(map(POINT.fullmatch, names)):
+            better = self._better_header(line)
+            fix = self.fix("header_line = 0", "Write a line with the column names")
             raise UserError(
-                f"{self.name}: line {line} has numbers, no column names: {shortened(str(row))}.",
-                self.fix("header_line = 0", "Write a line with the column names"),
+                f"{self.name}: line {line} has numbers, no column names: "
+                f"{shortened(', '.join(row))}.",
+                self._names_at(better) if better else fix,
             )
         first = max(first, line + 1)
         if first > line + 1:
@@ -189,12 +198,10 @@ class TextReader:
             ),
         )
 
-    def _ragged(
-        self, line: int, found: int, header_line: int, width: int, wanted: Sequence[str] | None
-    ) -> UserError:
+    def _ragged(self, line: int, found: int, header_line: int, width: int) -> UserError:
         names = "names in the header" if header_line else "cells in the first row"
         what = f"{self.name}: line {line} has {found} cells for {width} {names}."
-        better = self._better_header(header_line, wanted) if wanted else 0
+        better = self._better_header(header_line)
         if better:
             fix = self._names_at(better)
         else:
@@ -206,9 +213,7 @@ class TextReader:
             )
         return UserError(what, fix)
 
-    def _check_names(
-        self, header_line: int, names: list[str], wanted: Sequence[str] | None
-    ) -> None:
+    def _check_names(self, header_line: int, names: list[str]) -> None:
         where = f", line {header_line}" if header_line else ""
         check_unique(
             self.name,
@@ -219,9 +224,9 @@ class TextReader:
                 "Give every column a name of its own",
             ),
         )
-        for w in wanted or ():
+        for w in self.wanted or ():
             if w not in names:
-                better = self._better_header(header_line, wanted or ())
+                better = self._better_header(header_line)
                 fix = "Correct the column's name."
                 if better:
                     fix = self._names_at(better)
@@ -232,12 +237,14 @@ class TextReader:
             f"header_line = {line}", f"Line {line} has the names: make it the first one, without #"
         )
 
-    def _better_header(self, header_line: int, wanted: Sequence[str]) -> int:
-        # A line that has all names: there was a preamble.
+    def _better_header(self, header_line: int) -> int:
+        # A line that has all names, behind a preamble or in a comment; 0: there is none.
+        if not self.wanted:
+            return 0
         lines = islice(io.StringIO(self.text, newline=""), MOST_HEADER)
         for line, raw in enumerate(lines, 1):
-            cells = {c.strip(' \r\n"') for c in raw.lstrip("# ").split(self.form.delimiter)}
-            if line != header_line and cells >= set(wanted):
+            cells = {c.strip(' \r\n"') for c in re.split(r"[,;\t|]", raw.lstrip("# "))}
+            if line != header_line and cells >= set(self.wanted):
                 return line
         return 0
 

@@ -40,11 +40,11 @@ class CheckRecording:
 
 def read_recording(path: Path) -> CheckRecording:
     """Read a table with the columns ``time_s``, ``tau_Nm`` and, if labelled, ``step``."""
-    table = read_table(path)
+    table = read_table(path, ("time_s", "tau_Nm"), optional=("step",))
     time_s, tau_Nm = table.numbers("time_s"), table.numbers("tau_Nm")
     if not len(table):
         raise UserError(f"{path}: no samples.", "Record again.")
-    step = table.texts("step") if "step" in table.names else None
+    step = table.texts("step") if "step" in table.cells else None
     return CheckRecording(path.name, time_s, tau_Nm, step, table.report())
 
 
