@@ -158,7 +158,7 @@ def measure_file(
         read.append(f"the time '{over.column}' names no unit: read as seconds")
     table = _longest_piece(table.timed(over.column))
     t = table.numbers(over.column) * SECONDS[over.unit or "s"]
-    x = table.numbers(moved.column, holes=True)
+    x = table.numbers(moved.column, holes=resample_Hz is not None)
     read.append(table.report())
     made = None
     try:

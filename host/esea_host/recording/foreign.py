@@ -58,7 +58,7 @@ class ForeignTime(BaseModel):
 
     model_config = _STRICT
     source: str | int | None = None
-    scale: float = 1.0
+    scale: Annotated[float, Field(gt=0)] = 1.0
     period_s: Annotated[float, Field(gt=0)]
     tolerance: Annotated[float, Field(gt=0, lt=10)] = 0.5
 
@@ -254,7 +254,7 @@ def _times(mapping: ForeignMapping, table: Table, report: ImportReport) -> Array
     if time.source is None:
         return np.arange(len(table), dtype=np.int64) * period_ns
     raw = table.numbers(_name(table, time.source))
-    ns = np.round((raw - raw[0]) * (time.scale * 1e9))
+    ns = np.round((raw - raw[0]) * time.scale * 1e9)
     far = np.flatnonzero(~(np.abs(ns) < MOST_NS))
     if len(far):
         raise UserError(
