@@ -211,7 +211,8 @@ def _time(table: Table, wanted: str | None) -> Quantity:
     if wanted is not None:
         found = _named(table, wanted)
     else:
-        fits = [q for q in map(Quantity.of, table.names) if q.stem in TIMES]
+        named = (q for q in map(Quantity.of, table.names) if q.stem in TIMES)
+        fits = [q for q in named if q.unit is None or q.unit in SECONDS]
         if len(fits) != 1:
             raise UserError(
                 f"{table.name}: {'several columns' if fits else 'no column'} of the time: "
