@@ -18,6 +18,8 @@ from esea_gen.cli import app
 from esea_gen.errors import UserError
 from esea_gen.tables import TableFormat, read_table
 
+from .conftest import require_module
+
 MAPPING = """schema = 1
 device = { name = "trial", title = "Trial", rate_terms = false }
 deflection = { column = "count", unit = "rad" }
@@ -180,7 +182,10 @@ def test_quoting_off_header_and_ragged_logs():
 
 def hdf5(**content) -> bytes:
     file = io.BytesIO()
-    with pytest.importorskip("h5py").File(file, "w") as made:
+    require_module("h5py")
+    import h5py
+
+    with h5py.File(file, "w") as made:
         for path, value in content.items():
             made[path.replace("__", "/")] = value
     return file.getvalue()
@@ -193,7 +198,10 @@ def mat(**content) -> bytes:
 
 
 def parquet(*columns, names) -> bytes:
-    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    require_module("pyarrow")
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     file = io.BytesIO()
     pq.write_table(pa.Table.from_arrays([pa.array(c) for c in columns], names), file)
     return file.getvalue()

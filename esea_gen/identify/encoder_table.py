@@ -20,7 +20,7 @@ from esea_gen.devices.numbers import Quantity, Series
 from esea_gen.errors import UserError
 from esea_gen.identify.regression import Estimate, fit_linear
 from esea_gen.language.ports import Array
-from esea_gen.tables import Table, read_table
+from esea_gen.tables import FileTable, read_table
 
 BLOCKS = 40  # stretches of the recording, of whose pulls the intervals are made
 LEAST_SAMPLES = 400
@@ -91,7 +91,7 @@ class EncoderTable:
         }
 
 
-def read_counts(path: Path, full: int) -> tuple[Table, Array, Array]:
+def read_counts(path: Path, full: int) -> tuple[FileTable, Array, Array]:
     """The table, counts of the encoder and angles of the reference, a row a sample."""
     table = read_table(path, COLUMNS)
     count, reference = (table.numbers(c) for c in COLUMNS)

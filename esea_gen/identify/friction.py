@@ -27,7 +27,7 @@ import numpy.typing as npt
 from esea_gen.errors import UserError
 from esea_gen.identify.regression import Estimate, fit_linear, fit_separable
 from esea_gen.language.ports import Array
-from esea_gen.tables import Table, TableFormat, numbered, read_table
+from esea_gen.tables import FileTable, TableFormat, numbered, read_table
 from esea_gen.toml_file import read_text
 
 FAR = 6.0  # median absolute deviations from the run's median
@@ -148,7 +148,7 @@ def read_run(path: Path, full_Nm: float | None) -> SteadyRun:
     return SteadyRun(path.name, omega, tau, table.report())
 
 
-def _plain(path: Path) -> tuple[Table, Array, Array]:
+def _plain(path: Path) -> tuple[FileTable, Array, Array]:
     table = read_table(path, ("omega_rad_s", "tau_Nm"))
     return table, table.numbers("omega_rad_s"), table.numbers("tau_Nm")
 
@@ -161,7 +161,7 @@ def _is_epos(path: Path) -> bool:
         return False  # the reader says why
 
 
-def _epos(path: Path, full_Nm: float | None) -> tuple[Table, Array, Array]:
+def _epos(path: Path, full_Nm: float | None) -> tuple[FileTable, Array, Array]:
     if full_Nm is None:
         raise UserError(
             f"{path}: torques are in % of the nominal torque, and that is not known.",

@@ -21,7 +21,7 @@ from esea_gen.identify.recorded import Recording
 from esea_gen.identify.tables import TIME, Mapping, RecordingTable, ToFit
 from esea_gen.identify.temperatures import LEAST_APART_K
 from esea_gen.language.ports import Array
-from esea_gen.tables import Table, read_table
+from esea_gen.tables import FileTable, read_table
 
 MIN_SAMPLES = 50
 MAX_DROPPED = 0.01  # share of samples that the glitch rule may drop
@@ -195,7 +195,7 @@ def _without_lag(
     return time[known] - time[known][0], theta[known], tau
 
 
-def _left_out(read: Table) -> tuple[Finding, ...]:
+def _left_out(read: FileTable) -> tuple[Finding, ...]:
     return tuple(Finding("left out", f"left out: {what}", False) for what in read.left_out)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
-from esea_gen.tables import Table, read_table
+from esea_gen.tables import FileTable, read_table
 
 CONFIDENCE = 0.95
 LEAST_ROWS, LEAST_COLUMNS = 5, 2
@@ -213,7 +213,7 @@ def _others(table: Array, column: int) -> Array:
     return np.asarray(np.delete(table, column, axis=1).mean(axis=1))
 
 
-def read_specimens(path: Path) -> tuple[Table, dict[str, Array]]:
+def read_specimens(path: Path) -> tuple[FileTable, dict[str, Array]]:
     """A table, and its torques: a column a specimen under its name, a row a condition, in Nm.
 
     A first column named ``condition`` is a label and left out.

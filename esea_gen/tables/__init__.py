@@ -11,6 +11,6 @@ Rows without a time are refused by ``numbers``, or left out and counted by ``tab
 
 from esea_gen.tables.form import TableFormat, numbered
 from esea_gen.tables.reader import read_table
-from esea_gen.tables.table import Table
+from esea_gen.tables.table import FileTable
 
-__all__ = ["Table", "TableFormat", "numbered", "read_table"]
+__all__ = ["FileTable", "TableFormat", "numbered", "read_table"]

@@ -9,7 +9,7 @@ from pathlib import Path
 from esea_gen.errors import UserError
 from esea_gen.tables.form import Kind, TableFormat
 from esea_gen.tables.structured import read_hdf5, read_json, read_mat, read_parquet, table_of
-from esea_gen.tables.table import Table
+from esea_gen.tables.table import FileTable
 from esea_gen.tables.text import TextReader, decoded
 
 MOST_BYTES = 512 * 2**20
@@ -34,7 +34,7 @@ def read_table(
     settings: str = "",
     fields: int | None = None,
     drop_ragged: bool = False,
-) -> Table:
+) -> FileTable:
     """Read a table completely, or refuse it with file, line, column and remedy.
 
     Parameters
@@ -61,8 +61,8 @@ def read_table(
 
     Returns
     -------
-    Table
-        Cells as written: :meth:`Table.numbers` and :meth:`Table.texts` convert and check them.
+    FileTable
+        Cells as written; its methods ``numbers`` and ``texts`` convert and check them.
 
     Raises
     ------

@@ -13,7 +13,7 @@ import scipy  # its parts are read on first use
 
 from esea_gen.errors import UserError, from_extra
 from esea_gen.tables.form import TableFormat, check_unique, listed, missing_column
-from esea_gen.tables.table import Table
+from esea_gen.tables.table import FileTable
 
 DEEPEST = 8  # levels of structs and groups
 MOST_NAMES = 10_000  # variables or data sets of a file
@@ -30,7 +30,7 @@ def table_of(
     optional: Sequence[str],
     form: TableFormat,
     digest: str,
-) -> Table:
+) -> FileTable:
     """Equally long vectors of a file's content as a table, the wanted ones or all."""
     known = [k for k, v in content.items() if not isinstance(v, str) and np.size(v) > 1]
     cells: dict[str, Any] = {}
@@ -54,7 +54,7 @@ def table_of(
             f"{name}: the columns have different lengths {lengths}.", "Name equally long ones."
         )
     rows = np.arange(1, max(lengths.values(), default=0) + 1, dtype=np.intp)
-    return Table(name, tuple(known), cells, rows, form, digest)
+    return FileTable(name, tuple(known), cells, rows, form, digest)
 
 
 def read_mat(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:

@@ -29,7 +29,7 @@ EXACT = 2**53  # whole numbers up to here are doubles
 
 
 @dataclass(frozen=True)
-class Table:
+class FileTable:
     """A table of one file.
 
     Parameters
@@ -113,11 +113,11 @@ class Table:
         """Return a column as text, blanks at either end taken off."""
         return tuple(self._text(c) for c in self._column(column))
 
-    def timed(self, column: str) -> Table:
+    def timed(self, column: str) -> FileTable:
         """Return the rows that have a finite time; the others are counted in ``left_out``."""
         return self.kept(np.isfinite(self.numbers(column, holes=True)), f"no '{column}'")
 
-    def numeric(self, columns: Sequence[str]) -> Table:
+    def numeric(self, columns: Sequence[str]) -> FileTable:
         """Return the rows whose cells are numbers, NaN or empty; the others are counted.
 
         For logs with messages between the numbers.
@@ -127,7 +127,7 @@ class Table:
             good &= [self._is_number(self._text(c)) for c in self._column(column)]
         return self.kept(good, "no number in " + ", ".join(f"'{c}'" for c in columns))
 
-    def kept(self, rows: npt.ArrayLike, why: str) -> Table:
+    def kept(self, rows: npt.ArrayLike, why: str) -> FileTable:
         """Return the rows of a mask; the others are counted under ``why``."""
         mask = np.asarray(rows, dtype=bool)
         gone = self.lines[~mask].tolist()
@@ -143,7 +143,7 @@ class Table:
         }
         return replace(self, cells=cells, lines=self.lines[mask]).noting(said)
 
-    def noting(self, left_out: str) -> Table:
+    def noting(self, left_out: str) -> FileTable:
         """Return the table with one more entry in ``left_out``."""
         return replace(self, left_out=(*self.left_out, left_out))
 

@@ -26,7 +26,7 @@ from esea_gen.tables.form import (
     remedy,
     shortened,
 )
-from esea_gen.tables.table import COMMA, GROUPED, POINT, Table
+from esea_gen.tables.table import COMMA, GROUPED, POINT, FileTable
 
 MARKS = {  # The longer ones first: UTF-32 begins as UTF-16 does.
     codecs.BOM_UTF32_LE: "utf-32",
@@ -63,7 +63,7 @@ class TextReader:
     def fix(self, key: str, otherwise: str) -> str:
         return remedy(self.settings, key, otherwise)
 
-    def read(self, digest: str) -> Table:
+    def read(self, digest: str) -> FileTable:
         """Read the file; digest: of its bytes."""
         if self.form.delimiter is None:
             self.form = self.form.model_copy(update={"delimiter": self._delimiter()})
@@ -104,7 +104,7 @@ class TextReader:
                 self.left_out.append(f"{len(gone)} {rows_word} {why} ({numbered('line', gone)})")
         decimal = self.form.decimal or self._decimal(columns)
         update = {"kind": "csv", "header_line": header_line, "decimal": decimal}
-        return Table(
+        return FileTable(
             self.name,
             tuple(names),
             dict(zip(chosen, columns, strict=True)),

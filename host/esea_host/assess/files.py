@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.tables import Table, read_table
+from esea_gen.tables import FileTable, read_table
 from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
@@ -63,7 +63,7 @@ def _from_log(path: Path) -> dict[str, Array]:
         return found | {n: table[n].astype(np.float64) for n in table.names if table[n].ndim == 1}
 
 
-def _refuse_holes(table: Table, found: dict[str, Array]) -> None:
+def _refuse_holes(table: FileTable, found: dict[str, Array]) -> None:
     # Whatever bridges a hole makes a movement that was not: a swing longer, a loop open.
     steps = np.diff(found.get("time_s", np.zeros(0)))
     if not len(steps):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from esea_gen.errors import UserError
-from esea_gen.tables import Table, read_table
+from esea_gen.tables import FileTable, read_table
 
 SPRING, ELASTOMER = "spring", "elastomer"
 ELEMENTS = (SPRING, ELASTOMER)
@@ -19,7 +19,9 @@ def element_of(group: str, block: int) -> str:
     return FIRST[group] if block == 1 else ELEMENTS[1 - ELEMENTS.index(FIRST[group])]
 
 
-def read_rows(path: Path, needed: Sequence[str]) -> tuple[Table, list[tuple[str, dict[str, str]]]]:
+def read_rows(
+    path: Path, needed: Sequence[str]
+) -> tuple[FileTable, list[tuple[str, dict[str, str]]]]:
     """A table of texts that has these columns, and each row with its place for messages."""
     table = read_table(path, needed, name=path.name)
     if not len(table):

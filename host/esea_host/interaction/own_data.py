@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from esea_gen.errors import UserError
 from esea_gen.language.ports import UNIT_SUFFIXES
-from esea_gen.tables import Table, read_table
+from esea_gen.tables import FileTable, read_table
 from esea_gen.tables.form import listed
 from esea_host.interaction.recordings import Array, is_simulated
 from esea_host.smoothness import (
@@ -72,7 +72,8 @@ class Quantity:
     def stem(self) -> str:
         """Its name without its unit, in lower case."""
         unit = (self.unit or "").replace("^", "").replace("/", "_")
-        return self.name.removesuffix(f"_{unit}").lower() if unit else self.name.lower()
+        last = re.split(r"[./]", self.name)[-1].lower()  # of a struct or group
+        return last.removesuffix(f"_{unit}") if unit else last
 
     @property
     def is_position(self) -> bool:
@@ -144,14 +145,15 @@ def measure_file(
     stop_Hz: float = 4.0,
     last_s: float | None = None,
     resample_Hz: float | None = None,
+    time_unit: str | None = None,
 ) -> OwnSmoothness:
     """Metrics of a column of a table.
 
     column, time: as in the file, with or without a unit in brackets; chosen by name and unit.
-    resample_Hz: new rate for frames at irregular times.
+    resample_Hz: new rate for frames at irregular times.  time_unit: of a time whose name has none.
     """
     table = read_table(path)
-    over = _time(table, time)
+    over = _time(table, time, time_unit)
     moved = _position(table, column, over)
     read = [] if column else [f"column chosen: {moved}; --column names another"]
     if over.unit is None:
@@ -180,7 +182,7 @@ def measure_file(
         if error.reason == "gap" and resample_Hz is None:
             fix += f" --resample {_mean_rate(t):.3g} interpolates, and reports what it did."
         if error.reason == "cutoff" and over.unit is None:
-            fix += f" Or name the time's unit: '{over.column}_ms' for milliseconds."
+            fix += f" If '{over.column}' is in milliseconds, give --time-unit ms."
         raise UserError(f"{path.name}: {error.what}", fix) from None
     marked = SIMULATED_COLUMN in table.names and table.numbers(SIMULATED_COLUMN, holes=True).any()
     simulated = bool(marked) or is_simulated(path)
@@ -192,7 +194,7 @@ def _mean_rate(t: Array) -> float:
     return (len(t) - 1) / length if length > 0 else 100.0
 
 
-def _named(table: Table, wanted: str) -> Quantity:
+def _named(table: FileTable, wanted: str) -> Quantity:
     fits = [q for q in map(Quantity.of, table.names) if wanted in (q.column, q.name)]
     if len(fits) != 1:
         raise UserError(
@@ -207,7 +209,7 @@ def _named(table: Table, wanted: str) -> Quantity:
     return fits[0]
 
 
-def _time(table: Table, wanted: str | None) -> Quantity:
+def _time(table: FileTable, wanted: str | None, unit: str | None) -> Quantity:
     if wanted is not None:
         found = _named(table, wanted)
     else:
@@ -220,6 +222,8 @@ def _time(table: Table, wanted: str | None) -> Quantity:
                 "Name it with --time.",
             )
         found = fits[0]
+    if unit is not None:
+        found = replace(found, unit=unit)
     if found.unit not in (*SECONDS, None):
         raise UserError(
             f"{table.name}: the time '{found.column}' has the unit {found.unit}.",
@@ -228,10 +232,11 @@ def _time(table: Table, wanted: str | None) -> Quantity:
     return found
 
 
-def _position(table: Table, wanted: str | None, over: Quantity) -> Quantity:
+def _position(table: FileTable, wanted: str | None, over: Quantity) -> Quantity:
     if wanted is not None:
         return _named(table, wanted)
-    others = [q for q in map(Quantity.of, table.names) if q.column and q.column != over.column]
+    apart = ("", over.column, TICK, SIMULATED_COLUMN)
+    others = [q for q in map(Quantity.of, table.names) if q.column not in apart]
     positions = [q for q in others if q.is_position]
     for stem in ANGLES:
         fits = [q for q in positions if q.stem == stem]
@@ -247,7 +252,7 @@ def _position(table: Table, wanted: str | None, over: Quantity) -> Quantity:
     return fits[0]
 
 
-def _longest_piece(table: Table) -> Table:
+def _longest_piece(table: FileTable) -> FileTable:
     # Of an exported stream: where its ticks start again, another run of the board begins.
     if TICK not in table.names or len(table) == 0:
         return table

@@ -32,7 +32,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.errors import UserError
-from esea_gen.tables import Table, read_table
+from esea_gen.tables import FileTable, read_table
 from esea_gen.toml_file import checked, parse_toml, read_text
 from esea_host.interaction.design import element_of
 from esea_host.smoothness import NoAnswerError, steady_rate
@@ -151,7 +151,7 @@ def is_simulated(path: Path) -> bool:
         return file.readline(100).removeprefix(BOM_UTF8).split() == SIMULATED.encode().split()
 
 
-def read_angle(path: Path) -> tuple[Array, Array, Table]:
+def read_angle(path: Path) -> tuple[Array, Array, FileTable]:
     """Times and angle in degrees of a recording, and its table."""
     table = read_table(path, name=path.name)
     angle = next((c for c in ("theta_deg", "theta_rad") if c in table.names), None)
@@ -168,7 +168,7 @@ def read_angle(path: Path) -> tuple[Array, Array, Table]:
     return time, np.rad2deg(theta) if angle == "theta_rad" else theta, table
 
 
-def steady_angle(path: Path) -> tuple[Array, float, Table]:
+def steady_angle(path: Path) -> tuple[Array, float, FileTable]:
     """Angle in degrees and sampling rate; a gap in time or a missing sample is refused."""
     time, theta, table = read_angle(path)
     try:
@@ -183,7 +183,7 @@ def read_recordings(folder: Path) -> Recordings:
     """Manifest and all recordings; of each the analysed part with room for the filter."""
     manifest = read_manifest(folder)
     tasks, left_out = [], []
-    tables: list[Table] = []
+    tables: list[FileTable] = []
     for task in sorted({e.task for e in manifest.recording}):
         entries = [e for e in manifest.recording if e.task == task]
         people = sorted({e.participant for e in entries})
@@ -209,7 +209,7 @@ def _stacked(
     manifest: Manifest,
     task: str,
     entries: list[RecordingEntry],
-    tables: list[Table],
+    tables: list[FileTable],
 ) -> TaskRecordings:
     people = sorted({e.participant for e in entries})
     groups = {e.participant: e.group for e in entries}

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from esea_gen.errors import UserError
 from esea_gen.files import new_whole
-from esea_gen.tables import Table, TableFormat, read_table
+from esea_gen.tables import FileTable, TableFormat, read_table
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import Array, StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
@@ -197,7 +197,7 @@ def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportR
     return report
 
 
-def _name(table: Table, source: str | int) -> str:
+def _name(table: FileTable, source: str | int) -> str:
     if isinstance(source, str):
         return source
     if not 0 <= source < len(table.names):
@@ -208,7 +208,7 @@ def _name(table: Table, source: str | int) -> str:
     return table.names[source]
 
 
-def _table(source: Path, mapping: ForeignMapping) -> Table:
+def _table(source: Path, mapping: ForeignMapping) -> FileTable:
     # Rows with a time; what is no row is refused, or left out where the mapping expects it.
     sources = [
         s for s in (mapping.time.source, *(c.source for c in mapping.columns)) if s is not None
@@ -248,7 +248,7 @@ def _converted(column: ForeignColumn, values: Array, report: ImportReport) -> Ar
     return out
 
 
-def _times(mapping: ForeignMapping, table: Table, report: ImportReport) -> Array:
+def _times(mapping: ForeignMapping, table: FileTable, report: ImportReport) -> Array:
     time = mapping.time
     period_ns = round(time.period_s * 1e9)
     if time.source is None:
