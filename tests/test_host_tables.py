@@ -180,6 +180,7 @@ def test_smoothness_chooses_asks_and_resamples(run, tmp_path):
         ("a,b,c", "no column of the time"),
         ("t,time_s,c", "several columns of the time"),
         ("t_Nm,x,y", "no column of the time"),
+        ("t,motor_speed,tau_Nm", "no column may be .*'motor_speed', 'tau_Nm'.*--column"),
     ):
         rows = "".join(f"{x},{x},{x}\n" for x in t)
         with pytest.raises(UserError, match=said):

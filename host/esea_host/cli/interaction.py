@@ -156,6 +156,9 @@ def smoothness(
     time: Annotated[
         str | None, typer.Option("--time", help="Column of the time; default: by its name.")
     ] = None,
+    time_unit: Annotated[
+        str | None, typer.Option("--time-unit", help="s, ms, us or ns; default: by its name, or s.")
+    ] = None,
     stop_Hz: Annotated[float, typer.Option("--stop", help="Stop band of the filter, Hz.")] = 4.0,
     last_s: Annotated[
         float | None, typer.Option("--last", help="Analyse the last so many seconds.")
@@ -169,6 +172,6 @@ def smoothness(
     """Every smoothness metric of a recording of your own, with its settings and their band."""
     from esea_host.interaction.own_data import measure_file
 
-    found = measure_file(file, column, time, stop_Hz, last_s, resample_Hz)
+    found = measure_file(file, column, time, stop_Hz, last_s, resample_Hz, time_unit)
     _say(found.lines())
     write_json(json_file, "host-smoothness", found.to_dict())

@@ -39,6 +39,8 @@ from esea_host.smoothness import (
 ANGLES = ("theta_load", "theta", "angle", "knee")
 TIMES = ("time", "t", "timestamp", "seconds")
 POSITIONS = ("rad", "deg", "m", "cm", "mm", "px")
+# No name of a position.
+OTHER = re.compile("speed|veloc|omega|accel|jerk|torque|tau|force|current|status|count")
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Beside those of ports.
 SUFFIXES = {f"_{u}": u for u in (*POSITIONS, *SECONDS)}
@@ -242,12 +244,13 @@ def _position(table: FileTable, wanted: str | None, over: Quantity) -> Quantity:
         fits = [q for q in positions if q.stem == stem]
         if len(fits) == 1:
             return fits[0]
-    fits = positions or others
+    bare = [q for q in others if q.unit is None and not OTHER.search(q.name.lower())]
+    fits = positions or [q for q in others if q.is_speed] or bare
     if len(fits) != 1:
         raise UserError(
             f"{table.name}: {'several columns' if fits else 'no column'} may be the movement: "
-            f"{listed([q.column for q in fits])}.",
-            "Name one with --column.",
+            f"{listed([q.column for q in fits or others])}.",
+            "Name one with --column: an angle, a position, or their speed with its unit.",
         )
     return fits[0]
 
@@ -267,11 +270,13 @@ def _longest_piece(table: FileTable) -> FileTable:
 
 def _integrated(x: Array, fs_Hz: float, moved: Quantity, read: list[str]) -> tuple[Array, str]:
     # Position and its unit; a speed's integral is one.
-    unit = moved.unit or f"({moved.name})"
-    if not unit.endswith("/s"):
-        return x, unit
+    if moved.unit is None:
+        read.append(f"'{moved.column}' names no unit: taken as an angle or position")
+        return x, f"({moved.name})"
+    if not moved.is_speed:
+        return x, moved.unit
     read.append(f"'{moved.column}' is a speed: integrated once")
-    return cumulative_trapezoid(x, dx=1 / fs_Hz, initial=0.0), unit.removesuffix("/s")
+    return cumulative_trapezoid(x, dx=1 / fs_Hz, initial=0.0), moved.unit.removesuffix("/s")
 
 
 def _measured(
