@@ -82,6 +82,11 @@ class Quantity:
         """Whether its unit is an angle's or a length's."""
         return self.unit in POSITIONS
 
+    @property
+    def is_speed(self) -> bool:
+        """Whether its unit is a position's per second."""
+        return (self.unit or "").removesuffix("/s") in POSITIONS and not self.is_position
+
     def __str__(self) -> str:
         return (
             self.column if self.column != self.name else f"{self.name} [{self.unit or 'no unit'}]"
