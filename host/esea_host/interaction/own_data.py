@@ -45,6 +45,8 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Beside those of ports.
 SUFFIXES = {f"_{u}": u for u in (*POSITIONS, *SECONDS)}
 SUFFIXES |= {f"_{u}_s": f"{u}/s" for u in POSITIONS} | {f"_{u}_s2": f"{u}/s^2" for u in POSITIONS}
+WORDS = {"\N{DEGREE SIGN}": "deg", "\N{DEGREE SIGN}/s": "deg/s", "degrees": "deg", "radians": "rad"}
+WORDS |= {"sec": "s", "seconds": "s", "msec": "ms", "milliseconds": "ms", "\N{MICRO SIGN}s": "us"}
 TICK, SIMULATED_COLUMN = "sequence", "simulated"  # of exported streams
 
 
@@ -59,13 +61,10 @@ class Quantity:
     @classmethod
     def of(cls, column: str) -> Quantity:
         """The unit in brackets, or a unit as the last part of the name."""
-        match = re.fullmatch(
-            r"(.*\S)\s*[\[(]\s*([^\[\]()]*[^\[\]()\d\s][^\[\]()]*?)\s*[\])]", column
-        )
-        if match:
-            return cls(
-                column, match[1], {"\N{DEGREE SIGN}": "deg", "°/s": "deg/s"}.get(match[2], match[2])
-            )
+        cut = column.rfind({"]": "[", ")": "("}.get(column[-1:], "\n"))
+        name, unit = column[:cut].rstrip(), column[cut + 1 : -1].strip()
+        if cut > 0 and name and unit and not unit.isdigit():  # else an index
+            return cls(column, name, WORDS.get(unit, unit))
         known = UNIT_SUFFIXES | SUFFIXES
         ends = [s for s in known if column.endswith(s) and s.startswith("_")]
         return cls(column, column, known[max(ends, key=len)] if ends else None)
