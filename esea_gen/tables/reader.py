@@ -73,6 +73,11 @@ def read_table(
     raw = _content(source, name) if raw is None else raw
     digest = hashlib.sha256(raw).hexdigest()[:16]
     found: Kind | None = next((k for start, k in MAGIC.items() if raw.startswith(start)), None)
+    if raw.startswith(b"\x89MCAP"):
+        raise UserError(
+            f"{name}: is a recording (MCAP), not a table.",
+            "Export a stream of it: esea-host export RECORDING.mcap TABLE.csv.",
+        )
     kind: Kind = form.kind or found or ("json" if source.suffix.lower() == ".json" else "csv")
     if found and kind != found and (kind, found) != ("mat", "hdf5"):
         raise UserError(
