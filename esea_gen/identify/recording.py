@@ -174,7 +174,7 @@ def _load(
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
         conditions=_conditions(m, name),
-        findings=(*_left_out(read), *found, *_gap(gap), *worse),
+        findings=(*_read_as(read), *found, *_gap(gap), *worse),
         temperature_C=_temperature(m, table, name, columns),
     )
 
@@ -195,8 +195,8 @@ def _without_lag(
     return time[known] - time[known][0], theta[known], tau
 
 
-def _left_out(read: FileTable) -> tuple[Finding, ...]:
-    return tuple(Finding("left out", f"left out: {what}", False) for what in read.left_out)
+def _read_as(read: FileTable) -> tuple[Finding, ...]:
+    return () if read.usual else (Finding("read as", f"read as {read.how()}", False),)
 
 
 def _jumped(jumped: npt.NDArray[np.bool_]) -> tuple[Finding, ...]:

@@ -147,20 +147,29 @@ class FileTable:
         """Return the table with one more entry in ``left_out``."""
         return replace(self, left_out=(*self.left_out, left_out))
 
-    def report(self) -> str:
-        """One line: rows, how the file is written, and what was left out."""
+    @property
+    def usual(self) -> bool:
+        """Whether there is nothing to say: plain CSV, or no text at all, and nothing left out."""
+        f = self.form
+        how = (f.encoding, f.delimiter, f.decimal, f.quote, f.header_line)
+        plain = f.kind not in ("csv", None) or how == ("utf-8", ",", ".", '"', 1)
+        return plain and not self.left_out
+
+    def how(self) -> str:
+        """How the file is written, and what was left out."""
         f = self.form
         how = str(f.kind)
         if f.kind == "csv":
             mark = {"\t": "tab", " ": "blanks"}.get(f.delimiter or "", f"'{f.delimiter}'")
             header = f"header in line {f.header_line}" if f.header_line else "no header"
             quote = f"quote '{f.quote}'" if f.quote else "no quoting"
-            how += (
-                f", {f.encoding}, delimiter {mark}, decimal mark '{f.decimal or '.'}', "
-                f"{quote}, {header}"
-            )
-        out = "; ".join(self.left_out) or "nothing"
-        return f"{self.name}: {len(self)} row{'s' * (len(self) != 1)} ({how}); left out: {out}"
+            how += f", {f.encoding}, delimiter {mark}, decimal mark '{f.decimal or '.'}'"
+            how += f", {quote}, {header}"
+        return f"{how}; left out: {'; '.join(self.left_out) or 'nothing'}"
+
+    def report(self) -> str:
+        """One line: rows, how the file is written, and what was left out."""
+        return f"{self.name}: {len(self)} row{'s' * (len(self) != 1)}, {self.how()}"
 
     def fix(self, key: str, otherwise: str) -> str:
         """A remedy by a key of the format, where the user can set one."""
