@@ -202,9 +202,9 @@ broken = [1000.0]
 @pytest.mark.parametrize(
     ("text", "wrong"),
     [
-        ("[time", "no mapping file"),
+        ("[time", "not valid TOML"),
         ("[time]\nperiod_s = -1\n[[columns]]\nsource = 1\nname = 'a'", r"time\.period_s"),
-        ("[time]\nperiod_s = 1\n[[columns]]\nsource = 1\nnam = 'a'", r"columns\.0\.name"),
+        ("[time]\nperiod_s = 1\n[[columns]]\nsource = 1\nnam = 'a'", r"columns\[0\].nam"),
         ("[time]\nperiod_s = 1\n[[columns]]\nsource = 'Load'\nname = 'a'", "no column 'Load'.*X1"),
     ],
 )

@@ -6,17 +6,17 @@ looks like; and how time runs.
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.errors import UserError
 from esea_gen.files import new_whole
 from esea_gen.tables import FileTable, TableFormat, read_table
+from esea_gen.toml_file import checked, parse_toml, read_text
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import Array, StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
@@ -139,14 +139,9 @@ def read_mapping(path: Path) -> ForeignMapping:
     UserError
         With file and key of what is wrong.
     """
-    try:
-        return ForeignMapping(**tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, tomllib.TOMLDecodeError) as error:
-        raise UserError(f"{path} is no mapping file ({error}).", "docs/host.md has one.") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(x) for x in first["loc"])
-        raise UserError(f"{path}, {where}: {first['msg']}.", "docs/host.md has the keys.") from None
+    text = read_text(path, "docs/host.md has a mapping file.")
+    document = parse_toml(text, path.name, "docs/host.md")
+    return checked(ForeignMapping, document, path.name, lambda _: None, text)
 
 
 def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport:
