@@ -369,25 +369,6 @@ def test_every_kind_of_file_gives_the_same(tmp_path, kind):
     assert len(got.time_s) == len(wanted.time_s)
 
 
-@pytest.mark.parametrize(
-    ("kind", "raw", "parts"),
-    [
-        ("parquet", b"PAR1 no table", ["is not a Parquet file"]),
-        ("json", b"[1, 2", ["is not JSON"]),
-        ("json", b"[1, 2]", ["neither columns by name nor a list of rows"]),
-        ("json", b'{"t": [1, 2], "x": [1, 2], "z": [1, 2]}', ["no column 'y'", "'t', 'x', 'z'"]),
-        ("json", b'{"t": [1, 2], "x": [1, 2], "y": ["a", 2]}', ["'a' is not a number"]),
-        ("csv", b"PAR1", ["is a parquet file", "kind = 'parquet'"]),
-        ("hdf5", b"\x89HDF\r\n", ["cannot be read as HDF5"]),
-    ],
-)
-def test_a_file_that_is_none_is_refused(tmp_path, kind, raw, parts):
-    (tmp_path / "rig.csv").write_bytes(raw)
-    said = refused(mapped(tmp_path, ("[[recording]]", f'[format]\nkind = "{kind}"\n[[recording]]')))
-    for part in parts:
-        assert part in said
-
-
 @pytest.mark.parametrize(("kind", "package"), [("hdf5", "h5py"), ("parquet", "pyarrow")])
 def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, kind, package):
     monkeypatch.setitem(sys.modules, package, None)

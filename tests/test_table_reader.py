@@ -83,6 +83,7 @@ HOSTILE = {
     "two delimiters": ("AA,x;BB\n0,1;2\n", ["t.csv"]),
     "empty": ("", ["has no line 1"]),
     "MATLAB": (b"MATLAB 5.0 MAT-file, and then nothing", ["is not a MATLAB file"]),
+    "spreadsheet": (b"PK\x03\x04\x14", ["is a spreadsheet"]),
     "Parquet": (b"PAR1", ["is not a Parquet file"]),
 }
 
@@ -157,6 +158,16 @@ def test_whatever_a_file_holds_it_is_read_or_refused(raw):
         table = read(raw)
         for name in filter(None, table.names):
             assert np.isfinite(table.numbers(name)).all()
+
+
+def test_the_kind_is_told_by_the_content():
+    table = read(parquet(T, names=["x"]))
+    assert (table.form.kind, table.numbers("x").tolist()) == ("parquet", T.tolist())
+    for kind, said in (("csv", "is a parquet file, but it is read as csv"), ("json", "as json")):
+        with pytest.raises(UserError, match=said):
+            read(b"PAR1", form=TableFormat(kind=kind))
+    with pytest.raises(UserError, match="has no line 9 with column names"):
+        read("a\n1\n", form=TableFormat(header_line=9))
 
 
 def test_quoting_off_header_and_ragged_logs():

@@ -139,7 +139,7 @@ def _load(
                 f"Lower it; the median step is {np.median(np.diff(time)):g} s.",
             )
         time, theta, tau, rows = time[keep], theta[keep], tau[keep], rows[keep]
-        _check_time(time, rows, name, m.sampling.time_column, unit)
+        _check_time(time, rows, name, m.sampling.time_column, unit, read.unit_of_rows)
         time = time - time[0]
     else:
         assert m.sampling.period_s is not None
@@ -286,15 +286,22 @@ def _keep(time: Array, min_step_s: float | None) -> npt.NDArray[np.intp]:
     return np.array(kept, dtype=np.intp)
 
 
-def _check_time(time: Array, rows: npt.NDArray[np.intp], name: str, column: str, unit: str) -> None:
+def _check_time(
+    time: Array,
+    rows: npt.NDArray[np.intp],
+    name: str,
+    column: str,
+    unit: str,
+    row: str = "row",
+) -> None:
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         i = int(back[0])
         a, b = time[i] / TIME[unit], time[i + 1] / TIME[unit]
         verb = "stands still" if a == b else "goes backwards"
         raise UserError(
-            f"{name}: time {verb} in column '{column}': {a:.10g} {unit} in row {rows[i]}, then "
-            f"{b:.10g} {unit} in row {rows[i + 1]} ({len(back)} such step"
+            f"{name}: time {verb} in column '{column}': {a:.10g} {unit} in {row} {rows[i]}, "
+            f"then {b:.10g} {unit} in {row} {rows[i + 1]} ({len(back)} such step"
             f"{'s' if len(back) > 1 else ''}).",
             "Repair the recording, or drop single bad samples with sampling.min_step_s (they are "
             "counted and reported).",

@@ -20,6 +20,9 @@ MAGIC: dict[bytes, Kind] = {
     b"\x89HDF\r\n": "hdf5",
     b"PAR1": "parquet",
 }
+# How others begin that a laboratory has, and what to do.
+OTHERS = {b"PK\x03\x04": "a spreadsheet or ZIP archive", b"\x1f\x8b": "compressed (gzip)"}
+MOST_JSON = 128 * 2**20
 BINARY = {"mat": read_mat, "hdf5": read_hdf5, "parquet": read_parquet}
 
 
@@ -89,9 +92,14 @@ def read_table(
         content = BINARY[kind](raw, name, names)
         form = form.model_copy(update={"kind": kind})
         return table_of(content, name, wanted, optional, form, digest)
+    for start, what in OTHERS.items():
+        if raw.startswith(start):
+            raise UserError(f"{name}: is {what}.", "Unpack it, or export CSV.")
     text, encoding = decoded(raw, name, form, settings)
     form = form.model_copy(update={"kind": kind, "encoding": encoding})
     if kind == "json":
+        if len(raw) > MOST_JSON:
+            raise _too_large(name, len(raw), MOST_JSON)
         return table_of(read_json(text, name), name, wanted, optional, form, digest)
     reader = TextReader(
         name, text, form, settings, wanted, optional, fields, drop_ragged=drop_ragged
@@ -105,15 +113,18 @@ def _content(path: Path, name: str) -> bytes:
             raise UserError(f"{name}: is not a file.", "Give a file.")
         size = path.stat().st_size
         if size > MOST_BYTES:
-            raise UserError(
-                f"{name}: has {size} bytes, above the limit of {MOST_BYTES}.",
-                "Give it in parts, or thin it.",
-            )
+            raise _too_large(name, size, MOST_BYTES)
         return path.read_bytes()
     except OSError as error:
         raise UserError(
             f"{name}: cannot be read ({error.strerror or error}).", "Check the file."
         ) from None
+
+
+def _too_large(name: str, size: int, most: int) -> UserError:
+    return UserError(
+        f"{name}: has {size} bytes, above the limit of {most}.", "Give it in parts, or thin it."
+    )
 
 
 __all__ = ["read_table"]
