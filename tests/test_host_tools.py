@@ -204,6 +204,9 @@ broken = [1000.0]
     [
         ("[time", "not valid TOML"),
         ("[time]\nperiod_s = -1\n[[columns]]\nsource = 1\nname = 'a'", r"time\.period_s"),
+        ("[time]\nperiod_s = 1e30\n[[columns]]\nsource = 1\nname = 'a'", r"period_s.*86400"),
+        ("[time]\nperiod_s = 1\n[[columns]]\nsource = 1\nname = 'sequence'", "names two columns"),
+        ("[time]\nperiod_s = 1\n[[columns]]\nsource = 9\nname = 'a'", "no column 9"),
         ("[time]\nperiod_s = 1\n[[columns]]\nsource = 1\nnam = 'a'", r"columns\[0\].nam"),
         ("[time]\nperiod_s = 1\n[[columns]]\nsource = 'Load'\nname = 'a'", "no column 'Load'.*X1"),
     ],

@@ -22,7 +22,12 @@ from esea_host.recording.layout import Array, StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
 
 _STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+ROW = "sequence"
+EVENTS = ("import", "gap", "note", "clock")  # other topics of a recording
 MOST_NS = 366 * 86400 * 10**9
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$", max_length=100)]
 
 
 class ForeignColumn(BaseModel):
@@ -38,7 +43,7 @@ class ForeignColumn(BaseModel):
 
     model_config = _STRICT
     source: str | int
-    name: str
+    name: Name
     unit: str = ""
     meaning: str = ""
     scale: float = 1.0
@@ -59,7 +64,7 @@ class ForeignTime(BaseModel):
     model_config = _STRICT
     source: str | int | None = None
     scale: Annotated[float, Field(gt=0)] = 1.0
-    period_s: Annotated[float, Field(gt=0)]
+    period_s: Annotated[float, Field(ge=1e-9, le=86400)]
     tolerance: Annotated[float, Field(gt=0, lt=10)] = 0.5
 
 
@@ -77,7 +82,7 @@ class ForeignMapping(BaseModel):
     """
 
     model_config = _STRICT
-    stream: str = "foreign"
+    stream: Name = "foreign"
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
     skip_lines: Annotated[int, Field(ge=0, lt=1000)] = 0
     header: bool = True
@@ -141,7 +146,16 @@ def read_mapping(path: Path) -> ForeignMapping:
     """
     text = read_text(path, "docs/host.md has a mapping file.")
     document = parse_toml(text, path.name, "docs/host.md")
-    return checked(ForeignMapping, document, path.name, lambda _: None, text)
+    mapping = checked(ForeignMapping, document, path.name, lambda _: None, text)
+    names = [ROW, *(c.name for c in mapping.columns)]
+    twice = [n for n in names if names.count(n) > 1]
+    if twice:
+        raise UserError(f"{path.name}: '{twice[0]}' names two columns.", "Name each differently.")
+    if mapping.stream in EVENTS:
+        raise UserError(
+            f"{path.name}: stream = '{mapping.stream}' is a recording's own.", "Name another."
+        )
+    return mapping
 
 
 def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport:
@@ -171,12 +185,12 @@ def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportR
     layout = StreamLayout(
         mapping.stream,
         (
-            StreamColumn("sequence", "u4", "", "row of the file, from 0"),
+            StreamColumn(ROW, "u4", "", "row of the file, from 0"),
             *(StreamColumn(c.name, "f8", c.unit, c.meaning) for c in mapping.columns),
         ),
     )
     rows = np.zeros(len(table), layout.dtype)
-    rows["sequence"] = np.arange(len(rows))
+    rows[ROW] = np.arange(len(rows))
     for c in mapping.columns:
         values = table.numbers(_name(table, c.source), holes=True)
         rows[c.name] = _converted(c, values, report)
