@@ -174,9 +174,12 @@ def test_quoting_off_header_and_ragged_logs():
     text = 'rig\nms;Nm\n0;1;"5/8 in\n1;2;x\n7\n2;;y\n'
     form = TableFormat(quote="", header_line=0, first_data_line=3, delimiter=";")
     table = read(text, "2", "1", form=form, drop_ragged=True)
-    assert table.left_out == ("1 row of other than 3 cells (line 5)",)
+    assert table.left_out == (
+        "2 lines before the first data line",
+        "1 row of other than 3 cells (line 5)",
+    )
     assert table.timed("2").numbers("1").tolist() == [0, 1]
-    assert table.timed("2").left_out[1] == "1 row with no '2' (line 6)"
+    assert table.timed("2").left_out[2] == "1 row with no '2' (line 6)"
     assert np.isnan(table.numbers("2", holes=True)[2])
     assert table.numeric(["2"]).numbers("1").tolist() == [0, 1, 2]
     assert read("a,b\n1,x\n2,3\n").numeric(["b"]).left_out == (
@@ -280,6 +283,7 @@ BIG = 2**53 + 1
         ("json", lambda: as_json({"x": [1, np.nan]}), "row 2, column 'x' is nan"),
         ("json", lambda: as_json([{"x": 1}, {"y": 2}]), "row 2, column 'x' is empty"),
         ("json", lambda: b'{"x": [1, 2], "x": [3, 4]}', "'x' occurs 2 times"),
+        ("json", lambda: as_json({"x": [[1, 2], [3, 4]]}), "'[1, 2]' is not a number"),
         ("json", lambda: as_json({"x": 5}), "neither columns by name nor a list of rows"),
         ("json", lambda: b"[" * 100_000, "is not JSON"),
     ],

@@ -333,14 +333,6 @@ def _check_text(origin: str, mapping: Mapping) -> None:
         (f"recording[{i}].format", r.format) for i, r in enumerate(mapping.recording) if r.format
     ]
     for key, f in formats:
-        try:
-            # Codecs that are no text encodings (base64) fail only when they are used.
-            "a".encode(f.encoding or "utf-8")
-        except LookupError:
-            raise UserError(
-                f"{origin}: {key}.encoding = '{f.encoding}' is not a known text encoding.",
-                "Try utf-8, latin-1, utf-16 or gb18030.",
-            ) from None
         header = 1 if f.header_line is None else f.header_line
         if f.first_data_line is not None and f.first_data_line <= header:
             raise UserError(

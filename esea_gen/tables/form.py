@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from esea_gen.errors import UserError, nearest
 
@@ -27,17 +27,19 @@ class TableFormat(BaseModel):
     )
     delimiter: str | None = Field(
         default=None,
-        min_length=1,
-        max_length=1,
+        pattern=r"^(?:[^\w\s.+\-#\"']|[\t ])$",
         description="Between cells; a comma, semicolon, tab, bar or blanks are detected.",
     )
-    quote: str = Field(default='"', max_length=1, description='Round a cell; "": no quoting.')
+    quote: str = Field(
+        default='"', pattern=r"^[^\w\s.,;+\-#]?$", description='Round a cell; "": no quoting.'
+    )
     decimal: Literal[".", ","] | None = Field(
         default=None, description="Decimal mark; detected if left out."
     )
     encoding: str | None = Field(
         default=None,
-        description="Text encoding, such as gb18030; by the byte order mark, or utf-8.",
+        description="Text encoding, such as latin-1, utf-16 or gb18030; by the byte order mark, or "
+        "utf-8, if left out.",
     )
     header_line: int | None = Field(
         default=None,
@@ -49,6 +51,16 @@ class TableFormat(BaseModel):
     first_data_line: int | None = Field(
         default=None, ge=1, le=1000, description="First line of numbers; the one after the header."
     )
+
+    @field_validator("encoding")
+    @classmethod
+    def _known(cls, encoding: str | None) -> str | None:
+        try:
+            # Codecs that are no text encodings (base64) fail only when they are used.
+            "a".encode(encoding or "utf-8")
+        except (LookupError, UnicodeError):
+            raise ValueError("not a known text encoding") from None
+        return encoding
 
 
 def shortened(text: str) -> str:

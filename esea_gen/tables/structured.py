@@ -230,7 +230,8 @@ def _flat(content: Mapping[str, Any], before: str = "", depth: int = 0) -> dict[
 
 def _objects(values: list[Any]) -> np.ndarray[Any, Any]:
     out = np.empty(len(values), dtype=object)
-    out[:] = values
+    for k, v in enumerate(values):  # a list stays one, whatever its length
+        out[k] = v
     return out
 
 

@@ -71,8 +71,12 @@ class TextReader:
         width = self.fields or len(names)
         if header_line == 0:
             names = [str(k) for k in range(1, width + 1)]
-        elif self.fields and self.fields != len(names):
-            names = (names + [""] * width)[:width]
+        elif width != len(names):
+            raise UserError(
+                f"{self.name}: line {header_line} has {len(names)} names, but rows have {width} "
+                "cells.",
+                "Name every column, or number them: a file without a header.",
+            )
         self._check_names(header_line, names)
         chosen = [n for n in names if n]
         if self.wanted is not None:
@@ -119,8 +123,14 @@ class TextReader:
         # Line and names of the header, first line of numbers, and the rows that follow.
         given = self.form.header_line
         first = self.form.first_data_line or (given or 0) + 1
-        rows = self._rows(self.form.delimiter or ",", skip=given or (first if given == 0 else 1))
+        start = given or (first if given == 0 else 1)
+        rows = self._rows(self.form.delimiter or ",", skip=start)
         line, row = next(rows, (0, []))
+        if start > 1:
+            self.left_out.append(
+                f"{start - 1} line{'s' * (start > 2)} before the "
+                + ("header" if given else "first data line")
+            )
         if given == 0:
             return 0, row, first, _before((line, row), rows) if line else rows
         if not line or (given and line != given):
