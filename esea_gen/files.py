@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import os
 import secrets
-import shutil
 import stat
+import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
@@ -84,23 +84,22 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 @contextmanager
-def new_folder(path: Path) -> Iterator[Path]:
-    """A scratch folder that becomes a new folder at the end; after an error nothing is there."""
-    path = Path(os.path.realpath(path))
-    scratch = path.with_name(f".esea-{secrets.token_hex(4)}")
+def new_whole(path: Path) -> Iterator[Path]:
+    """Where to write a new file or folder, which becomes ``path`` unless the body fails."""
+    if path.exists() and not (path.is_dir() and not any(path.iterdir())):
+        there = "is not empty" if path.is_dir() else "is there already"
+        raise UserError(f"{path} {there}.", "Give another name; nothing is overwritten.")
     try:
-        if path.exists() and any(path.iterdir()):
-            raise UserError(f"{path} is not empty.", "Name a new folder; nothing is overwritten.")
-        scratch.mkdir(parents=True)
-        yield scratch
-        scratch.replace(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".esea-") as scratch:
+            part = Path(scratch) / path.name
+            yield part
+            part.replace(path)
     except OSError as error:
         raise UserError(
             f"{path}: cannot be written ({error.strerror or error}).",
-            "Make room, or name another folder.",
+            "Make room, or give another name.",
         ) from error
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
 
 
 # Of every result's JSON; it grows when a key goes or means something else, not when one comes.

@@ -10,7 +10,7 @@ import pytest
 from esea_gen.cli import main
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
-from esea_gen.identify.encoder_table import fit_table, read_counts
+from esea_gen.identify.encoder_table import fit_table
 
 BITS, PLAY_rad, ZERO_rad = 14, 2e-3, 0.7
 FULL = 1 << BITS
@@ -91,21 +91,6 @@ def test_the_command_writes_a_device_file_that_has_the_table(tmp_path, monkeypat
     assert "95 % intervals" in side.correction_rad.source
     assert side.orientation_rad == side.correction_orientation_rad
     assert content["after_rad"] < 0.2 * content["before_rad"]
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("count,angle\n1,2\n", "no column 'reference_rad'"),
-        ("count,reference_rad\n1,x\n", "line 2, column 'reference_rad': 'x' is not a number"),
-        ("count,reference_rad\n1,nan\n", "not finite"),
-        ("count,reference_rad\n16384,0\n", "outside 0 to 16383"),
-    ],
-)
-def test_what_is_no_recording_is_refused(tmp_path, text, says):
-    (tmp_path / "x.csv").write_text(text)
-    with pytest.raises(UserError, match=says):
-        read_counts(tmp_path / "x.csv", FULL)
 
 
 def test_too_little_is_refused():

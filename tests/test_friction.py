@@ -124,7 +124,7 @@ def test_the_command_writes_what_it_found(tmp_path, capsys, monkeypatch):
     [
         ("omega_rad_s,torque\n1,2\n", None, "there is no column 'tau_Nm'"),
         ("omega_rad_s,tau_Nm\n1,2\n1,x\n", None, "line 3, column 'tau_Nm'"),
-        ("omega_rad_s,tau_Nm\n1,nan\n1,2\n", None, "not finite"),
+        ("omega_rad_s,tau_Nm\n1,nan\n1,2\n", None, "is nan"),
         ("EPOS Studio Version:;3\nms;rpm;%\n0;1;2\n", None, "--full-Nm"),
         ("EPOS Studio Version:;3\nms;mA;%\n0;1;2\n", 1.0, "not speed in rpm"),
     ],

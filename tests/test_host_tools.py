@@ -20,7 +20,7 @@ from esea_gen.errors import UserError
 from esea_host.bench import link as bench
 from esea_host.cli import main
 from esea_host.recording.export import to_bids, to_csv, to_parquet
-from esea_host.recording.foreign import import_csv, read_mapping
+from esea_host.recording.foreign import import_table, read_mapping
 from esea_host.simulated.demo import run_demo
 
 from .conftest import require_tool
@@ -158,8 +158,8 @@ def mapping(tmp_path, text: str):
 
 def test_a_foreign_log_is_read_with_its_faults(tmp_path):
     """Counts taken from the file with awk: 1107 rows, 567 above 32767, one jump by 99.656 s."""
-    report = import_csv(STEP, mapping(tmp_path, MAPPING), tmp_path / "a.mcap")
-    assert (report.rows, report.wrapped, report.ragged) == (1107, 567, 0)
+    report = import_table(STEP, mapping(tmp_path, MAPPING), tmp_path / "a.mcap")
+    assert (report.rows, report.wrapped, report.left_out) == (1107, 567, ())
     assert report.backward_s == [99.656]
     log = esea_host.open_log(tmp_path / "a.mcap")
     table = log["foreign"]
@@ -189,11 +189,11 @@ name = "tau_Nm"
 scale = 1e-3
 broken = [1000.0]
 """
-    report = import_csv(BOOT, mapping(tmp_path, text), tmp_path / "a.mcap")
+    report = import_table(BOOT, mapping(tmp_path, text), tmp_path / "a.mcap")
     lines = BOOT.read_text(errors="replace").splitlines()
     assert sum(line.count(",") == 7 for line in lines) == 157
     assert report.rows == 156
-    assert report.rows + report.ragged == len(lines)
+    assert report.rows + sum(int(x.split()[0]) for x in report.left_out) == len(lines)
     values = esea_host.open_log(tmp_path / "a.mcap")["foreign"]["tau_Nm"]
     broken = sum(line.startswith("1000.00,") and line.count(",") == 7 for line in lines)
     assert report.broken == np.count_nonzero(np.isnan(values)) == broken > 0
@@ -202,15 +202,18 @@ broken = [1000.0]
 @pytest.mark.parametrize(
     ("text", "wrong"),
     [
-        ("[time", "no mapping file"),
+        ("[time", "not valid TOML"),
         ("[time]\nperiod_s = -1\n[[columns]]\nsource = 1\nname = 'a'", r"time\.period_s"),
-        ("[time]\nperiod_s = 1\n[[columns]]\nsource = 1\nnam = 'a'", r"columns\.0\.name"),
+        ("[time]\nperiod_s = 1e30\n[[columns]]\nsource = 1\nname = 'a'", r"period_s.*86400"),
+        ("[time]\nperiod_s = 1\n[[columns]]\nsource = 1\nname = 'sequence'", "names two columns"),
+        ("[time]\nperiod_s = 1\n[[columns]]\nsource = 9\nname = 'a'", "no column 9"),
+        ("[time]\nperiod_s = 1\n[[columns]]\nsource = 1\nnam = 'a'", r"columns\[0\].nam"),
         ("[time]\nperiod_s = 1\n[[columns]]\nsource = 'Load'\nname = 'a'", "no column 'Load'.*X1"),
     ],
 )
 def test_a_wrong_mapping_is_told_where(tmp_path, text, wrong):
     with pytest.raises(UserError, match=wrong):
-        import_csv(STEP, mapping(tmp_path, text), tmp_path / "a.mcap")
+        import_table(STEP, mapping(tmp_path, text), tmp_path / "a.mcap")
 
 
 def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):

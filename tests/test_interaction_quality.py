@@ -285,7 +285,7 @@ def test_the_published_means_can_be_drawn(tmp_path):
     # Typed from the thesis' section 6.6.2.1, beside ours in the words and in the JSON.
     beside = {q["question"]: q["published_mean"] for q in found.to_dict()["questions"]}
     assert beside == {"comfort": -0.2, "naturalness": -0.3, "control": -0.3, "effort": -0.2}
-    assert "mean -0.3 (published -0.3)" in found.lines()[2]
+    assert "mean -0.3 (published -0.3)" in found.lines()[3]
     axes = diverging_bars(found).axes[0]
     widths = np.array([p.get_width() for p in axes.patches]).reshape(4, 5)
     assert widths.sum(axis=1) == pytest.approx(10)
@@ -329,16 +329,16 @@ CODED = "comment,element,coder,theme,tone\n"
 @pytest.mark.parametrize(
     ("read", "text", "words"),
     [
-        (read_survey, HEADER + "a,A,5,0,0,0\n", "row 2, comfort: answer '5'"),
+        (read_survey, HEADER + "a,A,5,0,0,0\n", "line 2, comfort: answer '5'"),
         (read_survey, HEADER + "a,A,0.5,0,0,0\n", "answer '0.5'"),
         (read_survey, HEADER + "a,C,0,0,0,0\n", "group 'C'"),
-        (read_survey, HEADER + "a,A,0,0,0,0\na,A,0,0,0,0\n", "row 3: participant 'a' again"),
+        (read_survey, HEADER + "a,A,0,0,0,0\na,A,0,0,0,0\n", "line 3: participant 'a' again"),
         (read_survey, HEADER + "a,A,,0,0,0\n", "answer ''"),
-        (read_survey, "participant,group\na,A\n", "no column comfort, naturalness"),
+        (read_survey, "participant,group\na,A\n", "no column 'comfort'"),
         (read_survey, HEADER, "no rows"),
-        (read_survey, HEADER + "a,A,1,0,0,0,2\n", "row 2: 7 values, the header has 6"),
-        (read_survey, HEADER + "a,A,1,0\n", "row 2: 4 values, the header has 6"),
-        (read_survey, "participant,group,group\na,A,B\n", "a column comes twice"),
+        (read_survey, HEADER + "a,A,1,0,0,0,2\n", "line 2 has 7 cells for 6 names"),
+        (read_survey, HEADER + "a,A,1,0\n", "line 2 has 4 cells for 6 names"),
+        (read_survey, "participant,group,group\na,A,B\n", "'group' occurs 2 times"),
         (read_comments, CODED + "c,spring,,t,positive\n", "coder without a name"),
         (read_comments, CODED + ",spring,one,t,positive\n", "comment or coder without"),
         (read_comments, CODED + "c,rubber,one,t,positive\n", "element 'rubber'"),

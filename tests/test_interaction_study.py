@@ -428,7 +428,7 @@ def test_recordings_are_the_encoder_at_1_kHz(studied):
     study = StudyFolder.open(studied)
     assert study.problems() == []
     entry = next(e for e in manifest.recording if e.task == "tracking" and e.block == 2)
-    time_s, theta_deg = read_angle(studied / entry.file)
+    time_s, theta_deg, _ = read_angle(studied / entry.file)
     assert len(time_s) == 8000
     assert np.diff(time_s) == pytest.approx(0.001)
     row = next(

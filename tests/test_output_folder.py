@@ -195,7 +195,10 @@ def test_nothing_is_written_where_one_folder_is_not_ours(tmp_path):
 
 
 def test_what_differs_is_told_file_by_file(tmp_path):
-    made = [bundle("f32", a="one\ntwo\n", deep_b="same\n", empty=""), bundle("f64", c="x\n", d="y\n")]
+    made = [
+        bundle("f32", a="one\ntwo\n", deep_b="same\n", empty=""),
+        bundle("f64", c="x\n", d="y\n"),
+    ]
     write_bundles(made, tmp_path)
     assert differences(made, tmp_path) == []
     cache = tmp_path / "f32" / "__pycache__"

@@ -1,171 +1,17 @@
-"""Columns of a file and what a mapping makes of them: numbers, messages, scales."""
+"""What a mapping makes of a file's columns: scales, limits, files."""
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.identify.columns import missing_column, shortened, vectors
 from esea_gen.identify.mapping import FITTABLE, MappingFile, load_mapping, parse_mapping
-from esea_gen.identify.readers import read_json
-from esea_gen.identify.reading import read_csv, read_table
-from esea_gen.identify.tables import FileFormat, ToFit
+from esea_gen.identify.tables import ToFit
 
 from .test_recording_steps import MAPPING as ONE
-
-# Texts.
-
-
-def test_a_cell_is_shown_to_forty_letters_on_one_line():
-    assert shortened("a" * 40) == "a" * 40
-    assert shortened("a" * 41) == "a" * 40 + "..."
-    assert shortened(" a \n b\t c ") == "a b c"
-
-
-@pytest.mark.parametrize(
-    ("count", "more"), [(19, ""), (20, ""), (21, " and 1 more"), (57, " and 37 more")]
-)
-def test_of_columns_that_are_there_twenty_are_named(count, more):
-    error = missing_column("rig", "speed", [f"k{i}" for i in range(count)], "column")
-    named = ", ".join(f"'k{i}'" for i in range(min(count, 20)))
-    assert error.what == f"rig: there is no column 'speed'; there are {named}{more}."
-    assert error.fix == "Correct the column in the mapping file."
-
-
-def test_a_column_of_nearly_that_name_is_offered():
-    error = missing_column("rig", "torque", ["t", "torqe", "torques"], "variable")
-    assert error.fix == "Did you mean 'torques'? Correct the column in the mapping file."
-    assert "there are none." in missing_column("rig", "torque", [], "column").what
-
-
-# Arrays.
-
-
-def test_columns_are_vectors_of_two_numbers_or_more():
-    content = {
-        "row": np.array([[1, 2]]),
-        "column": np.array([[3.5], [4.5]], dtype=np.float32),
-        "count": np.array([7, 8], dtype=np.uint8),
-        "one": np.array([5.0]),
-        "word": "text",
-    }
-    out, rows = vectors("rig", content, ["column", "row", "count"], "variable")
-    assert {k: v.tolist() for k, v in out.items()} == {
-        "row": [1.0, 2.0],
-        "column": [3.5, 4.5],
-        "count": [7.0, 8.0],
-    }
-    assert all(v.dtype == np.float64 for v in out.values())
-    assert (rows.tolist(), rows.dtype) == ([1, 2], np.intp)
-    with pytest.raises(UserError, match="no variable 'one'; there are 'row', 'column', 'count'"):
-        vectors("rig", content, ["one"], "variable")
-
-
-@pytest.mark.parametrize(
-    "value",
-    [np.array([True, False]), np.array([1j, 2]), np.array(["a", "b"]), np.ones((2, 2))],
-    ids=["bool", "complex", "text", "matrix"],
-)
-def test_what_is_no_vector_of_real_numbers_is_refused(value):
-    with pytest.raises(UserError, match="it is not a vector of real numbers"):
-        vectors("rig", {"x": value}, ["x"], "variable")
-
-
-def test_columns_are_equally_long():
-    content = {"x": np.zeros(3), "y": np.zeros(4)}
-    with pytest.raises(UserError, match=r"different lengths \{'x': 3, 'y': 4\}"):
-        vectors("rig", content, ["x", "y"], "variable")
-    assert vectors("rig", content, ["y"], "variable")[1].tolist() == [1, 2, 3, 4]
-
-
-# JSON.
-
-
-def from_json(content: object) -> dict[str, list[float]]:
-    found, _ = read_json(json.dumps(content).encode(), "rig", FileFormat(kind="json"), ["x"])
-    return found["x"].tolist()
-
-
-def test_null_is_no_number_and_neither_true_nor_false_is_one():
-    found = from_json({"x": [1, None, 2.5]})
-    assert found[::2] == [1.0, 2.5]
-    assert math.isnan(found[1])
-    for odd in (True, False, "1"):
-        with pytest.raises(UserError, match="it is not a vector of real numbers"):
-            from_json({"x": [1, odd, 2.5]})
-    # Of rows one may lack a column.
-    found = from_json([{"x": 1}, {"y": 2}, {"x": 3}])
-    assert found[::2] == [1.0, 3.0]
-    assert math.isnan(found[1])
-    for wrong in ([], [{"x": 1}, 2], {"x": 1}, 5):
-        with pytest.raises(UserError, match="holds neither columns by name nor a list of rows"):
-            from_json(wrong)
-
-
-# Text.
-
-
-def test_a_decimal_comma_and_a_point():
-    comma = FileFormat(delimiter=";", decimal=",")
-    for form, raw in (
-        (comma, b"a;b\n1,5;-2\n3;1,25e1\n"),
-        (FileFormat(), b"a,b\n1.5,-2\n3,1.25e1\n"),
-    ):
-        found, rows = read_csv(raw, "rig", form, ["b", "a"])
-        assert {k: v.tolist() for k, v in found.items()} == {"a": [1.5, 3.0], "b": [-2.0, 12.5]}
-        assert rows.tolist() == [2, 3]
-    with pytest.raises(UserError, match="line 2, column 'a': '1,5' is not a number"):
-        read_csv(b"a;b\n1,5;2\n", "rig", FileFormat(delimiter=";"), ["a"])
-
-
-def test_cells_beyond_the_header_may_be_empty_but_hold_nothing():
-    found, _ = read_csv(b"a,b\n1,2,,  \n3,4\n", "rig", FileFormat(), ["a", "b"])
-    assert found["b"].tolist() == [2.0, 4.0]
-    with pytest.raises(UserError, match="line 2 has 3 cells, but there are 2 columns"):
-        read_csv(b"a,b\n1,2,5\n", "rig", FileFormat(), ["a", "b"])
-    with pytest.raises(UserError, match="line 3 has 1 cells, too few for column 'b'"):
-        read_csv(b"a,b\n1,2\n3\n", "rig", FileFormat(), ["a", "b"])
-
-
-@pytest.mark.parametrize(
-    ("start", "title", "kind"),
-    [
-        (b"MATLAB 5.0 MAT-file, x", "MATLAB", "mat"),
-        (b"MATLAB 7.3 MAT-file, x", "MATLAB", "mat"),
-        (b"\x89HDF\r\n\x1a", "hdf5", "hdf5"),
-        (b"PAR1x", "parquet", "parquet"),
-    ],
-)
-def test_a_file_that_is_no_text_is_told_by_how_it_begins(start, title, kind):
-    with pytest.raises(UserError, match=f"is a {title} file, but it is read as text") as told:
-        read_csv(start, "rig", FileFormat(), ["a"])
-    assert f"kind = '{kind}'" in told.value.fix
-
-
-def test_a_long_or_broken_cell_is_blamed_on_a_quote():
-    for cell, quote in (("x" * 40, False), ("x" * 41, True), ('"a\nb"', True), ("abc", False)):
-        with pytest.raises(UserError) as told:
-            read_csv(f"a,b\n1,{cell}\n".encode(), "rig", FileFormat(), ["b"])
-        assert ("A quote that is not closed" in told.value.fix) == quote
-
-
-def test_a_table_has_finite_numbers_and_a_format_of_its_own(tmp_path: Path):
-    path = tmp_path / "t.csv"
-    found = read_table(
-        path, "a;b\n1,5;2\n", ["a"], "mend it", FileFormat(delimiter=";", decimal=",")
-    )
-    assert found["a"].tolist() == [1.5]
-    with pytest.raises(UserError, match="line 3, column 'a': inf is not finite") as told:
-        read_table(path, "a,b\n1,2\ninf,2\n", ["b", "a"], "mend it")
-    assert told.value.fix == "mend it"
-
-
-# Mapping.
 
 MAPPING = ONE.replace("rig.csv", "a.csv") + '[[recording]]\nfiles = ["b.csv"]\n'
 

@@ -13,7 +13,7 @@ from esea_gen.identify import recording
 from esea_gen.identify.mapping import MappingFile, load_mapping, parse_mapping
 from esea_gen.identify.quality import Finding
 from esea_gen.identify.recording import load_recordings
-from esea_gen.identify.tables import FileFormat, RecordingTable
+from esea_gen.identify.tables import RecordingTable
 
 MAPPING = """\
 schema = 1
@@ -439,14 +439,6 @@ def test_what_is_soft_or_relaxes_to_the_other_side_is_not_turned(tmp_path):
     assert [recording.TURNED in r.findings for r in found] == [False, False]
     np.testing.assert_allclose(found[0].tau_Nm, soft["y"], atol=1e-12)
     np.testing.assert_allclose(found[1].tau_Nm, relaxed["y"], atol=1e-12)
-
-
-def test_what_is_no_number_is_told_by_line_and_count():
-    columns = {"t": np.arange(4.0), "x": np.array([1.0, np.nan, 2.0, -np.inf])}
-    for kind, where in (("csv", "line"), ("json", "element")):
-        with pytest.raises(UserError) as caught:
-            recording._check_finite(columns, np.arange(5, 9), "rig", FileFormat(kind=kind))
-        assert f"rig: {where} 6, column 'x' is nan (2 such values in the" in str(caught.value)
 
 
 def test_a_files_own_format_goes_before_the_mappings(tmp_path):

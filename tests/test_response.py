@@ -502,7 +502,7 @@ def test_check_on_data_judges_a_folder(tmp_path, swept):
     table.write_text(f",torque,bandwidth\n0,1.0,3.0\n1,1.0,{expected + 0.1!r}\n")
     assert not check_on_data(tmp_path).reproduced
     table.write_text(",torque,bandwidth\n0,1.0,x\n")
-    with pytest.raises(UserError, match="not a table"):
+    with pytest.raises(UserError, match=r"line 2, column .bandwidth.: .x. is not a number"):
         check_on_data(tmp_path)
     with pytest.raises(UserError, match="0 sweeps"):
         check_on_data(tmp_path / "none")

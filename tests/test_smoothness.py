@@ -28,9 +28,11 @@ from esea_host.smoothness import (
     dimensionless_jerk,
     ldlj,
     peak_speed_ratio,
+    resampled,
     rms_acceleration,
     sensitivity_band,
     sparc,
+    steady_rate,
     submovements,
     vdv,
 )
@@ -321,6 +323,77 @@ def test_aliased(metric):
         with pytest.raises(NoAnswerError, match="aliased"):
             metric(signal, 100.0)
     metric(GOOD + 0.1 * 1.875 * noise, 100.0)
+
+
+RATES_HZ = (59.94, 60, 75, 90, 100, 120, 128, 148, 240, 256, 300, 1000)
+
+
+@given(
+    st.sampled_from(RATES_HZ),
+    st.sampled_from((2, 3)),
+    st.integers(150, 1500),
+    st.floats(0, 2),
+    st.sampled_from((np.round, np.floor)),
+)
+def test_rounded_stamps_are_a_steady_rate_and_a_lost_frame_is_a_gap(rate, digits, n, start, how):
+    """Two decimals up to 150 Hz; the metrics are those of the true times."""
+    if digits == 2 and rate > 150:
+        rate = 60
+    true = (0.0 if rate in (100, 1000) else start) + np.arange(n) / rate
+    # Of a whole number of roundings, the sum's last bit would decide.
+    stamps = how(true * 10**digits + 1e-6) / 10**digits
+    fs_Hz = steady_rate(stamps)
+    assert fs_Hz == pytest.approx(rate, rel=2 * 10.0**-digits * rate / (n - 1) + 1e-6)
+    u = np.clip(1.2 * np.arange(n) / n - 0.1, 0, 1)
+    speed = u**2 * (1 - u) ** 2
+    for metric in (sparc, ldlj):
+        assert metric(speed, fs_Hz, time_s=stamps).value == pytest.approx(
+            metric(speed, rate).value, rel=0.02
+        )
+    lost = np.delete(stamps, n // 2)
+    with pytest.raises(NoAnswerError, match="gap"):
+        sparc(speed[1:], steady_rate(lost), time_s=lost)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "words"),
+    [
+        (np.cumsum(np.repeat([0.003, 0.004], 300)), "no steady rate"),  # one rate, then another
+        (np.round(np.arange(300) / 500, 2), "too coarse"),  # five frames share a stamp
+        (np.round(np.arange(300) / 99.5, 2), "too coarse"),  # one long step, as of a lost frame
+        (np.round(np.arange(300) / 60 + 0.004 * (np.arange(300) % 3), 3), "gap"),  # jitter
+    ],
+)
+def test_stamps_that_rounding_does_not_explain(stamps, words):
+    with pytest.raises(NoAnswerError, match=words):
+        sparc(np.hanning(len(stamps)), steady_rate(stamps), time_s=stamps)
+
+
+@given(st.integers(0, 99), st.sampled_from((60.0, 120.0)))
+def test_resampling_irregular_frames_gives_the_metrics_of_regular_ones(seed, rate):
+    """Minimum jerk of 2 s; frames up to 0.2 periods early or late, three of them lost."""
+    rng, n = np.random.default_rng(seed), int(4 * rate)
+    t = np.arange(n) / rate
+
+    def position(at):
+        u = np.clip((at - 1) / 2, 0, 1)
+        return 30 * u**3 * (10 - 15 * u + 6 * u**2)
+
+    frames = np.delete(t + rng.uniform(-0.2, 0.2, n) / rate, [n // 3, n // 2, n // 2 + 1])
+    made = resampled(frames, position(frames), rate)
+    assert (made.frames, made.missing, made.merged) == (n - 3, 0, 0)
+    assert made.bridged >= 2
+    assert np.max(np.abs(made.values - position(made.time_s))) < 0.02
+    chains = [derivatives(x, rate) for x in (made.values, position(t))]
+    for of in (lambda d: sparc(d.speed, rate), lambda d: ldlj(d.velocity, rate, jerk=d.jerk)):
+        mine, true = (of(d).value for d in chains)
+        assert mine == pytest.approx(true, rel=0.01)
+    for bad in (np.delete(frames, range(n // 2, n // 2 + 10)), frames[::-1], frames[:5]):
+        with pytest.raises(NoAnswerError):
+            resampled(bad, position(bad), rate)
+    for bad_rate in (rate / 2, 20 * rate, math.nan):
+        with pytest.raises(NoAnswerError):
+            resampled(frames, position(frames), bad_rate)
 
 
 def test_a_gap_in_time_is_found_and_a_steady_rate_is_not_one():

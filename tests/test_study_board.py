@@ -82,7 +82,7 @@ def test_what_the_board_tells_is_what_the_task_gets_and_every_run_is_recorded(be
     assert cut_trials(study) == 0
     cut = session.log.path.parent / "encoder-2.csv"
     assert is_simulated(cut)
-    time_s, theta_deg = read_angle(cut)
+    time_s, theta_deg, _ = read_angle(cut)
     assert np.allclose(time_s, np.arange(1, 1001) / 1000)
     assert np.allclose(theta_deg, np.degrees(during["theta_load_rad"]), atol=1e-6)
     (cut.parent / "device-1.mcap").rename(cut.parent / "device-2.txt")

@@ -257,7 +257,9 @@ def reliability(
     from esea_gen.identify.reliability import read_specimens
     from esea_gen.identify.reliability import reliability as judged
 
-    show(judged(read_specimens(table)), json_file, "reliability")
+    read, torques = read_specimens(table)
+    out.print(read.report())
+    show(judged(torques), json_file, "reliability")
 
 
 @app.command(cls=StudyCommand)
@@ -355,7 +357,9 @@ def torque_check(
         raise UserError(f"the load is not known: {lacking} missing.", "Give mass (kg) and arm (m).")
     if recording is not None:
         assert check is not None
-        apply_recording(check, read_recording(recording))
+        read = read_recording(recording)
+        out.print(read.read_as)
+        apply_recording(check, read)
     elif check is None or not check.measurements:
         for line in instructions(loaded, check):
             out.print(line)
@@ -405,6 +409,8 @@ def friction(
     if loaded is not None and loaded.file.actuator is None:
         raise UserError(f"{loaded.origin}: has no [actuator].", "Give a device with a drive.")
     read = [read_run(f, full) for f in files]
+    for r in read:
+        out.print(r.read_as)
     found = fit_friction(read)
     show(found, json_file, "friction")
     picture(figure, lambda: friction_picture(read, found))
@@ -443,7 +449,9 @@ def encoder_table(
     choose("side", side, ("motor", "load"))
     loaded = esea_gen.load_device(device)
     full = 1 << round(loaded.file.encoder.resolution_bits.value)
-    found = fit_table(side, *read_counts(recording, full), full, nodes)
+    read, count, reference_rad = read_counts(recording, full)
+    out.print(read.report())
+    found = fit_table(side, count, reference_rad, full, nodes)
     show(found, json_file, "encoder-table")
     if folder is not None:
         made = with_table(loaded, found, orientation, f"recording {recording.name}")

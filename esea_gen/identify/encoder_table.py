@@ -18,10 +18,9 @@ from esea_gen.device import Device
 from esea_gen.devices.fields import TABLE_SIZES, EncoderSide, field_facts
 from esea_gen.devices.numbers import Quantity, Series
 from esea_gen.errors import UserError
-from esea_gen.identify.reading import read_table
 from esea_gen.identify.regression import Estimate, fit_linear
 from esea_gen.language.ports import Array
-from esea_gen.toml_file import read_text
+from esea_gen.tables import FileTable, read_table
 
 BLOCKS = 40  # stretches of the recording, of whose pulls the intervals are made
 LEAST_SAMPLES = 400
@@ -92,17 +91,18 @@ class EncoderTable:
         }
 
 
-def read_counts(path: Path, full: int) -> tuple[Array, Array]:
-    """Counts of the encoder and angles of the reference, a row a sample."""
-    text = read_text(path, "Give the recording.")
-    advice = f"It needs {' and '.join(COLUMNS)}, a row a sample."
-    count, reference = read_table(path, text, COLUMNS, advice).values()
-    if np.any((count < 0) | (count >= full)):
+def read_counts(path: Path, full: int) -> tuple[FileTable, Array, Array]:
+    """The table, counts of the encoder and angles of the reference, a row a sample."""
+    table = read_table(path, COLUMNS)
+    count, reference = (table.numbers(c) for c in COLUMNS)
+    wrong = np.flatnonzero((count < 0) | (count >= full) | (count != np.floor(count)))
+    if len(wrong):
         raise UserError(
-            f"{path}: a count is outside 0 to {full - 1}.",
+            f"{table.at(wrong[0], 'count')}: {count[wrong[0]]:g} is not a count of 0 to "
+            f"{full - 1}.",
             "Leave it out, or give the device with this encoder's resolution_bits.",
         )
-    return count, reference
+    return table, count, reference
 
 
 def fit_table(side: str, count: Array, reference_rad: Array, full: int, nodes: int) -> EncoderTable:

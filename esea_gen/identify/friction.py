@@ -25,10 +25,9 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
-from esea_gen.identify.reading import read_table
 from esea_gen.identify.regression import Estimate, fit_linear, fit_separable
-from esea_gen.identify.tables import FileFormat
 from esea_gen.language.ports import Array
+from esea_gen.tables import FileTable, TableFormat, numbered, read_table
 from esea_gen.toml_file import read_text
 
 FAR = 6.0  # median absolute deviations from the run's median
@@ -38,11 +37,16 @@ EPOS = "EPOS Studio"
 
 @dataclass(frozen=True)
 class SteadyRun:
-    """A run at one speed; omega_rad_s, tau_Nm: at the motor shaft, shape (n,)."""
+    """A run at one speed.
+
+    omega_rad_s, tau_Nm: at the motor shaft, shape (n,).
+    read_as: how the file was read, and what was left out.
+    """
 
     name: str
     omega_rad_s: Array
     tau_Nm: Array
+    read_as: str = ""
 
 
 @dataclass(frozen=True)
@@ -138,24 +142,32 @@ def read_run(path: Path, full_Nm: float | None) -> SteadyRun:
 
     full_Nm: torque that an export means by 100 %.
     """
-    text = read_text(path, "Give the recording of one run.")
-    if EPOS in text[:400]:
-        omega, tau = _epos(path, text, full_Nm)
-    else:
-        advice = "Give both at the motor shaft, or exports of EPOS Studio."
-        omega, tau = read_table(path, text, ("omega_rad_s", "tau_Nm"), advice).values()
+    table, omega, tau = _epos(path, full_Nm) if _is_epos(path) else _plain(path)
     if len(tau) < 2:
         raise UserError(f"{path}: {len(tau)} samples.", "Record the run again.")
-    return SteadyRun(path.name, omega, tau)
+    return SteadyRun(path.name, omega, tau, table.report())
 
 
-def _epos(path: Path, text: str, full_Nm: float | None) -> tuple[Array, Array]:
+def _plain(path: Path) -> tuple[FileTable, Array, Array]:
+    table = read_table(path, ("omega_rad_s", "tau_Nm"))
+    return table, table.numbers("omega_rad_s"), table.numbers("tau_Nm")
+
+
+def _is_epos(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return EPOS.encode() in file.read(400)
+    except OSError:
+        return False  # the reader says why
+
+
+def _epos(path: Path, full_Nm: float | None) -> tuple[FileTable, Array, Array]:
     if full_Nm is None:
         raise UserError(
             f"{path}: torques are in % of the nominal torque, and that is not known.",
             "Give --full-Nm: 0.00984 for the drives of the recordings of T-RO 2021.",
         )
-    lines = [line.rstrip(",\r") for line in text.splitlines()]
+    lines = [line.rstrip(",") for line in read_text(path, "Export it again.").splitlines()]
     heads = [k for k, line in enumerate(lines) if line.startswith("ms;")]
     if not heads or lines[heads[0]].split(";")[1:3] != ["rpm", "%"]:
         raise UserError(
@@ -164,10 +176,13 @@ def _epos(path: Path, text: str, full_Nm: float | None) -> tuple[Array, Array]:
         )
     # What somebody wrote behind a row is a comment.
     rows = [line.partition(",")[0] for line in lines]
-    form = FileFormat(delimiter=";", header_line=heads[0] + 1)
-    advice = "Mend the row, or leave it out."
-    rpm, percent = read_table(path, "\n".join(rows), ("rpm", "%"), advice, form).values()
-    return rpm * (2 * math.pi / 60), percent * (full_Nm / 100)
+    form = TableFormat(delimiter=";", decimal=".", quote="", header_line=heads[0] + 1)
+    table = read_table(path, ("rpm", "%"), form, raw="\n".join(rows).encode())
+    behind = [k for k, (line, row) in enumerate(zip(lines, rows, strict=True), 1) if line != row]
+    if behind:
+        table = table.noting(f"{len(behind)} texts behind rows ({numbered('line', behind)})")
+    rpm, percent = table.numbers("rpm"), table.numbers("%")
+    return table, rpm * (2 * math.pi / 60), percent * (full_Nm / 100)
 
 
 def _near(x: Array) -> npt.NDArray[np.bool_]:

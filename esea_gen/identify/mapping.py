@@ -333,19 +333,12 @@ def _check_text(origin: str, mapping: Mapping) -> None:
         (f"recording[{i}].format", r.format) for i, r in enumerate(mapping.recording) if r.format
     ]
     for key, f in formats:
-        try:
-            # Codecs that are no text encodings (base64) fail only when they are used.
-            "a".encode(f.encoding)
-        except LookupError:
-            raise UserError(
-                f"{origin}: {key}.encoding = '{f.encoding}' is not a known text encoding.",
-                "Try utf-8, latin-1, utf-16 or gb18030.",
-            ) from None
-        if f.first_data_line is not None and f.first_data_line <= f.header_line:
+        header = 1 if f.header_line is None else f.header_line
+        if f.first_data_line is not None and f.first_data_line <= header:
             raise UserError(
                 f"{origin}: {key}.first_data_line = {f.first_data_line} is not below the header "
-                f"(header_line = {f.header_line}).",
-                f"Give {f.header_line + 1} or more, or leave it out.",
+                f"(header_line = {header}).",
+                f"Give {header + 1} or more, or leave it out.",
             )
     if all(r.use == "train" for r in mapping.recording):
         raise UserError(

@@ -57,7 +57,7 @@ class Finding:
     """Something wrong with a recording.
 
     kind: jumps, spikes, noise, gap, frozen, saturated, deflection frozen, offset, backlash, lag,
-        sign, or what was taken out of a channel.
+        sign, read as, or what was taken out of a channel.
     stops: whether parameters that were fitted to it are not called ``identified``.
     advice: what to do, where the model has no term for it.
     """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from fnmatch import fnmatch
 from pathlib import Path
@@ -18,11 +17,11 @@ from esea_gen.identify.conditions import divided
 from esea_gen.identify.cycles import data_sets, divide
 from esea_gen.identify.mapping import MappingFile
 from esea_gen.identify.quality import MOST_SPIKES, Finding, bridged, examined, jumps, runs, spikes
-from esea_gen.identify.readers import READERS
 from esea_gen.identify.recorded import Recording
-from esea_gen.identify.tables import TIME, FileFormat, Mapping, RecordingTable, ToFit
+from esea_gen.identify.tables import TIME, Mapping, RecordingTable, ToFit
 from esea_gen.identify.temperatures import LEAST_APART_K
 from esea_gen.language.ports import Array
+from esea_gen.tables import FileTable, read_table
 
 MIN_SAMPLES = 50
 MAX_DROPPED = 0.01  # share of samples that the glitch rule may drop
@@ -113,16 +112,12 @@ def _load(
     source: MappingFile, path: Path, name: str, table: RecordingTable, label: str
 ) -> Recording:
     m = source.mapping
-    form = table.format or m.format
     thermometer = m.temperature and m.temperature.column
     more = (m.sampling.time_column, thermometer)
     wanted = [m.deflection.column, m.torque.column, *(c for c in more if c)]
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise UserError(f"{name}: cannot be read ({error.strerror}).", "Check the file.") from None
-    columns, rows = READERS[form.kind](raw, name, form, wanted)
-    _check_finite(columns, rows, name, form)
+    form = table.format or m.format
+    read = read_table(path, wanted, form, name=name, settings="[format] of the mapping")
+    columns, rows = {w: read.numbers(w) for w in wanted}, read.lines
     if len(rows) < MIN_SAMPLES:
         raise UserError(
             f"{name}: has {len(rows)} samples, below the limit of {MIN_SAMPLES}.",
@@ -144,7 +139,7 @@ def _load(
                 f"Lower it; the median step is {np.median(np.diff(time)):g} s.",
             )
         time, theta, tau, rows = time[keep], theta[keep], tau[keep], rows[keep]
-        _check_time(time, rows, name, m.sampling.time_column, unit)
+        _check_time(time, rows, name, m.sampling.time_column, unit, read.unit_of_rows)
         time = time - time[0]
     else:
         assert m.sampling.period_s is not None
@@ -170,7 +165,7 @@ def _load(
     return Recording(
         label=label,
         file=name,
-        digest=hashlib.sha256(raw).hexdigest()[:16],
+        digest=read.digest,
         time_s=time,
         theta_rad=theta,
         tau_Nm=tau,
@@ -179,7 +174,7 @@ def _load(
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
         conditions=_conditions(m, name),
-        findings=(*found, *_gap(gap), *worse),
+        findings=(*_read_as(read), *found, *_gap(gap), *worse),
         temperature_C=_temperature(m, table, name, columns),
     )
 
@@ -198,6 +193,10 @@ def _without_lag(
         )
     tau = resample(time, tau, later)[known]
     return time[known] - time[known][0], theta[known], tau
+
+
+def _read_as(read: FileTable) -> tuple[Finding, ...]:
+    return () if read.usual else (Finding("read as", f"read as {read.how()}", False),)
 
 
 def _jumped(jumped: npt.NDArray[np.bool_]) -> tuple[Finding, ...]:
@@ -275,20 +274,6 @@ def _check_length(source: MappingFile, name: str, time: Array) -> None:
         )
 
 
-def _check_finite(
-    columns: dict[str, Array], rows: npt.NDArray[np.intp], name: str, form: FileFormat
-) -> None:
-    where = "line" if form.kind == "csv" else "element"
-    for column, values in columns.items():
-        bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
-            raise UserError(
-                f"{name}: {where} {rows[bad[0]]}, column '{column}' is {values[bad[0]]:g} "
-                f"({len(bad)} such value{'s' if len(bad) > 1 else ''} in the column).",
-                "Cut these rows out of the recording or repair them; nothing is filled in here.",
-            )
-
-
 def _keep(time: Array, min_step_s: float | None) -> npt.NDArray[np.intp]:
     """Samples that the glitch rule keeps: at least ``min_step_s`` after the last kept one."""
     if min_step_s is None:
@@ -301,15 +286,22 @@ def _keep(time: Array, min_step_s: float | None) -> npt.NDArray[np.intp]:
     return np.array(kept, dtype=np.intp)
 
 
-def _check_time(time: Array, rows: npt.NDArray[np.intp], name: str, column: str, unit: str) -> None:
+def _check_time(
+    time: Array,
+    rows: npt.NDArray[np.intp],
+    name: str,
+    column: str,
+    unit: str,
+    row: str = "row",
+) -> None:
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         i = int(back[0])
         a, b = time[i] / TIME[unit], time[i + 1] / TIME[unit]
         verb = "stands still" if a == b else "goes backwards"
         raise UserError(
-            f"{name}: time {verb} in column '{column}': {a:.10g} {unit} in row {rows[i]}, then "
-            f"{b:.10g} {unit} in row {rows[i + 1]} ({len(back)} such step"
+            f"{name}: time {verb} in column '{column}': {a:.10g} {unit} in {row} {rows[i]}, "
+            f"then {b:.10g} {unit} in {row} {rows[i + 1]} ({len(back)} such step"
             f"{'s' if len(back) > 1 else ''}).",
             "Repair the recording, or drop single bad samples with sampling.min_step_s (they are "
             "counted and reported).",

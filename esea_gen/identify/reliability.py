@@ -14,7 +14,6 @@ References
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import combinations
@@ -25,6 +24,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
+from esea_gen.tables import FileTable, read_table
 
 CONFIDENCE = 0.95
 LEAST_ROWS, LEAST_COLUMNS = 5, 2
@@ -213,40 +213,20 @@ def _others(table: Array, column: int) -> Array:
     return np.asarray(np.delete(table, column, axis=1).mean(axis=1))
 
 
-def read_specimens(path: Path) -> dict[str, Array]:
-    """A CSV table: a column a specimen under its name, a row a condition, torques in Nm.
+def read_specimens(path: Path) -> tuple[FileTable, dict[str, Array]]:
+    """A table, and its torques: a column a specimen under its name, a row a condition, in Nm.
 
     A first column named ``condition`` is a label and left out.
     """
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            lines = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"'{path}' cannot be read ({error}).", "Give a CSV file.") from None
-    head, *rows = lines or [[]]
-    first = 1 if head and head[0].strip().lower() == "condition" else 0
-    names = [h.strip() for h in head[first:]]
-    if len(set(names)) != len(names) or not all(names):
+    table = read_table(path)
+    labelled = table.names[0].lower() == "condition"
+    names = table.names[labelled:]
+    if not all(names):
         raise UserError(
-            f"{path}, line 1: {head} does not name each specimen once.",
+            f"{path}: {list(table.names)} does not name each specimen.",
             "Give one name a column, and 'condition' over the labels.",
         )
-    columns: list[list[float]] = [[] for _ in names]
-    for number, row in enumerate(rows, 2):
-        cells = row[first:]
-        if len(cells) != len(names):
-            raise UserError(
-                f"{path}, line {number}: {len(cells)} torques for {len(names)} specimens.",
-                "Give every specimen's torque at every condition.",
-            )
-        for column, cell in zip(columns, cells, strict=True):
-            try:
-                column.append(float(cell))
-            except ValueError:
-                raise UserError(
-                    f"{path}, line {number}: '{cell}' is no number.", "Give torques in Nm."
-                ) from None
-    return {n: np.array(c) for n, c in zip(names, columns, strict=True)}
+    return table, {n: table.numbers(n) for n in names}
 
 
 __all__ = [

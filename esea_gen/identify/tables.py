@@ -10,6 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import COLDEST_C, HOTTEST_C, MAX_DEAD_ZONE_RAD
+from esea_gen.tables import TableFormat
 
 BANDWIDTH_SHARE = 0.1  # of the sensing rate, at most
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
@@ -190,25 +191,6 @@ class Search(_Table):
     )
 
 
-class FileFormat(_Table):
-    """How a file is written."""
-
-    kind: Literal["csv", "mat", "hdf5", "parquet", "json"] = Field(
-        default="csv",
-        description="csv: text table; mat: MATLAB; json: columns by name, or a list of rows.",
-    )
-    delimiter: str = Field(default=",", min_length=1, max_length=1, description="Between cells.")
-    quote: str = Field(default='"', min_length=1, max_length=1, description="Round a cell.")
-    decimal: Literal[".", ","] = Field(default=".", description="Decimal mark.")
-    encoding: str = Field(default="utf-8", description="Text encoding, such as gb18030.")
-    header_line: int = Field(
-        default=1, ge=0, le=1000, description="Line with the column names; 0: none, named 1, 2, ..."
-    )
-    first_data_line: int | None = Field(
-        default=None, ge=1, le=1000, description="First line of numbers; the one after the header."
-    )
-
-
 class RecordingTable(_Table):
     """One or several files of one kind."""
 
@@ -221,7 +203,7 @@ class RecordingTable(_Table):
     temperature_C: Quantity | None = _limits(
         COLDEST_C, HOTTEST_C, "The rubber's temperature, where no column has it.", default=None
     )
-    format: FileFormat | None = Field(default=None, description="Where it differs from [format].")
+    format: TableFormat | None = Field(default=None, description="Where it differs from [format].")
 
 
 class ConditionTable(_Table):
@@ -257,7 +239,7 @@ class Mapping(_Table):
     temperature: Temperature | None = Field(default=None)
     cycles: Cycles = Field(default=Cycles())
     search: Search = Field(default=Search())
-    format: FileFormat = Field(default=FileFormat())
+    format: TableFormat = Field(default=TableFormat())
     full_scale_Nm: Quantity | None = _limits(
         1e-3, 1000, "100 % of errors; the largest recorded |torque| by default.", default=None
     )

@@ -7,7 +7,6 @@ the folder.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
 from esea_gen.errors import UserError
 from esea_gen.studies.reproduction import Reproduction
+from esea_gen.tables import read_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -175,24 +175,15 @@ class DataCheck:
         )
 
 
-def _columns(path: Path) -> dict[str, Array]:
-    try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.reader(line for line in stream if not line.startswith("#")))
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read ({error.strerror}).", "Check --data.") from None
-    head = rows[0] if rows else []
-    try:
-        values = np.array([[float(v) for v in row] for row in rows[1:]])
-        return {name: values[:, i] for i, name in enumerate(head)}
-    except (ValueError, IndexError) as error:
-        raise UserError(f"{path}: not a table of numbers ({error}).", "Check the file.") from None
+def _columns(path: Path, *names: str) -> list[Array]:
+    table = read_table(path, names)
+    return [table.numbers(n) for n in names]
 
 
 def _published(folder: Path, loop: str, torque_Nm: float, repetition: int) -> float:
     path = folder / PUBLISHED[loop]
-    table = _columns(path)
-    rows = table["bandwidth"][table["torque"] == torque_Nm]
+    bandwidth_Hz, rated_Nm = _columns(path, "bandwidth", "torque")
+    rows = bandwidth_Hz[rated_Nm == torque_Nm]
     if len(rows) < repetition:
         raise UserError(
             f"{path}: {len(rows)} rows for {torque_Nm:g} Nm, repetition {repetition} is wanted.",
@@ -206,8 +197,7 @@ def _sweep(folder: Path, path: Path) -> SweepCheck:
     if named is None:
         raise UserError(f"{path}: not a sweep's name.", "Keep the names of the data set.")
     loop = "closed" if named[1] else "open"
-    data = _columns(path)
-    time, u, y = data["time"], data["torque_in"], data["torque_ati"]
+    time, u, y = _columns(path, "time", "torque_in", "torque_ati")
     response = sweep_response(time, u, y, SWEEP)
     grid = resample(time, [u, y], max_gap_s=MAX_GAP_S)
     spectra = welch_response(grid.signals[0], grid.signals[1], grid.period_s, segment_s=4.0)
@@ -248,10 +238,11 @@ def check_on_data(folder: Path | str, progress: Callable[[str], None] | None = N
     judged: dict[str, dict[str, StepMetrics]] = {}
     for path in steps:
         say(f"step {path.name}")
-        data = _columns(path)
+        names = ("torque_ati", "torque_sea")
+        time, *torques = _columns(path, "time", *names)
         judged[path.name] = {
-            name: step_metrics(data["time"], data[name], step_s=STEP_S, after=1.0)
-            for name in ("torque_ati", "torque_sea")
+            name: step_metrics(time, torque, step_s=STEP_S, after=1.0)
+            for name, torque in zip(names, torques, strict=True)
         }
     return DataCheck(tuple(checks), judged)
 

@@ -23,6 +23,7 @@ from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.language.system import External
+from esea_gen.tables import TableFormat, read_table
 from esea_gen.verify.drive_stream import Told, drive_stream, scalars, task_inputs_at
 
 MARK = "# esea-gen trace"
@@ -30,6 +31,7 @@ EVERY = 20  # steps a row
 TOLERANCE = 1e-9  # of full scale, and of the value: libm differs between machines by less
 DIGITS = 10
 LATTICE_BITS = 15
+STORED = TableFormat(kind="csv", delimiter=",", decimal=".")
 ACCEPT = "Accept with: esea-gen traces accept"
 
 
@@ -214,12 +216,8 @@ def _full_scale(device: Device, external: External) -> float:
 
 
 def _read(text: str) -> tuple[list[str], dict[str, Array]]:
-    rows = list(csv.reader(line for line in text.splitlines() if not line.startswith("#")))
-    names = rows[0] if rows else []
-    table = np.array([[float(x) for x in row] for row in rows[1:]], dtype=float)
-    if table.shape != (len(rows) - 1, len(names)) or "step" not in names:
-        raise ValueError("rows and columns do not match")
-    return names, {n: table[:, i] for i, n in enumerate(names)}
+    table = read_table(Path("stored trace"), form=STORED, raw=text.encode())
+    return list(table.names), {n: table.numbers(n, holes=True) for n in table.names}
 
 
 def differences(trace: Trace, text: str) -> list[str]:
@@ -229,7 +227,8 @@ def differences(trace: Trace, text: str) -> list[str]:
     """
     try:
         names, old = _read(text)
-    except (ValueError, IndexError) as error:
+        steps = old["step"]
+    except (UserError, KeyError) as error:
         return [f"{trace.device}: the stored trace cannot be read ({error})"]
     columns = trace.inputs | trace.outputs
     kind = {n: "input" if n in trace.inputs else "output" for n in columns}
@@ -237,7 +236,7 @@ def differences(trace: Trace, text: str) -> list[str]:
     found += [
         f"{trace.device}: column {n} removed" for n in names if n != "step" and n not in columns
     ]
-    if not np.array_equal(old["step"], trace.steps):
+    if not np.array_equal(steps, trace.steps):
         return [
             *found,
             f"{trace.device}: the stream is another one: {len(old['step'])} rows to step "

@@ -2,7 +2,7 @@
 
 A known mass on a known arm gives a known torque.  The procedure goes through unloaded and loaded
 phases in both directions, several times; each phase is left to settle, then recorded.  What is
-asked of the recordings, with limits in % of full scale and the reason for each, is in
+asked of the recordings, with limits in % of full scale or of the load, and why, is in
 :data:`esea_gen.studies.torque_check.procedure.LIMITS`.
 
 The known load has an uncertainty of its own (mass, arm, angle, gravity: first order, [1]_), and the
@@ -177,7 +177,7 @@ class TorqueCheck:
             )
 
     def limit_Nm(self, name: str) -> float:
-        """A limit in Nm.
+        """A limit in Nm: of full scale, or of the known load where that is less.
 
         Parameters
         ----------
@@ -190,7 +190,7 @@ class TorqueCheck:
             Nm, before any uncertainty is taken off.
         """
         limit = next(x for x in LIMITS if x.name == name)
-        return limit.percent / 100 * self.device.tau_full_scale_Nm
+        return limit.torque_Nm(self.device.tau_full_scale_Nm, self.known.torque_Nm)
 
     # -- going through it ------------------------------------------------------------------------
 
@@ -464,11 +464,17 @@ class TorqueCheck:
             # The one that comes nearest to its limit, or exceeds it most.
             worst = max(found, key=lambda d: d.value_Nm - d.limit_Nm)
             word = "passed" if all(d.passed for d in found) else "FAILED"
-            less = f" ({limit.percent:g} % less {worst.uncertainty_Nm:.2g} Nm)"
-            percent = less if worst.uncertainty_Nm else f" ({limit.percent:g} %)"
+            less = f" less {worst.uncertainty_Nm:.2g} Nm" if worst.uncertainty_Nm else ""
+            percent = f"{limit.percent:g} % of full scale"
+            share = ""
+            if limit.load_percent is not None:
+                share = f", {100 * worst.value_Nm / r.torque_Nm:.1f} % of the load"
+                if self.limit_Nm(limit.name) < limit.percent / 100 * full:
+                    percent = f"{limit.load_percent:g} % of the load"
             lines.append(
-                f"{limit.name:14}{word}: {worst.value_Nm:.4f} Nm, limit {worst.limit_Nm:.4f} Nm"
-                f"{percent}, at {', '.join(worst.steps)}; {len(found)} compared"
+                f"{limit.name:14}{word}: {worst.value_Nm:.4f} Nm{share}, limit "
+                f"{worst.limit_Nm:.4f} Nm ({percent}{less}), at {', '.join(worst.steps)}; "
+                f"{len(found)} compared"
             )
             lines += [
                 f"{'':14}  {', '.join(d.steps)}: {d.value_Nm:.4f} Nm"

@@ -19,12 +19,22 @@ Kind = Literal["zero", "plus", "minus"]
 
 @dataclass(frozen=True)
 class Limit:
-    """One limit of the check."""
+    """One limit of the check.
+
+    percent: of full scale.
+    load_percent: of the known load, where the criterion compares loads: the smaller one counts.
+    """
 
     name: str
     percent: float
     what: str
     reason: str
+    load_percent: float | None = None
+
+    def torque_Nm(self, full_scale_Nm: float, load_Nm: float) -> float:
+        """The limit for a known load, before any uncertainty is taken off."""
+        share = math.inf if self.load_percent is None else self.load_percent * load_Nm
+        return min(self.percent * full_scale_Nm, share) / 100
 
 
 LIMITS = (
@@ -47,7 +57,9 @@ LIMITS = (
         "|loaded mean, less the unloaded ones beside it, less the known load|, which must stay "
         "below the limit less the known load's uncertainty",
         "the published error of other elastomers of the kind is 2.9 to 3.7 % RMS, after two days "
-        "of use 4.9 %",
+        "of use 4.9 %; below half of full scale that would hide a gain error, so there the "
+        "share of the load counts",
+        10.0,
     ),
     Limit(
         "repeatability",
@@ -55,12 +67,14 @@ LIMITS = (
         "largest less smallest error of one direction",
         "the published change of the error over a day's sessions is 1.4 to 2.7 %; the same load "
         "minutes apart must do as well",
+        4.0,
     ),
     Limit(
         "symmetry",
         3.0,
         "|mean error of one direction less that of the other|",
         "specimens were discarded for asymmetry; a shift of the zero within the rubber shows here",
+        6.0,
     ),
     Limit(
         "drift",

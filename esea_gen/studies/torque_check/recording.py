@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -17,8 +14,8 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.studies.torque_check.check import Measurement, TorqueCheck
+from esea_gen.tables import read_table
 
-COLUMNS = ("time_s", "tau_Nm", "step")
 # Without labels: the share of the known load above which a sample counts as loaded, and the
 # shortest phase; anything shorter is the mass being hung up or taken off.
 LOADED_SHARE = 0.3
@@ -31,65 +28,24 @@ class CheckRecording:
 
     time_s, tau_Nm: samples, shape (n,).
     step: label of each sample, empty between steps; None when the file has no such column.
+    read_as: how the file was read, and what was left out.
     """
 
     name: str
     time_s: Array
     tau_Nm: Array
     step: tuple[str, ...] | None
+    read_as: str = ""
 
 
 def read_recording(path: Path) -> CheckRecording:
-    """Read a CSV file with the columns ``time_s``, ``tau_Nm`` and, if labelled, ``step``."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise UserError(f"{path}: cannot be read as text ({reason}).", "Check the file.") from error
-    rows = csv.reader(io.StringIO(text))
-    header = [c.strip() for c in next(rows, [])]
-    for column in COLUMNS:
-        count = header.count(column)
-        if count > 1 or (count == 0 and column != "step"):
-            raise UserError(
-                f"{path.name}: column {column} is there {count} times; columns: "
-                f"{', '.join(header) or 'none'}.",
-                "Write a first line: time_s,tau_Nm,step (step may be left out).",
-            )
-    place = {c: header.index(c) for c in COLUMNS if c in header}
-    numbers: dict[str, list[float]] = {"time_s": [], "tau_Nm": []}
-    labels: list[str] = []
-    for row in rows:
-        if not any(c.strip() for c in row):
-            continue
-        if len(row) != len(header):
-            raise UserError(
-                f"{path.name}: line {rows.line_num} has {len(row)} cells, the header has "
-                f"{len(header)}.",
-                "Correct that line.",
-            )
-        for column, values in numbers.items():
-            cell = row[place[column]].strip()
-            try:
-                value = float(cell)
-            except ValueError:
-                value = math.nan
-            if not math.isfinite(value):
-                raise UserError(
-                    f"{path.name}: line {rows.line_num}: {column} = {cell!r} is no finite number.",
-                    "Correct it, or record again.",
-                )
-            values.append(value)
-        if "step" in place:
-            labels.append(row[place["step"]].strip())
-    if not numbers["time_s"]:
-        raise UserError(f"{path.name}: no samples.", "Record again.")
-    return CheckRecording(
-        path.name,
-        np.array(numbers["time_s"]),
-        np.array(numbers["tau_Nm"]),
-        tuple(labels) if "step" in place else None,
-    )
+    """Read a table with the columns ``time_s``, ``tau_Nm`` and, if labelled, ``step``."""
+    table = read_table(path, ("time_s", "tau_Nm"), optional=("step",))
+    time_s, tau_Nm = table.numbers("time_s"), table.numbers("tau_Nm")
+    if not len(table):
+        raise UserError(f"{path}: no samples.", "Record again.")
+    step = table.texts("step") if "step" in table.cells else None
+    return CheckRecording(path.name, time_s, tau_Nm, step, table.report())
 
 
 def read_check(path: Path) -> Any:

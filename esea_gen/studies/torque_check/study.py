@@ -45,8 +45,9 @@ def instructions(device: DeviceData, check: TorqueCheck | None = None) -> list[s
     lines += [f"{i:3d}. {s.label:9}{s.text}" for i, s in enumerate(steps, 1)]
     lines.append("Limits:")
     lines += [
-        f"  {x.name}: {x.percent:g} % of full scale, {x.percent / 100 * full:.3g} Nm; {x.what}.  "
-        f"Why: {x.reason}."
+        f"  {x.name}: {x.percent:g} % of full scale, {x.percent / 100 * full:.3g} Nm"
+        + (f", and {x.load_percent:g} % of the load" if x.load_percent else "")
+        + f"; {x.what}.  Why: {x.reason}."
         for x in LIMITS
     ]
     return lines

@@ -1,13 +1,15 @@
-"""Recordings of a moved leg: text tables, and what ``esea-host record`` and ``import`` write."""
+"""Recordings of a moved leg: tables, and what ``esea-host record`` and ``import`` write."""
 
 from __future__ import annotations
 
-import csv
+from codecs import BOM_UTF8
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.tables import FileTable, read_table
 from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
@@ -23,12 +25,27 @@ ANGLES = {
 }
 TORQUES = ("torque_Nm", "tau_Nm")
 STRONGEST_NM = 300.0  # six times the sensor's full scale
+KINDS = (".csv", ".mcap", ".parquet", ".mat", ".h5", ".hdf5", ".json")
 HOLE = 5.0  # times the usual step: a longer one has lost samples
 
 
-def read_columns(path: Path) -> dict[str, Array]:
-    """Columns by name, ``time_s`` among them: of a CSV with a header, or of an MCAP recording."""
-    return _from_log(path) if path.suffix == ".mcap" else _from_text(path)
+@dataclass(frozen=True)
+class LegTable:
+    """Columns by name, ``time_s`` among them; read: how a table was read and what was left out."""
+
+    columns: dict[str, Array]
+    read: str = ""
+
+
+def read_columns(path: Path) -> LegTable:
+    """Time, angle and torque of a table with a header, or the columns of an MCAP recording."""
+    if path.suffix == ".mcap":
+        return LegTable(_from_log(path))
+    table = read_table(path)
+    known = [n for n in ("time_s", *ANGLES, *TORQUES) if n in table.names]
+    found = {n: table.numbers(n) for n in known}
+    _refuse_holes(table, found)
+    return LegTable(found or dict.fromkeys(table.names, np.zeros(0)), table.report())
 
 
 def _from_log(path: Path) -> dict[str, Array]:
@@ -46,58 +63,26 @@ def _from_log(path: Path) -> dict[str, Array]:
         return found | {n: table[n].astype(np.float64) for n in table.names if table[n].ndim == 1}
 
 
-def _from_text(path: Path) -> dict[str, Array]:
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = [r for r in csv.reader(file) if r and not r[0].startswith("#")]
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: cannot be read ({error}).", "Give a CSV file.") from error
-    if len(rows) < 2:
-        raise UserError(f"{path}: no rows.", "The first line names the columns.")
-    head = [x.strip() for x in rows[0]]
-    for n, row in enumerate(rows[1:], 2):
-        if len(row) != len(head):
-            raise UserError(
-                f"{path}, line {n}: {len(row)} values, the header has {len(head)}.",
-                "Give every line as many.",
-            )
-    try:
-        values = np.array([[float(x) for x in row] for row in rows[1:]])
-    except ValueError as error:
-        raise UserError(f"{path}: {error}.", "All values are numbers.") from error
-    if len(set(head)) < len(head):
-        raise UserError(f"{path}: a column comes twice in {', '.join(head)}.", "Name each once.")
-    found = {name: values[:, i] for i, name in enumerate(head)}
-    _refuse_holes(path, found)
-    return found
-
-
-def _refuse_holes(path: Path, found: dict[str, Array]) -> None:
+def _refuse_holes(table: FileTable, found: dict[str, Array]) -> None:
     # Whatever bridges a hole makes a movement that was not: a swing longer, a loop open.
-    for name in {"time_s", *ANGLES, *TORQUES} & set(found):
-        bad = np.flatnonzero(~np.isfinite(found[name]))
-        if len(bad):
-            raise UserError(
-                f"{path}, row {bad[0] + 1}: {name} is {found[name][bad[0]]:g}.",
-                "Cut the recording there, or record again.",
-            )
     steps = np.diff(found.get("time_s", np.zeros(0)))
     if not len(steps):
         return
     usual = float(np.median(steps))
     wrong = np.flatnonzero((steps <= 0) | (steps > HOLE * usual))
     if len(wrong):
-        k = wrong[0]
+        k = int(wrong[0])
         raise UserError(
-            f"{path}, row {k + 2}: time_s goes from {found['time_s'][k]:g} to "
+            f"{table.at(k + 1)}: time_s goes from {found['time_s'][k]:g} to "
             f"{found['time_s'][k + 1]:g} s, usually by {usual:g} s: at most {HOLE:g} times that.",
             "Cut the recording at the hole, or record again.",
         )
 
 
-def angle_columns(path: Path) -> tuple[Array, Array, dict[str, Array]]:
+def angle_columns(path: Path) -> tuple[Array, Array, LegTable]:
     """Time and knee angle (flexion from full extension) of a recording, and all its columns."""
-    found = read_columns(path)
+    table = read_columns(path)
+    found = table.columns
     name = next((n for n in ANGLES if n in found), None)
     if name is None or "time_s" not in found:
         raise UserError(
@@ -111,14 +96,15 @@ def angle_columns(path: Path) -> tuple[Array, Array, dict[str, Array]]:
             f"{path}: {name} goes to {most / DEG:.0f} deg, further than a knee bends.",
             "Check its unit: degrees are angle_deg, radians angle_rad.",
         )
-    return found["time_s"], angle, found
+    return found["time_s"], angle, table
 
 
 def read_recording(
     path: Path, height_m: float = MEAN_HEIGHT_M, mass_kg: float = MEAN_MASS_KG
 ) -> LegRecording:
-    """A moved leg: time_s, angle_rad or angle_deg, torque_Nm or tau_Nm; of a CSV or MCAP file."""
-    time_s, angle, found = angle_columns(path)
+    """A moved leg: time_s, angle_rad or angle_deg, torque_Nm or tau_Nm; a table or MCAP file."""
+    time_s, angle, table = angle_columns(path)
+    found = table.columns
     torque = next((n for n in TORQUES if n in found), None)
     if torque is None:
         raise UserError(
@@ -131,23 +117,24 @@ def read_recording(
             f"{path}: {torque} goes to {most:.3g} Nm, more than hands do ({STRONGEST_NM:.0f} Nm).",
             "Check its unit.",
         )
-    return LegRecording(time_s, angle, found[torque], height_m, mass_kg)
+    return LegRecording(time_s, angle, found[torque], height_m, mass_kg, read=table.read)
 
 
 def from_recordings(folder: Path) -> ResponseDataBase:
-    """A data base from recordings: a folder for each category, CSV or MCAP files of people in it.
+    """A data base from recordings: a folder for each category, files of people in it.
 
     A line ``# height_m=1.7 mass_kg=70`` at the top of a CSV gives its body's size; a note of the
     same words does in an MCAP file.
     """
     people = []
-    found = [*folder.glob("*/*.csv"), *folder.glob("*/*.mcap")] if folder.is_dir() else []
+    found = [p for p in folder.glob("*/*") if p.suffix.lower() in KINDS] if folder.is_dir() else []
     for path in sorted(found):
         size = _body(path)
         people.append((path.parent.name, passage(read_recording(path, *size))))
     if not people:
         raise UserError(
-            f"{folder}: no recordings.", "Put CSV or MCAP files in a folder for each category."
+            f"{folder}: no recordings.",
+            f"Put files in a folder for each category: {', '.join(KINDS)}.",
         )
     low = min(float(np.min(p.angle_rad)) for _, p in people)
     high = max(float(np.max(p.angle_rad)) for _, p in people)
@@ -165,7 +152,9 @@ def _body(path: Path) -> tuple[float, float]:
             notes = [str(e.get("text", "")) for e in log.events("note")]
         first = next((n for n in notes if "height_m=" in n or "mass_kg=" in n), "")
     else:
-        first = path.read_text(encoding="utf-8").split("\n", 1)[0]
+        with path.open("rb") as file:
+            start = file.readline(200).removeprefix(BOM_UTF8).decode(errors="replace")
+        first = start if start.startswith("#") else ""
     found = dict(x.split("=", 1) for x in first.lstrip("# ").split() if "=" in x)
     try:
         height = float(found.get("height_m", MEAN_HEIGHT_M))

@@ -48,7 +48,10 @@ def check_body(height_m: float, mass_kg: float) -> None:
 
 @dataclass(frozen=True)
 class LegRecording:
-    """A moved leg.  angle_rad: flexion from full extension; torque_Nm: hands on leg, to flexion."""
+    """A moved leg.  angle_rad: flexion from full extension; torque_Nm: hands on leg, to flexion.
+
+    read: how its file was read, and what was left out.
+    """
 
     time_s: Array
     angle_rad: Array
@@ -57,6 +60,7 @@ class LegRecording:
     mass_kg: float = MEAN_MASS_KG
     level: bool = True  # thigh level: weight acts; False: leg on its side
     error_Nm: float = SENSOR_ERROR_NM  # how far a torque may be off throughout a movement
+    read: str = ""
 
     def __post_init__(self) -> None:
         steps = np.diff(self.time_s)

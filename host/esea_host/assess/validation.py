@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from esea_gen.errors import UserError
+from esea_gen.tables import TableFormat, read_table
 from esea_host.assess.passive_tests import pendulum_test
 from esea_host.assess.patients import (
     DEG,
@@ -123,20 +123,18 @@ def _knee_thresholds(rate_rad_s: float) -> dict[int, float]:
 
 def against_elbow(folder: Path) -> dict[str, Any]:
     """The model fitted to a spastic elbow, and to none at all in healthy ones."""
-    try:
-        spastic = np.loadtxt(folder / "ref_data_1.csv", delimiter=",")
-        healthy = {
-            p.stem: np.loadtxt(p, delimiter=",", skiprows=1)
-            for p in sorted(folder.glob("derived_healthy_v*.csv"))
-        }
-    except (OSError, ValueError) as error:
-        raise UserError(
-            f"{folder}: {error}.", "Name the folder of the elbow recordings."
-        ) from error
-    spastic = spastic[np.argsort(spastic[:, 0])]
+    bare = TableFormat(kind="csv", header_line=0)
+    spastic = read_table(folder / "ref_data_1.csv", ("1", "2"), bare)
+    angle, torque = spastic.numbers("1"), spastic.numbers("2")
+    below = bare.model_copy(update={"first_data_line": 2})
+    healthy = {
+        p.stem: read_table(p, ("3",), below).numbers("3")
+        for p in sorted(folder.glob("derived_healthy_v*.csv"))
+    }
+    order = np.argsort(angle)
     # Beyond its peak the torque falls, muscles being past their best length: not in the model.
-    rising = spastic[: int(np.argmax(spastic[:, 1])) + 1]
-    x, y = rising[:, 0] * DEG, rising[:, 1]
+    rising = order[: int(np.argmax(torque[order])) + 1]
+    x, y = angle[rising] * DEG, torque[rising]
 
     threshold, stiffness, most, rms_Nm = (float(v) for v in _fitted(x, y, ELBOW_RATE_rad_s))
     strongest = KneePatient("").reflex_max_Nm[0] * float(stretched(np.asarray(ELBOW_RATE_rad_s)))
@@ -145,8 +143,8 @@ def against_elbow(folder: Path) -> dict[str, Any]:
     for rate in RATES_deg_s:
         elbow = scale * float(_fitted(x, y, rate * DEG)[1])
         softer[rate] = {s: elbow / k if k else None for s, k in knee_stiffness(rate * DEG).items()}
-    still = {n: float(np.abs(d[:, 2]).max()) for n, d in healthy.items()}
-    rms = {n: float(np.sqrt(np.mean(d[:, 2] ** 2))) for n, d in healthy.items()}
+    still = {n: float(np.abs(d).max()) for n, d in healthy.items()}
+    rms = {n: float(np.sqrt(np.mean(d**2))) for n, d in healthy.items()}
     return {
         "assumed_rate_deg_s": ELBOW_RATE_rad_s / DEG,
         "rms_error_Nm": rms_Nm,

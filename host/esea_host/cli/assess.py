@@ -41,6 +41,11 @@ HeightOption = Annotated[float, typer.Option("--height-m", help="Body height, 1.
 MassOption = Annotated[float, typer.Option("--mass-kg", help="Body mass, 15 to 250.")]
 
 
+def _said(read: str) -> None:
+    if read:
+        out.print(read)
+
+
 def _data(path: Path | None) -> Any:
     from esea_host.assess.build import cached
     from esea_host.assess.database import ResponseDataBase
@@ -176,6 +181,7 @@ def run(
     if somebody is not None:
         out.print("The patient is simulated.")
     for path, r in zip(recording or [], recordings, strict=True):
+        _said(r.read)
         out.print(desk.recording(r, path.name))
     if window:
         from esea_host.windows.assess import run_assess
@@ -209,9 +215,10 @@ def pendulum(
     from esea_host.assess.files import angle_columns
     from esea_host.assess.passive_tests import pendulum_test
 
-    time_s, angle, _ = angle_columns(recording)
+    time_s, angle, table = angle_columns(recording)
     found = pendulum_test(time_s, angle)
     out.print(MEASURED_NOTICE)
+    _said(table.read)
     for line in found.sentences():
         out.print(line)
     write_json(json_file, "host-assess-pendulum", {"notice": MEASURED_NOTICE} | vars(found))
@@ -235,8 +242,10 @@ def range_(
 
     if figure is not None:
         checked_name(figure, FIGURES)
-    found = motion_range(read_recording(recording, height_m, mass_kg))
+    leg = read_recording(recording, height_m, mass_kg)
+    found = motion_range(leg)
     out.print(MEASURED_NOTICE)
+    _said(leg.read)
     for line in found.sentences():
         out.print(line)
     numbers = {k: v for k, v in vars(found).items() if v is None or isinstance(v, int | float)}

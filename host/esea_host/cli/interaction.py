@@ -11,6 +11,7 @@ import typer
 from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole, written_whole
+from esea_gen.tables import read_table
 from esea_host.cli.analyse import analyse
 from esea_host.cli.app import app, out
 
@@ -26,7 +27,9 @@ FigureOption = Annotated[
         "--figure", metavar="FILE", callback=writable, help="Picture: .png, .svg or .pdf."
     ),
 ]
-FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="CSV file.")]
+FileArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="CSV, Parquet, MAT, HDF5 or JSON.")
+]
 
 
 def _checked_figure(path: Path | None) -> None:
@@ -90,14 +93,14 @@ def loading(
     figure: FigureOption = None,
 ) -> None:
     """Loading stiffness and hysteresis of a torque-displacement curve (theta_rad, tau_Nm)."""
-    from esea_host.interaction.design import read_numbers
     from esea_host.interaction.figures import loading_figure
     from esea_host.interaction.loading import analyse_loading
 
     _checked_figure(figure)
-    theta, tau = read_numbers(file, ("theta_rad", "tau_Nm"))
+    table = read_table(file, ("theta_rad", "tau_Nm"))
+    theta, tau = table.numbers("theta_rad"), table.numbers("tau_Nm")
     found = analyse_loading(theta, tau, rest_rad=rest, skip_first=skip_first)
-    _say(found.lines())
+    _say([table.report(), *found.lines()])
     write_json(json_file, "host-loading", found.to_dict())
     _draw(figure, loading_figure(theta - rest, tau, found))
 
@@ -151,18 +154,30 @@ def power(
 def smoothness(
     file: FileArgument,
     column: Annotated[
-        str, typer.Option("--column", help="Angle or position; its unit is the metrics'.")
-    ] = "theta_deg",
-    time: Annotated[str, typer.Option("--time", help="Column of the time in s.")] = "time_s",
+        str | None,
+        typer.Option(
+            "--column", help="Angle, position or their speed; default: by its name and unit."
+        ),
+    ] = None,
+    time: Annotated[
+        str | None, typer.Option("--time", help="Column of the time; default: by its name.")
+    ] = None,
+    time_unit: Annotated[
+        str | None, typer.Option("--time-unit", help="s, ms, us or ns; default: by its name, or s.")
+    ] = None,
     stop_Hz: Annotated[float, typer.Option("--stop", help="Stop band of the filter, Hz.")] = 4.0,
     last_s: Annotated[
         float | None, typer.Option("--last", help="Analyse the last so many seconds.")
+    ] = None,
+    resample_Hz: Annotated[
+        float | None,
+        typer.Option("--resample", help="Rate in Hz, for frames at irregular times; reported."),
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Every smoothness metric of a recording of your own, with its settings and their band."""
     from esea_host.interaction.own_data import measure_file
 
-    found = measure_file(file, column, time, stop_Hz, last_s)
+    found = measure_file(file, column, time, stop_Hz, last_s, resample_Hz, time_unit)
     _say(found.lines())
     write_json(json_file, "host-smoothness", found.to_dict())

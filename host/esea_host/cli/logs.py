@@ -144,16 +144,19 @@ def export(
 
 @app.command(name="import")
 def import_(
-    source: Annotated[Path, typer.Argument(help="CSV of another machine.")],
+    source: Annotated[
+        Path, typer.Argument(help="Log of another machine: CSV, Parquet, MAT, HDF5 or JSON.")
+    ],
     target: Annotated[Path, typer.Argument(callback=writable, help="Recording to write (.mcap).")],
     mapping: Annotated[Path, typer.Option("--mapping", help="TOML: which column is what.")],
 ) -> None:
-    """Make a recording of a foreign CSV log; its faults are told."""
-    from esea_host.recording.foreign import import_csv, read_mapping
+    """Make a recording of another machine's log; its faults are reported."""
+    from esea_host.recording.foreign import import_table, read_mapping
 
-    report = import_csv(source, read_mapping(mapping), target)
+    report = import_table(source, read_mapping(mapping), target)
+    out.print(report.read)
     out.print(f"{target}: {report.rows} rows, {len(report.gaps)} gaps")
     out.print(
-        f"dropped at first {report.dropped_first}, no rows of numbers {report.ragged}, unwrapped "
-        f"{report.wrapped}, broken values {report.broken}, back in time {len(report.backward_s)} x"
+        f"unwrapped {report.wrapped}, broken values {report.broken}, missing values "
+        f"{report.missing}, back in time {len(report.backward_s)} x"
     )

@@ -11,7 +11,7 @@ import typer
 
 from esea_gen.cli.groups import WholeSentences
 from esea_gen.errors import UserError
-from esea_gen.files import new_folder
+from esea_gen.files import new_whole
 from esea_host.cli.app import app, out
 from esea_host.cli.options import know_shipped_tasks
 
@@ -82,7 +82,7 @@ def create(
     trusted(trust)
     know_shipped_tasks()
     protocol = load_protocol(file, task or [])
-    with new_folder(folder) as scratch:
+    with new_whole(folder) as scratch:
         StudyFolder.create(scratch, protocol, simulated)
     trusted(c.sha256 for c in protocol.code)  # what --task named runs from the folder too
     out.print(f"{folder}: ready; next: esea-host study enrol {folder} P01 --consent")
@@ -211,8 +211,7 @@ def export(
 
     study = opened(folder, trust, runs=as_ is ExportForm.bids)
     forms = {ExportForm.bids: to_bids, ExportForm.parquet: to_parquet}
-    with new_folder(to) as scratch:
-        written = forms.get(as_, StudyFolder.export)(study, scratch, seed)
+    written = forms.get(as_, StudyFolder.export)(study, to, seed)
     out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
 
 

@@ -115,12 +115,13 @@ class ElementComparison:
 
 @dataclass(frozen=True)
 class InteractionAnalysis:
-    """A folder's answer."""
+    """A folder's answer.  read: how its recordings were read, and what was left out of them."""
 
     folder: str
     simulated: bool
     people: tuple[str, ...]
     left_out: tuple[str, ...]
+    read: tuple[str, ...]
     comparisons: tuple[ElementComparison, ...]
     survey: Survey | None
     comments: Comments | None
@@ -132,6 +133,7 @@ class InteractionAnalysis:
             "simulated": self.simulated,
             "people": list(self.people),
             "left_out": list(self.left_out),
+            "read": list(self.read),
             "comparisons": [c.to_dict() for c in self.comparisons],
             "survey": None if self.survey is None else self.survey.to_dict(),
             "comments": None if self.comments is None else self.comments.to_dict(),
@@ -169,6 +171,7 @@ def analyse_interaction(folder: Path) -> InteractionAnalysis:
         manifest.simulated,
         tuple(sorted({p for t in found.tasks for p in t.people})),
         found.left_out,
+        found.read,
         tuple(
             replace(c, device_holm=float(d), block_holm=float(b))
             for c, d, b in zip(comparisons, device, block, strict=True)

@@ -6,12 +6,12 @@ row each.  Themes and tones are words; tones: positive, negative, neutral.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_host.interaction.design import ELEMENTS, read_table
+from esea_host.interaction.design import ELEMENTS, read_rows
 from esea_host.interaction.published import TABLE_6_5
 from esea_host.statistics import Agreement, NoStatisticError, cohens_kappa
 
@@ -25,6 +25,7 @@ class Comments:
     theme_agreement: Cohen's kappa of each theme, given or not, over all comments; tone_agreement:
     over comments and themes that both gave.  None where chance explains all agreement.
     disagreed: comments that the coders have to talk about.
+    read: how the file was read, and what was left out.
     """
 
     coders: tuple[str, str]
@@ -33,6 +34,7 @@ class Comments:
     theme_agreement: dict[str, Agreement | None]
     tone_agreement: Agreement | None
     disagreed: tuple[str, ...]
+    read: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -48,11 +50,13 @@ class Comments:
             if self.tone_agreement is None
             else self.tone_agreement.to_dict(),
             "disagreed": list(self.disagreed),
+            "read": self.read,
         }
 
     def lines(self) -> list[str]:
         """For a terminal."""
-        out = [f"{self.comments} comments, coded by {' and '.join(self.coders)}"]
+        out = [self.read] if self.read else []
+        out += [f"{self.comments} comments, coded by {' and '.join(self.coders)}"]
         for theme, found in self.theme_agreement.items():
             out.append(f"  {theme:18s} kappa {_said(found)}")
         out.append(f"  {'tone':18s} kappa {_said(self.tone_agreement)}")
@@ -95,10 +99,8 @@ def read_comments(path: Path) -> Comments:
     """Coded comments from their CSV file."""
     codes: dict[str, dict[tuple[str, str], str]] = {}
     elements: dict[str, str] = {}
-    for number, row in enumerate(
-        read_table(path, ("comment", "element", "coder", "theme", "tone")), 2
-    ):
-        where = f"{path.name}, row {number}"
+    table, rows = read_rows(path, ("comment", "element", "coder", "theme", "tone"))
+    for where, row in rows:
         comment, element, theme, tone = (row[k] for k in ("comment", "element", "theme", "tone"))
         if not (comment and row["coder"]):
             raise UserError(f"{where}: comment or coder without a name.", "Name both.")
@@ -124,7 +126,7 @@ def read_comments(path: Path) -> Comments:
             f"{path.name}: only one coder has {', '.join(sorted(missing))}.",
             "Both code all of them.",
         )
-    return _compared((*codes,), one, other, elements)
+    return replace(_compared((*codes,), one, other, elements), read=table.report())
 
 
 def _compared(

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from esea_gen.errors import UserError
+from esea_gen.tables import FileTable, read_table
 
 SPRING, ELASTOMER = "spring", "elastomer"
 ELEMENTS = (SPRING, ELASTOMER)
@@ -22,42 +19,16 @@ def element_of(group: str, block: int) -> str:
     return FIRST[group] if block == 1 else ELEMENTS[1 - ELEMENTS.index(FIRST[group])]
 
 
-def read_table(path: Path, needed: Sequence[str]) -> list[dict[str, str]]:
-    """Rows of a CSV file that has these columns; other columns are kept, lines with # left out."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = [line for line in csv.reader(file) if line and not line[0].startswith("#")]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{path.name}: {error}.", "Give a CSV file in UTF-8.") from None
-    columns, rows = [name.strip() for name in lines[0]] if lines else [], lines[1:]
-    if len(set(columns)) < len(columns):
-        raise UserError(
-            f"{path.name}: a column comes twice in {', '.join(columns)}.", "Name each once."
-        )
-    missing = [c for c in needed if c not in columns]
-    if missing:
-        raise UserError(
-            f"{path.name}: no column {', '.join(missing)}, only {', '.join(columns) or 'none'}.",
-            f"It needs {', '.join(needed)}.",
-        )
-    if not rows:
+def read_rows(
+    path: Path, needed: Sequence[str]
+) -> tuple[FileTable, list[tuple[str, dict[str, str]]]]:
+    """A table of texts that has these columns, and each row with its place for messages."""
+    table = read_table(path, needed, name=path.name)
+    if not len(table):
         raise UserError(f"{path.name}: no rows.", "Give one row an entry.")
-    for number, row in enumerate(rows, 2):
-        if len(row) != len(columns):
-            raise UserError(
-                f"{path.name}, row {number}: {len(row)} values, the header has {len(columns)}.",
-                "Give every row as many; put text with a comma in quotes.",
-            )
-    return [dict(zip(columns, (v.strip() for v in row), strict=True)) for row in rows]
-
-
-def read_numbers(path: Path, needed: Sequence[str]) -> list[npt.NDArray[np.float64]]:
-    """These columns of a CSV file as numbers, NaN where nothing stands."""
-    rows = read_table(path, needed)
-    try:
-        return [np.array([float(row[c] or "nan") for row in rows]) for c in needed]
-    except ValueError as error:
-        raise UserError(f"{path.name}: {error}.", "Give numbers.") from None
+    columns = zip(*(table.texts(n) for n in needed), strict=True)
+    rows = [dict(zip(needed, cells, strict=True)) for cells in columns]
+    return table, [(table.at(k), row) for k, row in enumerate(rows)]
 
 
 def checked_group(group: str, where: str) -> str:

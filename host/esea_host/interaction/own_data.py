@@ -2,36 +2,109 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
 from esea_gen.errors import UserError
-from esea_host.interaction.design import read_numbers
-from esea_host.interaction.recordings import is_simulated, rate_of
+from esea_gen.language.ports import UNIT_SUFFIXES
+from esea_gen.tables import FileTable, read_table
+from esea_gen.tables.form import listed
+from esea_host.interaction.recordings import Array, is_simulated
 from esea_host.smoothness import (
     Band,
     Derivatives,
     NoAnswerError,
+    Resampled,
     SmoothnessResult,
     derivatives,
     dimensionless_jerk,
     ldlj,
     peak_speed_ratio,
+    resampled,
     rms_acceleration,
     sensitivity_band,
     sparc,
+    steady_rate,
     submovements,
     vdv,
 )
 
+# What a joint's angle is called, the surest first; boards call it ``theta_load_rad``.
+ANGLES = ("theta_load", "theta", "angle", "knee")
+TIMES = ("time", "t", "timestamp", "seconds")
+POSITIONS = ("rad", "deg", "m", "cm", "mm", "px")
+# No name of a position.
+OTHER = re.compile("speed|veloc|omega|accel|jerk|torque|tau|force|current|status|count")
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+# Beside those of ports.
+SUFFIXES = {f"_{u}": u for u in (*POSITIONS, *SECONDS)}
+SUFFIXES |= {f"_{u}_s": f"{u}/s" for u in POSITIONS} | {f"_{u}_s2": f"{u}/s^2" for u in POSITIONS}
+WORDS = {"\N{DEGREE SIGN}": "deg", "\N{DEGREE SIGN}/s": "deg/s", "degrees": "deg", "radians": "rad"}
+WORDS |= {"sec": "s", "seconds": "s", "msec": "ms", "milliseconds": "ms", "\N{MICRO SIGN}s": "us"}
+TICK, SIMULATED_COLUMN = "sequence", "simulated"  # of exported streams
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A column: its name in the file, without a unit in brackets, and its unit, if it names one."""
+
+    column: str
+    name: str
+    unit: str | None
+
+    @classmethod
+    def of(cls, column: str) -> Quantity:
+        """The unit in brackets, or a unit as the last part of the name."""
+        cut = column.rfind({"]": "[", ")": "("}.get(column[-1:], "\n"))
+        name, unit = column[:cut].rstrip(), column[cut + 1 : -1].strip()
+        if cut > 0 and name and unit and not unit.isdigit():  # else an index
+            return cls(column, name, WORDS.get(unit, unit))
+        known = UNIT_SUFFIXES | SUFFIXES
+        ends = [s for s in known if column.endswith(s) and s.startswith("_")]
+        return cls(column, column, known[max(ends, key=len)] if ends else None)
+
+    @property
+    def stem(self) -> str:
+        """Its name without its unit, in lower case."""
+        unit = (self.unit or "").replace("^", "").replace("/", "_")
+        last = re.split(r"[./]", self.name)[-1].lower()  # of a struct or group
+        return last.removesuffix(f"_{unit}") if unit else last
+
+    @property
+    def is_position(self) -> bool:
+        """Whether its unit is an angle's or a length's."""
+        return self.unit in POSITIONS
+
+    @property
+    def is_speed(self) -> bool:
+        """Whether its unit is a position's per second."""
+        return (self.unit or "").removesuffix("/s") in POSITIONS and not self.is_position
+
+    def __str__(self) -> str:
+        return (
+            self.column if self.column != self.name else f"{self.name} [{self.unit or 'no unit'}]"
+        )
+
 
 @dataclass(frozen=True)
 class OwnSmoothness:
-    """Results and bands of one file; refused: metrics without an answer, and why."""
+    """Results and bands of one file; refused: metrics without an answer, and why.
+
+    read: how the file was read, and what was left out.
+    """
 
     file: str
     simulated: bool
+    column: Quantity
+    time: Quantity
+    read: tuple[str, ...]
+    resampling: Resampled | None
     results: tuple[tuple[SmoothnessResult, Band], ...]
     refused: tuple[str, ...]
 
@@ -40,6 +113,11 @@ class OwnSmoothness:
         return {
             "file": self.file,
             "simulated": self.simulated,
+            "column": self.column.column,
+            "unit": self.column.unit,
+            "time": self.time.column,
+            "read": list(self.read),
+            "resampled": None if self.resampling is None else self.resampling.to_dict(),
             "metrics": [r.to_dict() | {"band": b.to_dict()} for r, b in self.results],
             "refused": list(self.refused),
         }
@@ -48,7 +126,13 @@ class OwnSmoothness:
         """For a terminal."""
         first = self.results[0][0]
         whose = f"{self.file}{', SIMULATED' if self.simulated else ''}"
-        out = [f"{whose}: {first.duration_s:g} s at {first.fs_Hz:g} Hz; {first.filter}"]
+        out = [*self.read]
+        if self.resampling is not None:
+            out.append(self.resampling.line())
+        out.append(
+            f"{whose}: {self.column} over {self.time}: {first.duration_s:g} s at {first.fs_Hz:g} "
+            f"Hz; {first.filter}"
+        )
         for r, b in self.results:
             unit = "" if r.unit == "1" else f" {r.unit}"
             cut = "" if r.cutoff_Hz is None else f", up to {r.cutoff_Hz:g} Hz"
@@ -61,13 +145,36 @@ class OwnSmoothness:
 
 
 def measure_file(
-    path: Path, column: str, time: str, stop_Hz: float, last_s: float | None
+    path: Path,
+    column: str | None = None,
+    time: str | None = None,
+    stop_Hz: float = 4.0,
+    last_s: float | None = None,
+    resample_Hz: float | None = None,
+    time_unit: str | None = None,
 ) -> OwnSmoothness:
-    """Metrics of a column of a CSV file."""
-    t, x = read_numbers(path, (time, column))
-    unit = column.rsplit("_", 1)[-1] if "_" in column else "unit"
+    """Metrics of a column of a table.
+
+    column, time: as in the file, with or without a unit in brackets; chosen by name and unit.
+    resample_Hz: new rate for frames at irregular times.  time_unit: of a time whose name has none.
+    """
+    table = read_table(path)
+    over = _time(table, time, time_unit)
+    moved = _position(table, column, over)
+    read = [] if column else [f"column chosen: {moved}; --column names another"]
+    if over.unit is None:
+        read.append(f"the time '{over.column}' names no unit: read as seconds")
+    table = _longest_piece(table.timed(over.column))
+    t = table.numbers(over.column) * SECONDS[over.unit or "s"]
+    x = table.numbers(moved.column, holes=resample_Hz is not None)
+    read.append(table.report())
+    made = None
     try:
-        fs_Hz = rate_of(t)
+        if resample_Hz is not None:
+            made = resampled(t, x, resample_Hz, stop_Hz)
+            t, x = made.time_s, made.values
+        fs_Hz = steady_rate(t)
+        x, unit = _integrated(x, fs_Hz, moved, read)
 
         def chain(stop: float) -> Derivatives:
             found = derivatives(x, fs_Hz, stop, time_s=t)
@@ -75,14 +182,110 @@ def measure_file(
 
         others = (s for s in (0.8 * stop_Hz, 1.5 * stop_Hz) if s < fs_Hz / 2)
         chains = {stop_Hz: chain(stop_Hz)} | {s: chain(s) for s in others}
-        return _measured(path, chains, stop_Hz, f"{unit}/s^2")
+        results, refused = _measured(path, chains, stop_Hz, f"{unit}/s^2")
     except NoAnswerError as error:
-        raise UserError(f"{path.name}: {error.what}", error.fix) from None
+        fix = error.fix
+        if error.reason == "gap" and resample_Hz is None:
+            fix += f" --resample {_mean_rate(t):.3g} interpolates, and reports what it did."
+        if error.reason == "cutoff" and over.unit is None:
+            fix += f" If '{over.column}' is in milliseconds, give --time-unit ms."
+        raise UserError(f"{path.name}: {error.what}", fix) from None
+    marked = SIMULATED_COLUMN in table.names and table.numbers(SIMULATED_COLUMN, holes=True).any()
+    simulated = bool(marked) or is_simulated(path)
+    return OwnSmoothness(path.name, simulated, moved, over, tuple(read), made, results, refused)
+
+
+def _mean_rate(t: Array) -> float:
+    length = float(np.ptp(t))
+    return (len(t) - 1) / length if length > 0 else 100.0
+
+
+def _named(table: FileTable, wanted: str) -> Quantity:
+    fits = [q for q in map(Quantity.of, table.names) if wanted in (q.column, q.name)]
+    if len(fits) != 1:
+        raise UserError(
+            f"{table.name}: "
+            + (
+                f"'{wanted}' may be {listed([q.column for q in fits])}."
+                if fits
+                else f"there is no column '{wanted}'; the columns are {listed(table.names)}."
+            ),
+            "Give the name as the header has it.",
+        )
+    return fits[0]
+
+
+def _time(table: FileTable, wanted: str | None, unit: str | None) -> Quantity:
+    if wanted is not None:
+        found = _named(table, wanted)
+    else:
+        named = (q for q in map(Quantity.of, table.names) if q.stem in TIMES)
+        fits = [q for q in named if q.unit is None or q.unit in SECONDS]
+        if len(fits) != 1:
+            raise UserError(
+                f"{table.name}: {'several columns' if fits else 'no column'} of the time: "
+                f"{listed([q.column for q in fits] or table.names)}.",
+                "Name it with --time.",
+            )
+        found = fits[0]
+    if unit is not None:
+        found = replace(found, unit=unit)
+    if found.unit not in (*SECONDS, None):
+        raise UserError(
+            f"{table.name}: the time '{found.column}' has the unit {found.unit}.",
+            f"Give a column in {', '.join(SECONDS)}.",
+        )
+    return found
+
+
+def _position(table: FileTable, wanted: str | None, over: Quantity) -> Quantity:
+    if wanted is not None:
+        return _named(table, wanted)
+    apart = ("", over.column, TICK, SIMULATED_COLUMN)
+    others = [q for q in map(Quantity.of, table.names) if q.column not in apart]
+    positions = [q for q in others if q.is_position]
+    for stem in ANGLES:
+        fits = [q for q in positions if q.stem == stem]
+        if len(fits) == 1:
+            return fits[0]
+    bare = [q for q in others if q.unit is None and not OTHER.search(q.name.lower())]
+    fits = positions or [q for q in others if q.is_speed] or bare
+    if len(fits) != 1:
+        raise UserError(
+            f"{table.name}: {'several columns' if fits else 'no column'} may be the movement: "
+            f"{listed([q.column for q in fits or others])}.",
+            "Name one with --column: an angle, a position, or their speed with its unit.",
+        )
+    return fits[0]
+
+
+def _longest_piece(table: FileTable) -> FileTable:
+    # Of an exported stream: where its ticks start again, another run of the board begins.
+    if TICK not in table.names or len(table) == 0:
+        return table
+    cuts = np.flatnonzero(np.diff(table.numbers(TICK)) <= 0) + 1
+    ends = [0, *cuts.tolist(), len(table)]
+    start, stop = max(pairwise(ends), key=lambda p: p[1] - p[0])
+    rows = np.arange(len(table))
+    return table.kept(
+        (start <= rows) & (rows < stop), f"'{TICK}' of another run; the longest one is analysed"
+    )
+
+
+def _integrated(x: Array, fs_Hz: float, moved: Quantity, read: list[str]) -> tuple[Array, str]:
+    # Position and its unit; a speed's integral is one.
+    if moved.unit is None:
+        read.append(f"'{moved.column}' names no unit: taken as an angle or position")
+        return x, f"({moved.name})"
+    if not moved.is_speed:
+        return x, moved.unit
+    read.append(f"'{moved.column}' is a speed: integrated once")
+    return cumulative_trapezoid(x, dx=1 / fs_Hz, initial=0.0), moved.unit.removesuffix("/s")
 
 
 def _measured(
     path: Path, chains: dict[float, Derivatives], stop_Hz: float, unit: str
-) -> OwnSmoothness:
+) -> tuple[tuple[tuple[SmoothnessResult, Band], ...], tuple[str, ...]]:
     def of(kind: str, convention: str = "") -> Any:
         def measure(stop_Hz: float = stop_Hz, **settings: Any) -> SmoothnessResult:
             d = chains[stop_Hz]
@@ -123,4 +326,4 @@ def _measured(
             refused.append(f"{kind} ({convention}): {error}")
     if not results:
         raise UserError(f"{path.name}: {refused[0]}", "Look at the recording.")
-    return OwnSmoothness(path.name, is_simulated(path), tuple(results), tuple(refused))
+    return tuple(results), tuple(refused)

@@ -1,4 +1,4 @@
-"""A folder of recordings, as any rig can write it: a manifest and one CSV file a recording.
+"""A folder of recordings, as any rig can write it: a manifest and one table a recording.
 
 ``interaction.toml``::
 
@@ -22,6 +22,7 @@ has ``paused``, what counts is what came after the last pause.
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -32,10 +33,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
+from esea_gen.tables import FileTable, read_table
 from esea_gen.toml_file import checked, parse_toml, read_text
 from esea_host.interaction.design import element_of
-from esea_host.smoothness import NoAnswerError
-from esea_host.smoothness.checks import checked_rate, rows
+from esea_host.smoothness import NoAnswerError, steady_rate
+from esea_host.smoothness.checks import rows
 
 Array = npt.NDArray[np.float64]
 MANIFEST = "interaction.toml"
@@ -84,12 +86,17 @@ class TaskRecordings:
 
 @dataclass(frozen=True)
 class Recordings:
-    """A folder, read.  left_out: people without both elements in a task."""
+    """A folder, read.
+
+    left_out: people without both elements in a task.
+    read: how the files were read, and what was left out of them.
+    """
 
     folder: Path
     manifest: Manifest
     tasks: tuple[TaskRecordings, ...]
     left_out: tuple[str, ...]
+    read: tuple[str, ...]
 
 
 def read_manifest(folder: Path) -> Manifest:
@@ -140,62 +147,44 @@ def write_recording(
 
 
 def is_simulated(path: Path) -> bool:
-    """Whether a recording says so of itself."""
-    with path.open(encoding="utf-8") as file:
-        return file.readline() == SIMULATED
+    """Whether a recording's first line says so."""
+    with path.open("rb") as file:
+        return file.readline(100).removeprefix(BOM_UTF8).split() == SIMULATED.encode().split()
 
 
-def read_angle(path: Path) -> tuple[Array, Array]:
-    """Times and angle in degrees of a recording."""
-    import pandas as pd
-
-    try:
-        table = pd.read_csv(path, comment="#", skipinitialspace=True)
-    except (OSError, ValueError) as error:
+def read_angle(path: Path) -> tuple[Array, Array, FileTable]:
+    """Times and angle in degrees of a recording, and its table."""
+    table = read_table(path, name=path.name)
+    angle = next((c for c in ("theta_deg", "theta_rad") if c in table.names), None)
+    if "time_s" not in table.names or angle is None:
         raise UserError(
-            f"{path.name}: {str(error).strip()}.", "Give a CSV file with a header."
-        ) from None
-    angle = next((c for c in ("theta_deg", "theta_rad") if c in table), None)
-    if "time_s" not in table or angle is None:
-        raise UserError(
-            f"{path.name}: columns {', '.join(map(str, table.columns))}.",
+            f"{path.name}: columns {', '.join(table.names)}.",
             "It needs time_s and theta_rad or theta_deg.",
         )
-    if "paused" in table and table["paused"].any():
-        table = table.iloc[int(np.flatnonzero(table["paused"])[-1]) + 1 :]
-    try:
-        time, theta = table["time_s"].to_numpy(np.float64), table[angle].to_numpy(np.float64)
-    except ValueError as error:
-        raise UserError(f"{path.name}: {error}.", "Give numbers.") from None
-    return time, np.rad2deg(theta) if angle == "theta_rad" else theta
+    if "paused" in table.names:
+        paused = np.flatnonzero(table.numbers("paused"))
+        if len(paused):
+            table = table.kept(np.arange(len(table)) > paused[-1], "a pause in or behind them")
+    time, theta = table.numbers("time_s"), table.numbers(angle)
+    return time, np.rad2deg(theta) if angle == "theta_rad" else theta, table
 
 
-def rate_of(time_s: Array) -> float:
-    """Mean sampling rate, to six digits, for times are printed with a few only."""
-    if len(time_s) < 2 or not time_s[-1] > time_s[0]:
-        raise NoAnswerError(
-            "rate",
-            f"{len(time_s)} samples whose times do not rise from first to last.",
-            "Give the times of a recording, in s.",
-        )
-    return checked_rate(float(f"{(len(time_s) - 1) / (time_s[-1] - time_s[0]):.6g}"))
-
-
-def steady_angle(path: Path) -> tuple[Array, float]:
+def steady_angle(path: Path) -> tuple[Array, float, FileTable]:
     """Angle in degrees and sampling rate; a gap in time or a missing sample is refused."""
-    time, theta = read_angle(path)
+    time, theta, table = read_angle(path)
     try:
-        fs_Hz = rate_of(time)
+        fs_Hz = steady_rate(time)
         rows(theta, "The angle", fs_Hz, time)
     except NoAnswerError as error:
         raise UserError(f"{path.name}: {error.what}", error.fix) from None
-    return theta, fs_Hz
+    return theta, fs_Hz, table
 
 
 def read_recordings(folder: Path) -> Recordings:
     """Manifest and all recordings; of each the analysed part with room for the filter."""
     manifest = read_manifest(folder)
     tasks, left_out = [], []
+    tables: list[FileTable] = []
     for task in sorted({e.task for e in manifest.recording}):
         entries = [e for e in manifest.recording if e.task == task]
         people = sorted({e.participant for e in entries})
@@ -203,24 +192,33 @@ def read_recordings(folder: Path) -> Recordings:
         left_out += [f"{p} ({task})" for p in people if p not in both]
         if both:
             tasks.append(
-                _stacked(folder, manifest, task, [e for e in entries if e.participant in both])
+                _stacked(
+                    folder, manifest, task, [e for e in entries if e.participant in both], tables
+                )
             )
     if not tasks:
         raise UserError(
             f"{folder}: nobody has both elements in any task.", "Add the missing recordings."
         )
-    return Recordings(folder, manifest, tuple(tasks), tuple(left_out))
+    cut = [t.report() for t in tables if t.left_out]
+    read = (f"{len(tables)} recordings read, {len(tables) - len(cut)} completely", *cut)
+    return Recordings(folder, manifest, tuple(tasks), tuple(left_out), read)
 
 
 def _stacked(
-    folder: Path, manifest: Manifest, task: str, entries: list[RecordingEntry]
+    folder: Path,
+    manifest: Manifest,
+    task: str,
+    entries: list[RecordingEntry],
+    tables: list[FileTable],
 ) -> TaskRecordings:
     people = sorted({e.participant for e in entries})
     groups = {e.participant: e.group for e in entries}
     angles: dict[tuple[str, str], Array] = {}
     rates = {}
     for e in entries:
-        angles[e.participant, e.element], rates[e.file] = steady_angle(folder / e.file)
+        angles[e.participant, e.element], rates[e.file], table = steady_angle(folder / e.file)
+        tables.append(table)
         if is_simulated(folder / e.file) and not manifest.simulated:
             raise UserError(
                 f"{MANIFEST}: {e.file} says that it is simulated.", "Write simulated = true."

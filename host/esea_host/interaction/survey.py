@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from esea_gen.errors import UserError
 from esea_gen.plotting import INK, STYLE
-from esea_host.interaction.design import FIRST, SPRING, checked_group, read_table
+from esea_host.interaction.design import FIRST, SPRING, checked_group, read_rows
 from esea_host.interaction.published import TABLE_6_4
 from esea_host.statistics import SignedRank, holm, signed_rank
 
@@ -69,18 +69,21 @@ class Question:
 
 @dataclass(frozen=True)
 class Survey:
-    """All four questions of all people."""
+    """All four questions of all people.  read: how the file was read, and what was left out."""
 
     people: dict[str, str]
     questions: tuple[Question, ...]
+    read: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"people": self.people, "questions": [q.to_dict() for q in self.questions]}
+        questions = [q.to_dict() for q in self.questions]
+        return {"people": self.people, "questions": questions, "read": self.read}
 
     def lines(self) -> list[str]:
         """For a terminal."""
-        out = [f"survey, {len(self.people)} people, spring against elastomer (-2 to 2)"]
+        out = [self.read] if self.read else []
+        out += [f"survey, {len(self.people)} people, spring against elastomer (-2 to 2)"]
         for q in self.questions:
             p = "all alike" if q.test is None else f"p {q.test.p:.3g}, Holm {q.p_holm:.3g}"
             zeros = 0 if q.test is None else q.test.zeros
@@ -116,8 +119,8 @@ def read_survey(path: Path) -> Survey:
     """A survey from its CSV file."""
     people: dict[str, str] = {}
     answers: dict[str, list[int]] = {q: [] for q in QUESTIONS}
-    for number, row in enumerate(read_table(path, ("participant", "group", *QUESTIONS)), 2):
-        where = f"{path.name}, row {number}"
+    table, rows = read_rows(path, ("participant", "group", *QUESTIONS))
+    for where, row in rows:
         who, group = row["participant"], checked_group(row["group"], where)
         if who in people or not who:
             raise UserError(
@@ -127,10 +130,10 @@ def read_survey(path: Path) -> Survey:
         for q in QUESTIONS:
             level = answer(row[q], f"{where}, {q}")
             answers[q].append(spring_against_elastomer(level, group))
-    return survey_of(people, answers)
+    return survey_of(people, answers, table.report())
 
 
-def survey_of(people: dict[str, str], answers: dict[str, list[int]]) -> Survey:
+def survey_of(people: dict[str, str], answers: dict[str, list[int]], read: str) -> Survey:
     """Tests of answers that are already said as spring against elastomer."""
     tests = {q: signed_rank(a) if any(a) else None for q, a in answers.items()}
     adjusted = holm([1.0 if t is None else t.p for t in tests.values()])
@@ -140,6 +143,7 @@ def survey_of(people: dict[str, str], answers: dict[str, list[int]]) -> Survey:
             Question(q, tuple(answers[q]), tests[q], float(p))
             for q, p in zip(answers, adjusted, strict=True)
         ),
+        read,
     )
 
 

@@ -13,6 +13,7 @@ def lines(found: InteractionAnalysis) -> list[str]:
         f"{found.folder}: {len(found.people)} people"
         + (", SIMULATED: no person took part" if found.simulated else "")
     ]
+    out += found.read
     if found.left_out:
         out.append(f"left out, one element missing: {', '.join(found.left_out)}")
     for c in found.comparisons:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import re
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.files import new_whole, write_whole
 from esea_host.recording.layout import Array
 from esea_host.recording.log import TICK, Log, Table
 
@@ -27,32 +26,6 @@ _LABEL = re.compile(r"[0-9a-zA-Z]+")
 _BIDS_TYPES = {"rad": "JNTANG", "rad/s": "VEL", "rad/s^2": "ANGACCEL"}
 
 
-@contextmanager
-def _new(*paths: Path) -> Iterator[list[Path]]:
-    # Files to write in the place of these, which must not exist; they get their names at the end.
-    for path in paths:
-        if path.exists():
-            raise UserError(f"{path} is there already.", "Give another name.")
-    made: list[Path] = []
-    try:
-        try:
-            for path in paths:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                number, name = tempfile.mkstemp(prefix=".esea-", dir=path.parent)
-                os.close(number)
-                made.append(Path(name))
-            yield made
-            for scratch, path in zip(made, paths, strict=True):
-                scratch.chmod(0o644)
-                scratch.replace(path)
-        except OSError as error:
-            what = f"{paths[0]}: cannot be written ({error.strerror or error})."
-            raise UserError(what, "Make room, or give another place.") from None
-    finally:
-        for scratch in made:
-            scratch.unlink(missing_ok=True)
-
-
 def _about(log: Log, table: Table) -> dict[str, Any]:
     return {
         "facts": log.facts,
@@ -61,8 +34,8 @@ def _about(log: Log, table: Table) -> dict[str, Any]:
     }
 
 
-def _columns(table: Table) -> list[tuple[str, str, Array]]:
-    # Name, unit and values; a vector's elements by themselves.
+def _columns(table: Table, simulated: bool = False) -> list[tuple[str, str, Array]]:
+    # Name, unit and values; a vector's elements by themselves; whether simulated in every row.
     found: list[tuple[str, str, Array]] = [("time_s", "s", table.time_s)]
     for c in table.layout.columns:
         values = table[c.name]
@@ -70,6 +43,8 @@ def _columns(table: Table) -> list[tuple[str, str, Array]]:
             found.append((c.name, c.unit, values))
         else:
             found += [(f"{c.name}[{i}]", c.unit, values[:, i]) for i in range(c.size)]
+    if simulated:
+        found.append(("simulated", "1", np.ones(len(table), np.uint8)))
     return found
 
 
@@ -84,6 +59,7 @@ def to_csv(log: Log, stream: str, path: Path) -> int:
         Which.
     path : Path
         Must not exist.  Header ``name [unit]``; floats so that they read back to the same bits.
+        The last column of a simulated recording is ``simulated``, 1.
 
     Returns
     -------
@@ -91,19 +67,20 @@ def to_csv(log: Log, stream: str, path: Path) -> int:
         Rows; a gap is a row with nothing but its time's place left empty, so that no line is drawn
         across.  ``PATH.json`` has the facts, the gaps and whether the recording is complete.
     """
-    table = log[stream]
+    table, simulated = log[stream], bool(log.facts.get("simulated"))
     with (
-        _new(path, path.with_name(f"{path.name}.json")) as (target, side),
+        new_whole(path) as target,
+        new_whole(path.with_name(f"{path.name}.json")) as side,
         target.open("w", newline="", encoding="utf-8") as file,
     ):
         side.write_text(json.dumps(_about(log, table), indent=1) + "\n", encoding="utf-8")
         writer = csv.writer(file)
-        columns = _columns(table)
+        columns = _columns(table, simulated)
         writer.writerow([f"{n} [{u}]" if u and u != "1" else n for n, u, _ in columns])
         for i, part in enumerate(table.pieces()):
             if i:
                 writer.writerow([""] * len(columns))
-            texts = [[_text(v) for v in values] for _, _, values in _columns(part)]
+            texts = [[_text(v) for v in values] for _, _, values in _columns(part, simulated)]
             writer.writerows(zip(*texts, strict=True))
     return len(table)
 
@@ -124,8 +101,8 @@ def to_parquet(log: Log, stream: str, path: Path) -> int:
     stream : str
         Which.
     path : Path
-        Must not exist; each column's metadata has ``unit`` and ``meaning``, the file's the facts,
-        the gaps and whether the recording is complete.
+        Must not exist; columns as in the CSV; each column's metadata has ``unit`` and ``meaning``,
+        the file's the facts, the gaps and whether the recording is complete.
 
     Returns
     -------
@@ -139,13 +116,13 @@ def to_parquet(log: Log, stream: str, path: Path) -> int:
     meanings = {c.name: c.meaning for c in table.layout.columns}
     fields: list[pyarrow.Field] = []
     arrays = []
-    for name, unit, values in _columns(table):
+    for name, unit, values in _columns(table, bool(log.facts.get("simulated"))):
         array = pa.array(np.ascontiguousarray(values))
         about = {"unit": unit, "meaning": meanings.get(name.partition("[")[0], "")}
         fields.append(pa.field(name, array.type, metadata=about))
         arrays.append(array)
     about = {f"esea.{name}": json.dumps(found) for name, found in _about(log, table).items()}
-    with _new(path) as (target,):
+    with new_whole(path) as target:
         pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields, about)), target)
     return len(table)
 
@@ -184,7 +161,8 @@ def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sens
     stem = f"sub-{subject}_task-{task}_tracksys-{track}"
     place = folder / f"sub-{subject}" / "motion"
     names = [place / f"{stem}_{end}" for end in ("motion.tsv", "channels.tsv", "motion.json")]
-    with _new(*names) as scratch:
+    with ExitStack() as held:
+        scratch = [held.enter_context(new_whole(n)) for n in names]
         _write_motion(log, table, task, track, scratch)
         _data_set(folder, subject)
     return names[0]
@@ -262,15 +240,15 @@ def _data_set(folder: Path, subject: str) -> None:
             "Authors": ["n/a"],
             "GeneratedBy": [{"Name": "esea-host"}],
         }
-        about.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        write_whole(about, json.dumps(content, indent=2) + "\n")
     people = folder / "participants.tsv"
     known = people.read_text(encoding="utf-8").splitlines() if people.exists() else []
     known = known or ["participant_id"]
     if f"sub-{subject}" not in (line.partition("\t")[0] for line in known):
         empty = "\tn/a" * known[0].count("\t")
         known.append(f"sub-{subject}{empty}")
-    people.write_text("\n".join(known) + "\n", encoding="utf-8")
+    write_whole(people, "\n".join(known) + "\n")
     readme = folder / "README"
     if not readme.exists():
         text = "Recordings of an elastomeric series elastic actuator, exported by esea-host.\n"
-        readme.write_text(text, encoding="utf-8")
+        write_whole(readme, text)

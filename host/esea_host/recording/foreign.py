@@ -1,4 +1,4 @@
-"""CSV logs of other machines, read by a mapping file, with their faults told and not smoothed over.
+"""Logs of other machines, read by a mapping file, with their faults reported, not smoothed over.
 
 A mapping is TOML: which column is what, in which unit, times which factor; what a broken value
 looks like; and how time runs.
@@ -6,22 +6,28 @@ looks like; and how time runs.
 
 from __future__ import annotations
 
-import csv
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.errors import UserError
-from esea_gen.toml_file import read_text
+from esea_gen.files import new_whole
+from esea_gen.tables import FileTable, TableFormat, read_table
+from esea_gen.toml_file import checked, parse_toml, read_text
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import Array, StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
 
-_STRICT = ConfigDict(extra="forbid", frozen=True)
+_STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+ROW = "sequence"
+EVENTS = ("import", "gap", "note", "clock")  # other topics of a recording
+MOST_NS = 366 * 86400 * 10**9
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$", max_length=100)]
 
 
 class ForeignColumn(BaseModel):
@@ -37,7 +43,7 @@ class ForeignColumn(BaseModel):
 
     model_config = _STRICT
     source: str | int
-    name: str
+    name: Name
     unit: str = ""
     meaning: str = ""
     scale: float = 1.0
@@ -57,8 +63,8 @@ class ForeignTime(BaseModel):
 
     model_config = _STRICT
     source: str | int | None = None
-    scale: float = 1.0
-    period_s: Annotated[float, Field(gt=0)]
+    scale: Annotated[float, Field(gt=0)] = 1.0
+    period_s: Annotated[float, Field(ge=1e-9, le=86400)]
     tolerance: Annotated[float, Field(gt=0, lt=10)] = 0.5
 
 
@@ -66,38 +72,56 @@ class ForeignMapping(BaseModel):
     """A mapping file.
 
     stream: name of the stream that is made.
-    delimiter, skip_lines: of the file; the header, if it has one, stands behind the skipped lines.
+    delimiter: of the file; detected if left out.
+    skip_lines: the header, if there is one, is the line after these; else the first rows are.
     header: whether there is one; without it columns are named by number.
-    fields: of a row; without it as many as the header has.
+    fields: of a row.  Lines with another number of fields, or without a number where one is needed,
+        are then left out and counted; if it is left out, such a line is an error.
     drop_first: rows at the beginning that were not framed right.
+    format: more on how the file is written, as in the mapping of ``esea-gen identify``.
     """
 
     model_config = _STRICT
-    stream: str = "foreign"
-    delimiter: str = ","
-    skip_lines: int = 0
+    stream: Name = "foreign"
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    skip_lines: Annotated[int, Field(ge=0, lt=1000)] = 0
     header: bool = True
     fields: Annotated[int, Field(ge=1)] | None = None
-    drop_first: int = 0
+    drop_first: Annotated[int, Field(ge=0)] = 0
+    format: TableFormat = TableFormat()
     time: ForeignTime
     columns: Annotated[list[ForeignColumn], Field(min_length=1)]
+
+    def table_format(self) -> TableFormat:
+        """How the file is written: ``format``, and the mapping's own keys."""
+        first = self.skip_lines + 1 if self.skip_lines else None
+        own = {
+            "delimiter": self.delimiter,
+            "header_line": first if self.header else 0,
+            "first_data_line": None if self.header else first,
+        }
+        missing = {k: v for k, v in own.items() if k not in self.format.model_fields_set}
+        return self.format.model_copy(update=missing)
 
 
 @dataclass
 class ImportReport:
-    """What was found in a foreign log.
+    """What an import did.
 
-    rows: taken; dropped_first: as the mapping says.
-    ragged: lines with another number of fields, or that hold no number; left out.
+    rows: written.
+    read: how the file was read and what was left out, with counts and lines.
+    left_out: the latter alone.
     wrapped, broken: values that were unwrapped, or became NaN.
+    missing: cells that are empty or not finite; NaN.
     backward_s: by how much time went backward, each time: the machine started again.
     """
 
     rows: int = 0
-    dropped_first: int = 0
-    ragged: int = 0
+    read: str = ""
+    left_out: tuple[str, ...] = ()
     wrapped: int = 0
     broken: int = 0
+    missing: int = 0
     backward_s: list[float] = field(default_factory=list)
     gaps: list[Gap] = field(default_factory=list)
 
@@ -120,27 +144,31 @@ def read_mapping(path: Path) -> ForeignMapping:
     UserError
         With file and key of what is wrong.
     """
-    try:
-        return ForeignMapping(**tomllib.loads(read_text(path, "docs/host.md has one.")))
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{path} is no mapping file ({error}).", "docs/host.md has one.") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(x) for x in first["loc"])
-        raise UserError(f"{path}, {where}: {first['msg']}.", "docs/host.md has the keys.") from None
+    text = read_text(path, "docs/host.md has a mapping file.")
+    document = parse_toml(text, path.name, "docs/host.md")
+    mapping = checked(ForeignMapping, document, path.name, lambda _: None, text)
+    names = [ROW, *(c.name for c in mapping.columns)]
+    twice = [n for n in names if names.count(n) > 1]
+    if twice:
+        raise UserError(f"{path.name}: '{twice[0]}' names two columns.", "Name each differently.")
+    if mapping.stream in EVENTS:
+        raise UserError(
+            f"{path.name}: stream = '{mapping.stream}' is a recording's own.", "Name another."
+        )
+    return mapping
 
 
-def import_csv(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport:
+def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport:
     """Make a recording of a foreign log.
 
     Parameters
     ----------
     source : Path
-        The CSV file.
+        A table of any kind that :func:`esea_gen.tables.read_table` reads.
     mapping : ForeignMapping
         What its columns are.
     target : Path
-        Must not exist.
+        Must not exist, and does so only after the import was completed.
 
     Returns
     -------
@@ -150,25 +178,27 @@ def import_csv(source: Path, mapping: ForeignMapping, target: Path) -> ImportRep
     Raises
     ------
     UserError
-        When a column is missing, or there is no row with numbers.
+        When the table is refused, a column is missing, or there is no row with a time.
     """
     report = ImportReport()
-    raw = _table(source, mapping, report)
+    table = _table(source, mapping)
     layout = StreamLayout(
         mapping.stream,
         (
-            StreamColumn("sequence", "u4", "", "row of the file, from 0"),
+            StreamColumn(ROW, "u4", "", "row of the file, from 0"),
             *(StreamColumn(c.name, "f8", c.unit, c.meaning) for c in mapping.columns),
         ),
     )
-    rows = np.zeros(len(raw[0]), layout.dtype)
-    rows["sequence"] = np.arange(len(rows))
-    for c, values in zip(mapping.columns, raw[1:], strict=True):
+    rows = np.zeros(len(table), layout.dtype)
+    rows[ROW] = np.arange(len(rows))
+    for c in mapping.columns:
+        values = table.numbers(_name(table, c.source), holes=True)
         rows[c.name] = _converted(c, values, report)
-    board_ns = _times(mapping, raw[0], report)
-    report.rows = len(rows)
+    board_ns = _times(mapping, table, report)
+    report.rows, report.read, report.left_out = len(rows), table.report(), table.left_out
     told = {k: v for k, v in vars(report).items() if k != "gaps"}
-    with Recorder(target, {"mapping.json": mapping.model_dump_json(indent=1).encode()}) as recorder:
+    attached = {"mapping.json": mapping.model_dump_json(indent=1).encode()}
+    with new_whole(target) as part, Recorder(part, attached) as recorder:
         recorder.event("import", {"file": source.name, **told})
         recorder.rows(layout, rows, board_ns, board_ns)
         for gap in report.gaps:
@@ -176,42 +206,40 @@ def import_csv(source: Path, mapping: ForeignMapping, target: Path) -> ImportRep
     return report
 
 
-def _place(header: list[str], wanted: str | int, source: Path) -> int:
-    if isinstance(wanted, int):
-        return wanted
-    names = [h.strip() for h in header]
-    if wanted not in names:
-        known = ", ".join(names)[:300]
-        raise UserError(f"{source} has no column '{wanted}'.", f"Its header is: {known}.")
-    return names.index(wanted)
+def _name(table: FileTable, source: str | int) -> str:
+    if isinstance(source, str):
+        return source
+    if not 0 <= source < len(table.names):
+        raise UserError(
+            f"{table.name}: there is no column {source}; it has {len(table.names)}, from 0.",
+            "Correct the number in the mapping.",
+        )
+    return table.names[source]
 
 
-def _table(source: Path, mapping: ForeignMapping, report: ImportReport) -> list[Array]:
-    # Time, then every column, raw; lines that are no row are counted.
-    try:
-        with source.open(newline="", encoding="utf-8", errors="replace") as file:
-            lines = list(csv.reader(file, delimiter=mapping.delimiter))[mapping.skip_lines :]
-    except OSError as error:
-        raise UserError(f"{source} cannot be read: {error.strerror}.", "") from None
-    header = lines[0] if lines and mapping.header else []
-    width = mapping.fields or len(header)
-    wanted = [mapping.time.source, *(c.source for c in mapping.columns)]
-    places = [None if w is None else _place(header, w, source) for w in wanted]
-    found = []
-    for line in lines[int(mapping.header) :]:
-        try:
-            row = [float("nan") if p is None else float(line[p]) for p in places]
-        except (ValueError, IndexError):
-            row = []
-        if row and len(line) == width:
-            found.append(row)
-        else:
-            report.ragged += 1
-    report.dropped_first = min(mapping.drop_first, len(found))
-    found = found[mapping.drop_first :]
-    if not found:
-        raise UserError(f"{source} has no row of numbers under its header.", "Check the mapping.")
-    return list(np.array(found).T)
+def _table(source: Path, mapping: ForeignMapping) -> FileTable:
+    # Rows with a time; what is no row is refused, or left out where the mapping expects it.
+    sources = [
+        s for s in (mapping.time.source, *(c.source for c in mapping.columns)) if s is not None
+    ]
+    named = [s for s in sources if isinstance(s, str)]
+    table = read_table(
+        source,
+        named if len(named) == len(sources) else None,
+        mapping.table_format(),
+        settings="the mapping's [format]",
+        fields=mapping.fields,
+        drop_ragged=mapping.fields is not None,
+    )
+    if mapping.fields is not None:
+        table = table.numeric([_name(table, s) for s in sources])
+    if mapping.drop_first:
+        table = table.kept(np.arange(len(table)) >= mapping.drop_first, "drop_first")
+    if mapping.time.source is not None:
+        table = table.timed(_name(table, mapping.time.source))
+    if not len(table):
+        raise UserError(f"{source} has no row of numbers. {table.report()}", "Check the mapping.")
+    return table
 
 
 def _converted(column: ForeignColumn, values: Array, report: ImportReport) -> Array:
@@ -221,18 +249,29 @@ def _converted(column: ForeignColumn, values: Array, report: ImportReport) -> Ar
         wrapped = (values >= column.wraps_at / 2) & ~broken
         out[wrapped] -= column.wraps_at
         report.wrapped += int(np.count_nonzero(wrapped))
+    report.missing += int(np.count_nonzero(~np.isfinite(values)))
+    out[~np.isfinite(values)] = np.nan
     out = out * column.scale + column.offset
     out[broken] = np.nan
     report.broken += int(np.count_nonzero(broken))
     return out
 
 
-def _times(mapping: ForeignMapping, raw: Array, report: ImportReport) -> Array:
+def _times(mapping: ForeignMapping, table: FileTable, report: ImportReport) -> Array:
     time = mapping.time
     period_ns = round(time.period_s * 1e9)
     if time.source is None:
-        return np.arange(len(raw), dtype=np.int64) * period_ns
-    ns = np.round((raw - raw[0]) * time.scale * 1e9).astype(np.int64)
+        return np.arange(len(table), dtype=np.int64) * period_ns
+    raw = table.numbers(_name(table, time.source))
+    ns = np.round((raw - raw[0]) * time.scale * 1e9)
+    far = np.flatnonzero(~(np.abs(ns) < MOST_NS))
+    if len(far):
+        raise UserError(
+            f"{table.at(int(far[0]), str(time.source))}: {raw[far[0]]:g} is more than a year from "
+            "the first time.",
+            "Correct the cell, or time.scale in the mapping: seconds of its unit.",
+        )
+    ns = ns.astype(np.int64)
     steps = np.diff(ns)
     for at in np.flatnonzero(steps < 0).tolist():
         report.backward_s.append(round(float(-steps[at]) * 1e-9, 6))

@@ -10,14 +10,13 @@ import scipy.fft
 from numpy.typing import ArrayLike
 
 from esea_host.smoothness.result import Array
+from esea_host.smoothness.stamps import rate_behind, unsteady
 
 LEAST_SAMPLES = 10
 # Share of the largest spectral magnitude that may be left in the top tenth below half the
 # sampling rate.  White noise has 60 % or more; a 2 s reach at 100 Hz with noise of a tenth of its
 # peak has 4 %.
 ALIASED = 0.2
-# A steady rate is one whose steps differ from the mean step by less than this share.
-JITTER = 0.01
 
 
 class NoAnswerError(ValueError):
@@ -79,7 +78,7 @@ def rows(
     NoAnswerError
         The signal has no answer, whatever the metric.
     """
-    array = _samples(signal, name)
+    array = as_samples(signal, name)
     if array.ndim not in (1, 2) or array.size == 0:
         raise NoAnswerError(
             "shape",
@@ -108,7 +107,8 @@ def rows(
     return found, stacked
 
 
-def _samples(signal: ArrayLike, name: str) -> Array:
+def as_samples(signal: ArrayLike, name: str) -> Array:
+    """Real numbers of any shape; NaN for a masked sample."""
     try:
         # A masked sample is a missing one.
         array: Any = np.ma.asarray(signal)
@@ -137,22 +137,47 @@ def _no_gap(found: Array, name: str, stacked: bool) -> None:
 
 
 def _steady(time_s: ArrayLike, samples: int, fs_Hz: float) -> None:
-    time = _samples(time_s, "The time")
+    time = as_samples(time_s, "The time")
     if time.shape != (samples,) or not np.isfinite(time).all():
         raise NoAnswerError(
             "shape",
             f"The times have the shape {time.shape} for {samples} samples, or are not finite.",
             "Give one time for each sample.",
         )
-    step = np.diff(time)
-    worst = int(np.argmax(np.abs(step * fs_Hz - 1)))
-    if abs(step[worst] * fs_Hz - 1) > JITTER:
+    fault = unsteady(time, fs_Hz)
+    if fault is not None:
         raise NoAnswerError(
-            "gap",
-            f"A gap in time: {step[worst]:.6g} s after sample {worst}, where {fs_Hz:g} Hz has "
-            f"{1 / fs_Hz:.6g} s (at most {JITTER:.0%} off).",
-            "Resample to a steady rate knowingly, or cut the movement there.",
+            "gap", fault[1], "Resample to a steady rate knowingly, or cut the movement there."
         )
+
+
+def steady_rate(time_s: ArrayLike) -> float:
+    """Sampling rate of frames with these times, which may be rounded.
+
+    Parameters
+    ----------
+    time_s : array_like
+        Shape (samples,), rising from first to last.
+
+    Returns
+    -------
+    float
+        In Hz, to six digits; of stamps that are rounded to more than 1 % of a period the roundest
+        rate that they allow.
+
+    Raises
+    ------
+    NoAnswerError
+        Fewer than two samples, times that are not finite, or that do not rise.
+    """
+    time = as_samples(time_s, "The time")
+    if time.ndim != 1 or len(time) < 2 or not time[-1] > time[0] or not np.isfinite(time).all():
+        raise NoAnswerError(
+            "rate",
+            f"{time.size} samples whose times do not rise from first to last.",
+            "Give the times of a recording, in s.",
+        )
+    return checked_rate(rate_behind(time))
 
 
 def not_aliased(found: Array, name: str, stacked: bool) -> None:

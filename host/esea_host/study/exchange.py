@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
+from esea_gen.files import new_whole
 from esea_host.recording.export import BIDS_VERSION
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
@@ -111,11 +112,12 @@ def to_parquet(study: StudyFolder, out: Path, seed: int = 0) -> int:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    study.new_folder(out)
     rows = study.scrubbed(seed)
     names = sorted({n for r in rows for n in r})
     columns = {n: pa.array([r.get(n) for r in rows]) for n in names}
-    pq.write_table(pa.table(columns), out / "rows.parquet")
+    with new_whole(out) as scratch:
+        scratch.mkdir()
+        pq.write_table(pa.table(columns), scratch / "rows.parquet")
     return len(rows)
 
 
@@ -140,7 +142,12 @@ def to_bids(study: StudyFolder, out: Path, seed: int = 0) -> int:
     ----------
     https://bids-specification.readthedocs.io, Motion.
     """
-    study.new_folder(out)
+    with new_whole(out) as scratch:
+        scratch.mkdir()
+        return _bids(study, scratch, seed)
+
+
+def _bids(study: StudyFolder, out: Path, seed: int) -> int:
     runs, people = 0, ["participant_id"]
     simulated = study.simulated
     for new, old in study.new_codes(seed).items():

@@ -28,7 +28,7 @@ from PySide6.QtWidgets import (
 
 from esea_gen.errors import UserError
 from esea_host.assess.desk import ClinicDesk, conclusion, describe, long_name, unit_of
-from esea_host.assess.files import read_recording
+from esea_host.assess.files import KINDS, read_recording
 from esea_host.assess.pages import step_text, write_session_page
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
@@ -41,7 +41,7 @@ from esea_host.windows.theme import DARK, LIGHT, Theme
 
 take_many()
 FRAME_MS = 40
-RECORDINGS = "Recordings (*.csv *.mcap)"
+RECORDINGS = f"Recordings (*{' *'.join(KINDS)})"
 PAGES = "Page (*.pdf *.png *.html)"
 
 
@@ -180,7 +180,7 @@ class AssessWindow(QMainWindow):
 
     def _read(self, path: Path) -> str:
         recording = read_recording(path, self.desk.height_m, self.desk.mass_kg)
-        return self.desk.recording(recording, path.name)
+        return "\n".join(filter(None, (recording.read, self.desk.recording(recording, path.name))))
 
     def save_page(self, path: Path | None = None) -> None:
         """Write the page for the file."""

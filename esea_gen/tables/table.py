@@ -1,0 +1,273 @@
+"""A table that has been read: strict numbers, texts, and what was left out."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.errors import UserError
+from esea_gen.tables.form import TableFormat, missing_column, numbered, remedy, shortened
+
+Array = npt.NDArray[np.float64]
+# Only what every reader of numbers takes alike: neither 1_234 nor 0x10 nor other scripts' digits.
+NUMBER = {
+    mark: re.compile(rf"[+-]?(?:\d+(?:{mark}\d*)?|{mark}\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+    for mark in (r"\.", ",")
+}
+POINT, COMMA = NUMBER[r"\."], NUMBER[","]
+NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE | re.ASCII)
+GROUPED = re.compile(r"[+-]?\d{1,3}(?:([,.'\u2019\u00a0\u202f ])\d{3})(?:\1\d{3})*(?:[.,]\d*)?")
+LONG_INTEGER = re.compile(r"[+-]?\d{16,}", re.ASCII)
+PLAIN = frozenset("0123456789+-eE \t\n")  # of these and a decimal mark float takes only numbers
+EXACT = 2**53  # whole numbers up to here are doubles
+
+
+@dataclass(frozen=True)
+class FileTable:
+    """A table of one file.
+
+    Parameters
+    ----------
+    name : str
+        The file, for messages.
+    names : tuple of str
+        All columns of the file, in its order.
+    cells : dict
+        The columns that were read: texts of a CSV, else NumPy arrays; an empty cell is ``""``,
+        NaN or None.
+    lines : array
+        Line of each row as an editor counts it; of files without lines the row, from 1.
+    form : TableFormat
+        How the file is written, as given or as detected.
+    digest : str
+        First 16 digits of the file's SHA-256.
+    left_out : tuple of str
+        What was left out, with counts and lines.
+    settings : str
+        Where :class:`TableFormat` is set by the caller's user, for remedies; empty: nowhere.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    cells: dict[str, Sequence[str] | npt.NDArray[Any]]
+    lines: npt.NDArray[np.intp]
+    form: TableFormat
+    digest: str
+    left_out: tuple[str, ...] = ()
+    settings: str = ""
+
+    def __len__(self) -> int:
+        """Rows."""
+        return len(self.lines)
+
+    @property
+    def unit_of_rows(self) -> Literal["line", "row"]:
+        """What ``lines`` counts."""
+        return "line" if self.form.kind == "csv" else "row"
+
+    def at(self, row: int, column: str = "") -> str:
+        """The place of a cell or row for a message, beginning with the file."""
+        place = f"{self.name}: {self.unit_of_rows} {self.lines[row]}"
+        return place + (f", column '{column}'" if column else "")
+
+    def numbers(self, column: str, holes: bool = False) -> Array:
+        """Return a column of numbers.
+
+        Parameters
+        ----------
+        column : str
+            Its name.
+        holes : bool
+            Whether an empty, NaN or infinite cell may stand there: NaN or the infinity.
+
+        Returns
+        -------
+        array, shape (rows,)
+            Finite, unless ``holes``.
+
+        Raises
+        ------
+        UserError
+            For a cell that is not a number, with its line and the remedy.
+        """
+        cells = self._column(column)
+        values = self._parsed(column, cells) if isinstance(cells, list) else self._cast(column)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad) and not holes:
+            k = int(bad[0])
+            text = self._text(cells[k])
+            raise UserError(
+                f"{self.at(k, column)} is {text or 'empty'} ({len(bad)} such "
+                f"value{'s' if len(bad) > 1 else ''} in the column).",
+                "Cut these rows out of the file or repair them.",
+            )
+        return values
+
+    def texts(self, column: str) -> tuple[str, ...]:
+        """Return a column as text, blanks at either end taken off."""
+        return tuple(self._text(c) for c in self._column(column))
+
+    def timed(self, column: str) -> FileTable:
+        """Return the rows that have a finite time; the others are counted in ``left_out``."""
+        return self.kept(np.isfinite(self.numbers(column, holes=True)), f"no '{column}'")
+
+    def numeric(self, columns: Sequence[str]) -> FileTable:
+        """Return the rows whose cells are numbers, NaN or empty; the others are counted.
+
+        For logs with messages between the numbers.
+        """
+        good = np.ones(len(self), dtype=bool)
+        for column in columns:
+            good &= [self._is_number(self._text(c)) for c in self._column(column)]
+        return self.kept(good, "no number in " + ", ".join(f"'{c}'" for c in columns))
+
+    def kept(self, rows: npt.ArrayLike, why: str) -> FileTable:
+        """Return the rows of a mask; the others are counted under ``why``."""
+        mask = np.asarray(rows, dtype=bool)
+        gone = self.lines[~mask].tolist()
+        if not gone:
+            return self
+        count = f"{len(gone)} row{'s' if len(gone) > 1 else ''}"
+        said = f"{count} with {why} ({numbered(self.unit_of_rows, gone)})"
+        cells: dict[str, Sequence[str] | npt.NDArray[Any]] = {
+            k: v[mask]
+            if isinstance(v, np.ndarray)
+            else [c for c, keep in zip(v, mask, strict=True) if keep]
+            for k, v in self.cells.items()
+        }
+        return replace(self, cells=cells, lines=self.lines[mask]).noting(said)
+
+    def noting(self, left_out: str) -> FileTable:
+        """Return the table with one more entry in ``left_out``."""
+        return replace(self, left_out=(*self.left_out, left_out))
+
+    @property
+    def usual(self) -> bool:
+        """Whether there is nothing to say: plain CSV, or no text at all, and nothing left out."""
+        f = self.form
+        how = (f.encoding, f.delimiter, f.decimal, f.quote, f.header_line)
+        plain = f.kind not in ("csv", None) or how == ("utf-8", ",", ".", '"', 1)
+        return plain and not self.left_out
+
+    def how(self) -> str:
+        """How the file is written, and what was left out."""
+        f = self.form
+        how = str(f.kind)
+        if f.kind == "csv":
+            mark = {"\t": "tab", " ": "blanks"}.get(f.delimiter or "", f"'{f.delimiter}'")
+            header = f"header in line {f.header_line}" if f.header_line else "no header"
+            quote = f"quote '{f.quote}'" if f.quote else "no quoting"
+            how += f", {f.encoding}, delimiter {mark}, decimal mark '{f.decimal or '.'}'"
+            how += f", {quote}, {header}"
+        return f"{how}; left out: {'; '.join(self.left_out) or 'nothing'}"
+
+    def report(self) -> str:
+        """One line: rows, how the file is written, and what was left out."""
+        return f"{self.name}: {len(self)} row{'s' * (len(self) != 1)}, {self.how()}"
+
+    def fix(self, key: str, otherwise: str) -> str:
+        """A remedy by a key of the format, where the user can set one."""
+        return remedy(self.settings, key, otherwise)
+
+    def _column(self, column: str) -> Sequence[str] | npt.NDArray[Any]:
+        if column not in self.cells:
+            raise missing_column(self.name, column, self.names, "Correct the name.")
+        return self.cells[column]
+
+    def _text(self, cell: Any) -> str:
+        return "" if cell is None else str(cell).strip()
+
+    def _is_number(self, text: str) -> bool:
+        pattern = COMMA if self.form.decimal == "," else POINT
+        return not text or bool(pattern.fullmatch(text) or NOT_FINITE.fullmatch(text))
+
+    def _parsed(self, column: str, cells: Sequence[str]) -> Array:
+        comma = self.form.decimal == ","
+        text = "\n".join(cells)
+        if PLAIN | {"," if comma else "."} >= set(text):
+            try:
+                values = np.array([float(c) for c in text.replace(",", ".").split("\n")])
+                if len(values) == len(cells) and np.all(np.abs(values) < EXACT):
+                    return values
+            except ValueError:
+                pass  # which cell it is, below
+        match = (COMMA if comma else POINT).fullmatch
+        out = np.empty(len(cells))
+        for k, cell in enumerate(cells):
+            text = cell.strip()
+            if match(text):
+                value = float(text.replace(",", ".") if comma else text)
+                if math.isinf(value) or (LONG_INTEGER.fullmatch(text) and int(text) != int(value)):
+                    raise self._too_large(k, column, text)
+            elif not text or NOT_FINITE.fullmatch(text):
+                value = float(text or "nan")
+            else:
+                raise self._no_number(k, column, text)
+            out[k] = value
+        return out
+
+    def _cast(self, column: str) -> Array:
+        values = np.asarray(self.cells[column])
+        if values.dtype.kind == "O":  # JSON: None is an empty cell; true and false are no numbers
+            for k, v in enumerate(values):
+                if v is not None and type(v) not in (int, float):
+                    raise self._no_number(k, column, str(v))
+                if type(v) is int and not _exact(v):
+                    raise self._too_large(k, column, str(v))
+            return np.array([math.nan if v is None else v for v in values], dtype=np.float64)
+        if values.dtype.kind not in "fiu":
+            raise UserError(
+                f"{self.name}: column '{column}' has the type {values.dtype}, it is not a vector "
+                "of real numbers.",
+                "Name another column, or convert this one.",
+            )
+        if values.dtype.kind in "iu":
+            for k in np.flatnonzero((values > EXACT) | (values < -EXACT)).tolist():
+                if not _exact(int(values[k])):
+                    raise self._too_large(k, column, str(values[k]))
+        return np.asarray(values, dtype=np.float64)
+
+    def _too_large(self, row: int, column: str, text: str) -> UserError:
+        return UserError(
+            f"{self.at(row, column)}: {shortened(text)} has no exact double: whole numbers are "
+            f"exact to 2^53 = {EXACT}, numbers end at 1.8e308.",
+            "Subtract an offset from the column, the first value for example.",
+        )
+
+    def _no_number(self, row: int, column: str, text: str) -> UserError:
+        comma = self.form.decimal == ","
+        fix = (
+            "Correct the cell"
+            + (
+                ", or set first_data_line in " + self.settings
+                if self.settings and self.form.kind == "csv" and row == 0
+                else ""
+            )
+            + "."
+        )
+        if "_" in text and POINT.fullmatch(text.replace("_", "")):
+            fix = f"Write {text.replace('_', '')}."
+        elif GROUPED.fullmatch(text):
+            fix = self.fix(
+                "decimal",
+                "Write numbers without grouping of thousands, with one decimal mark "
+                f"(here '{self.form.decimal or '.'}')",
+            )
+        elif (POINT if comma else COMMA).fullmatch(text):
+            fix = self.fix(
+                "decimal", f"Write the decimal mark '{self.form.decimal or '.'}' in every cell"
+            )
+        return UserError(f"{self.at(row, column)}: '{shortened(text)}' is not a number.", fix)
+
+
+def _exact(value: int) -> bool:
+    try:
+        return int(float(value)) == value
+    except OverflowError:
+        return False
