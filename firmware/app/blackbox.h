@@ -40,7 +40,7 @@ typedef struct {
     float measured[ESEA_LINK_MEASURED]; /* in the order of the drivers */
 } esea_blackbox_record_t;
 
-#define ESEA_BLACKBOX_WHOLE (ESEA_BLACKBOX_MS * 1000u / ESEA_LINK_TICK_US)
+#define ESEA_BLACKBOX_WHOLE (ESEA_BLACKBOX_MS * UINT32_C(1000) / ESEA_LINK_TICK_US)
 #define ESEA_BLACKBOX_FIT ((uint32_t)(ESEA_BLACKBOX_BYTES / sizeof(esea_blackbox_record_t)))
 #define ESEA_BLACKBOX_RECORDS (ESEA_BLACKBOX_FIT < ESEA_BLACKBOX_WHOLE ? ESEA_BLACKBOX_FIT : ESEA_BLACKBOX_WHOLE)
 

@@ -261,9 +261,9 @@ static uint64_t now_ns(const esea_app_t *app)
     time = app->clock.time;
     since = app->port->ticks() - app->clock.last_count;
     app->port->quiet(false);
-    time *= ESEA_LINK_TICK_US * 1000u;
+    time *= ESEA_LINK_TICK_US * UINT32_C(1000);
     if (app->clock.timed && base > 0u)
-        time += (uint64_t)(since < base ? since : base) * (ESEA_LINK_TICK_US * 1000u) / base;
+        time += (uint64_t)(since < base ? since : base) * (ESEA_LINK_TICK_US * UINT32_C(1000)) / base;
     return time;
 }
 
