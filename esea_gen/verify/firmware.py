@@ -161,8 +161,7 @@ def build_firmware(
 
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
-        defined = [*_defined(device, FORMATS[real].link_header(prefix)), *chosen.clock_defines]
-        defined.append(f"-DESEA_NEEDS_HZ={math.ceil(needs_Hz or chosen.clock_Hz)}u")
+        defined = _defined(device, FORMATS[real].link_header(prefix), chosen, needs_Hz)
         objects += _compile_app(folder, chosen, defined)
         script = f"{chosen.folder}/link.ld"
         bare = (folder / script).is_file()
@@ -266,10 +265,11 @@ def compile_objects(
     return made
 
 
-def _defined(device: Device, link_header: str) -> list[str]:
-    # What the hand-written code is told of the device.
+def _defined(device: Device, link_header: str, board: Board, needs_Hz: float | None) -> list[str]:
+    # What the hand-written code is told of the device and of its clock.
     bits = int(device.file.encoder.resolution_bits.value)
     defined = [f'-DESEA_LINK_HEADER="{link_header}"', f"-DESEA_ENCODER_BITS={bits}u"]
+    defined += [*board.clock_defines, f"-DESEA_NEEDS_HZ={math.ceil(needs_Hz or board.clock_Hz)}u"]
     if device.file.actuator is not None:
         defined.append(f"-DESEA_GEAR_BITS={int(device.file.actuator.encoder_bits.value)}u")
     return defined
