@@ -204,15 +204,18 @@ def test_an_object_is_kept_until_text_header_or_flags_change(monkeypatch, tmp_pa
 
 
 def test_the_hand_written_code_is_told_of_the_device():
-    def told(bits: float, gear: float | None):
+    def told(bits: float, gear: float | None, needs_Hz: float | None = None):
         quantity = SimpleNamespace
         actuator = None if gear is None else quantity(encoder_bits=quantity(value=gear))
         encoder = quantity(resolution_bits=quantity(value=bits))
-        device = SimpleNamespace(file=SimpleNamespace(encoder=encoder, actuator=actuator))
-        return firmware._defined(device, "esea_x_link.h")
+        device = quantity(name="x", file=quantity(encoder=encoder, actuator=actuator))
+        return firmware._defined(device, find_board("netduinoplus2"), needs_Hz)
 
-    assert told(14.0, None) == ['-DESEA_LINK_HEADER="esea_x_link.h"', "-DESEA_ENCODER_BITS=14u"]
-    assert told(12.0, 17.0)[1:] == ["-DESEA_ENCODER_BITS=12u", "-DESEA_GEAR_BITS=17u"]
+    header, encoder, *clocks = told(14.0, None)
+    assert (header, encoder) == ('-DESEA_LINK_HEADER="esea_x_link.h"', "-DESEA_ENCODER_BITS=14u")
+    clock = ["-DESEA_CLOCK_HZ=168000000u", "-DESEA_RESET_HZ=16000000u"]
+    assert clocks == [*clock, "-DESEA_NEEDS_HZ=168000000u"]
+    assert told(12.0, 17.0, 17.2e6)[-2:] == ["-DESEA_NEEDS_HZ=17200000u", "-DESEA_GEAR_BITS=17u"]
 
 
 def test_encoders_with_more_bits_than_the_drivers_read_are_refused():

@@ -135,8 +135,7 @@ def build_firmware(
     control: files of the format's folder to compile in place of the device's own; tests alter one
         to prove that a comparison finds it.
     drivers: text of a ``drivers.c`` in place of the board's.
-    needs_Hz: slowest clock at which a drive's tasks end in time; the board's own when not given. A
-        board that does not come to it does not switch the motor on.
+    needs_Hz: slowest clock that a drive fits at; slower, it is not armed. Default: the board's.
     """
     chosen = find_board(board)
     if drivers is None and device.laws:
@@ -161,8 +160,7 @@ def build_firmware(
 
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
-        defined = _defined(device, FORMATS[real].link_header(prefix), chosen, needs_Hz)
-        objects += _compile_app(folder, chosen, defined)
+        objects += _compile_app(folder, chosen, _defined(device, chosen, needs_Hz))
         script = f"{chosen.folder}/link.ld"
         bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]
@@ -265,8 +263,9 @@ def compile_objects(
     return made
 
 
-def _defined(device: Device, link_header: str, board: Board, needs_Hz: float | None) -> list[str]:
+def _defined(device: Device, board: Board, needs_Hz: float | None) -> list[str]:
     # What the hand-written code is told of the device and of its clock.
+    link_header = FORMATS[board.real].link_header(f"esea_{device.name}")
     bits = int(device.file.encoder.resolution_bits.value)
     defined = [f'-DESEA_LINK_HEADER="{link_header}"', f"-DESEA_ENCODER_BITS={bits}u"]
     defined += [*board.clock_defines, f"-DESEA_NEEDS_HZ={math.ceil(needs_Hz or board.clock_Hz)}u"]
