@@ -157,7 +157,6 @@ def build_firmware(
             target = folder / name
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_text(text, encoding="utf-8")
-
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
         objects += _compile_app(folder, chosen, _defined(device, chosen, needs_Hz))
