@@ -135,8 +135,7 @@ def build_firmware(
     control: files of the format's folder to compile in place of the device's own; tests alter one
         to prove that a comparison finds it.
     drivers: text of a ``drivers.c`` in place of the board's.
-    needs_Hz: slowest clock at which a drive's tasks end in time; the board's own when not given. A
-        board that does not come to it does not switch the motor on.
+    needs_Hz: slowest clock that a drive fits at; slower, it is not armed. Default: the board's.
     """
     chosen = find_board(board)
     if drivers is None and device.laws:
@@ -158,12 +157,9 @@ def build_firmware(
             target = folder / name
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_text(text, encoding="utf-8")
-
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
-        defined = [*_defined(device, FORMATS[real].link_header(prefix)), *chosen.clock_defines]
-        defined.append(f"-DESEA_NEEDS_HZ={math.ceil(needs_Hz or chosen.clock_Hz)}u")
-        objects += _compile_app(folder, chosen, defined)
+        objects += _compile_app(folder, chosen, _defined(device, chosen, needs_Hz))
         script = f"{chosen.folder}/link.ld"
         bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]
@@ -266,10 +262,12 @@ def compile_objects(
     return made
 
 
-def _defined(device: Device, link_header: str) -> list[str]:
-    # What the hand-written code is told of the device.
+def _defined(device: Device, board: Board, needs_Hz: float | None) -> list[str]:
+    # What the hand-written code is told of the device and of its clock.
+    link_header = FORMATS[board.real].link_header(f"esea_{device.name}")
     bits = int(device.file.encoder.resolution_bits.value)
     defined = [f'-DESEA_LINK_HEADER="{link_header}"', f"-DESEA_ENCODER_BITS={bits}u"]
+    defined += [*board.clock_defines, f"-DESEA_NEEDS_HZ={math.ceil(needs_Hz or board.clock_Hz)}u"]
     if device.file.actuator is not None:
         defined.append(f"-DESEA_GEAR_BITS={int(device.file.actuator.encoder_bits.value)}u")
     return defined
