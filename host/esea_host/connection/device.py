@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
-from esea_gen.link.session import Address, Session
+from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.address import BoardAddress, open_patiently
 from esea_host.connection.decoder import TICK, TelemetryDecoder
@@ -25,7 +25,6 @@ from esea_host.recording.layout import StreamLayout
 from esea_host.recording.writer import Recorder
 
 WAIT_S = 1.0
-BEATS = Address(255, 191)
 KEY_US = 1e6  # from one key frame to the next
 MOST_AWAY_S = 60.0  # a link that broke may take so long to come back
 
@@ -65,12 +64,11 @@ class ConnectedDevice:
         self._told: dict[str, float] = {}
         self._ids = {c.msgname: n for n, c in dialect.mavlink_map.items()}
         self._recordings: list[LiveRecording] = []
-        # Counted and signed apart from the session, whose commands other threads send.
-        self._beats = Session(SessionTransport(self.receiver), dialect, host=BEATS)
+        self._beats = dialect.MAVLink(None, 255, 191)
+        self._dialect, self._threaded, self._closing = dialect, threaded, False
         if identity.key is not None:
             self.session.use_key(identity.key)
-            self._beats.use_key(identity.key)
-        self._dialect, self._threaded, self._closing = dialect, threaded, False
+            self._beats.signing = self.session._encoder.signing  # heartbeats keep the link alive
         self.receiver.keep_alive, self.receiver.on_reconnect = self._heartbeat, self._tell_again
         if threaded:
             self.receiver.start()
@@ -97,7 +95,9 @@ class ConnectedDevice:
 
     def _heartbeat(self) -> bytes:
         beat = self._dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
-        return self._beats.pack(beat)
+        frame = bytes(beat.pack(self._beats))
+        self._beats.seq = (self._beats.seq + 1) % 256
+        return frame
 
     def _open_again(self) -> Transport:
         # A link that breaks again while the board is asked who it is counts as not yet there.
@@ -130,7 +130,9 @@ class ConnectedDevice:
             number = float(self._ids[name])
             values = 1, 1, command, 0, number, interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
             message = self._dialect.MAVLink_command_long_message(*values)
-            self.receiver.write(self._beats.pack(message), WAIT_S)
+            frame = bytes(message.pack(self._beats))
+            self._beats.seq = (self._beats.seq + 1) % 256
+            self.receiver.write(frame, WAIT_S)
 
     def pump(self, timeout_s: float = 0.0) -> bool:
         """Listen once, where no thread does.
