@@ -589,7 +589,7 @@ def test_the_command(tmp_path, monkeypatch, elbow, drive):
         assert isinstance(failed.exception, UserError), failed.output
         assert said in str(failed.exception)
     missing = run(app, ["export", "check", "none.fmu"])
-    assert "no such file" in str(missing.exception)
+    assert "No such file" in str(missing.exception)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import errno
 import os
 import select
@@ -213,8 +214,12 @@ def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
     _have_streams()
     ended_by: list[int] = []
 
-    def end(number: int, _: Any) -> None:
+    def end(number: int, frame: Any) -> None:
         ended_by.append(number)
+        own = signal.getsignal(signal.SIGINT)
+        if callable(own) and own is not signal.default_int_handler:
+            own(signal.SIGINT, frame)  # a window closes itself
+            return
         raise Terminated
 
     def of_thread(given: Any) -> None:
@@ -223,7 +228,9 @@ def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
 
     def unraisable(given: Any) -> None:
         # While something is cleaned away: the command has its result, or its own error.
-        if Shown.verbose:
+        if isinstance(given.exc_value, KeyboardInterrupt):
+            _thread.interrupt_main()  # it came at a moment when Python drops it: once more
+        elif Shown.verbose:
             _told(program, given.exc_value)
 
     def note(message: Any, category: type[Warning], *_: Any, **__: Any) -> None:

@@ -20,7 +20,7 @@ from esea_gen.emit.render import versions
 from esea_gen.errors import UserError
 from esea_gen.export.model import ExportedModel
 from esea_gen.export.units import DEGREES, PER_RADIAN, exponents
-from esea_gen.files import template_folder
+from esea_gen.files import read_whole, template_folder
 from esea_gen.hostlib.compiler import compile_sources
 
 Version = Literal["2", "3"]
@@ -180,10 +180,10 @@ def check_fmu(path: Path) -> dict[str, Any]:
     """
     fix = "Export it again: esea-gen export fmu."
     try:
-        with zipfile.ZipFile(path) as archive:
+        with zipfile.ZipFile(io.BytesIO(read_whole(path, "Name an .fmu file."))) as archive:
             files = {n: archive.read(n) for n in archive.namelist() if not n.endswith("/")}
-    except FileNotFoundError:
-        raise UserError(f"{path}: there is no such file.", "Name an .fmu file.") from None
+    except UserError:
+        raise
     except (OSError, zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, RuntimeError) as error:
         raise UserError(f"{path}: damaged, or no FMU ({error}).", fix) from None
     except Exception as error:  # zlib's own, of a damaged stream

@@ -297,6 +297,13 @@ class Session(Messenger):
             path.unlink()
             raise self._refused("pair")
 
+    def unpair(self) -> None:
+        """Take the key away; from then on the board takes commands from anybody."""
+        self.send(self.message("SETUP_SIGNING", *self.board, [0] * signing.KEY_BYTES, 0))
+        if self.traffic().paired:
+            raise self._refused("forget its key")
+        self._sign(None)
+
     def use_key(self, path: Path) -> None:
         """Sign from now on, with the key of a board that is paired."""
         self._sign(signing.read_key(path))
@@ -308,13 +315,6 @@ class Session(Messenger):
     def clock(self) -> Any:
         """The board's own clock: ticks, what was lost or late, its state."""
         return self.ask_for("ESEA_CLOCK")
-
-    def unpair(self) -> None:
-        """Take the key from the board, signed with it: then anybody may command."""
-        self.send(self.message("SETUP_SIGNING", *self.board, [0] * signing.KEY_BYTES, 0))
-        if self.traffic().paired:
-            raise self._refused("forget its key")
-        self._sign(None)
 
 
 def _answers(asked_ns: int) -> Callable[[Any], bool]:

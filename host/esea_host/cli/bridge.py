@@ -25,7 +25,10 @@ from esea_host.connection.receiver import KEY
 def bridge(
     address: AddressArgument,
     foxglove: Annotated[
-        int | None, typer.Option("--foxglove", metavar="PORT", help="WebSocket server; 0: any.")
+        int | None,
+        typer.Option(
+            "--foxglove", metavar="PORT", min=0, max=65535, help="WebSocket server; 0: any."
+        ),
     ] = None,
     lsl: Annotated[bool, typer.Option("--lsl", help="Lab Streaming Layer.")] = False,
     stream: StreamOption = None,

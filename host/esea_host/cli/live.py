@@ -234,7 +234,9 @@ def _read(path: Path) -> dict[str, float]:
 @app.command()
 def sim(
     device: Annotated[str, typer.Argument(help="Device with a drive, such as elbow_drive.")],
-    tcp: Annotated[int | None, typer.Option("--tcp", help="Port; 0: any.")] = None,
+    tcp: Annotated[
+        int | None, typer.Option("--tcp", min=0, max=65535, help="Port; 0: any.")
+    ] = None,
     pty: Annotated[bool, typer.Option("--pty", help="A pseudo terminal in place of TCP.")] = False,
     person: Annotated[str, typer.Option("--person", help="Who is in the joint.")] = "uncertain",
     plant: Annotated[str, typer.Option("--plant", help="ideal, real or random.")] = "real",

@@ -168,15 +168,13 @@ def _key_taken(session: Session, key: Path | None) -> Path | None:
             "The board is paired: it takes only commands that are signed with its key, and "
             f"{key_folder()} holds no key that it takes",
             "Give the file with its key: --key FILE. On the computer where it was paired esea-host "
-            "finds the key, unless that computer's clock was set back."
-            + "".join(f" Not tried: {x.what}. {x.fix}" for x in unread),
+            "finds the key." + "".join(f" Not tried: {x.what}. {x.fix}" for x in unread),
         )
     if unread:
         raise unread[0]
     raise PairedError(
         f"The board is paired, and does not take the key in {key}",
-        "Give the file that esea-host pair wrote for this board. If this is that file, this "
-        "computer's clock was set back.",
+        "Give the file that esea-host pair wrote for this board.",
     )
 
 

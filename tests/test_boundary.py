@@ -1,0 +1,192 @@
+"""Whatever goes wrong in a command ends in one message and an exit code, never in a traceback."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+import os
+import resource
+import signal
+import struct
+import subprocess
+import sys
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+import serial
+import typer
+
+from esea_gen import files
+from esea_gen.cli.boundary import REMEDIES
+from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
+
+PROGRAMS = {"esea-gen": ["schema"], "esea-host": ["show", "a.mcap"]}
+# What each of these commands does first.
+FIRST = ("esea_gen.devices.schema.json_schema", "esea_host.cli.logs.open_log")
+
+
+def errors():
+    for number in REMEDIES:
+        yield OSError(number, os.strerror(number), "a.csv"), 2, os.strerror(number)
+    yield OSError(errno.ENOTRECOVERABLE, "State not recoverable"), 2, "State not recoverable"
+    yield serial.SerialException("device reports readiness"), 2, "device reports readiness"
+    yield struct.error("unpack requires 4 bytes"), 2, "A file is damaged"
+    yield csv.Error("field larger than limit"), 2, "A file is damaged"
+    yield UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid"), 2, "A file is damaged"
+    yield json.JSONDecodeError("Expecting value", "", 0), 2, "A file is damaged"
+    yield tomllib.TOMLDecodeError("Invalid value"), 2, "A file is damaged"
+    yield EOFError("No data left in file"), 2, "A file is damaged"
+    yield RecursionError("maximum"), 2, "nested too deeply"
+    yield MemoryError(), 2, "memory does not suffice"
+    yield ModuleNotFoundError("no", name="pylsl.x"), 2, "pylsl is not installed"
+    yield ImportError("libEGL.so.1: cannot open shared object file"), 2, "libEGL.so.1"
+    yield UserError("It is wrong.", "Mend it."), 2, "It is wrong. Mend it."
+    yield LinkError("the board was silent"), 2, "the board was silent"
+    yield KeyboardInterrupt(), 130, "stopped"
+    yield KeyError("x"), 70, "this is a fault of the program (KeyError: 'x')"
+
+
+@pytest.fixture
+def command(monkeypatch, capsys, tmp_path):
+    """Exit code and what is said of a command in this process."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+    def run(program: str, *words: object) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", [program, *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            import_module(f"{program.replace('-', '_')}.cli").main()
+        said = capsys.readouterr()
+        assert "Traceback" not in said.err, words
+        return int(ended.value.code), " ".join(said.err.split())
+
+    return run
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_every_kind_of_error_is_one_message(command, monkeypatch, program, tmp_path):
+    for error, code, words in errors():
+
+        def fails(*_, error=error, **__):
+            raise error
+
+        for place in FIRST:
+            monkeypatch.setattr(place, fails)
+        ended, said = command(program, *PROGRAMS[program])
+        assert (ended, words in said) == (code, True), said
+        assert said.startswith(program) or isinstance(error, KeyboardInterrupt)
+    # Of a fault the traceback is kept.
+    (kept,) = (tmp_path / "cache" / "esea-gen" / "tracebacks").glob("*.txt")
+    assert kept.name in said
+    assert kept.read_text().startswith(program)
+    assert "KeyError: 'x'" in kept.read_text()
+
+
+def process(program: str, *words: object, **more) -> subprocess.Popen:
+    module = program.replace("-", "_")
+    command = [sys.executable, "-m", f"{module}.cli", *map(str, words)]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **more)
+
+
+def test_output_that_nobody_reads_or_that_has_no_room(tmp_path):
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open("/dev/full", "w") as full:
+        for out, code, words in ((writer, 1, ""), (full, 2, "No space left on device")):
+            done = process("esea-gen", "schema", stdout=out)
+            said = done.communicate()[1]
+            assert (done.returncode, words in said) == (code, True), said
+            assert "Traceback" not in said
+            assert "Exception ignored" not in said
+    os.close(writer)
+
+
+def test_a_file_that_may_not_grow_leaves_nothing(tmp_path):
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+
+    done = process("esea-gen", "schema", "--out", tmp_path / "s.json", preexec_fn=limit)
+    assert "File too large" in done.communicate()[1]
+    assert done.returncode == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_program_that_is_ended_closes_in_good_order():
+    done = process("esea-host", "sim", "elbow_drive", "--tcp", "0", stdout=subprocess.PIPE)
+    assert done.stdout.readline().startswith("simulated")
+    done.send_signal(signal.SIGTERM)
+    assert done.communicate()[1] == ""
+    assert done.returncode == 128 + signal.SIGTERM
+
+
+def test_files_are_written_whole_or_not_at_all(tmp_path):
+    path, link = tmp_path / "a.txt", tmp_path / "link.txt"
+    files.write_whole(path, "old")
+    link.symlink_to(path)
+    with pytest.raises(KeyError), files.written_whole(path) as scratch:
+        scratch.write_text({}["new"])
+    assert path.read_text() == "old"
+    files.write_whole(link, "new")
+    assert link.is_symlink()
+    assert path.read_text() == "new"
+    files.write_whole(Path("/dev/null"), "nothing is replaced")
+    assert Path("/dev/null").is_char_device()
+    with pytest.raises(UserError, match="cannot be written"), files.new_folder(path / "b"):
+        pass
+    with pytest.raises(UserError, match="is not empty"), files.new_folder(tmp_path):
+        pass
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.txt", "link.txt"]
+    with pytest.raises(UserError, match="is a device"):
+        files.read_whole(Path("/dev/zero"), "")
+    with pytest.raises(UserError, match="more than 0 MiB"):
+        files.read_whole(path, "", most_bytes=2)
+
+
+def leaves(program: str):
+    """Every command with its words."""
+    root = typer.main.get_command(import_module(f"{program.replace('-', '_')}.cli.app").app)
+
+    def below(command, words):
+        if hasattr(command, "commands"):
+            for name in list(command.commands):
+                yield from below(command.commands[name], [*words, name])
+        else:
+            yield words, command
+
+    return below(root, [])
+
+
+# What is no file among what a command needs.
+NEEDED = {"code": "P01", "trial": 1, "--mass": 1, "--arm": 1, "--full-Nm": 1, "--column": "x"}
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("kind", ["folder", "garbage", "empty", "missing", "below", "loop", "zero"])
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_no_input_of_any_command_is_a_fault(command, tmp_path, program, kind):
+    """Every argument of every command is a file of this kind; without arguments its output is."""
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "garbage").write_bytes(bytes(range(256)) * 16)
+    (tmp_path / "empty").touch()
+    (tmp_path / "loop").symlink_to("loop")
+    made = {"zero": "/dev/zero", "below": tmp_path / "empty" / "x"}
+    bad = made.get(kind, tmp_path / kind)
+    for words, one in leaves(program):
+        given: list[object] = []
+        for p in one.params:
+            key = p.name if p.param_type_name == "argument" else p.opts[0]
+            value = NEEDED.get(key, f"file:{bad}" if key == "address" else bad)
+            if p.param_type_name == "argument":
+                given.append(value)
+            elif p.required:
+                given += [key, value]
+            elif key == "--json" and kind in ("folder", "below"):
+                given += [key, bad]
+        if given:
+            code, said = command(program, *words, *given)
+            assert code == 2, (words, given, said)
+    assert len(list(tmp_path.iterdir())) <= 5  # with the cache
