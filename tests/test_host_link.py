@@ -19,8 +19,10 @@ import pytest
 from pymavlink.generator.mavcrc import x25crc
 
 import esea_host
+from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
-from esea_gen.link.transport import LinkError
+from esea_gen.link.session import Session
+from esea_gen.link.transport import LinkError, TcpTransport
 from esea_host.cli import main
 from esea_host.connection import address as address_module
 from esea_host.connection.address import parse_address
@@ -292,6 +294,22 @@ def test_from_a_program_with_an_event_loop(server):
     assert np.all(np.diff([s.tick for s in found]) == 1)
     assert {tuple(s.values) for s in found} == {("tau_Nm",)}
     assert state in ("ZEROING", "READY", "UNREFERENCED")  # who sways is not zeroed
+
+
+def test_who_comes_beside_a_host_is_let_go_and_may_stop(server, drive):
+    """Also in a flood of what is no frame."""
+    with esea_host.open_device(f"tcp:127.0.0.1:{server}") as device:
+        for _ in range(12):
+            other = Session(TcpTransport(server), load_dialect(drive.device), 10.0)
+            other.send_bytes(b"\xfd\xff\0\0" + bytes(range(256)) * 8)
+        with pytest.raises(LinkError, match=r"commanded by 127\.0\.0\.1:\d+"):
+            other.wait_for("ESEA_CLOCK")
+        stopper = Session(TcpTransport(server), load_dialect(drive.device), 10.0)
+        stopper.stop()
+        with pytest.raises(LinkError, match=r"commanded by 127\.0\.0\.1:\d+"):
+            stopper.release()
+        assert device.clock()["state"] == 10
+        device.release()
 
 
 class Proxy:

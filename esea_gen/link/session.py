@@ -223,8 +223,9 @@ class Session(Messenger):
         """
         p = find_parameter(self.known_parameters(), name)
         kind = self.dialect.MAV_PARAM_TYPE_REAL32
-        self.send(self.message("PARAM_SET", *self.board, p.id.encode(), value, kind))
-        answer = self._told_of(p)
+        for _ in self.attempts():
+            self.send(self.message("PARAM_SET", *self.board, p.id.encode(), value, kind))
+            answer = self._told_of(p)
         if answer.get_type() == "PARAM_VALUE":
             return float(answer.param_value)
         error = answer.error

@@ -92,26 +92,25 @@ bool esea_signing_good(esea_app_t *app, const mavlink_message_t *message)
 
 void esea_refuse(esea_app_t *app, const mavlink_message_t *message, const char *why, bool late)
 {
+    const bool command = message->msgid == MAVLINK_MSG_ID_COMMAND_LONG;
+    const bool parameter = message->msgid == MAVLINK_MSG_ID_PARAM_SET;
+    const uint32_t now_ms = esea_now_ms(app);
     mavlink_param_set_t asked;
 
-    switch (message->msgid) {
-    case MAVLINK_MSG_ID_COMMAND_LONG:
-        esea_send_ack(app, message, mavlink_msg_command_long_get_command(message), MAV_RESULT_DENIED, late);
-        break;
-    case MAVLINK_MSG_ID_PARAM_SET:
-        mavlink_msg_param_set_decode(message, &asked);
-        esea_parameters_error(app, message, asked.param_id, -1, MAV_PARAM_ERROR_PERMISSION_DENIED);
-        break;
-    case MAVLINK_MSG_ID_ESEA_STREAM:
-    case MAVLINK_MSG_ID_SETUP_SIGNING:
-        break;
-    default: /* what comes in haste, one after the other, is told of now and then */
-        if (!late || esea_now_ms(app) - app->refused_ms < 1000u)
+    /* What comes in haste, one after the other, is told of now and then. */
+    if (!command && !parameter && message->msgid != MAVLINK_MSG_ID_ESEA_STREAM &&
+            message->msgid != MAVLINK_MSG_ID_SETUP_SIGNING) {
+        if (!late || now_ms - app->refused_ms < 1000u)
             return;
-        app->refused_ms = esea_now_ms(app);
-        break;
+        app->refused_ms = now_ms;
     }
-    esea_send_text(app, MAV_SEVERITY_WARNING, "refused: ", why);
+    esea_send_text(app, MAV_SEVERITY_WARNING, "refused: ", why); /* before the answer, which then is understood */
+    if (command)
+        esea_send_ack(app, message, mavlink_msg_command_long_get_command(message), MAV_RESULT_DENIED, late);
+    if (!parameter)
+        return;
+    mavlink_msg_param_set_decode(message, &asked);
+    esea_parameters_error(app, message, asked.param_id, -1, MAV_PARAM_ERROR_PERMISSION_DENIED);
 }
 
 void esea_signing_refuse(esea_app_t *app, const mavlink_message_t *message)
