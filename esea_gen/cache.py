@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import os
-import stat
 import sys
 import tempfile
 import time
 from functools import cache
 from pathlib import Path
-
-from esea_gen.errors import UserError
 
 _STARTED_S = time.time()
 
@@ -23,15 +20,14 @@ def cache_folder() -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
-        folder = Path(tempfile.gettempdir()) / f"esea-gen-{os.getuid()}"
-        folder.mkdir(mode=0o700, exist_ok=True)
-        made = folder.lstat()
-        # Compiled C is loaded from there: nobody else may put it there.
-        if made.st_uid != os.getuid() or not stat.S_ISDIR(made.st_mode) or made.st_mode & 0o022:
-            raise UserError(
-                f"{folder}: others can write to this folder.", "Set XDG_CACHE_HOME to your own."
-            ) from None
+        return Path(_scratch().name)
     return folder
+
+
+@cache
+def _scratch() -> tempfile.TemporaryDirectory[str]:
+    # Compiled C is loaded from there: no folder of a name that others can make beforehand.
+    return tempfile.TemporaryDirectory(prefix="esea-gen-")
 
 
 @cache
