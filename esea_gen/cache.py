@@ -20,9 +20,14 @@ def cache_folder() -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
-        folder = Path(tempfile.gettempdir()) / f"esea-gen-{os.getuid()}"
-        folder.mkdir(parents=True, exist_ok=True)
+        return Path(_scratch().name)
     return folder
+
+
+@cache
+def _scratch() -> tempfile.TemporaryDirectory[str]:
+    # Compiled C is loaded from there: no folder of a name that others can make beforehand.
+    return tempfile.TemporaryDirectory(prefix="esea-gen-")
 
 
 @cache

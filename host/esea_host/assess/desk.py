@@ -42,6 +42,7 @@ from esea_host.assess.responses import (
     passage,
 )
 from esea_host.assess.session import WORDS, Assessment, take
+from esea_host.typed import read_number
 
 GRADES = {1: "very mild", 2: "mild", 3: "moderate", 4: "marked", 5: "severe"}
 HELP = (
@@ -317,9 +318,9 @@ def _take(desk: ClinicDesk, typed: str, say: Callable[[str], None]) -> None:
         return
     else:
         try:
-            torque_Nm = float(typed.replace(",", "."))
-        except ValueError:
-            raise UserError(f"{typed!r} is no number and no word.", HELP[1]) from None
+            torque_Nm = read_number(typed, -100, 100, "Nm")
+        except UserError as error:
+            raise UserError(f"{error} Or write a word.", HELP[1]) from None
         desk.torque(torque_Nm)
     say(desk.now())
 
@@ -329,9 +330,9 @@ def _probabilities(text: str) -> dict[str, float]:
     for part in text.split():
         name, _, value = part.partition("=")
         try:
-            out[name] = float(value)
-        except ValueError:
-            raise UserError(f"{part!r}.", "Write S3=0.5 D2=0.3.") from None
+            out[name] = read_number(value, 0, 1)
+        except UserError as error:
+            raise UserError(f"{part!r}: {error.what}", "Write S3=0.5 D2=0.3.") from None
     if not out:
         raise UserError("set: nothing given.", "Write S3=0.5 D2=0.3.")
     return out

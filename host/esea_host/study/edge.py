@@ -53,7 +53,7 @@ def checked_step(task: StudyTask, step: Any) -> TaskStep:
             outcome = replace(outcome, row=row)
     except UserError as error:
         raise TaskBrokenError(f"task {task.name}: {error.what}") from None
-    return replace(step, requests=requests, events=events, outcome=outcome)
+    return TaskStep(step.state, step.scene, requests, events, outcome)
 
 
 def number(value: Any, where: str) -> float:
@@ -87,7 +87,7 @@ def _event(event: Any) -> TaskEvent:
     if own := sorted(set(data) & set(_OWN)):
         raise UserError(f"event {event.name}: the engine sets {', '.join(own)}.", "Rename it.")
     _words(data, "advice")
-    return replace(event, data=data)
+    return TaskEvent(event.name, data)
 
 
 def _scene(scene: Any) -> None:

@@ -170,7 +170,9 @@ class StudyFolder:
     def sessions(self) -> Iterator[tuple[str, int, Path]]:
         """Participant, session from 0, and log of every session that there is."""
         for path in sorted(self.path.glob(f"*/session-*/{EVENTS}")):
-            yield path.parents[1].name, int(path.parent.name.split("-")[1]) - 1, path
+            number = path.parent.name.removeprefix("session-")
+            if re.fullmatch("[1-9][0-9]{0,8}", number):
+                yield path.parents[1].name, int(number) - 1, path
 
     def rows(self, code: str, before: int | None = None) -> tuple[Row, ...]:
         """Rows of a participant's completed trials, in order; of sessions ``before`` one only."""

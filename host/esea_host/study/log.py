@@ -134,7 +134,7 @@ def read_log(path: Path) -> LogFound:
                 wrong = "a line before it was removed, added or replaced"
             if not wrong and entry.number != k:
                 wrong = f"it is numbered {entry.number}"
-        except (ValueError, KeyError, TypeError, AttributeError):
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             breaks.append(f"line {k + 1}: no event")
             continue
         if wrong:

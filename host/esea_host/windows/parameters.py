@@ -17,8 +17,8 @@ from PySide6.QtWidgets import (
 )
 
 from esea_gen.errors import UserError
+from esea_host.typed import read_number, shown_number
 from esea_host.windows.feed import LiveFeed
-from esea_host.windows.number_field import read_number, shown_number
 
 HEADS = ("parameter", "in force", "new", "unit", "bounds", "effect")
 NEW, MOST_HEIGHT_PX = 2, 210

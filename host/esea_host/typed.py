@@ -1,0 +1,44 @@
+"""Numbers that people type: the same in every locale, or a reason."""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal
+
+from esea_gen.errors import UserError
+
+# Nothing here asks the locale: "2.5" and "2,5" are the same number on every desktop.
+_NUMBER = re.compile(r"[+\-\u2212]?(\d+[.,]?\d*|[.,]\d+)([eE][+\-]?\d{1,3})?", re.ASCII)
+_GROUPED = re.compile(r"[+\-\u2212]?\d+([\s.,'\u2019_\u066c]+\d+)+")
+_LONGEST = 40
+
+
+def shown_number(value: float) -> str:
+    """A number with a decimal point and all its digits, without exponent and grouping."""
+    text = format(Decimal(repr(value)), "f")
+    return text if "." in text else f"{text}.0"
+
+
+def read_number(text: str, low: float, high: float, unit: str = "") -> float:
+    """The number that was typed; point and comma are both decimal separators.
+
+    Raises
+    ------
+    UserError
+        For anything else: the text, the limits, and what to write.
+    """
+    of = f" {unit}" if unit else ""
+    limits = f"{shown_number(low)} to {shown_number(high)}{of}"
+    typed = text.strip(" \t\r\n")
+    shown = typed if len(typed) <= _LONGEST else f"{typed[:_LONGEST]}..."
+    if not typed:
+        raise UserError("The field is empty.", f"Enter {limits}.")
+    if not _NUMBER.fullmatch(typed):
+        fix = f"Enter digits and at most one decimal point: {limits}."
+        if _GROUPED.fullmatch(typed):
+            fix = f"Write it without digit grouping, such as 1234.5; enter {limits}."
+        raise UserError(f"'{shown}' is no number.", fix)
+    value = float(typed.replace(",", ".").replace("\u2212", "-"))
+    if not low <= value <= high:
+        raise UserError(f"{shown}{of} is outside the limits.", f"Enter {limits}.")
+    return value + 0.0  # -0 is 0
