@@ -203,7 +203,7 @@ def _patient(text: str, height_m: float, mass_kg: float, seed: int) -> Any:
 @assess.command(epilog=MEASURED_NOTICE)
 def pendulum(
     recording: Annotated[
-        Path, typer.Argument(help="Table or MCAP: time_s, angle_deg or angle_rad.")
+        Path, typer.Argument(help="Table or MCAP: time_s, and angle_deg or _rad.")
     ],
     json_file: JsonOption = None,
 ) -> None:
