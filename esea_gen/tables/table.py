@@ -124,7 +124,8 @@ class FileTable:
         """
         good = np.ones(len(self), dtype=bool)
         for column in columns:
-            good &= [self._is_number(self._text(c)) for c in self._column(column)]
+            cells = self._column(column)
+            good &= np.fromiter((self._is_number(self._text(c)) for c in cells), bool, len(self))
         return self.kept(good, "no number in " + ", ".join(f"'{c}'" for c in columns))
 
     def kept(self, rows: npt.ArrayLike, why: str) -> FileTable:
