@@ -319,7 +319,7 @@ def test_mat_files(tmp_path: Path) -> None:
     says(after(t=t, x=bad, y=y), "rig.mat: row 42, column 'x' is nan")
     says(refused(tmp_path, mapping, b"no mat", "rig.mat"), "rig.mat: is not a MATLAB file")
     seven = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(400)
-    says(refused(tmp_path, mapping, seven, "rig.mat"), "rig.mat: cannot be read as HDF5")
+    says(refused(tmp_path, mapping, seven, "rig.mat"), "rig.mat: is not an HDF5 file")
 
 
 def test_glitches_are_dropped_and_counted(tmp_path: Path) -> None:

@@ -61,6 +61,7 @@ HOSTILE = {
     "infinity": (spoilt("-inf"), ["line 4, column 'BB' is -inf"]),
     "too large": (spoilt("1e400"), ["line 4, column 'BB'"]),
     "whole number": (spoilt("9007199254740993"), ["line 4, column 'BB'", "2^53"]),
+    "zeros": (spoilt("0" * 5000 + "9007199254740993"), ["line 4, column 'BB'", "2^53"]),
     "underscore": (spoilt("1_234"), ["'1_234' is not a number", "Write 1234"]),
     "hexadecimal": (spoilt("0x10"), ["'0x10' is not a number"]),
     "other digits": (spoilt("١٢"), ["'١٢' is not a number"]),

@@ -180,7 +180,7 @@ def _epos(path: Path, full_Nm: float | None) -> tuple[FileTable, Array, Array]:
     table = read_table(path, ("rpm", "%"), form, raw="\n".join(rows).encode())
     behind = [k for k, (line, row) in enumerate(zip(lines, rows, strict=True), 1) if line != row]
     if behind:
-        table = table.noting(f"{len(behind)} texts behind rows ({numbered('line', behind)})")
+        table = table.noting(f"comments behind rows ({numbered('line', behind)})")
     rpm, percent = table.numbers("rpm"), table.numbers("%")
     return table, rpm * (2 * math.pi / 60), percent * (full_Nm / 100)
 

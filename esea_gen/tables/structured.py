@@ -5,20 +5,20 @@ from __future__ import annotations
 import io
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import scipy  # its parts are read on first use
 
 from esea_gen.errors import UserError, from_extra
-from esea_gen.tables.form import TableFormat, check_unique, listed, missing_column
+from esea_gen.tables.form import TableFormat, check_unique, listed, missing_column, shortened
 from esea_gen.tables.table import FileTable
 
 DEEPEST = 8  # levels of structs and groups
 MOST_NAMES = 10_000  # variables or data sets of a file
 MOST_VALUES = 10**8  # of a file's columns together
-CELL_DAMAGED = "Check the file, or export CSV."
 # What a file has: an array, or a text that says why a name is no column.
 Content = dict[str, "np.ndarray[Any, Any] | str"]
 
@@ -61,17 +61,13 @@ def read_mat(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:
     """Variables of a MATLAB file, and the fields of its structs; version 7.3 is HDF5."""
     if raw.startswith((b"MATLAB 7.3 MAT-file", b"\x89HDF")):
         return read_hdf5(raw, name, wanted)
-    try:
+    with _damage_named(name, "a MATLAB"):
         kinds = scipy.io.whosmat(io.BytesIO(raw))
         _bounded(name, len(kinds), sum(np.prod(shape, dtype=float) for _, shape, _ in kinds))
         out = _flat_mat(name, scipy.io.loadmat(io.BytesIO(raw)))
         # Only so is a logical array one of bool; a complex one then loses its imaginary part.
         with warnings.catch_warnings(action="ignore"):
             typed = _flat_mat(name, scipy.io.loadmat(io.BytesIO(raw), mat_dtype=True))
-    except UserError:
-        raise
-    except Exception as error:
-        raise UserError(f"{name}: is not a MATLAB file ({error}).", CELL_DAMAGED) from None
     for k, v in typed.items():
         if isinstance(v, np.ndarray) and v.dtype.kind == "b":
             out[k] = "a logical array, not a vector of numbers"
@@ -138,11 +134,8 @@ def read_hdf5(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:
         out.update(dict.fromkeys(keys, found))
         _bounded(name, len(out), size)
 
-    try:
-        with h5py.File(io.BytesIO(raw), "r") as file:
-            file.visititems(take)
-    except (OSError, RuntimeError, ValueError, TypeError, KeyError) as error:
-        raise UserError(f"{name}: cannot be read as HDF5 ({error}).", CELL_DAMAGED) from None
+    with _damage_named(name, "an HDF5"), h5py.File(io.BytesIO(raw), "r") as file:
+        file.visititems(take)
     return out
 
 
@@ -150,7 +143,7 @@ def read_parquet(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content
     """Columns of a Parquet file, those of structs by ``s.t``."""
     pa = from_extra("pyarrow", "files", f"{name}: a Parquet file")
     parquet = from_extra("pyarrow.parquet", "files", f"{name}: a Parquet file")
-    try:
+    with _damage_named(name, "a Parquet"):
         file = parquet.ParquetFile(pa.BufferReader(raw))
         roots = file.schema_arrow.names
         check_unique(name, "", roots, "Give every column a name of its own.")
@@ -173,8 +166,6 @@ def read_parquet(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content
         check_unique(name, "", table.column_names, "Give every column a name of its own.")
         for field, column in zip(table.schema, table.columns, strict=True):
             out[field.name] = _arrow(pa, field.type, column)
-    except (pa.ArrowException, OSError) as error:
-        raise UserError(f"{name}: is not a Parquet file ({error}).", CELL_DAMAGED) from None
     return out
 
 
@@ -233,6 +224,20 @@ def _objects(values: list[Any]) -> np.ndarray[Any, Any]:
     for k, v in enumerate(values):  # a list stays one, whatever its length
         out[k] = v
     return out
+
+
+@contextmanager
+def _damage_named(name: str, kind: str) -> Iterator[None]:
+    # What a damaged file makes a library raise is not in its manual.
+    try:
+        yield
+    except UserError:
+        raise
+    except Exception as error:
+        why = shortened(str(error)) or type(error).__name__
+        raise UserError(
+            f"{name}: is not {kind} file ({why}).", "Check the file, or export CSV."
+        ) from None
 
 
 def _bounded(name: str, names: int, values: float) -> None:

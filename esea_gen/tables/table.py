@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from typing import Any, Literal
 
 import numpy as np
@@ -124,7 +125,8 @@ class FileTable:
         """
         good = np.ones(len(self), dtype=bool)
         for column in columns:
-            good &= [self._is_number(self._text(c)) for c in self._column(column)]
+            cells = self._column(column)
+            good &= np.fromiter((self._is_number(self._text(c)) for c in cells), bool, len(self))
         return self.kept(good, "no number in " + ", ".join(f"'{c}'" for c in columns))
 
     def kept(self, rows: npt.ArrayLike, why: str) -> FileTable:
@@ -203,7 +205,7 @@ class FileTable:
             text = cell.strip()
             if match(text):
                 value = float(text.replace(",", ".") if comma else text)
-                if math.isinf(value) or (LONG_INTEGER.fullmatch(text) and int(text) != int(value)):
+                if math.isinf(value) or (LONG_INTEGER.fullmatch(text) and Decimal(text) != value):
                     raise self._too_large(k, column, text)
             elif not text or NOT_FINITE.fullmatch(text):
                 value = float(text or "nan")
@@ -242,15 +244,8 @@ class FileTable:
 
     def _no_number(self, row: int, column: str, text: str) -> UserError:
         comma = self.form.decimal == ","
-        fix = (
-            "Correct the cell"
-            + (
-                ", or set first_data_line in " + self.settings
-                if self.settings and self.form.kind == "csv" and row == 0
-                else ""
-            )
-            + "."
-        )
+        settings = self.settings if row == 0 else ""  # a line of units, perhaps
+        fix = remedy(settings, "first_data_line", "Correct the cell")
         if "_" in text and POINT.fullmatch(text.replace("_", "")):
             fix = f"Write {text.replace('_', '')}."
         elif GROUPED.fullmatch(text):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from codecs import BOM_UTF8
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -120,17 +121,20 @@ def read_recording(
     return LegRecording(time_s, angle, found[torque], height_m, mass_kg, read=table.read)
 
 
-def from_recordings(folder: Path) -> ResponseDataBase:
+def from_recordings(folder: Path, told: Callable[[str], None] = lambda _: None) -> ResponseDataBase:
     """A data base from recordings: a folder for each category, files of people in it.
 
     A line ``# height_m=1.7 mass_kg=70`` at the top of a CSV gives its body's size; a note of the
-    same words does in an MCAP file.
+    same words does in an MCAP file.  told: takes how each table was read and what was left out.
     """
     people = []
     found = [p for p in folder.glob("*/*") if p.suffix.lower() in KINDS] if folder.is_dir() else []
     for path in sorted(found):
         size = _body(path)
-        people.append((path.parent.name, passage(read_recording(path, *size))))
+        leg = read_recording(path, *size)
+        people.append((path.parent.name, passage(leg)))
+        if leg.read:
+            told(leg.read)
     if not people:
         raise UserError(
             f"{folder}: no recordings.",

@@ -66,7 +66,7 @@ def build(
         typer.Option(
             "--recordings",
             metavar="FOLDER",
-            help="Build from recordings instead: a folder for each category, CSV or MCAP in it.",
+            help="Build from recordings instead: a folder for each category, tables or MCAP in it.",
         ),
     ] = None,
 ) -> None:
@@ -74,7 +74,7 @@ def build(
     from esea_host.assess.build import build as simulate
     from esea_host.assess.files import from_recordings
 
-    data = from_recordings(recordings) if recordings else simulate(patients, told)
+    data = from_recordings(recordings, told) if recordings else simulate(patients, told)
     digest = data.save(file)
     out.print(data.notice)
     out.print(
@@ -208,7 +208,9 @@ def _patient(text: str, height_m: float, mass_kg: float, seed: int) -> Any:
 
 @assess.command(epilog=MEASURED_NOTICE)
 def pendulum(
-    recording: Annotated[Path, typer.Argument(help="CSV or MCAP: time_s, angle_deg or angle_rad.")],
+    recording: Annotated[
+        Path, typer.Argument(help="Table or MCAP: time_s, and angle_deg or _rad.")
+    ],
     json_file: JsonOption = None,
 ) -> None:
     """Wartenberg's pendulum test: relaxation index, damping, first swing."""
@@ -226,7 +228,7 @@ def pendulum(
 
 @assess.command("range", epilog=MEASURED_NOTICE)
 def range_(
-    recording: Annotated[Path, typer.Argument(help="CSV or MCAP: time_s, angle_deg, torque_Nm.")],
+    recording: Annotated[Path, typer.Argument(help="Table or MCAP: time_s, angle_deg, torque_Nm.")],
     height_m: HeightOption = 1.70,
     mass_kg: MassOption = 70.0,
     json_file: JsonOption = None,

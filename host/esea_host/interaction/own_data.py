@@ -20,7 +20,7 @@ from esea_host.smoothness import (
     Band,
     Derivatives,
     NoAnswerError,
-    Resampled,
+    Resampling,
     SmoothnessResult,
     derivatives,
     dimensionless_jerk,
@@ -51,7 +51,7 @@ TICK, SIMULATED_COLUMN = "sequence", "simulated"  # of exported streams
 
 
 @dataclass(frozen=True)
-class Quantity:
+class NamedColumn:
     """A column: its name in the file, without a unit in brackets, and its unit, if it names one."""
 
     column: str
@@ -59,7 +59,7 @@ class Quantity:
     unit: str | None
 
     @classmethod
-    def of(cls, column: str) -> Quantity:
+    def of(cls, column: str) -> NamedColumn:
         """The unit in brackets, or a unit as the last part of the name."""
         cut = column.rfind({"]": "[", ")": "("}.get(column[-1:], "\n"))
         name, unit = column[:cut].rstrip(), column[cut + 1 : -1].strip()
@@ -101,10 +101,10 @@ class OwnSmoothness:
 
     file: str
     simulated: bool
-    column: Quantity
-    time: Quantity
+    column: NamedColumn
+    time: NamedColumn
     read: tuple[str, ...]
-    resampling: Resampled | None
+    resampling: Resampling | None
     results: tuple[tuple[SmoothnessResult, Band], ...]
     refused: tuple[str, ...]
 
@@ -200,8 +200,8 @@ def _mean_rate(t: Array) -> float:
     return (len(t) - 1) / length if length > 0 else 100.0
 
 
-def _named(table: FileTable, wanted: str) -> Quantity:
-    fits = [q for q in map(Quantity.of, table.names) if wanted in (q.column, q.name)]
+def _named(table: FileTable, wanted: str) -> NamedColumn:
+    fits = [q for q in map(NamedColumn.of, table.names) if wanted in (q.column, q.name)]
     if len(fits) != 1:
         raise UserError(
             f"{table.name}: "
@@ -215,11 +215,11 @@ def _named(table: FileTable, wanted: str) -> Quantity:
     return fits[0]
 
 
-def _time(table: FileTable, wanted: str | None, unit: str | None) -> Quantity:
+def _time(table: FileTable, wanted: str | None, unit: str | None) -> NamedColumn:
     if wanted is not None:
         found = _named(table, wanted)
     else:
-        named = (q for q in map(Quantity.of, table.names) if q.stem in TIMES)
+        named = (q for q in map(NamedColumn.of, table.names) if q.stem in TIMES)
         fits = [q for q in named if q.unit is None or q.unit in SECONDS]
         if len(fits) != 1:
             raise UserError(
@@ -238,11 +238,11 @@ def _time(table: FileTable, wanted: str | None, unit: str | None) -> Quantity:
     return found
 
 
-def _position(table: FileTable, wanted: str | None, over: Quantity) -> Quantity:
+def _position(table: FileTable, wanted: str | None, over: NamedColumn) -> NamedColumn:
     if wanted is not None:
         return _named(table, wanted)
     apart = ("", over.column, TICK, SIMULATED_COLUMN)
-    others = [q for q in map(Quantity.of, table.names) if q.column not in apart]
+    others = [q for q in map(NamedColumn.of, table.names) if q.column not in apart]
     positions = [q for q in others if q.is_position]
     for stem in ANGLES:
         fits = [q for q in positions if q.stem == stem]
@@ -272,7 +272,7 @@ def _longest_piece(table: FileTable) -> FileTable:
     )
 
 
-def _integrated(x: Array, fs_Hz: float, moved: Quantity, read: list[str]) -> tuple[Array, str]:
+def _integrated(x: Array, fs_Hz: float, moved: NamedColumn, read: list[str]) -> tuple[Array, str]:
     # Position and its unit; a speed's integral is one.
     if moved.unit is None:
         read.append(f"'{moved.column}' names no unit: taken as an angle or position")

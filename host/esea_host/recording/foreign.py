@@ -6,6 +6,7 @@ looks like; and how time runs.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -180,8 +181,21 @@ def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportR
     UserError
         When the table is refused, a column is missing, or there is no row with a time.
     """
+    with new_whole(target) as part:
+        return _import(source, mapping, part)
+
+
+def _import(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport:
     report = ImportReport()
-    table = _table(source, mapping)
+    try:
+        table = _table(source, mapping)
+        columns = [table.numbers(_name(table, c.source), holes=True) for c in mapping.columns]
+        board_ns = _times(mapping, table, report)
+    except UserError as error:
+        if mapping.fields is None and re.search(" cells for |is not a number", error.what):
+            fix = f"{error.fix} Or set fields in the mapping: cells of a row; others are left out."
+            raise UserError(error.what, fix) from None
+        raise
     layout = StreamLayout(
         mapping.stream,
         (
@@ -191,14 +205,12 @@ def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportR
     )
     rows = np.zeros(len(table), layout.dtype)
     rows[ROW] = np.arange(len(rows))
-    for c in mapping.columns:
-        values = table.numbers(_name(table, c.source), holes=True)
+    for c, values in zip(mapping.columns, columns, strict=True):
         rows[c.name] = _converted(c, values, report)
-    board_ns = _times(mapping, table, report)
     report.rows, report.read, report.left_out = len(rows), table.report(), table.left_out
     told = {k: v for k, v in vars(report).items() if k != "gaps"}
     attached = {"mapping.json": mapping.model_dump_json(indent=1).encode()}
-    with new_whole(target) as part, Recorder(part, attached) as recorder:
+    with Recorder(target, attached) as recorder:
         recorder.event("import", {"file": source.name, **told})
         recorder.rows(layout, rows, board_ns, board_ns)
         for gap in report.gaps:

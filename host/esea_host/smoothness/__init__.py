@@ -4,7 +4,7 @@ from esea_host.smoothness.chain import Derivatives, derivatives
 from esea_host.smoothness.checks import NoAnswerError, steady_rate
 from esea_host.smoothness.jerk import dimensionless_jerk, ldlj
 from esea_host.smoothness.peaks import peak_speed_ratio, submovements
-from esea_host.smoothness.resampling import Resampled, resampled
+from esea_host.smoothness.resampling import Resampling, resampled
 from esea_host.smoothness.result import Processing, SmoothnessResult
 from esea_host.smoothness.sensitivity import Band, sensitivity_band
 from esea_host.smoothness.spectral import sparc
@@ -15,7 +15,7 @@ __all__ = [
     "Derivatives",
     "NoAnswerError",
     "Processing",
-    "Resampled",
+    "Resampling",
     "SmoothnessResult",
     "derivatives",
     "dimensionless_jerk",

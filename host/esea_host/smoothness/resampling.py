@@ -18,7 +18,7 @@ _MOST = 10.0  # times the mean rate
 
 
 @dataclass(frozen=True)
-class Resampled:
+class Resampling:
     """A signal at a steady rate, and what became of its frames.
 
     Parameters
@@ -82,7 +82,7 @@ class Resampled:
 
 def resampled(
     time_s: ArrayLike, values: ArrayLike, fs_Hz: float, stop_Hz: float = 4.0
-) -> Resampled:
+) -> Resampling:
     """Interpolate a signal at a steady rate, unless frames are missing for too long.
 
     Parameters
@@ -98,7 +98,7 @@ def resampled(
 
     Returns
     -------
-    Resampled
+    Resampling
         The signal from the first frame on.
 
     Raises
@@ -113,23 +113,7 @@ def resampled(
         raise NoAnswerError(
             "shape", f"{t.shape} times for {x.shape} values.", "Give one time for each value."
         )
-    there = np.isfinite(t) & np.isfinite(x)
-    missing = int(np.count_nonzero(~there))
-    frame, t, x = np.flatnonzero(there), t[there], x[there]
-    falls = np.flatnonzero(np.diff(t) < 0)
-    if len(falls):
-        at = falls[0]
-        raise NoAnswerError(
-            "gap",
-            f"Time goes back from {t[at]:.6g} s to {t[at + 1]:.6g} s after sample {frame[at]}.",
-            "Cut the movement there.",
-        )
-    t, first, count = np.unique(t, return_index=True, return_counts=True)
-    if len(t) < LEAST_SAMPLES:
-        raise NoAnswerError(
-            "short", f"{len(t)} frames: at least {LEAST_SAMPLES}.", "Record longer."
-        )
-    x = np.add.reduceat(x, first) / count
+    missing, merged, t, x = _frames(t, x)
     step = np.diff(t)
     usual, longest = float(np.median(step)), float(np.max(step))
     limit = min(LONGEST_STEPS * usual, 0.5 / stop_Hz)
@@ -149,15 +133,16 @@ def resampled(
             f"The frames come at {mean_Hz:.4g} Hz on average.",
         )
     grid = t[0] + np.arange(int(float(t[-1] - t[0]) * fs_Hz * (1 + 1e-9)) + 1) / fs_Hz
+    level = float(np.max(np.abs(x))) or 1.0  # slopes of large numbers overflow
     behind = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
     away = np.minimum(np.abs(grid - t[behind - 1]), np.abs(t[behind] - grid)) * fs_Hz > JITTER
-    return Resampled(
-        np.asarray(PchipInterpolator(t, x)(grid)),
+    return Resampling(
+        np.asarray(PchipInterpolator(t, x / level)(grid)) * level,
         grid,
         fs_Hz,
         len(t),
         missing,
-        len(frame) - len(t),
+        merged,
         float(np.std(step)),
         usual,
         longest,
@@ -165,3 +150,24 @@ def resampled(
         int(np.count_nonzero(away)),
         int(np.count_nonzero(away & (step[behind - 1] > 1.5 * usual))),
     )
+
+
+def _frames(t: Array, x: Array) -> tuple[int, int, Array, Array]:
+    # Frames without a number and with a repeated time, counted; times and values of the others.
+    there = np.isfinite(t) & np.isfinite(x)
+    missing = int(np.count_nonzero(~there))
+    frame, t, x = np.flatnonzero(there), t[there], x[there]
+    falls = np.flatnonzero(np.diff(t) < 0)
+    if len(falls):
+        at = falls[0]
+        raise NoAnswerError(
+            "gap",
+            f"Time goes back from {t[at]:.6g} s to {t[at + 1]:.6g} s after sample {frame[at]}.",
+            "Cut the movement there.",
+        )
+    t, first, count = np.unique(t, return_index=True, return_counts=True)
+    if len(t) < LEAST_SAMPLES:
+        raise NoAnswerError(
+            "short", f"{len(t)} frames: at least {LEAST_SAMPLES}.", "Record longer."
+        )
+    return missing, len(frame) - len(t), t, np.add.reduceat(x, first) / count
