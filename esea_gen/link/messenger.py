@@ -155,9 +155,8 @@ class Messenger:
         return self.pack(message)
 
     def _stops(self, message: Any) -> bool:
-        return (
-            message.get_type() == "COMMAND_LONG" and message.command == self.dialect.MAV_CMD_USER_4
-        )
+        stop = self.dialect.MAV_CMD_USER_4
+        return bool(message.get_type() == "COMMAND_LONG" and message.command == stop)
 
     def _expires(self, message: Any) -> bool:
         kind, d = message.get_type(), self.dialect

@@ -112,7 +112,8 @@ class StudyFolder:
         Protocol and tasks too, where they are not those of the beginning.
         """
         found = [f"audit.jsonl: {b}" for b in read_log(self.path / AUDIT).breaks]
-        begun = next((d for k, d in self.audited_anyway() if k == "created"), {}).get("content")
+        created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        begun: dict[str, Any] = created.get("content") or {}
         now = self.content()
         for name in sorted({*now, *begun} if begun else ()):
             if now.get(name) != begun.get(name):
