@@ -82,6 +82,11 @@ class StudyFolder:
         codes = [read_code(p) for p in files[2:]]
         return cls(path, parse_protocol(text, PROTOCOL, (), codes, runs), durable)
 
+    def content_at_first(self) -> Mapping[str, str]:
+        """As :meth:`content` when the study was created; empty where it was not recorded."""
+        created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        return dict(created.get("content", {}))
+
     def content(self) -> dict[str, str]:
         """SHA-256 of the protocol and of every task file, by name."""
         found = {PROTOCOL: hashlib.sha256((self.path / PROTOCOL).read_bytes()).hexdigest()}
@@ -111,9 +116,9 @@ class StudyFolder:
         Protocol and tasks too, where they are not those of the beginning.
         """
         found = [f"audit.jsonl: {b}" for b in read_log(self.path / AUDIT).breaks]
-        begun = next((d for k, d in self.audited_anyway() if k == "created"), {}).get("content")
-        now = self.content()
-        for name in sorted({*now, *begun} if begun else ()):
+        begun = self.content_at_first()
+        now = self.content() if begun else {}
+        for name in sorted({*now, *begun}):
             if now.get(name) != begun.get(name):
                 change = "added" if name not in begun else "changed" if name in now else "removed"
                 found.append(f"{name}: {change} since the study was created")
