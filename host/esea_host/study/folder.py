@@ -85,7 +85,8 @@ class StudyFolder:
     def content_at_first(self) -> Mapping[str, str]:
         """As :meth:`content` when the study was created; empty where it was not recorded."""
         created = next((d for k, d in self.audited_anyway() if k == "created"), {})
-        return dict(created.get("content", {}))
+        content = created.get("content")
+        return content if isinstance(content, dict) else {}
 
     def content(self) -> dict[str, str]:
         """SHA-256 of the protocol and of every task file, by name."""
