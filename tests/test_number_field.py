@@ -92,6 +92,8 @@ def test_paste_arrows_and_wheel(field):
     from PySide6.QtTest import QTest
     from PySide6.QtWidgets import QApplication
 
+    from esea_host.windows.number_field import Choice
+
     QGuiApplication.clipboard().setText("2,5\n")
     field.selectAll()
     field.paste()
@@ -100,6 +102,11 @@ def test_paste_arrows_and_wheel(field):
     up = QPointF(5, 5), QPointF(5, 5), QPoint(0, 0), QPoint(0, 120), Qt.MouseButton.NoButton, *no
     QApplication.sendEvent(field, QWheelEvent(*up))
     assert (field.value(), field.text()) == (2.5, "2.5")
+    choice = Choice()
+    choice.addItems(["a", "b"])
+    choice.setCurrentIndex(1)
+    QApplication.sendEvent(choice, QWheelEvent(*up))
+    assert choice.currentIndex() == 1
     QTest.keyClick(field, Qt.Key.Key_Up)
     assert (field.value(), field.text()) == (2.5, "3.0")  # taken like typed text
     assert field.take() == 3.0

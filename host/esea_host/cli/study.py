@@ -175,7 +175,7 @@ def audit(folder: FolderArgument) -> None:
         out.print(kind + "".join(f" {k}={v}" for k, v in data.items() if k != "content"))
     for name, digest in study.content().items():
         out.print(f"{name}: SHA-256 {digest}")
-    if not any("content" in data for _, data in study.audited_anyway()):
+    if not study.content_at_first():
         out.print("Protocol and tasks were not recorded when the study was created: not checked.")
     problems = study.problems()
     if problems:

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_gen.files import new_whole
 from esea_gen.toml_file import read_text
 from esea_host.study.log import EventLog, read_log
 from esea_host.study.plan import build_plan, generator, group_of
@@ -83,6 +82,12 @@ class StudyFolder:
         codes = [read_code(p) for p in files[2:]]
         return cls(path, parse_protocol(text, PROTOCOL, (), codes, runs), durable)
 
+    def content_at_first(self) -> Mapping[str, str]:
+        """As :meth:`content` when the study was created; empty where it was not recorded."""
+        created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        content = created.get("content")
+        return content if isinstance(content, dict) else {}
+
     def content(self) -> dict[str, str]:
         """SHA-256 of the protocol and of every task file, by name."""
         found = {PROTOCOL: hashlib.sha256((self.path / PROTOCOL).read_bytes()).hexdigest()}
@@ -112,10 +117,9 @@ class StudyFolder:
         Protocol and tasks too, where they are not those of the beginning.
         """
         found = [f"audit.jsonl: {b}" for b in read_log(self.path / AUDIT).breaks]
-        created = next((d for k, d in self.audited_anyway() if k == "created"), {})
-        begun: dict[str, Any] = created.get("content") or {}
-        now = self.content()
-        for name in sorted({*now, *begun} if begun else ()):
+        begun = self.content_at_first()
+        now = self.content() if begun else {}
+        for name in sorted({*now, *begun}):
             if now.get(name) != begun.get(name):
                 change = "added" if name not in begun else "changed" if name in now else "removed"
                 found.append(f"{name}: {change} since the study was created")
@@ -259,6 +263,12 @@ class StudyFolder:
 
     # -- export -------------------------------------------------------------------------------
 
+    def new_folder(self, out: Path) -> None:
+        """Make a folder; nothing is written into one that has anything in it."""
+        if out.exists() and any(out.iterdir()):
+            raise UserError(f"{out} is not empty.", "Name a new folder; nothing is overwritten.")
+        out.mkdir(parents=True, exist_ok=True)
+
     def new_codes(self, seed: int) -> dict[str, str]:
         """Who is meant by a new code, in random order."""
         codes = sorted({c for c, _, _ in self.sessions()})
@@ -285,15 +295,14 @@ class StudyFolder:
         int
             Number of rows.
         """
+        self.new_folder(out)
         rows = self.scrubbed(seed)
+        with (out / "rows.jsonl").open("w", encoding="utf-8") as file:
+            file.writelines(json.dumps(r, sort_keys=True) + "\n" for r in rows)
         names = sorted({n for r in rows for n, x in r.items() if not isinstance(x, list | dict)})
-        with new_whole(out) as scratch:
-            scratch.mkdir()
-            with (scratch / "rows.jsonl").open("w", encoding="utf-8") as file:
-                file.writelines(json.dumps(r, sort_keys=True) + "\n" for r in rows)
-            with (scratch / "rows.csv").open("w", encoding="utf-8", newline="") as file:
-                writer = csv.DictWriter(file, names, extrasaction="ignore")
-                writer.writeheader()
-                writer.writerows(rows)
-            (scratch / "protocol.toml").write_text(self.protocol.text, encoding="utf-8")
+        with (out / "rows.csv").open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, names, extrasaction="ignore")
+            writer.writeheader()
+            writer.writerows(rows)
+        (out / "protocol.toml").write_text(self.protocol.text, encoding="utf-8")
         return len(rows)

@@ -7,7 +7,6 @@ from functools import partial
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
-    QComboBox,
     QGridLayout,
     QGroupBox,
     QHBoxLayout,
@@ -22,7 +21,7 @@ from esea_host.assess.desk import long_name
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
 from esea_host.assess.session import WORDS
-from esea_host.windows.number_field import NumberField
+from esea_host.windows.number_field import Choice, NumberField
 
 
 class ClinicControls(QWidget):
@@ -83,7 +82,7 @@ class ClinicControls(QWidget):
 
     def _judgement(self, names: Sequence[str]) -> QGroupBox:
         box, grid = _titled("Your own judgement (kept in the steps)")
-        self.name, self.percent, self.why = QComboBox(), NumberField(0, 100, 5, "%"), QLineEdit()
+        self.name, self.percent, self.why = Choice(), NumberField(0, 100, 5, "%"), QLineEdit()
         for name in names:
             self.name.addItem(long_name(name), name)
         self.percent.setValue(50)

@@ -1,17 +1,25 @@
-"""The one field for typed numbers: the same number in every locale, or a reason and no change."""
+"""Fields of forms: typed numbers, the same in every locale or refused with the reason; lists."""
 
 from __future__ import annotations
 
 import math
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QColor, QKeyEvent, QPalette
-from PySide6.QtWidgets import QGridLayout, QLabel, QLineEdit, QWidget
+from PySide6.QtGui import QColor, QKeyEvent, QPalette, QWheelEvent
+from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QWidget
 
 from esea_gen.errors import UserError
 from esea_host.typed import read_number, shown_number
 
 _REFUSED = QColor("#d55e00")
+
+
+class Choice(QComboBox):
+    """A list to choose from; a wheel that scrolls past it changes nothing."""
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Leave it to what scrolls."""
+        event.ignore()
 
 
 class NumberField(QLineEdit):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QWidget
 
-from esea_host.windows.number_field import NumberField
+from esea_host.windows.number_field import Choice, NumberField
 from esea_host.windows.plots import ShownSignal
 from esea_host.windows.trigger import MODES, OFF, SINGLE, Trigger
 
@@ -23,7 +23,7 @@ class TriggerBar(QWidget):
     ) -> None:
         super().__init__()
         self.trigger, self._now = trigger, now
-        self.source, self.mode, self.edge = QComboBox(), QComboBox(), QComboBox()
+        self.source, self.mode, self.edge = Choice(), Choice(), Choice()
         self.level = NumberField(-1e6, 1e6, 0.1)
         self.mode.addItems(list(MODES))
         self.edge.addItems(["rises", "falls"])
