@@ -327,9 +327,7 @@ class Log:
         kind = self._file.kind(stream)
         has = f"It has {', '.join(self.streams) or 'no stream of esea-host'}."
         if kind:
-            what = (
-                f"{self.path.name}: {stream} is {kind}, and only streams of esea-host are tables."
-            )
+            what = f"{self.path.name}: {stream} is {kind}; only streams of esea-host are tables."
             raise UserError(what, f"Convert it with the tool that wrote it. {has}")
         raise UserError(f"{self.path.name} has no stream {stream}.", has)
 
