@@ -40,6 +40,13 @@ class Rows:
     data: bytes
     lengths: Array
 
+    def of(self, layout: StreamLayout) -> Array:
+        """Rows of a stream; refused when the messages are not of its layout."""
+        if (self.lengths != layout.record_dtype.itemsize).any():
+            what = f"Messages of {layout.name} have another size than its columns."
+            raise UserError(what, "Record with esea-host.")
+        return layout.rows(self.data)
+
 
 class LogFile(PieceFile):
     """A recording's file; ``integrity`` says what is missing of it."""
