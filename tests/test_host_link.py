@@ -29,6 +29,7 @@ from esea_host.connection.address import parse_address
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.identity import check_hash, identify
 from esea_host.connection.receiver import Receiver, Subscription
+from esea_host.recording import RecordingState
 from esea_host.simulated import LockstepDevice, NoisyTransport, SimulatedBoard
 from esea_host.simulated.server import serve_hosts
 
@@ -396,6 +397,34 @@ def test_a_board_that_does_not_come_back_ends_with_the_reason(server, tmp_path, 
         with pytest.raises(LinkError, match="did not come back"):
             for _ in samples:
                 pass
+
+
+def test_a_recording_of_a_board_that_goes_away_is_kept_and_says_so(
+    server, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr("esea_host.connection.device.MOST_AWAY_S", 0.5)
+    proxy, path = Proxy(server), tmp_path / "a.mcap"
+
+    def pull() -> None:
+        until(lambda: path.exists() and path.stat().st_size > 600_000)
+        proxy.close()
+        proxy.pull()
+
+    threading.Thread(target=pull, daemon=True).start()
+    monkeypatch.setattr("sys.argv", ["esea-host", "record", proxy.address, str(path)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "ended early and is kept" in said
+    assert "did not come back" in said
+    with esea_host.open_log(path) as log:
+        assert log.state is RecordingState.DISCONNECTED
+        table = log["sense_out"]
+        assert len(table) > 100
+        (gap,) = table.gaps
+        assert (gap.after_tick, gap.before_tick) == (table.tick[-1], -1)
+        assert gap.reason == "disconnected"
 
 
 def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypatch):

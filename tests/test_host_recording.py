@@ -18,7 +18,16 @@ from mcap.reader import make_reader
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host.recording import Gap, GapError, Recorder, StreamColumn, StreamLayout
+from esea_host.recording import (
+    Gap,
+    GapError,
+    Recorder,
+    RecordingState,
+    StreamColumn,
+    StreamLayout,
+)
+
+from .fuzz.hostile import bomb, foreign_recording
 
 ROOT = Path(__file__).parents[1]
 LAYOUT = StreamLayout(
@@ -145,42 +154,120 @@ def test_nothing_is_overwritten_and_no_other_file_is_read(tmp_path):
         esea_host.open_log(tmp_path / "b.mcap")
 
 
-@pytest.mark.ci
-@pytest.mark.parametrize("compress", [False, True])
-def test_a_file_cut_at_any_byte_keeps_all_before_the_cut(tmp_path, compress):
-    """Every byte of a sample: what had been written in whole pieces is there, and nothing else."""
-    path = tmp_path / "a.mcap"
-    rows = np.zeros(6, SMALL.dtype)
-    rows["sequence"] = np.arange(6)
-    ns = np.arange(6) * 1_000_000
-    recorder = Recorder(path, {"a": b"{}"}, compress, piece_s=0)
-    for first in range(0, 6, 2):
-        part = slice(first, first + 2)
-        recorder.rows(SMALL, rows[part], ns[part], ns[part])
-    recorder.close()
-    pieces = [p.end for p in esea_host.open_log(path).file.pieces]
-    assert len(pieces) == 3
-    for size in range(path.stat().st_size, -1, -1):
-        whole = size == path.stat().st_size
-        os.truncate(path, size)
-        try:
-            log = esea_host.open_log(path)
-        except UserError:
-            assert size < 8
-            continue
-        assert log.whole == whole
-        count = 2 * sum(end <= size for end in pieces)
-        if count:
-            assert np.array_equal(log["sense_out"].rows, rows[:count]), size
-        else:
-            assert log.streams == [], size
-        log.close()
-
-
 def flip(path: Path, at: int, bit: int = 0) -> None:
     data = bytearray(path.read_bytes())
     data[at] ^= 1 << bit
     path.write_bytes(data)
+
+
+def small(path: Path, compress: bool = False) -> bytes:
+    """Three pieces, a note and an attachment."""
+    rows = np.zeros(6, SMALL.dtype)
+    rows["sequence"] = np.arange(6)
+    ns = np.arange(6) * 1_000_000
+    with Recorder(path, {"a": b"{}"}, compress, piece_s=0) as recorder:
+        for first in range(0, 6, 2):
+            part = slice(first, first + 2)
+            recorder.rows(SMALL, rows[part], ns[part], ns[part])
+        recorder.note("a try")
+    return path.read_bytes()
+
+
+def content(log) -> tuple:
+    return log["sense_out"].rows.tobytes(), log.events("note"), log.attachments
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("compress", [False, True])
+def test_no_changed_byte_and_no_cut_leaves_a_complete_recording(tmp_path, compress):
+    """Every length, and every byte with a random bit flipped; what is read is what was written."""
+    path = tmp_path / "a.mcap"
+    data = small(path, compress)
+    with esea_host.open_log(path) as log:
+        assert (log.state, log.integrity.damages) == (RecordingState.COMPLETE, ())
+        rows, notes, attached = content(log)
+    random = Random(7)
+    one_by_one = {rows[i : i + 8] for i in range(0, 48, 8)}
+    for at, byte in enumerate(data):
+        flipped = bytes([byte ^ 1 << random.randrange(8)])
+        for changed in (data[:at], data[:at] + flipped + data[at + 1 :]):
+            path.write_bytes(changed)
+            try:
+                log = esea_host.open_log(path)
+            except UserError:
+                assert at < 8 or len(changed) < 9
+                continue
+            assert log.state is not RecordingState.COMPLETE, at
+            if "sense_out" in log.streams:
+                found = [row.tobytes() for row in log["sense_out"].rows]
+                assert one_by_one.issuperset(found)
+                assert found == sorted(found)
+            assert all(n in notes for n in log.events("note"))
+            assert log.attachments in (attached, {})
+            log.close()
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_a_wrong_length_costs_one_piece(tmp_path, compress):
+    path = tmp_path / "a.mcap"
+    data = small(path, compress)
+    place = esea_host.open_log(path).file.pieces[1].offset
+    for byte in range(1, 9):
+        path.write_bytes(data[: place + byte] + b"\x81" + data[place + byte + 1 :])
+        log = esea_host.open_log(path)
+        (damage,) = log.integrity.damages
+        assert "lengths contradict" in damage.what or "end of the file" in damage.what
+        assert log.integrity.lost == {"sense_out": 2}
+        assert log["sense_out"].tick.tolist() == [0, 1, 4, 5]
+        assert [(g.after_tick, g.before_tick) for g in log.gaps if g.stream == "sense_out"] == [
+            (1, 4)
+        ]
+
+
+@pytest.mark.parametrize("limit_bytes", [7000, 40_000, 100_001, 262_144])
+def test_a_full_disk_leaves_what_was_written(tmp_path, limit_bytes):
+    """A limit on the file's size, as a full disk: in any piece, and in the closing index."""
+    path = tmp_path / "a.mcap"
+    script = (
+        "import resource, sys\nfrom tests.test_host_recording import Recorder, made, write\n"
+        "from esea_gen.errors import UserError\nresource.setrlimit(resource.RLIMIT_FSIZE, "
+        f"({limit_bytes}, resource.RLIM_INFINITY))\n"
+        "with Recorder(sys.argv[1], {'facts.json': b'{}'}, piece_s=0) as r:\n"
+        "    try:\n        for i in range(10**6):\n            write(r, made(10 * i, 10))\n"
+        "    except UserError as error:\n        print(error)\n"
+    )
+    env = os.environ | {"PYTHONPATH": f"{ROOT}:{ROOT / 'host'}"}
+    command = [sys.executable, "-c", script, str(path)]
+    said = subprocess.run(command, capture_output=True, text=True, env=env, cwd=ROOT, check=True)
+    assert "recording ended, the disk is full" in said.stdout
+    with esea_host.open_log(path) as log:
+        assert log.state is RecordingState.DISK_FULL
+        rows = log["sense_out"].rows
+        assert len(rows) * LAYOUT.dtype.itemsize > 0.4 * limit_bytes - 6000
+        assert np.array_equal(rows, made(0, len(rows)))
+
+
+def test_recordings_of_other_tools(tmp_path):
+    """Outside chunks, lz4, ROS 2: JSON is read, and what is not decoded is named."""
+    path = tmp_path / "a.mcap"
+    for compression in ("NONE", "LZ4", "ZSTD"):
+        for chunked in (True, False):
+            path.write_bytes(foreign_recording(compression, chunked))
+            with esea_host.open_log(path) as log:
+                assert log.state is RecordingState.COMPLETE
+                assert not log.integrity.checked
+                assert [e["a"] for e in log.events("log")] == [1] * 20
+                assert log.spans()["joint"][0] == 20
+                with pytest.raises(UserError, match=r"joint is cdr \(/joint\); only"):
+                    log["joint"]
+
+
+def test_a_bomb_is_not_unpacked(tmp_path):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(bomb(Random(3)))
+    with esea_host.open_log(path) as log:
+        whats = {d.what.partition(" (")[0] for d in log.integrity.damages}
+    assert any("unpacks to" in w or "would unpack" in w for w in whats)
 
 
 @pytest.mark.parametrize("compress", [False, True])
@@ -195,6 +282,8 @@ def test_a_damaged_piece_is_a_gap_and_a_figure_across_it_is_refused(tmp_path, co
     table = log["sense_out"]
     assert table.tick.tolist() == [*range(20), *range(30, 50)]
     assert log.gaps == (Gap("sense_out", 19, 30, -1, "recording", 19_000_000),)
+    assert log.integrity.lost == {"sense_out": 10}
+    assert log.integrity.damages[0].offset == second.offset
     with pytest.raises(GapError, match=r"runs missing between ticks 19 and 30.*damaged"):
         table.between(0.005, 0.045)
     assert len(table.between(0.0305, 0.0495)) == 19

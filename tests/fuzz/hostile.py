@@ -1,8 +1,8 @@
-"""Fuzzing of what users and boards hand to us: ``python -m tests.fuzz.hostile TARGET --seconds 60``.
+"""Fuzz the readers of files, links and texts: ``python -m tests.fuzz.hostile TARGET --seconds 60``.
 
-Each input comes from its seed and number, so ``--seed S --first N --inputs 1`` repeats one. An input
-may be accepted or refused with a UserError or LinkError; anything else, a hang, or memory beyond
-the bound is a fault. ``--plant`` puts a fault into the code that the target must find.
+An input follows from its seed and number: ``--seed S --first N --inputs 1`` repeats one.  It may be
+accepted, or refused with a UserError or LinkError; anything else, a hang, or memory beyond the
+bound is a fault.  ``--plant`` puts a fault into the code that the target must find.
 """
 
 from __future__ import annotations
@@ -88,8 +88,29 @@ def mutated(rng: Rng, data: bytes) -> bytes:
 
 def text_of(rng: Rng) -> str:
     """A text that wants to be more than a text."""
-    parts = ("\x1b[2J", "\x1b]0;x\x07", "\u202e", "../", "\\", "\0", "CON", "-rf", ".", "é", "<b>", "\n",
-             "\u200b", "a", "🦾", "\ud800", "\r", "  ", "NUL.txt", "/etc/passwd", "%s{0}")  # fmt: skip
+    parts = (
+        "\x1b[2J",
+        "\x1b]0;x\x07",
+        "\u202e",
+        "../",
+        "\\",
+        "\0",
+        "CON",
+        "-rf",
+        ".",
+        "é",
+        "<b>",
+        "\n",
+        "\u200b",
+        "a",
+        "🦾",
+        "\ud800",
+        "\r",
+        "  ",
+        "NUL.txt",
+        "/etc/passwd",
+        "%s{0}",
+    )
     return "".join(rng.choice(parts) for _ in range(rng.choice((0, 1, 3, 8, 400))))
 
 
@@ -138,16 +159,38 @@ def foreign_recording(compression: str, chunked: bool) -> bytes:
 def sealed(rng: Rng, compress: bool) -> bytes:
     """A recording whose checksums are right and whose content is hostile."""
     huge = rng.choice(NUMBERS)
-    column = {"name": text_of(rng), "kind": rng.choice(("f4", "O", "u8")), "unit": "", "meaning": "",
-              "size": rng.choice((1, -1, huge))}  # fmt: skip
+    column = {
+        "name": text_of(rng),
+        "kind": rng.choice(("f4", "O", "u8")),
+        "unit": "",
+        "meaning": "",
+        "size": rng.choice((1, -1, huge)),
+    }
     sequence = {"name": "sequence", "kind": "u4", "unit": "", "meaning": "", "size": 1}
     layout = rng.choice(
         ("[" * 100_000, "{}", "null", json.dumps([sequence, column]), LAYOUT.to_json())
     )
-    event = rng.choice((b"[" * 50_000, b"{}", b'{"stream": 3, "after_tick": "x"}', b"9" * 5000, b"\xff",
-                        json.dumps({"stream": "sense_out", "after_tick": huge, "before_tick": -huge,
-                                    "missing": huge, "reason": text_of(rng), "board_ns": huge,
-                                    "text": {}, "host_ns": huge}).encode()))  # fmt: skip
+    event = rng.choice(
+        (
+            b"[" * 50_000,
+            b"{}",
+            b'{"stream": 3, "after_tick": "x"}',
+            b"9" * 5000,
+            b"\xff",
+            json.dumps(
+                {
+                    "stream": "sense_out",
+                    "after_tick": huge,
+                    "before_tick": -huge,
+                    "missing": huge,
+                    "reason": text_of(rng),
+                    "board_ns": huge,
+                    "text": {},
+                    "host_ns": huge,
+                }
+            ).encode(),
+        )
+    )
     facts = rng.choice((b"[]", b'{"tick_us": 0.1}', b'{"device": [1]}', b'{"tick_us": -1}', b"{}"))
     from mcap.writer import CompressionType, Writer
 
@@ -155,8 +198,12 @@ def sealed(rng: Rng, compress: bool) -> bytes:
     writer = Writer(made, 1 << 18, CompressionType.ZSTD if compress else CompressionType.NONE)
     writer.start("", "esea-host")
     writer.add_attachment(huge & 0x7FFF, 0, "facts.json", "", facts)
-    rows = [("sense_out", "protobuf", rng.randbytes(rng.choice((0, 5, 17)))), ("gap", "json", event),
-            ("note", "json", event), ("clock", "json", event)]  # fmt: skip
+    rows = [
+        ("sense_out", "protobuf", rng.randbytes(rng.choice((0, 5, 17)))),
+        ("gap", "json", event),
+        ("note", "json", event),
+        ("clock", "json", event),
+    ]
     for topic, encoding, data in rows:
         known = {"esea.columns": layout} if encoding == "protobuf" else {}
         channel = writer.register_channel(f"/{topic}", encoding, 0, known)
@@ -267,8 +314,21 @@ def toml_target(rng: Rng, folder: Path) -> Callable[[], None]:
     source = (rng.choice(sorted(shipped_devices().values())), mapping, rng.choice(own))[kind]
     text = source.read_text(encoding="utf-8")
     lines = text.splitlines()
-    odd = ("[" * 20_000, "9" * 5000, "1e999", "nan", "-inf", "{a=" * 9000, '"""', "1979-05-27", "true",
-           "[1, 'a', {}]", "''", json.dumps(shown(text_of(rng))), "0x" + "f" * 300)  # fmt: skip
+    odd = (
+        "[" * 20_000,
+        "9" * 5000,
+        "1e999",
+        "nan",
+        "-inf",
+        "{a=" * 9000,
+        '"""',
+        "1979-05-27",
+        "true",
+        "[1, 'a', {}]",
+        "''",
+        json.dumps(shown(text_of(rng))),
+        "0x" + "f" * 300,
+    )
     for _ in range(rng.choice((1, 2, 5))):
         at = rng.randrange(len(lines))
         key, equals, _ = lines[at].partition("=")

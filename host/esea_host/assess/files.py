@@ -14,6 +14,7 @@ from esea_gen.tables import FileTable, read_table
 from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
+from esea_host.recording.integrity import warn_unless_complete
 from esea_host.recording.log import open_log
 
 # ``theta_load_rad`` is what boards call the joint's angle.
@@ -51,6 +52,7 @@ def read_columns(path: Path) -> LegTable:
 
 def _from_log(path: Path) -> dict[str, Array]:
     with open_log(path) as log:
+        warn_unless_complete(path, log.integrity)
         with_angle = [s for s in log.streams if set(ANGLES) & set(log[s].names)]
         if not with_angle:
             raise UserError(

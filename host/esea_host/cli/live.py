@@ -156,10 +156,12 @@ def record(
                 recording.event("board_clock", **board.clock())
         health = board.health()
         out.print(f"{path}: {recording.rows} runs of {_said(board)}, {recording.gaps} gaps")
-        out.print(", ".join(f"{k} {v}" for k, v in health.items() if v and k != "frames"))
+        if counted := ", ".join(f"{k} {v}" for k, v in health.items() if v and k != "frames"):
+            out.print(counted)
         if recording.error is not None or board.receiver.away:
             why = recording.error or "the link was broken."
             told(paragraphs(f"esea-host: the recording ended early and is kept: {why}"))
+            told(f"What it has: esea-host show {path}")
             raise typer.Exit(1)
 
 

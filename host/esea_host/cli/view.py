@@ -68,10 +68,12 @@ def watch_recording(
     need_a_screen("esea-host replay without --view")
     from esea_host.connection import PlayedBoard
     from esea_host.recording import open_log
+    from esea_host.recording.integrity import warn_unless_complete
     from esea_host.windows.feed import LiveFeed
     from esea_host.windows.running import run_live
 
     with open_log(path) as log, PlayedBoard(log, speed) as board:
+        warn_unless_complete(path, log.integrity)
         feed = LiveFeed(board)
         board.play()
         run_live(feed, None, seconds, screenshot)

@@ -173,6 +173,7 @@ def analyse_reaches(
     ] = "reach",
 ) -> None:
     """The motor-learning task's numbers on reaching to targets that stand, a line a recording."""
+    from esea_host.recording.integrity import warn_unless_complete
     from esea_host.recording.log import open_log
     from esea_host.wrist.figures import number
     from esea_host.wrist.reaching import reaches, summary, to_rows
@@ -180,6 +181,7 @@ def analyse_reaches(
     found = {}
     for path in files:
         with open_log(path) as log:
+            warn_unless_complete(path, log.integrity)
             found[path.name] = reaches(log[stream])
     table = Table(title="Reaching to targets that stand; medians")
     for head in ("file", "reaches", "held", "until, s", "SSE", "beyond, %", "SPARC", "parts"):

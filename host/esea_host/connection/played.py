@@ -129,7 +129,7 @@ class PlayedBoard(ConnectedDevice):
                 found = None if piece.problem else file.read(piece, name)
                 if found is None:
                     continue
-                rows, ns = layout.rows(found.data), found.board_ns
+                rows, ns = found.of(layout), found.board_ns
                 cuts = [0, *(np.flatnonzero(np.diff(ns // step_ns)) + 1).tolist(), len(ns)]
                 for a, b in pairwise(cuts):
                     due: list[Gap] = []

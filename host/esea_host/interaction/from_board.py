@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_host.interaction.recordings import recording_name, write_recording
+from esea_host.recording.integrity import warn_unless_complete
 from esea_host.recording.log import Log, open_log
 from esea_host.study.board import STREAM
 from esea_host.study.exchange import TrialTrace, traces
@@ -48,6 +49,7 @@ def _cut(trace: TrialTrace, recorded: Sequence[Path], target: Path) -> None:
     # The last one that was completed: a repeated trial may stand in two files.
     for path in reversed(recorded):
         with open_log(path) as log:
+            warn_unless_complete(path, log.integrity)
             stretch = _stretch(log, number)
             if stretch is None:
                 continue

@@ -88,9 +88,7 @@ class StreamLayout:
         return out
 
     def rows(self, data: bytes) -> Array:
-        """Rows of protobuf messages, one after another; rejects another layout's."""
-        if len(data) % self.record_dtype.itemsize:
-            raise UserError(f"Messages of {self.name} have another size.", "Record with esea-host.")
+        """Rows of protobuf messages, one after another."""
         records = np.frombuffer(data, self.record_dtype)
         out = np.empty(len(records), self.dtype)
         for column in self.columns:

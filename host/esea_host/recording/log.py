@@ -286,7 +286,7 @@ class Log:
                 rows = self._file.read(piece, stream)
                 if rows is None:
                     continue
-                ticks = self._layout(stream).rows(rows.data)[TICK]
+                ticks = rows.of(self._layout(stream))[TICK]
                 if passed[stream] < before:
                     tick, ns = last[stream]
                     found.append(Gap(stream, tick, int(ticks[0]), -1, "recording", ns))
@@ -327,9 +327,7 @@ class Log:
         kind = self._file.kind(stream)
         has = f"It has {', '.join(self.streams) or 'no stream of esea-host'}."
         if kind:
-            what = (
-                f"{self.path.name}: {stream} is {kind}, and only streams of esea-host are tables."
-            )
+            what = f"{self.path.name}: {stream} is {kind}; only streams of esea-host are tables."
             raise UserError(what, f"Convert it with the tool that wrote it. {has}")
         raise UserError(f"{self.path.name} has no stream {stream}.", has)
 
@@ -338,7 +336,7 @@ class Log:
         for piece in self._file.pieces:
             found = None if piece.problem else self._file.read(piece, stream)
             if found is not None:
-                yield layout.rows(found.data), found.board_ns
+                yield found.of(layout), found.board_ns
 
     def read(self, stream: str) -> Iterator[Array]:
         """A stream's rows, a piece at a time: for recordings that are larger than the memory.
@@ -385,7 +383,7 @@ class Log:
             if found is None:
                 continue
             if not piece.problem:
-                rows = layout.rows(found.data)
+                rows = found.of(layout)
                 before = rows[TICK][-1], found.board_ns[-1]
                 yield rows, found.board_ns
                 continue
@@ -399,7 +397,7 @@ class Log:
         size = layout.record_dtype.itemsize
         if before is None or (found.lengths != size).any():
             return np.empty(0, layout.dtype), np.empty(0, np.int64)
-        rows, ns = layout.rows(found.data), found.board_ns
+        rows, ns = found.of(layout), found.board_ns
         late_ns = (rows[TICK].astype(np.int64) - int(before[0])) * round(self.tick_s * 1e9)
         fits = layout.framed(found.data) & (ns - int(before[1]) == late_ns) & (ns > before[1])
         return rows[fits], ns[fits]

@@ -22,7 +22,7 @@ from esea_host.recording.integrity import Damage, Integrity, RecordingState
 from esea_host.recording.layout import Array, StreamLayout
 from esea_host.recording.pieces import KEPT_BYTES, MAGIC_BYTES, MESSAGE, Piece, PieceFile
 from esea_host.recording.records import HEAD, Fields, PieceError
-from esea_host.recording.writer import COLUMNS_KEY, DISK_FULL
+from esea_host.recording.writer import COLUMNS_KEY, DISK_FULL, LIBRARY
 
 MOST_EVENTS = 500_000
 
@@ -40,6 +40,13 @@ class Rows:
     data: bytes
     lengths: Array
 
+    def of(self, layout: StreamLayout) -> Array:
+        """Rows of a stream; refused when the messages are not of its layout."""
+        if (self.lengths != layout.record_dtype.itemsize).any():
+            what = f"Messages of {layout.name} have another size than its columns."
+            raise UserError(what, "Record with esea-host.")
+        return layout.rows(self.data)
+
 
 class LogFile(PieceFile):
     """A recording's file; ``integrity`` says what is missing of it."""
@@ -53,11 +60,12 @@ class LogFile(PieceFile):
     def _judge(self) -> Integrity:
         statistics = self._judge_summary() if self._ended else None
         for piece in self.pieces:  # the last resort for what a damaged one alone describes
-            if piece.problem and not piece.compression:
+            if statistics is None and piece.problem and not piece.compression:
                 self._learn_from_damaged(piece)
         if self._ended and self._data_end is None and not self._damages:
             self._damage(self._readable, self.size, "the record that ends the data is missing")
         covered = self._judge_bytes()
+        self._doubt_unchecked(covered)
         lost = self._missing(statistics)
         if any(n < 0 for n in lost.values()) or (lost and not self._damages):
             self._damage(0, self.size, "there are other messages than its index counts")
@@ -127,8 +135,8 @@ class LogFile(PieceFile):
         return counts
 
     def _learn_from_damaged(self, piece: Piece) -> None:
-        content = self._unpacked(piece)
         try:
+            content = self._unpacked(piece)
             for opcode, at, end in records.records(content[: 1 << 20]):
                 if opcode == Opcode.MESSAGE:
                     return
@@ -136,11 +144,17 @@ class LogFile(PieceFile):
         except PieceError:
             return
 
+    @property
+    def _checksum(self) -> int:
+        # Over all data; 0: the file has none.
+        at = self._data_end
+        return 0 if at is None else int.from_bytes(self._map[at + 9 : at + 13], "little")
+
     def _judge_bytes(self) -> bool:
         # The checksum over all data, where there is one: whether it covers everything.
         if self._data_end is None:
             return False
-        crc = int.from_bytes(self._map[self._data_end + 9 : self._data_end + 13], "little")
+        crc = self._checksum
         if not crc:
             return False
         found = 0
@@ -150,6 +164,16 @@ class LogFile(PieceFile):
         if found != crc and not self._damages:
             self._damage(0, self._data_end, "bytes beside the messages were changed")
         return found == crc
+
+    def _doubt_unchecked(self, covered: bool) -> None:
+        # Ours have checksums; of others, one over all bytes may say that some were changed.
+        for piece in self.pieces:
+            if not (piece.crc or piece.problem) and (
+                self.library == LIBRARY or (not covered and self._checksum)
+            ):
+                piece.problem, piece.spans = "has no checksum that is right", None
+                self._damage(piece.offset, piece.end, f"the piece {piece.problem}")
+                self.holes.append(piece.offset)
 
     def _missing(self, counts: dict[int, int] | None) -> dict[str, int]:
         if counts is None:
