@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import re
+import shutil
 import subprocess
 from functools import cache
 from pathlib import Path
@@ -155,6 +156,20 @@ def test_clang_is_refused_where_it_regroups_sums(folder, real):
             )
             assert (done.returncode == 0) == good, (flags, level)
             assert good or "esea: do not compile with -funsafe" in done.stderr
+
+
+def test_clang_fuses_nothing_without_a_flag(folder, tmp_path):
+    """Armed: without the C's own pragma its default fuses multiply and add."""
+    shutil.copytree(folder("elbow", "f32"), tmp_path, dirs_exist_ok=True)
+    fused = []
+    for pragma in ("#pragma STDC FP_CONTRACT OFF", ""):
+        header = tmp_path / "esea_elbow_real.h"
+        header.write_text(header.read_text().replace("#pragma STDC FP_CONTRACT OFF", pragma))
+        target = ("--target=aarch64-none-elf", "-ffreestanding", "-O2", "-S", "-o", "-")
+        command = [require_tool("clang"), *target, "esea_elbow_velocity.c"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        fused.append(len(re.findall(r"\bfn?m(?:add|sub)\b", done.stdout)))
+    assert fused[0] == 0 < fused[1]
 
 
 # -- a processor with 16-bit int -------------------------------------------------------------------
