@@ -110,9 +110,9 @@ def test_import_counts_what_it_leaves_out_and_a_second_try_is_possible(run, tmp_
     )
     assert "1 row of other than 2 cells (line 4); 1 row with no number" in " ".join(told.split())
     (tmp_path / "out.mcap").unlink()
-    with pytest.raises(UserError, match="no row of numbers.*2 rows of other than 3 cells"):
+    with pytest.raises(UserError, match=r"no row of numbers.*2 rows of other than 3 cells"):
         run(words, "t,x,n\n0,1\n1,2\n", "fields = 3\n" + MAPPING)
-    with pytest.raises(UserError, match="line 3, column 'x': 'n/a'.*Or set fields"):
+    with pytest.raises(UserError, match=r"line 3, column 'x': 'n/a'.*Or set fields"):
         run(words, "t,x\n0,1\n1,n/a\n", MAPPING)
     far = MAPPING.replace("period_s", "scale = 1e9\nperiod_s")
     with pytest.raises(UserError, match="line 3, column 't': 1 is more than a year"):

@@ -14,6 +14,7 @@ from esea_gen.tables import FileTable, read_table
 from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
+from esea_host.recording.export import says_simulated
 from esea_host.recording.log import open_log
 
 # ``theta_load_rad`` is what boards call the joint's angle.
@@ -41,15 +42,16 @@ class LegTable:
 def read_columns(path: Path) -> LegTable:
     """Time, angle and torque of a table with a header, or the columns of an MCAP recording."""
     if path.suffix == ".mcap":
-        return LegTable(_from_log(path))
+        return _from_log(path)
     table = read_table(path)
     known = [n for n in ("time_s", *ANGLES, *TORQUES) if n in table.names]
     found = {n: table.numbers(n) for n in known}
     _refuse_holes(table, found)
-    return LegTable(found or dict.fromkeys(table.names, np.zeros(0)), table.report())
+    read = table.report() + ("; SIMULATED" if says_simulated(table) else "")
+    return LegTable(found or dict.fromkeys(table.names, np.zeros(0)), read)
 
 
-def _from_log(path: Path) -> dict[str, Array]:
+def _from_log(path: Path) -> LegTable:
     with open_log(path) as log:
         with_angle = [s for s in log.streams if set(ANGLES) & set(log[s].names)]
         if not with_angle:
@@ -61,7 +63,8 @@ def _from_log(path: Path) -> dict[str, Array]:
         stream = max(with_angle, key=lambda s: bool(set(TORQUES) & set(log[s].names)))
         table = log[stream].between(0.0, np.inf)  # refuses a recording with holes
         found = {"time_s": table.time_s}
-        return found | {n: table[n].astype(np.float64) for n in table.names if table[n].ndim == 1}
+        found |= {n: table[n].astype(np.float64) for n in table.names if table[n].ndim == 1}
+        return LegTable(found, f"{path}: SIMULATED" if log.facts.get("simulated") else "")
 
 
 def _refuse_holes(table: FileTable, found: dict[str, Array]) -> None:

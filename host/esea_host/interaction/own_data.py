@@ -16,6 +16,8 @@ from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.tables import FileTable, read_table
 from esea_gen.tables.form import listed
 from esea_host.interaction.recordings import Array, is_simulated
+from esea_host.recording.export import SIMULATED, says_simulated
+from esea_host.recording.log import TICK
 from esea_host.smoothness import (
     Band,
     Derivatives,
@@ -47,7 +49,6 @@ SUFFIXES = {f"_{u}": u for u in (*POSITIONS, *SECONDS)}
 SUFFIXES |= {f"_{u}_s": f"{u}/s" for u in POSITIONS} | {f"_{u}_s2": f"{u}/s^2" for u in POSITIONS}
 WORDS = {"\N{DEGREE SIGN}": "deg", "\N{DEGREE SIGN}/s": "deg/s", "degrees": "deg", "radians": "rad"}
 WORDS |= {"sec": "s", "seconds": "s", "msec": "ms", "milliseconds": "ms", "\N{MICRO SIGN}s": "us"}
-TICK, SIMULATED_COLUMN = "sequence", "simulated"  # of exported streams
 
 
 @dataclass(frozen=True)
@@ -190,8 +191,7 @@ def measure_file(
         if error.reason == "cutoff" and over.unit is None:
             fix += f" If '{over.column}' is in milliseconds, give --time-unit ms."
         raise UserError(f"{path.name}: {error.what}", fix) from None
-    marked = SIMULATED_COLUMN in table.names and table.numbers(SIMULATED_COLUMN, holes=True).any()
-    simulated = bool(marked) or is_simulated(path)
+    simulated = says_simulated(table) or is_simulated(path)
     return OwnSmoothness(path.name, simulated, moved, over, tuple(read), made, results, refused)
 
 
@@ -241,7 +241,7 @@ def _time(table: FileTable, wanted: str | None, unit: str | None) -> NamedColumn
 def _position(table: FileTable, wanted: str | None, over: NamedColumn) -> NamedColumn:
     if wanted is not None:
         return _named(table, wanted)
-    apart = ("", over.column, TICK, SIMULATED_COLUMN)
+    apart = ("", over.column, TICK, SIMULATED)
     others = [q for q in map(NamedColumn.of, table.names) if q.column not in apart]
     positions = [q for q in others if q.is_position]
     for stem in ANGLES:

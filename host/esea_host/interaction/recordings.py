@@ -35,6 +35,7 @@ from esea_gen.errors import UserError
 from esea_gen.tables import FileTable, read_table
 from esea_gen.toml_file import checked, parse_toml, read_text
 from esea_host.interaction.design import element_of
+from esea_host.recording.export import says_simulated
 from esea_host.smoothness import NoAnswerError, steady_rate
 from esea_host.smoothness.checks import rows
 
@@ -218,7 +219,8 @@ def _stacked(
     for e in entries:
         angles[e.participant, e.element], rates[e.file], table = steady_angle(folder / e.file)
         tables.append(table)
-        if is_simulated(folder / e.file) and not manifest.simulated:
+        marked = says_simulated(table) or is_simulated(folder / e.file)
+        if marked and not manifest.simulated:
             raise UserError(
                 f"{MANIFEST}: {e.file} says that it is simulated.", "Write simulated = true."
             )

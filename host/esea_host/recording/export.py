@@ -12,16 +12,34 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.files import new_whole, write_whole
+from esea_gen.tables import FileTable
 from esea_host.recording.layout import Array
 from esea_host.recording.log import TICK, Log, Table
 
 if TYPE_CHECKING:
     import pyarrow
 
+SIMULATED = "simulated"  # column of an export
 BIDS_VERSION = "1.10.0"
 _LABEL = re.compile(r"[0-9a-zA-Z]+")
 # What BIDS calls a channel's kind: https://bids-specification.readthedocs.io, Motion.
 _BIDS_TYPES = {"rad": "JNTANG", "rad/s": "VEL", "rad/s^2": "ANGACCEL"}
+
+
+def says_simulated(table: FileTable) -> bool:
+    """Whether an exported table has the column that says so.
+
+    Parameters
+    ----------
+    table : FileTable
+        Read with all its columns.
+
+    Returns
+    -------
+    bool
+        True if any row says so.
+    """
+    return SIMULATED in table.cells and bool(table.numbers(SIMULATED, holes=True).any())
 
 
 def _columns(table: Table, simulated: bool = False) -> list[tuple[str, str, Array]]:
@@ -34,7 +52,7 @@ def _columns(table: Table, simulated: bool = False) -> list[tuple[str, str, Arra
         else:
             found += [(f"{c.name}[{i}]", c.unit, values[:, i]) for i in range(c.size)]
     if simulated:
-        found.append(("simulated", "1", np.ones(len(table), np.uint8)))
+        found.append((SIMULATED, "1", np.ones(len(table), np.uint8)))
     return found
 
 
