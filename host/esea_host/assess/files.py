@@ -14,7 +14,7 @@ from esea_gen.tables import FileTable, read_table
 from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
-from esea_host.recording.export import says_simulated
+from esea_host.recording.export import column_of, longest_run, reported
 from esea_host.recording.log import open_log
 
 # ``theta_load_rad`` is what boards call the joint's angle.
@@ -43,12 +43,11 @@ def read_columns(path: Path) -> LegTable:
     """Time, angle and torque of a table with a header, or the columns of an MCAP recording."""
     if path.suffix == ".mcap":
         return _from_log(path)
-    table = read_table(path)
-    known = [n for n in ("time_s", *ANGLES, *TORQUES) if n in table.names]
-    found = {n: table.numbers(n) for n in known}
+    table = longest_run(read_table(path))
+    known = {n: column_of(table, n) for n in ("time_s", *ANGLES, *TORQUES)}
+    found = {n: table.numbers(c) for n, c in known.items() if c in table.names}
     _refuse_holes(table, found)
-    read = table.report() + ("; SIMULATED" if says_simulated(table) else "")
-    return LegTable(found or dict.fromkeys(table.names, np.zeros(0)), read)
+    return LegTable(found or dict.fromkeys(table.names, np.zeros(0)), reported(table))
 
 
 def _from_log(path: Path) -> LegTable:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,6 +41,62 @@ def says_simulated(table: FileTable) -> bool:
         True if any row says so.
     """
     return SIMULATED in table.cells and bool(table.numbers(SIMULATED, holes=True).any())
+
+
+def reported(table: FileTable) -> str:
+    """How a table was read and what was left out, and whether it is simulated.
+
+    Parameters
+    ----------
+    table : FileTable
+        Read with all its columns.
+
+    Returns
+    -------
+    str
+        One line.
+    """
+    return table.report() + ("; SIMULATED" if says_simulated(table) else "")
+
+
+def column_of(table: FileTable, name: str) -> str:
+    """A column of a table by its name, without the unit that an export has in brackets.
+
+    Parameters
+    ----------
+    table : FileTable
+        An export, or any other table.
+    name : str
+        Such as ``theta_rad`` for ``theta_rad [rad]``.
+
+    Returns
+    -------
+    str
+        Its name in the table; the name itself if there is none.
+    """
+    return next((n for n in table.names if n.partition(" [")[0] == name), name)
+
+
+def longest_run(table: FileTable) -> FileTable:
+    """The longest run of the board in an exported table; any other table as it is.
+
+    Parameters
+    ----------
+    table : FileTable
+        Read with all its columns.
+
+    Returns
+    -------
+    FileTable
+        The rows between two restarts of ``sequence``; the others are counted as left out.
+    """
+    if TICK not in table.cells or not len(table):
+        return table
+    cuts = np.flatnonzero(np.diff(table.numbers(TICK)) <= 0) + 1
+    start, stop = max(pairwise([0, *cuts, len(table)]), key=lambda p: p[1] - p[0])
+    rows = np.arange(len(table))
+    why = f"'{TICK}' of another run; the longest one is analysed"
+    return table.kept((start <= rows) & (rows < stop), why)
 
 
 def _columns(table: Table, simulated: bool = False) -> list[tuple[str, str, Array]]:
