@@ -226,6 +226,16 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
 
     log = str(demo.recording)
     assert "matches the generated C bit for bit." in said("replay", log, "--verify")
+    # Its own exports are read without options, and say that they are simulated.
+    told = []
+    for kind in ("csv", "parquet"):
+        table = str(tmp_path / f"own.{kind}")
+        said("export", log, table, "--to", kind)
+        told.append(said("smoothness", table).partition("SIMULATED: ")[2])
+        assert "SIMULATED" in said("analyse", "loading", table)
+    assert told[0] == told[1]
+    assert "theta_load_rad [rad] over time_s [s]" in told[0]
+    assert "s at 1000 Hz" in told[0]
     first = said("replay", log, "--speed", "0").split("} {")[0] + "}"
     assert json.loads(first)["sequence"] == 0
     assert "replay" in said("view", log, code=2)
@@ -235,6 +245,19 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
     (tmp_path / "m.toml").write_text(MAPPING)
     words = "import", str(STEP), str(tmp_path / "b.mcap"), "--mapping", str(tmp_path / "m.toml")
     assert "1107 rows, 1 gaps" in said(*words)
+
+
+def test_an_export_that_fails_leaves_nothing_and_can_be_repeated(demo, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with esea_host.open_log(demo.recording) as log:
+        with monkeypatch.context() as patch:
+            patch.setattr("esea_host.recording.export._text", full)
+            with pytest.raises(UserError, match="No space left"):
+                to_csv(log, "sense_out", tmp_path / "a.csv")
+        assert list(tmp_path.iterdir()) == []
+        assert to_csv(log, "sense_out", tmp_path / "a.csv") == len(log["sense_out"])
 
 
 def test_the_bench_measures_what_it_says(simulated_elbow):

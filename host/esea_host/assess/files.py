@@ -14,6 +14,7 @@ from esea_gen.tables import FileTable, read_table
 from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
+from esea_host.recording.export import column_of, longest_run, reported
 from esea_host.recording.integrity import warn_unless_complete
 from esea_host.recording.log import open_log
 
@@ -42,15 +43,15 @@ class LegTable:
 def read_columns(path: Path) -> LegTable:
     """Time, angle and torque of a table with a header, or the columns of an MCAP recording."""
     if path.suffix == ".mcap":
-        return LegTable(_from_log(path))
-    table = read_table(path)
-    known = [n for n in ("time_s", *ANGLES, *TORQUES) if n in table.names]
-    found = {n: table.numbers(n) for n in known}
+        return _from_log(path)
+    table = longest_run(read_table(path))
+    known = {n: column_of(table, n) for n in ("time_s", *ANGLES, *TORQUES)}
+    found = {n: table.numbers(c) for n, c in known.items() if c in table.names}
     _refuse_holes(table, found)
-    return LegTable(found or dict.fromkeys(table.names, np.zeros(0)), table.report())
+    return LegTable(found or dict.fromkeys(table.names, np.zeros(0)), reported(table))
 
 
-def _from_log(path: Path) -> dict[str, Array]:
+def _from_log(path: Path) -> LegTable:
     with open_log(path) as log:
         warn_unless_complete(path, log.integrity)
         with_angle = [s for s in log.streams if set(ANGLES) & set(log[s].names)]
@@ -63,7 +64,8 @@ def _from_log(path: Path) -> dict[str, Array]:
         stream = max(with_angle, key=lambda s: bool(set(TORQUES) & set(log[s].names)))
         table = log[stream].between(0.0, np.inf)  # refuses a recording with holes
         found = {"time_s": table.time_s}
-        return found | {n: table[n].astype(np.float64) for n in table.names if table[n].ndim == 1}
+        found |= {n: table[n].astype(np.float64) for n in table.names if table[n].ndim == 1}
+        return LegTable(found, f"{path}: SIMULATED" if log.facts.get("simulated") else "")
 
 
 def _refuse_holes(table: FileTable, found: dict[str, Array]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,8 @@ from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.tables import FileTable, read_table
 from esea_gen.tables.form import listed
 from esea_host.interaction.recordings import Array, is_simulated
+from esea_host.recording.export import SIMULATED, longest_run, says_simulated
+from esea_host.recording.log import TICK
 from esea_host.smoothness import (
     Band,
     Derivatives,
@@ -47,7 +48,6 @@ SUFFIXES = {f"_{u}": u for u in (*POSITIONS, *SECONDS)}
 SUFFIXES |= {f"_{u}_s": f"{u}/s" for u in POSITIONS} | {f"_{u}_s2": f"{u}/s^2" for u in POSITIONS}
 WORDS = {"\N{DEGREE SIGN}": "deg", "\N{DEGREE SIGN}/s": "deg/s", "degrees": "deg", "radians": "rad"}
 WORDS |= {"sec": "s", "seconds": "s", "msec": "ms", "milliseconds": "ms", "\N{MICRO SIGN}s": "us"}
-TICK, SIMULATED_COLUMN = "sequence", "simulated"  # of exported streams
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def measure_file(
     read = [] if column else [f"column chosen: {moved}; --column names another"]
     if over.unit is None:
         read.append(f"the time '{over.column}' names no unit: read as seconds")
-    table = _longest_piece(table.timed(over.column))
+    table = longest_run(table.timed(over.column))
     t = table.numbers(over.column) * SECONDS[over.unit or "s"]
     x = table.numbers(moved.column, holes=resample_Hz is not None)
     read.append(table.report())
@@ -190,8 +190,7 @@ def measure_file(
         if error.reason == "cutoff" and over.unit is None:
             fix += f" If '{over.column}' is in milliseconds, give --time-unit ms."
         raise UserError(f"{path.name}: {error.what}", fix) from None
-    marked = SIMULATED_COLUMN in table.names and table.numbers(SIMULATED_COLUMN, holes=True).any()
-    simulated = bool(marked) or is_simulated(path)
+    simulated = says_simulated(table) or is_simulated(path)
     return OwnSmoothness(path.name, simulated, moved, over, tuple(read), made, results, refused)
 
 
@@ -241,7 +240,7 @@ def _time(table: FileTable, wanted: str | None, unit: str | None) -> NamedColumn
 def _position(table: FileTable, wanted: str | None, over: NamedColumn) -> NamedColumn:
     if wanted is not None:
         return _named(table, wanted)
-    apart = ("", over.column, TICK, SIMULATED_COLUMN)
+    apart = ("", over.column, TICK, SIMULATED)
     others = [q for q in map(NamedColumn.of, table.names) if q.column not in apart]
     positions = [q for q in others if q.is_position]
     for stem in ANGLES:
@@ -257,19 +256,6 @@ def _position(table: FileTable, wanted: str | None, over: NamedColumn) -> NamedC
             "Name one with --column: an angle, a position, or their speed with its unit.",
         )
     return fits[0]
-
-
-def _longest_piece(table: FileTable) -> FileTable:
-    # Of an exported stream: where its ticks start again, another run of the board begins.
-    if TICK not in table.names or len(table) == 0:
-        return table
-    cuts = np.flatnonzero(np.diff(table.numbers(TICK)) <= 0) + 1
-    ends = [0, *cuts.tolist(), len(table)]
-    start, stop = max(pairwise(ends), key=lambda p: p[1] - p[0])
-    rows = np.arange(len(table))
-    return table.kept(
-        (start <= rows) & (rows < stop), f"'{TICK}' of another run; the longest one is analysed"
-    )
 
 
 def _integrated(x: Array, fs_Hz: float, moved: NamedColumn, read: list[str]) -> tuple[Array, str]:

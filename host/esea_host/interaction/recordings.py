@@ -36,6 +36,7 @@ from esea_gen.files import write_whole
 from esea_gen.tables import FileTable, read_table
 from esea_gen.toml_file import checked, parse_toml, read_text
 from esea_host.interaction.design import element_of
+from esea_host.recording.export import column_of, longest_run, says_simulated
 from esea_host.smoothness import NoAnswerError, steady_rate
 from esea_host.smoothness.checks import rows
 
@@ -154,9 +155,10 @@ def is_simulated(path: Path) -> bool:
 
 def read_angle(path: Path) -> tuple[Array, Array, FileTable]:
     """Times and angle in degrees of a recording, and its table."""
-    table = read_table(path, name=path.name)
-    angle = next((c for c in ("theta_deg", "theta_rad") if c in table.names), None)
-    if "time_s" not in table.names or angle is None:
+    table = longest_run(read_table(path, name=path.name))
+    time, *angles = (column_of(table, n) for n in ("time_s", "theta_deg", "theta_rad"))
+    angle = next((c for c in angles if c in table.names), None)
+    if time not in table.names or angle is None:
         raise UserError(
             f"{path.name}: columns {', '.join(table.names)}.",
             "It needs time_s and theta_rad or theta_deg.",
@@ -165,8 +167,9 @@ def read_angle(path: Path) -> tuple[Array, Array, FileTable]:
         paused = np.flatnonzero(table.numbers("paused"))
         if len(paused):
             table = table.kept(np.arange(len(table)) > paused[-1], "a pause in or behind them")
-    time, theta = table.numbers("time_s"), table.numbers(angle)
-    return time, np.rad2deg(theta) if angle == "theta_rad" else theta, table
+    theta = table.numbers(angle)
+    theta_deg = theta if angle.startswith("theta_deg") else np.rad2deg(theta)
+    return table.numbers(time), theta_deg, table
 
 
 def steady_angle(path: Path) -> tuple[Array, float, FileTable]:
@@ -219,7 +222,8 @@ def _stacked(
     for e in entries:
         angles[e.participant, e.element], rates[e.file], table = steady_angle(folder / e.file)
         tables.append(table)
-        if is_simulated(folder / e.file) and not manifest.simulated:
+        marked = says_simulated(table) or is_simulated(folder / e.file)
+        if marked and not manifest.simulated:
             raise UserError(
                 f"{MANIFEST}: {e.file} says that it is simulated.", "Write simulated = true."
             )

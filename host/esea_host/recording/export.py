@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Sequence
 from contextlib import ExitStack
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +15,14 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.files import new_whole, write_whole
+from esea_gen.tables import FileTable
 from esea_host.recording.layout import Array
 from esea_host.recording.log import TICK, Log, Table
 
 if TYPE_CHECKING:
     import pyarrow
 
+SIMULATED = "simulated"  # column of an export
 BIDS_VERSION = "1.10.0"
 _LABEL = re.compile(r"[0-9a-zA-Z]+")
 # What BIDS calls a channel's kind: https://bids-specification.readthedocs.io, Motion.
@@ -34,6 +37,78 @@ def _about(log: Log, table: Table) -> dict[str, Any]:
     }
 
 
+def says_simulated(table: FileTable) -> bool:
+    """Whether an exported table has the column that says so.
+
+    Parameters
+    ----------
+    table : FileTable
+        Read with all its columns.
+
+    Returns
+    -------
+    bool
+        True if any row says so.
+    """
+    return SIMULATED in table.cells and bool(table.numbers(SIMULATED, holes=True).any())
+
+
+def reported(table: FileTable) -> str:
+    """How a table was read and what was left out, and whether it is simulated.
+
+    Parameters
+    ----------
+    table : FileTable
+        Read with all its columns.
+
+    Returns
+    -------
+    str
+        One line.
+    """
+    return table.report() + ("; SIMULATED" if says_simulated(table) else "")
+
+
+def column_of(table: FileTable, name: str) -> str:
+    """A column of a table by its name, without the unit that an export has in brackets.
+
+    Parameters
+    ----------
+    table : FileTable
+        An export, or any other table.
+    name : str
+        Such as ``theta_rad`` for ``theta_rad [rad]``.
+
+    Returns
+    -------
+    str
+        Its name in the table; the name itself if there is none.
+    """
+    return next((n for n in table.names if n.partition(" [")[0] == name), name)
+
+
+def longest_run(table: FileTable) -> FileTable:
+    """The longest run of the board in an exported table; any other table as it is.
+
+    Parameters
+    ----------
+    table : FileTable
+        Read with all its columns.
+
+    Returns
+    -------
+    FileTable
+        The rows between two restarts of ``sequence``; the others are counted as left out.
+    """
+    if TICK not in table.cells or not len(table):
+        return table
+    cuts = np.flatnonzero(np.diff(table.numbers(TICK)) <= 0) + 1
+    start, stop = max(pairwise([0, *cuts, len(table)]), key=lambda p: p[1] - p[0])
+    rows = np.arange(len(table))
+    why = f"'{TICK}' of another run; the longest one is analysed"
+    return table.kept((start <= rows) & (rows < stop), why)
+
+
 def _columns(table: Table, simulated: bool = False) -> list[tuple[str, str, Array]]:
     # Name, unit and values; a vector's elements by themselves; whether simulated in every row.
     found: list[tuple[str, str, Array]] = [("time_s", "s", table.time_s)]
@@ -44,7 +119,7 @@ def _columns(table: Table, simulated: bool = False) -> list[tuple[str, str, Arra
         else:
             found += [(f"{c.name}[{i}]", c.unit, values[:, i]) for i in range(c.size)]
     if simulated:
-        found.append(("simulated", "1", np.ones(len(table), np.uint8)))
+        found.append((SIMULATED, "1", np.ones(len(table), np.uint8)))
     return found
 
 

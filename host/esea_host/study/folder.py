@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
+from esea_gen.files import new_whole
 from esea_gen.toml_file import read_text
 from esea_host.study.log import EventLog, read_log
 from esea_host.study.plan import build_plan, generator, group_of
@@ -263,12 +264,6 @@ class StudyFolder:
 
     # -- export -------------------------------------------------------------------------------
 
-    def new_folder(self, out: Path) -> None:
-        """Make a folder; nothing is written into one that has anything in it."""
-        if out.exists() and any(out.iterdir()):
-            raise UserError(f"{out} is not empty.", "Name a new folder; nothing is overwritten.")
-        out.mkdir(parents=True, exist_ok=True)
-
     def new_codes(self, seed: int) -> dict[str, str]:
         """Who is meant by a new code, in random order."""
         codes = sorted({c for c, _, _ in self.sessions()})
@@ -295,14 +290,15 @@ class StudyFolder:
         int
             Number of rows.
         """
-        self.new_folder(out)
         rows = self.scrubbed(seed)
-        with (out / "rows.jsonl").open("w", encoding="utf-8") as file:
-            file.writelines(json.dumps(r, sort_keys=True) + "\n" for r in rows)
         names = sorted({n for r in rows for n, x in r.items() if not isinstance(x, list | dict)})
-        with (out / "rows.csv").open("w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, names, extrasaction="ignore")
-            writer.writeheader()
-            writer.writerows(rows)
-        (out / "protocol.toml").write_text(self.protocol.text, encoding="utf-8")
+        with new_whole(out) as scratch:
+            scratch.mkdir()
+            with (scratch / "rows.jsonl").open("w", encoding="utf-8") as file:
+                file.writelines(json.dumps(r, sort_keys=True) + "\n" for r in rows)
+            with (scratch / "rows.csv").open("w", encoding="utf-8", newline="") as file:
+                writer = csv.DictWriter(file, names, extrasaction="ignore")
+                writer.writeheader()
+                writer.writerows(rows)
+            (scratch / "protocol.toml").write_text(self.protocol.text, encoding="utf-8")
         return len(rows)
