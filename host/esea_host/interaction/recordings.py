@@ -203,7 +203,8 @@ def read_recordings(folder: Path) -> Recordings:
         raise UserError(
             f"{folder}: nobody has both elements in any task.", "Add the missing recordings."
         )
-    cut = [t.report() for t in tables if t.left_out]
+    # A comment is no data; a simulated recording begins with one.
+    cut = [t.report() for t in tables if any("comment line" not in x for x in t.left_out)]
     read = (f"{len(tables)} recordings read, {len(tables) - len(cut)} completely", *cut)
     return Recordings(folder, manifest, tuple(tasks), tuple(left_out), read)
 

@@ -180,7 +180,7 @@ class AssessWindow(QMainWindow):
 
     def _read(self, path: Path) -> str:
         recording = read_recording(path, self.desk.height_m, self.desk.mass_kg)
-        return "\n".join(filter(None, (recording.read, self.desk.recording(recording, path.name))))
+        return "\n".join(filter(None, (self.desk.recording(recording, path.name), recording.read)))
 
     def save_page(self, path: Path | None = None) -> None:
         """Write the page for the file."""
