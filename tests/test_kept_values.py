@@ -78,7 +78,7 @@ def test_lowered_and_raised_maxima_change_the_values_beyond_them_only(boards):
     clipped = {"limits.tau_max_Nm": 1.5, "limits.u_max_Nm": 0.0546875}
     found = lowered.parameters()
     assert {n: found[n] for n in SAVED} == SAVED | clipped
-    values, total = kept_values(lowered)
+    values, total, _ = kept_values(lowered)
     assert {v.name: v.value for v in values} == {n: SAVED[n] for n in clipped}
     assert {v.found for v in values} == {"clipped"}
     assert total == "38 of 40 values as they were saved"
@@ -87,9 +87,9 @@ def test_lowered_and_raised_maxima_change_the_values_beyond_them_only(boards):
         to[:] = bytes(of)
     shipped.restart()
     assert {n: shipped.parameters()[n] for n in SAVED} == SAVED
-    assert kept_values(shipped) == ((), "40 of 40 values as they were saved")
+    assert kept_values(shipped) == ((), "40 of 40 values as they were saved", ())
     lowered.save_parameters()
-    assert kept_values(lowered) == ((), "40 of 40 values as they were saved")
+    assert kept_values(lowered) == ((), "40 of 40 values as they were saved", ())
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -120,7 +120,7 @@ def test_each_value_is_judged_by_itself(boards, data):
     board.save_parameters()
     keep(board, values | gone)
     assert {n: v for n, v in board.parameters().items() if n in expected} == expected
-    found, total = kept_values(board)
+    found, total, _ = kept_values(board)
     assert {v.name: v.found for v in found} == told
     assert total.startswith(f"{len(values) + len(gone) - len(told)} of {len(values) + len(gone)} ")
     said = {v.name: v.value for v in found}
@@ -147,7 +147,7 @@ def test_limits_stay_and_others_go_where_a_set_is_refused_together(drive):
     keep(board, {fnv1a(n): v for n, v in SAVED.items()})
     found = board.parameters()
     assert {n: found[n] for n in SAVED} == SAVED | {"smc.margin": 1.0}
-    ((value,), _) = kept_values(board)
+    ((value,), *_) = kept_values(board)
     assert (value.name, value.value, value.found) == ("smc.margin", 1.5, "conflicting")
     board.close()
 
@@ -155,7 +155,7 @@ def test_limits_stay_and_others_go_where_a_set_is_refused_together(drive):
 def test_another_layouts_set_is_told_at_the_start_and_when_asked(boards):
     board = boards[0]
     board.restart(blank=True)
-    assert kept_values(board) == ((), "0 of 0 values as they were saved")
+    assert kept_values(board)[1] == "0 of 0 values as they were saved"
     board.save_parameters()
     for area in board.flash:
         for at in (m.start() for m in re.finditer(b"1ASE", bytes(area))):
@@ -166,7 +166,7 @@ def test_another_layouts_set_is_told_at_the_start_and_when_asked(boards):
     board.texts.clear()
     board.restart()
     assert list(board.texts) == ["kept: a set of another layout, not taken"]
-    assert kept_values(board) == ((), "a set of another layout, not taken")
+    assert kept_values(board) == ((), "a set of another layout, not taken", ())
 
 
 def test_the_command_shows_names_values_and_limits(boards, monkeypatch):

@@ -90,8 +90,11 @@ def kept_use(session: Session) -> KeptUse:
     return _use(session.ask_for("ESEA_KEPT"))
 
 
-def kept_values(session: Session) -> tuple[tuple[KeptValue, ...], str]:
-    """Ask which kept parameters are not in force; and what the board says of all together."""
+def kept_values(session: Session) -> tuple[tuple[KeptValue, ...], str, tuple[str, ...]]:
+    """Ask which kept parameters are not in force.
+
+    return: those; what the board says of all together; what else it has to say, of its clock.
+    """
     dialect = session.dialect
     known = session.known_parameters()
     asked, text = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_STATUSTEXT
@@ -101,14 +104,17 @@ def kept_values(session: Session) -> tuple[tuple[KeptValue, ...], str]:
             "Its firmware is older, or it is paired: give --key.",
         )
     values: list[KeptValue] = []
+    others: list[str] = []
     while True:
         said = str(session.wait_for("STATUSTEXT").text).rstrip("\0")
         if said.startswith(_SUM):
-            return tuple(values), said.removeprefix(_SUM)
+            return tuple(values), said.removeprefix(_SUM), tuple(others)
         if found := _VALUE.fullmatch(said):
             own, value, what = found.groups()
             name = own if what == "unknown" else find_parameter(known, own).name
             values.append(KeptValue(name, float(value), what))
+        else:
+            others.append(said)
 
 
 def name_encoders(session: Session, serials: Sequence[int]) -> KeptUse:

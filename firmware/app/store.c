@@ -14,10 +14,15 @@ typedef struct {
 
 #define CHUNK 64u
 
+static uint32_t unit_of(const esea_flash_t *flash)
+{
+    return flash->unit_bytes > 0u ? flash->unit_bytes : (uint32_t)sizeof(uint32_t);
+}
+
 /* What a part of a slot fills: whole units, for one that is not erased may not be written again. */
 static uint32_t units(const esea_flash_t *flash, uint32_t bytes)
 {
-    return (bytes + flash->unit_bytes - 1u) & ~(flash->unit_bytes - 1u);
+    return (bytes + unit_of(flash) - 1u) & ~(unit_of(flash) - 1u);
 }
 
 /* A slot: head, set, last word, each in units of its own. */
@@ -54,9 +59,9 @@ static uint32_t crc_of_head(const head_t *head)
 
 static uint32_t slots(const esea_flash_t *flash)
 {
-    const uint32_t unit = flash->unit_bytes;
+    const uint32_t unit = unit_of(flash);
 
-    if (unit == 0u || unit > ESEA_FLASH_UNIT_MOST || (unit & (unit - 1u)) != 0u)
+    if (unit > ESEA_FLASH_UNIT_MOST || (unit & (unit - 1u)) != 0u)
         return 0u; /* no power of two: nothing is kept */
     return flash->area_bytes / slot_bytes(flash, (uint32_t)sizeof(esea_store_set_t));
 }
@@ -79,7 +84,7 @@ static uint32_t crc_in_flash(const esea_flash_t *flash, uint32_t area, uint32_t 
 static bool look(const esea_flash_t *flash, uint32_t area, uint32_t slot, head_t *head)
 {
     const uint32_t at = slot * slot_bytes(flash, (uint32_t)sizeof(esea_store_set_t));
-    const uint32_t room = (flash->area_bytes - at - slot_bytes(flash, 0u)) & ~(flash->unit_bytes - 1u);
+    const uint32_t room = (flash->area_bytes - at - slot_bytes(flash, 0u)) & ~(unit_of(flash) - 1u);
     uint32_t last;
 
     flash->read(area, at, head, sizeof *head);
@@ -163,7 +168,7 @@ static bool make_room(const esea_store_t *store, bool aside, uint32_t *area, uin
 /* One part of a slot; behind it the last unit is filled up with what an erased one holds. */
 static bool put(const esea_flash_t *flash, uint32_t area, uint32_t at, const void *from, uint32_t count)
 {
-    const uint32_t whole = count & ~(flash->unit_bytes - 1u);
+    const uint32_t whole = count & ~(unit_of(flash) - 1u);
     uint8_t unit[ESEA_FLASH_UNIT_MOST];
 
     if (whole > 0u && !flash->write(area, at, from, whole))
@@ -172,7 +177,7 @@ static bool put(const esea_flash_t *flash, uint32_t area, uint32_t at, const voi
         return true;
     memset(unit, 0xFF, sizeof unit);
     memcpy(unit, (const uint8_t *)from + whole, count - whole);
-    return flash->write(area, at + whole, unit, flash->unit_bytes);
+    return flash->write(area, at + whole, unit, unit_of(flash));
 }
 
 static bool put_set(const esea_store_t *store, const head_t *head, uint32_t area, uint32_t slot)

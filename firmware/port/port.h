@@ -18,13 +18,13 @@ struct esea_store;
  * only clears bits. */
 typedef struct {
     uint32_t area_bytes;
-    /* What is programmed at once, a power of two: 4 on an STM32F4, 8 on an STM32G4 or L4, 32 on an STM32H7. */
-    uint32_t unit_bytes;
     /* Must return where a write was cut, with any bytes (flash with ECC: its trap is caught). */
     void (*read)(uint32_t area, uint32_t at, void *to, size_t count);
     /* False when it failed.  Addresses and counts are whole units, each written once between erasures. */
     bool (*write)(uint32_t area, uint32_t at, const void *from, size_t count);
     bool (*erase)(uint32_t area);
+    /* What is programmed at once, a power of two: 4 on an STM32F4, 8 on an STM32G4 or L4, 32 on an STM32H7; 0: 4. */
+    uint32_t unit_bytes;
 } esea_flash_t;
 
 typedef struct {

@@ -38,7 +38,7 @@ static bool flash_erase(uint32_t area)
     return EITHER();
 }
 
-static const esea_flash_t flash = { AREA, 4u, flash_read, flash_write, flash_erase };
+static const esea_flash_t flash = { AREA, flash_read, flash_write, flash_erase, 4u };
 
 #ifdef ESEA_EVA_SUM
 int main(void)

@@ -129,7 +129,7 @@ static void encoders(esea_store_t *store, const uint8_t *data)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    static const esea_flash_t flash = { AREA, 4u, flash_read, flash_write, flash_erase };
+    static const esea_flash_t flash = { AREA, flash_read, flash_write, flash_erase, 4u };
     static const esea_store_parameter_t saved[2] = { { 7u, 0.5f }, { 9u, -1.0f } };
     static esea_store_parameter_t loaded[ESEA_STORE_PARAMETERS];
     static esea_store_t store, again;

@@ -269,7 +269,7 @@ static void fail(const char *what, const char *which)
 
 static void open_kept(esea_port_t *port, const char *name)
 {
-    static const esea_flash_t flash = { AREA_BYTES, 4u, flash_read, flash_write, flash_erase };
+    static const esea_flash_t flash = { AREA_BYTES, flash_read, flash_write, flash_erase, 4u };
     const int file = open(name, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     struct stat found;
 

@@ -80,4 +80,4 @@ static bool hw_flash_erase(uint32_t area)
     return good;
 }
 
-const esea_flash_t esea_board_flash = { ESEA_FLASH_AREA_BYTES, 4u, hw_flash_read, hw_flash_write, hw_flash_erase };
+const esea_flash_t esea_board_flash = { ESEA_FLASH_AREA_BYTES, hw_flash_read, hw_flash_write, hw_flash_erase, 4u };

@@ -179,7 +179,7 @@ void sim_blackbox_release(void);
 bool sim_blackbox_read(uint32_t index, void *record);
 bool sim_take_event(uint32_t *state, uint32_t event, const bool *guards);
 
-static const esea_flash_t flash = { sizeof cells[0], 4u, flash_read, flash_write, flash_erase };
+static const esea_flash_t flash = { sizeof cells[0], flash_read, flash_write, flash_erase, 4u };
 
 /* Power on: every encoder's frame is bad until something is measured. */
 void sim_start(void)

@@ -54,7 +54,7 @@ def kept(
                 f"Give --encoder once for each of: {', '.join(names) or 'none'}.",
             )
         told = name_encoders(board.session, encoder) if encoder else kept_use(board.session)
-        values, total = kept_values(board.session)
+        values, total, others = kept_values(board.session)
         changed = [_changed(board.session, v) for v in values]
     for name, (serial, zero_rad) in zip(names, told.encoders, strict=True):
         zero = "no zero" if zero_rad is None else f"zero {zero_rad:.5f} rad"
@@ -63,7 +63,7 @@ def kept(
         out.print(f"zero in force: {told.zero}")
     out.print(", ".join(f"{n.replace('_', ' ')} {v}" for n, v in told.counters.items()))
     out.print(f"parameters: {total}")
-    for line in changed:
+    for line in (*changed, *others):
         out.print(line)
 
 
