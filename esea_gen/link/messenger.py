@@ -146,7 +146,7 @@ class Messenger:
         return self.pack(message)
 
     def _stops(self, message: Any) -> bool:
-        return (
+        return bool(
             message.get_type() == "COMMAND_LONG" and message.command == self.dialect.MAV_CMD_USER_4
         )
 
