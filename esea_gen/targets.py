@@ -219,7 +219,7 @@ BOARDS = {
             uses=("instructions",),
             # Of its memory the black box takes what the application and the stack leave: less
             # where a record is long, for the application then has more to hold, too.
-            app_flags=("-DESEA_BLACKBOX_BYTES=(107120u-60u*sizeof(esea_blackbox_record_t))",),
+            app_flags=("-DESEA_BLACKBOX_BYTES=(107328u-64u*sizeof(esea_blackbox_record_t))",),
         ),
         Board(
             "host",

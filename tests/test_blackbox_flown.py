@@ -269,7 +269,7 @@ def test_its_size_is_known_before_it_is_built(drive, powered):
 def test_a_board_with_less_memory_remembers_less(drive, tmp_path):
     """The drive's two seconds fit; of predictive control, with its previews, less does."""
     require_tool("arm-none-eabi-gcc")
-    for device, held in ((drive, 2000), (load_device("elbow_mpc"), 562)):
+    for device, held in ((drive, 2000), (load_device("elbow_mpc"), 560)):
         image = build_firmware(device, "netduinoplus2", tmp_path)
         assert image.noinit_bytes == 36 + held * record_bytes(device)
 

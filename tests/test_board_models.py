@@ -285,7 +285,8 @@ def test_what_is_taped_of_a_run(monkeypatch):
     told = iter([(True, 0.5), (False, -1.0), (True, 2.0), (True, 9.0)])
     monkeypatch.setattr(SimBoard, "motor", property(lambda self: next(told)))
     board = TapedBoard.__new__(TapedBoard)
-    board.inputs, board.lib = ["a", "b"], thing(sim_fault=lambda: 12)
+    board.inputs = ["a", "b"]
+    board.lib = thing(sim_fault=lambda: 12, sim_unique=lambda number: None)
     board.send_bytes(b"early")
     board.restart()
     board.send_bytes(b"0")

@@ -214,7 +214,10 @@ class Session(Messenger):
         """One value in force, by full name or id."""
         p = find_parameter(self.known_parameters(), name)
         self.send(self.message("PARAM_REQUEST_READ", *self.board, p.id.encode(), -1))
-        return float(self._told_of(p).param_value)
+        answer = self._told_of(p)
+        if answer.get_type() == "PARAM_ERROR":
+            raise LinkError(f"the board has no {p.name}", "Its firmware is of another device.")
+        return float(answer.param_value)
 
     def set_parameter(self, name: str, value: float) -> float:
         """Set a parameter, by full name or id; what the board refuses is an error that says why.

@@ -51,6 +51,7 @@ class TapedBoard(SimBoard):
 
     def restart(self, *, blank: bool = False) -> None:
         """See :class:`SimBoard`."""
+        self.lib.sim_unique(1)  # as the first start of a board whose memory is empty
         super().restart(blank=blank)
         self.tape = BoardTape()
 
