@@ -22,6 +22,7 @@ from esea_host.cli.options import (
     KeyOption,
     SecondsOption,
     StreamOption,
+    of_file,
 )
 from esea_host.connection import ConnectedDevice, Subscription, listen_named, open_device
 
@@ -142,7 +143,7 @@ def record(
             told_s = time.monotonic()
             for _ in _until(seconds, 0.1):
                 if recording.error is not None:
-                    raise recording.error
+                    raise of_file(recording.error, path)
                 if time.monotonic() - told_s > 5:
                     told_s = time.monotonic()
                     out.print(f"{recording.rows} runs, {recording.gaps} gaps")
