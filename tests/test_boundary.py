@@ -42,7 +42,7 @@ def errors():
     yield EOFError("No data left in file"), 2, "A file is damaged"
     yield RecursionError("maximum"), 2, "nested too deeply"
     yield MemoryError(), 2, "memory does not suffice"
-    yield ModuleNotFoundError("no", name="pylsl.x"), 2, "pylsl is not installed"
+    yield ModuleNotFoundError("no", name="pylsl.x"), 2, "needs pylsl, which is not installed"
     yield ImportError("libEGL.so.1: cannot open shared object file"), 2, "libEGL.so.1"
     yield UserError("It is wrong.", "Mend it."), 2, "It is wrong. Mend it."
     yield LinkError("the board was silent"), 2, "the board was silent"
