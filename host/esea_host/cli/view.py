@@ -16,7 +16,7 @@ import typer
 from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
-from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
+from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption, of_file
 from esea_host.connection import ConnectedDevice, open_device
 from esea_host.connection.address import SimulatedProcess
 
@@ -108,7 +108,7 @@ def _watch(
     if recording is not None:
         out.print(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
         if recording.error is not None:
-            raise recording.error
+            raise of_file(recording.error, record)
 
 
 def _push(board: ConnectedDevice, push_rad: float) -> None:
