@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import subprocess
+import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -19,6 +22,8 @@ from esea_gen.tables.table import FileTable
 DEEPEST = 8  # levels of structs and groups
 MOST_NAMES = 10_000  # variables or data sets of a file
 MOST_VALUES = 10**8  # of a file's columns together
+MOST_UNPACKED_BYTES = 1 << 32  # of a MATLAB file
+LONGEST_S = 120.0
 # What a file has: an array, or a text that says why a name is no column.
 Content = dict[str, "np.ndarray[Any, Any] | str"]
 
@@ -62,6 +67,51 @@ def read_mat(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:
     if raw.startswith((b"MATLAB 7.3 MAT-file", b"\x89HDF")):
         return read_hdf5(raw, name, wanted)
     with _damage_named(name, "a MATLAB"):
+        return _apart(raw, name)
+
+
+def _apart(raw: bytes, name: str) -> Content:
+    # SciPy's reader may end its process where a file is damaged, and unpacks without a bound: it
+    # runs in a process of its own, which sends arrays and texts back.
+    code = "import sys; from esea_gen.tables.structured import send_mat; send_mat(sys.argv[1])"
+    done = subprocess.run(
+        [sys.executable, "-c", code, name],
+        input=raw,
+        capture_output=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        timeout=LONGEST_S,
+    )
+    if done.returncode == 2:
+        what, _, fix = done.stderr.decode("utf-8", "replace").partition("\n")
+        raise UserError(what, fix.strip())
+    if done.returncode:
+        raise ValueError("it is damaged, or needs more than 4 GiB")
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as sent:
+        texts: dict[str, str] = json.loads(str(sent["texts"]))
+        return texts | {k[1:]: sent[k] for k in sent.files if k != "texts"}
+
+
+def send_mat(name: str) -> None:
+    """Write a MATLAB file's content, from standard input, to standard output as ``.npz``."""
+    with suppress(ImportError, ValueError, OSError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_UNPACKED_BYTES, MOST_UNPACKED_BYTES))
+    try:
+        content = _mat(sys.stdin.buffer.read(), name)
+    except UserError as error:
+        print(f"{error.what}\n{error.fix}", file=sys.stderr)
+        raise SystemExit(2) from None
+    texts = {k: v for k, v in content.items() if isinstance(v, str)}
+    arrays = {f"_{k}": v for k, v in content.items() if not isinstance(v, str)}
+    out = io.BytesIO()
+    np.savez(out, allow_pickle=False, texts=np.array(json.dumps(texts)), **arrays)
+    sys.stdout.buffer.write(out.getvalue())
+
+
+def _mat(raw: bytes, name: str) -> Content:
+    with _damage_named(name, "a MATLAB"):
         kinds = scipy.io.whosmat(io.BytesIO(raw))
         _bounded(name, len(kinds), sum(np.prod(shape, dtype=float) for _, shape, _ in kinds))
         out = _flat_mat(name, scipy.io.loadmat(io.BytesIO(raw)))
@@ -86,7 +136,8 @@ def _struct(name: str, path: str, value: Any, out: Content, depth: int = 0) -> N
     # A struct is an array with named fields; one of 1 x 1 has columns.
     names = getattr(getattr(value, "dtype", None), "names", None)
     if not names:
-        out[path] = value if isinstance(value, np.ndarray) else "of a class that is not read"
+        plain = isinstance(value, np.ndarray) and not value.dtype.hasobject
+        out[path] = value if plain else "a cell array, or of a class that is not read"
         return
     fields = listed([f"{path}.{n}" for n in names])
     if np.size(value) != 1:

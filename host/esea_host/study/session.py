@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
+from esea_gen.received import shown
 from esea_host.study.edge import checked_step, finite, of_task
 from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
@@ -106,7 +107,18 @@ def read_session(path: Path) -> SessionState:
 def state_of(found: LogFound, path: Path) -> SessionState:
     """As :func:`read_session`, from what was read."""
     if not found.entries:
-        raise UserError(f"{path}: the log has no whole event.", "Start the session afresh.")
+        raise UserError(f"{path}: the log has no complete event.", "Start the session again.")
+    try:
+        return _state_of(found)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise UserError(
+            f"{path}: an event lacks what a session's log holds "
+            f"({type(error).__name__}: {shown(str(error))}).",
+            "Restore the file from a copy.",
+        ) from None
+
+
+def _state_of(found: LogFound) -> SessionState:
     head = found.entries[0].data
     plan = plan_from(head["plan"])
     states = {t.number: PENDING for t in plan.trials}
