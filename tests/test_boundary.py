@@ -41,6 +41,7 @@ def errors():
     yield tomllib.TOMLDecodeError("Invalid value"), 2, "A file is damaged"
     yield EOFError("No data left in file"), 2, "A file is damaged"
     yield RecursionError("maximum"), 2, "nested too deeply"
+    yield RuntimeError("Symlink loop from 'a'"), 2, "links point at each other"
     yield MemoryError(), 2, "memory does not suffice"
     yield ModuleNotFoundError("no", name="pylsl.x"), 2, "needs pylsl, which is not installed"
     yield ImportError("libEGL.so.1: cannot open shared object file"), 2, "libEGL.so.1"

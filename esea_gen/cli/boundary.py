@@ -156,6 +156,8 @@ def explained(error: BaseException) -> str | None:
         return f"{where}: {what}. {REMEDIES.get(error.errno or 0, '')}" if where else (
             f"{what}. {REMEDIES.get(error.errno or 0, '')}"
         )  # fmt: skip
+    if isinstance(error, RuntimeError) and str(error).startswith("Symlink loop"):  # pathlib's
+        return f"{error}. {REMEDIES[errno.ELOOP]}"
     if isinstance(error, MemoryError):
         return "The memory does not suffice. Take a smaller input, or a machine with more."
     if isinstance(error, RecursionError):
