@@ -30,8 +30,8 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.identify.mapping import parse_mapping
 from esea_gen.link.messenger import Messenger
+from esea_gen.link.received import file_name, shown
 from esea_gen.link.transport import LinkError
-from esea_gen.received import file_name, shown
 from esea_host import open_log
 from esea_host.cli import logs
 from esea_host.cli.app import out

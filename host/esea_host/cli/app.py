@@ -11,8 +11,8 @@ from rich.console import Console
 
 from esea_gen.cli.groups import GroupedCommands, take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
+from esea_gen.link.received import shown_lines
 from esea_gen.link.transport import LinkError
-from esea_gen.received import shown_lines
 
 # Every command with the files that have it, in the groups that help shows.
 GROUPS = {

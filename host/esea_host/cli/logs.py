@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from esea_gen.errors import UserError
-from esea_gen.received import shown
+from esea_gen.link.received import shown
 from esea_host.cli.app import app, out
 from esea_host.cli.options import LogArgument
 from esea_host.cli.view import watch_recording

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.received import shown
+from esea_gen.link.received import shown
 from esea_host.recording.gaps import Gap, GapError
 from esea_host.recording.integrity import Integrity, RecordingState
 from esea_host.recording.layout import Array, StreamLayout
