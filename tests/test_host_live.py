@@ -357,7 +357,9 @@ def test_a_recording_is_played_in_the_window_at_any_speed(seen, qtbot, tmp_path)
         assert len(before) - 1000 < rows < len(before)
         qtbot.waitUntil(lambda: feed.rings["sense_out"].total == rows, timeout=120_000)
         assert feed.rings["sense_out"].last().after_gap.sum() == 1
-        qtbot.waitUntil(lambda: "RECORDED: b.mcap, its end" in window.state.text(), timeout=120_000)
+        qtbot.waitUntil(
+            lambda: "RECORDED: b.mcap (damaged), its end" in window.state.text(), timeout=120_000
+        )
         assert not window.stop_button.isVisible()
         qtbot.keyClick(window, Qt.Key.Key_Space)
         assert window.paused

@@ -22,7 +22,7 @@ import typer
 from esea_gen.cache import cache_folder
 from esea_gen.cli.groups import take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
-from esea_gen.received import shown_lines
+from esea_gen.link.received import shown_lines
 
 # Exit codes; 0: done, 1: done with a negative result, or nobody reads the output any more.
 REFUSED, FAULT, INTERRUPTED = 2, 70, 130

@@ -10,8 +10,8 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, Counters, FrameReader
+from esea_gen.link.received import shown
 from esea_gen.link.transport import LinkError, Transport
-from esea_gen.received import shown
 
 MOST_ON_THE_WAY = 64
 UNSIGNED = "If it is paired, it takes what is signed with its key (use_key)."

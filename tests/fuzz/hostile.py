@@ -25,20 +25,20 @@ from pathlib import Path
 import numpy as np
 
 from esea_gen import toml_file
-from esea_gen.device import load_device
 from esea_gen.devices.file import parse_file, shipped_devices
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.identify.mapping import parse_mapping
 from esea_gen.link.messenger import Messenger
+from esea_gen.link.received import file_name, shown
 from esea_gen.link.transport import LinkError
-from esea_gen.received import file_name, shown
 from esea_host import open_log
 from esea_host.cli import logs
 from esea_host.cli.app import out
 from esea_host.connection import decoder
 from esea_host.connection.receiver import Receiver
 from esea_host.recording import Gap, Recorder, StreamColumn, StreamLayout, records
+from esea_host.recording.replay import loaded_device
 from esea_host.study.protocol import parse_protocol
 
 MOST_S = 60.0  # an input; a busy machine is slow
@@ -368,7 +368,7 @@ class _Bytes:
 
 
 def _frames(rng: Rng) -> bytes:
-    dialect = load_dialect(load_device("elbow_drive"))
+    dialect = load_dialect(loaded_device("elbow_drive"))
     sender, found = dialect.MAVLink(None, 1, 1), []
     classes = sorted(dialect.mavlink_map.values(), key=lambda c: c.id)
     for _ in range(20):
@@ -390,7 +390,7 @@ def _frames(rng: Rng) -> bytes:
 
 def mavlink_target(rng: Rng, folder: Path) -> Callable[[], None]:
     """Bytes of a board, to the receiver and to the session; its texts are clean."""
-    data, dialect = _frames(rng), load_dialect(load_device("elbow_drive"))
+    data, dialect = _frames(rng), load_dialect(loaded_device("elbow_drive"))
 
     def use() -> None:
         receiver = Receiver(_Bytes(b""), decoder.TelemetryDecoder(dialect), 1_000_000)

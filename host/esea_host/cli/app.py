@@ -10,7 +10,7 @@ from rich.console import Console
 
 from esea_gen.cli.boundary import Shown, run
 from esea_gen.cli.groups import GroupedCommands
-from esea_gen.received import shown_lines
+from esea_gen.link.received import shown_lines
 
 # Every command with the files that have it, in the groups that help shows.
 GROUPS = {

@@ -11,7 +11,7 @@ import typer
 
 from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
-from esea_gen.received import shown
+from esea_gen.link.received import shown
 from esea_host.cli.app import app, out
 from esea_host.cli.options import LogArgument
 from esea_host.cli.view import watch_recording

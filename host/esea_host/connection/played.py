@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.link.received import shown
 from esea_gen.link.transport import LinkError
-from esea_gen.received import shown
 from esea_host.connection.device import ConnectedDevice
 from esea_host.connection.identity import Identity
 from esea_host.connection.receiver import Batch

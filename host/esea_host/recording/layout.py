@@ -17,7 +17,7 @@ import numpy.typing as npt
 from pydantic import TypeAdapter, ValidationError
 
 from esea_gen.errors import UserError
-from esea_gen.received import shown
+from esea_gen.link.received import shown
 
 PACKAGE = "esea"
 MOST_COLUMNS = 4096

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.received import shown
+from esea_gen.link.received import shown
 from esea_host.recording.gaps import Gap, GapError
 from esea_host.recording.integrity import Integrity, RecordingState
 from esea_host.recording.layout import Array, StreamLayout
@@ -312,9 +312,10 @@ class Log:
         names = {n: topic for topic, numbers in self._file.topics().items() for n in numbers}
         found: dict[str, tuple[int, int, int]] = dict.fromkeys(names.values(), (0, 0, 0))
         for piece in self._file.pieces:
-            for channel, count, _, (first, last) in (
-                [] if piece.spans is None else piece.spans.tolist()
-            ):
+            if piece.spans is None:
+                continue
+            rows = piece.spans["channel"], piece.spans["count"], *piece.spans["board_ns"].T
+            for channel, count, first, last in zip(*(r.tolist() for r in rows), strict=True):
                 topic = names.get(channel, f"channel {channel}")
                 before, start, _ = found.get(topic, (0, first, last))
                 found[topic] = before + count, start if before else first, last

@@ -13,7 +13,7 @@ import zstandard
 from lz4.frame import LZ4FrameDecompressor
 from mcap.opcode import Opcode
 
-from esea_gen.received import shown
+from esea_gen.link.received import shown
 
 HEAD = struct.Struct("<BQ")
 FOOTER_BYTES = HEAD.size + 20

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_gen.received import shown
+from esea_gen.link.received import shown
 from esea_host.study.edge import checked_step, finite, of_task
 from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
