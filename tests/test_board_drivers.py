@@ -31,6 +31,7 @@ typedef struct { float mode, stop, rearm; float desired[3]; } esea_link_wanted_t
 #define ESEA_LINK_STREAM_WORDS 1
 #define ESEA_LINK_KEY_WORDS 1
 #define ESEA_LINK_PARAMETERS 1u
+#define MAVLINK_MAX_PACKET_LEN 280
 #define ESEA_LINK_SYSTEM 1u
 #define ESEA_LINK_COMPONENT 1u
 #define ESEA_LINK_MEASURED 6

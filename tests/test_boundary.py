@@ -136,9 +136,9 @@ def test_files_are_written_whole_or_not_at_all(tmp_path):
     assert path.read_text() == "new"
     files.write_whole(Path("/dev/null"), "nothing is replaced")
     assert Path("/dev/null").is_char_device()
-    with pytest.raises(UserError, match="cannot be written"), files.new_folder(path / "b"):
+    with pytest.raises(UserError, match="cannot be written"), files.new_whole(path / "b"):
         pass
-    with pytest.raises(UserError, match="is not empty"), files.new_folder(tmp_path):
+    with pytest.raises(UserError, match="is not empty"), files.new_whole(tmp_path):
         pass
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.txt", "link.txt"]
     with pytest.raises(UserError, match="is a device"):

@@ -202,11 +202,11 @@ def test_a_bound_says_which_decisions_it_takes_for_equal():
         return {}, {"y_rad": ca.if_else(u.x_rad < 0.25, u.x_rad, -u.x_rad)}
 
     for bound in (float_bound, lambda b: any_bound(plan_block(b))):
-        (said,) = bound(made("switch", step)).assumptions
-        assert said.startswith("switch")
+        (said,) = bound(made("switching", step)).assumptions
+        assert said.startswith("switching")
         assert said.endswith("= lt")
         # An input is the same number on both sides.
-        assert bound(made("switch", told)).assumptions == ()
+        assert bound(made("switching", told)).assumptions == ()
 
 
 @pytest.mark.parametrize("sign", [1, -1])

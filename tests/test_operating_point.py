@@ -52,7 +52,7 @@ def test_a_sum_by_hand():
 def test_functions_choices_and_quotients_by_hand():
     b = Builder()
     inputs = (Port("p", 0.0, 9.0, "p"), Port("q", 0.0, 9.0, "q"))
-    outputs = tuple(Port(n, -1e4, 1e4, n) for n in ("ratio", "curve", "chosen", "far"))
+    outputs = tuple(Port(n, -1e4, 1e4, n) for n in ("ratio", "curve", "chosen", "beyond"))
     declare_ports(b, "in", inputs)
     out = declare_ports(b, "out", outputs)
     p, q = b.memory["in.p"], b.memory["in.q"]
@@ -66,7 +66,7 @@ def test_functions_choices_and_quotients_by_hand():
             lambda x, y: -2 * ca.fmax(x * y * x, ca.fabs(x)),
         )
         b.call(
-            "far", [p[0], q[0]], [out["far"][0]], lambda x, y: ca.if_else(x * y < 1, x * x * y, 0)
+            "beyond", [p[0], q[0]], [out["beyond"][0]], lambda x, y: ca.if_else(x * y < 1, x * x * y, 0)
         )
     program = Program.define("f", "F", period_s=1e-3, builder=b, inputs=inputs, outputs=outputs)
     x, y = 0.3, 1.7
@@ -83,7 +83,7 @@ def test_functions_choices_and_quotients_by_hand():
     assert found.errors["curve"] == pytest.approx(slope * cube * 2 * U + own, rel=1e-6)
     # x y x = 0.153 is less than |x|, which is exact, and so is twice it.
     assert found.errors["chosen"] == 0
-    assert found.errors["far"] == pytest.approx(2 * U * x * x * y, rel=1e-6)
+    assert found.errors["beyond"] == pytest.approx(2 * U * x * x * y, rel=1e-6)
     assert found.near == 0
     close = PointAnalysis(program).bound(p=float(np.float32(1 / y)), q=y)
     assert close.near == 1  # x y against 1
