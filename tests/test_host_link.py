@@ -9,6 +9,8 @@ import json
 import math
 import runpy
 import socket
+import subprocess
+import sys
 import threading
 import time
 from functools import cache
@@ -303,11 +305,11 @@ def test_who_comes_beside_a_host_is_let_go_and_may_stop(server, drive):
         for _ in range(12):
             other = Session(TcpTransport(server), load_dialect(drive.device), 10.0)
             other.send_bytes(b"\xfd\xff\0\0" + bytes(range(256)) * 8)
-        with pytest.raises(LinkError, match=r"commanded by 127\.0\.0\.1:\d+"):
+        with pytest.raises(LinkError, match=r"commands this board .127\.0\.0\.1:\d+"):
             other.wait_for("ESEA_CLOCK")
         stopper = Session(TcpTransport(server), load_dialect(drive.device), 10.0)
         stopper.stop()
-        with pytest.raises(LinkError, match=r"commanded by 127\.0\.0\.1:\d+"):
+        with pytest.raises(LinkError, match=r"commands this board .127\.0\.0\.1:\d+"):
             stopper.release()
         assert device.clock()["state"] == 10
         device.release()
@@ -444,6 +446,15 @@ def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypat
     assert {r["stream"] for r in runs} == {"sense_out"}
     assert np.all(np.diff([r["sequence"] for r in runs]) == 1)
     assert "(simulated)" in said("monitor", address, "--seconds", "0.3")
+    words = [sys.executable, "-m", "esea_host.cli", "monitor", address]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as watched:
+        assert b"(simulated): " in watched.stdout.readline()
+        monkeypatch.setattr("sys.argv", ["esea-host", "monitor", address])
+        with pytest.raises(SystemExit, match="2"):
+            main()
+        assert "another program commands this board (127.0.0.1:" in capsys.readouterr().err
+        watched.stdout.close()  # as head does
+        assert (watched.wait(60.0), watched.stderr.read()) == (1, b"")
     path = str(tmp_path / "a.mcap")
     text = said("record", address, path, "--seconds", "0.5", "--note", "a try")
     assert "(simulated), 0 gaps" in text

@@ -19,6 +19,7 @@ from esea_gen.devices.file import read_file, shipped_devices
 from esea_gen.emit.build import format_hash, render_device
 from esea_gen.emit.dialect import load_dialect, render_dialect
 from esea_gen.errors import UserError
+from esea_gen.link.messenger import CommandedError
 from esea_gen.link.session import Session
 from esea_gen.link.signing import key_folder, stored_keys
 from esea_gen.link.transport import LinkError, Transport
@@ -122,7 +123,7 @@ def identify(
     try:
         key = _key_taken(session, key)
         info = session.info()
-    except PairedError:
+    except (PairedError, CommandedError):
         raise
     except LinkError as error:
         heard = session.counters.frames
