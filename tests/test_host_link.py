@@ -270,16 +270,23 @@ def test_a_reader_that_is_too_slow_loses_its_own_rows_and_hears_of_it(drive, dev
     assert gap.before_tick == rows["sequence"][0]
 
 
-@pytest.fixture
-def server(drive):
-    """The board behind a socket, ten times faster than the clock; the listener's port."""
+@contextlib.contextmanager
+def served(drive, speed):
+    """The board behind a socket; the listener's port."""
     drive.restart()
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        thread = threading.Thread(target=serve_hosts, args=(drive, listener, 10.0, False))
+        thread = threading.Thread(target=serve_hosts, args=(drive, listener, speed, False))
         thread.start()
         yield listener.getsockname()[1]
         listener.close()
         thread.join(5.0)
+
+
+@pytest.fixture
+def server(drive):
+    """Ten times faster than the clock."""
+    with served(drive, 10.0) as port:
+        yield port
 
 
 def test_from_a_program_with_an_event_loop(server):
@@ -446,15 +453,6 @@ def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypat
     assert {r["stream"] for r in runs} == {"sense_out"}
     assert np.all(np.diff([r["sequence"] for r in runs]) == 1)
     assert "(simulated)" in said("monitor", address, "--seconds", "0.3")
-    words = [sys.executable, "-m", "esea_host.cli", "monitor", address]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as watched:
-        assert b"(simulated): " in watched.stdout.readline()
-        monkeypatch.setattr("sys.argv", ["esea-host", "monitor", address])
-        with pytest.raises(SystemExit, match="2"):
-            main()
-        assert "another program commands this board (127.0.0.1:" in capsys.readouterr().err
-        watched.stdout.close()  # as head does
-        assert (watched.wait(60.0), watched.stderr.read()) == (1, b"")
     path = str(tmp_path / "a.mcap")
     text = said("record", address, path, "--seconds", "0.5", "--note", "a try")
     assert "(simulated), 0 gaps" in text
@@ -473,6 +471,17 @@ def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypat
         f"smc.lambda_1_s: 12.0 here, 13.0 in {kept}"
     )
     assert "12 -> 13" in said("parameters", address, "--load", kept)
+
+
+def test_monitor_ends_with_its_pipe_and_who_comes_beside_is_told(drive):
+    with served(drive, 1.0) as port:
+        words = [sys.executable, "-m", "esea_host.cli", "monitor", f"tcp:127.0.0.1:{port}"]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as watched:
+            assert b"(simulated): " in watched.stdout.readline()
+            with pytest.raises(LinkError, match=r"^another program commands this board .127\.0"):
+                esea_host.open_device(words[-1])
+            watched.stdout.close()  # as head does
+            assert (watched.wait(60.0), watched.stderr.read()) == (1, b"")
 
 
 @pytest.mark.slow

@@ -82,12 +82,7 @@ def test_drift_and_offset_of_the_clocks_are_found(tmp_path):
     with Recorder(path) as recorder:
         for h, b in zip(host_ns.tolist(), board_ns.tolist(), strict=True):
             recorder.event("clock", {"host_ns": h, "board_ns": b})
-        for odd in (
-            {},
-            {"host_ns": 1},
-            {"host_ns": "1", "board_ns": 2},
-            {"host_ns": 1 << 70, "board_ns": 1},
-        ):
+        for odd in ({}, {"host_ns": None}, {"host_ns": "1"}, {"host_ns": 1 << 70}):
             recorder.event("clock", {"board_ns": 2} | odd)
     with esea_host.open_log(path) as log:
         fit = clock_fit(log)

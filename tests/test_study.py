@@ -519,7 +519,7 @@ def test_a_forged_log_is_named_and_the_others_are_read(tmp_path, protocol, kind,
     run_one(study)
     shutil.copytree(study.path / "P01", study.path / "P02")
     forged(study.log_of("P01", 0), kind, **data)
-    (first,) = study.problems()
+    first, *_ = study.problems()
     assert first.startswith("P01/session-1/events.jsonl: an event lacks")
     for out, write in (("rows", StudyFolder.export), ("bids", to_bids)):
         with pytest.warns(UserWarning, match=r"P01/session-1.* left out"):

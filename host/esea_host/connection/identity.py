@@ -180,8 +180,10 @@ def _key_taken(session: Session, key: Path | None) -> Path | None:
 
 
 def _obeys(session: Session) -> bool:
-    # Boards do not know this question: they deny it to whom they do not obey.
-    return session.command(GET_MESSAGE_INTERVAL) != int(session.dialect.MAV_RESULT_DENIED)
+    # Boards do not know this question: they deny it to whom they do not obey.  What comes too late
+    # they deny as well, once they have taken the key.
+    result = session.command(GET_MESSAGE_INTERVAL)
+    return session.was_late or result != int(session.dialect.MAV_RESULT_DENIED)
 
 
 def passive(device: str | None) -> Identity:

@@ -18,7 +18,7 @@ from esea_host.recording.export import BIDS_VERSION
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import LoggedEvent, read_log, well_formed
 from esea_host.study.plan import PlannedTrial, plan_from
-from esea_host.study.session import COMPLETED
+from esea_host.study.session import COMPLETED, state_of
 from esea_host.study.task import Row, task_named
 
 # What BIDS calls a channel's kind, and its unit, by the end of our names.
@@ -74,7 +74,9 @@ def traces(path: Path) -> list[TrialTrace]:
         By number.
     """
     with well_formed(path):
-        return _traces(read_log(path).sound(path).entries)
+        found = read_log(path).sound(path)
+        state_of(found, path)  # whatever it lacks is said of the whole session
+        return _traces(found.entries)
 
 
 def _traces(entries: Sequence[LoggedEvent]) -> list[TrialTrace]:
