@@ -455,6 +455,14 @@ def test_damage_is_noticed_wherever_it_is(sensor, tmp_path):
             check_fmu(path)
 
 
+def test_an_archive_that_would_fill_the_memory_is_not_unpacked(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.fmu", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("zeros", bytes(1 << 26))
+        archive.writestr("more", b"1")
+    with pytest.raises(UserError, match=r"a\.fmu: more than 64 MiB unpacked"):
+        check_fmu(tmp_path / "a.fmu")
+
+
 def test_the_same_model_gives_the_same_bytes(sensor, elbow):
     again = make_fmu(block_model(elbow, "sensor"), "3").packed()
     assert again == sensor["3"].read_bytes()

@@ -9,6 +9,8 @@ import json
 import math
 import runpy
 import socket
+import subprocess
+import sys
 import threading
 import time
 from functools import cache
@@ -268,16 +270,23 @@ def test_a_reader_that_is_too_slow_loses_its_own_rows_and_hears_of_it(drive, dev
     assert gap.before_tick == rows["sequence"][0]
 
 
-@pytest.fixture
-def server(drive):
-    """The board behind a socket, ten times faster than the clock; the listener's port."""
+@contextlib.contextmanager
+def served(drive, speed):
+    """The board behind a socket; the listener's port."""
     drive.restart()
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        thread = threading.Thread(target=serve_hosts, args=(drive, listener, 10.0, False))
+        thread = threading.Thread(target=serve_hosts, args=(drive, listener, speed, False))
         thread.start()
         yield listener.getsockname()[1]
         listener.close()
         thread.join(5.0)
+
+
+@pytest.fixture
+def server(drive):
+    """Ten times faster than the clock."""
+    with served(drive, 10.0) as port:
+        yield port
 
 
 def test_from_a_program_with_an_event_loop(server):
@@ -303,11 +312,11 @@ def test_who_comes_beside_a_host_is_let_go_and_may_stop(server, drive):
         for _ in range(12):
             other = Session(TcpTransport(server), load_dialect(drive.device), 10.0)
             other.send_bytes(b"\xfd\xff\0\0" + bytes(range(256)) * 8)
-        with pytest.raises(LinkError, match=r"commanded by 127\.0\.0\.1:\d+"):
+        with pytest.raises(LinkError, match=r"commands this board .127\.0\.0\.1:\d+"):
             other.wait_for("ESEA_CLOCK")
         stopper = Session(TcpTransport(server), load_dialect(drive.device), 10.0)
         stopper.stop()
-        with pytest.raises(LinkError, match=r"commanded by 127\.0\.0\.1:\d+"):
+        with pytest.raises(LinkError, match=r"commands this board .127\.0\.0\.1:\d+"):
             stopper.release()
         assert device.clock()["state"] == 10
         device.release()
@@ -462,6 +471,17 @@ def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypat
         f"smc.lambda_1_s: 12.0 here, 13.0 in {kept}"
     )
     assert "12 -> 13" in said("parameters", address, "--load", kept)
+
+
+def test_monitor_ends_with_its_pipe_and_who_comes_beside_is_told(drive):
+    with served(drive, 1.0) as port:
+        words = [sys.executable, "-m", "esea_host.cli", "monitor", f"tcp:127.0.0.1:{port}"]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as watched:
+            assert b"(simulated): " in watched.stdout.readline()
+            with pytest.raises(LinkError, match=r"^another program commands this board .127\.0"):
+                esea_host.open_device(words[-1])
+            watched.stdout.close()  # as head does
+            assert (watched.wait(60.0), watched.stderr.read()) == (1, b"")
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -323,6 +324,20 @@ def test_pictures_for_the_manual(seen, dark, tmp_path):
     assert (ground.lightness() < 90) == dark
     colours = {image.pixel(x, y) for x in range(0, image.width(), 3) for y in range(80, 700, 3)}
     assert len(colours) > 20
+
+
+def test_what_a_board_says_is_text(seen):
+    """Also where it looks like a page with a picture from elsewhere."""
+    from PySide6.QtCore import Qt
+
+    window, feed = seen
+    tag = "<img src='x'>"
+    feed.news = replace(feed.news, state=tag, said=tag, error=tag, fault=None)
+    window.draw()
+    assert (window.said.textFormat(), window.said.text()) == (Qt.TextFormat.PlainText, tag)
+    for label in (window.state, window.fault):
+        assert "<img" not in label.text()
+        assert "&lt;img" in label.text()
 
 
 def test_a_recording_is_played_in_the_window_at_any_speed(seen, qtbot, tmp_path):

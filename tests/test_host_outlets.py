@@ -82,14 +82,16 @@ def test_drift_and_offset_of_the_clocks_are_found(tmp_path):
     with Recorder(path) as recorder:
         for h, b in zip(host_ns.tolist(), board_ns.tolist(), strict=True):
             recorder.event("clock", {"host_ns": h, "board_ns": b})
+        for odd in ({}, {"host_ns": None}, {"host_ns": "1"}, {"host_ns": 1 << 70}):
+            recorder.event("clock", {"board_ns": 2} | odd)
     with esea_host.open_log(path) as log:
         fit = clock_fit(log)
     assert fit.low_ppm < 37 < fit.high_ppm
     assert fit.drift_ppm == pytest.approx(37, abs=15)
     assert fit.offset_ns == pytest.approx(offset_ns, abs=2_000_000)
     assert fit.late_p50_ms == pytest.approx(4 * np.log(2), rel=0.4)  # median of the exponential
-    assert fit.pairs == 120
-    assert "ppm" in str(fit)
+    assert (fit.pairs, fit.malformed) == (120, 4)
+    assert "4 events of the clock are malformed" in str(fit)
     with Recorder(tmp_path / "b.mcap") as recorder:
         recorder.event("clock", {"host_ns": 1, "board_ns": 1})
     with esea_host.open_log(tmp_path / "b.mcap") as log:

@@ -238,7 +238,8 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
     assert "s at 1000 Hz" in told[0]
     first = said("replay", log, "--speed", "0").split("} {")[0] + "}"
     assert json.loads(first)["sequence"] == 0
-    assert "replay" in said("view", log, code=2)
+    for words in (("view", log), ("monitor", f"file:{log}", "--device", "elbow_drive")):
+        assert "esea-host replay" in said(*words, code=2)
     assert "rows" in said("export", log, str(tmp_path / "a.csv"))
     assert "no format 'xls'" in said("export", log, str(tmp_path / "a.xls"), "--to", "xls", code=2)
     assert "no address" in said("monitor", "elbow", code=2)

@@ -265,7 +265,7 @@ def test_who_comes_beside_a_host_is_let_go_and_may_stop(device, native):
         reset = second.message("COMMAND_LONG", *values)
         second.send_bytes(second.pack(time_of_it) + second.pack(reset))
         before = first.clock().tick
-        with pytest.raises(LinkError, match=r"commanded by 127\.0\.0\.1:\d+"):
+        with pytest.raises(LinkError, match=r"commands this board .127\.0\.0\.1:\d+"):
             second.clock()
         first.close()
         first = session()

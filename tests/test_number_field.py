@@ -114,6 +114,9 @@ def test_paste_arrows_and_wheel(field):
     QTest.keyClick(field, Qt.Key.Key_Up)
     assert field.take() is None
     assert field.value() == 100.0
+    typed(field, "1e999")
+    QTest.keyClick(field, Qt.Key.Key_Up)
+    assert (field.value(), field.text()) == (100.0, "100.5")
 
 
 @given(st.floats(-1e9, 1e9), st.sampled_from(".,"))

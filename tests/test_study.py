@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 from collections import Counter
 from dataclasses import replace
@@ -19,6 +20,7 @@ from esea_gen.toml_file import line_of
 from esea_host.cli import app
 from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.acting import SimulatedSource
+from esea_host.study.exchange import to_bids
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
 from esea_host.study.plan import build_plan, explain, group_of
@@ -490,6 +492,42 @@ def test_an_edit_is_named(tmp_path, protocol, kind):
     if kind != "tail":
         with pytest.raises(UserError, match="has been changed"):
             study.rows("P01")
+
+
+def forged(path: Path, kind: str, **data) -> None:
+    """Another log with a chain that holds: the last event of a kind has this data."""
+    entries = list(read_log(path).entries)
+    k = max(i for i, e in enumerate(entries) if e.kind == kind)
+    path.unlink()
+    log = EventLog(path)
+    for i, e in enumerate(entries):
+        log.append(e.time_s, e.kind, data if i == k else e.data)
+    log.close()
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        ("trial_end", {}),
+        ("trial_end", {"trial": 1, "state": "completed", "reason": "", "row": {"trial": 1}}),
+        ("session", {"participant": "P01", "plan": {}}),
+        ("trial", {"trial": []}),
+    ],
+)
+def test_a_forged_log_is_named_and_the_others_are_read(tmp_path, protocol, kind, data):
+    study = study_in(tmp_path / "s", protocol)
+    run_one(study)
+    shutil.copytree(study.path / "P01", study.path / "P02")
+    forged(study.log_of("P01", 0), kind, **data)
+    first, *_ = study.problems()
+    assert first.startswith("P01/session-1/events.jsonl: an event lacks")
+    for out, write in (("rows", StudyFolder.export), ("bids", to_bids)):
+        with pytest.warns(UserWarning, match=r"P01/session-1.* left out"):
+            assert write(StudyFolder.open(study.path), tmp_path / out) == 12
+    forged(study.path / "audit.jsonl", "enrolled", participant=1)
+    assert any("enrolled has no participant" in p for p in study.problems())
+    with pytest.raises(UserError, match=r"audit\.jsonl: line 2: enrolled has no participant"):
+        study.participants()
 
 
 def test_a_log_that_vanished_is_named_unless_deleted_on_demand(tmp_path, protocol):

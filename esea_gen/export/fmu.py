@@ -31,6 +31,7 @@ PLATFORM = {"2": "linux64", "3": "x86_64-linux"}
 _FLAGS = ("-fvisibility=hidden", "-s")
 # In a library of its own every function has its plain name.
 _PLAIN = "-DFMI3_OVERRIDE_FUNCTION_PREFIX"
+MOST_BYTES = 1 << 26  # of what is checked, unpacked
 _TIME = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold: no date in the bytes
 
 
@@ -181,6 +182,9 @@ def check_fmu(path: Path) -> dict[str, Any]:
     fix = "Export it again: esea-gen export fmu."
     try:
         with zipfile.ZipFile(io.BytesIO(read_whole(path, "Name an .fmu file."))) as archive:
+            size_bytes = sum(entry.file_size for entry in archive.infolist())
+            if size_bytes > MOST_BYTES:
+                raise UserError(f"{path}: more than {MOST_BYTES >> 20} MiB unpacked.", fix)
             files = {n: archive.read(n) for n in archive.namelist() if not n.endswith("/")}
     except UserError:
         raise

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from itertools import islice
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -20,7 +21,7 @@ LATE = (
     "does something keep bytes back? Ask for fewer streams, or take a faster line."
 )
 BUSY = "this board is commanded by "  # and by whom, to those who come beside
-OTHERS = "End the other program, or let it command. A stop is taken from anybody."
+OTHERS = "End it, or let it command. A stop is taken from anybody."
 AGE_S = 0.5  # as the board has it
 FRESH_S = 0.05  # the board's time is asked for again before a single command
 SOONEST_S, LATEST_S = 0.05, 1.0  # between two questions for it while set-points are sent
@@ -58,6 +59,10 @@ def _clean(message: Any) -> None:
         text = getattr(message, name) if kind == "char" else None
         if isinstance(text, str):
             setattr(message, name, shown(text.rstrip("\0")))
+
+
+class CommandedError(LinkError):
+    """Another program commands the board."""
 
 
 class Messenger:
@@ -234,7 +239,13 @@ class Messenger:
 
     def send_bytes(self, data: bytes) -> None:
         """Send bytes as they are."""
-        self.transport.write(data, self.timeout_s)
+        try:
+            self.transport.write(data, self.timeout_s)
+        except LinkError:
+            with suppress(LinkError):
+                self._read(0.0)  # what it said last
+            self._refuse_beside()
+            raise
 
     def pending(self) -> list[Any]:
         """What has come and nobody has waited for; it does not wait."""
@@ -287,7 +298,14 @@ class Messenger:
                 raise self._too_late(name, limit_s, frames, noise_bytes)
             self._read(left_s)
 
+    def _refuse_beside(self) -> None:
+        said = [t for t in self.texts if t.startswith(BUSY)]
+        if said:
+            who = said[-1].removeprefix(BUSY)
+            raise CommandedError(f"another program commands this board ({who})", OTHERS) from None
+
     def _too_late(self, name: str, limit_s: float, frames: int, noise_bytes: int) -> LinkError:
+        self._refuse_beside()
         what = f"no {name} came within {limit_s:g} s"
         if frames:
             fix = f"{frames} others of this dialect did: is the line full, or the device another?"
@@ -303,9 +321,9 @@ class Messenger:
         # Whether any bytes came.
         try:
             data = self.transport.read(timeout_s)
-        except LinkError as error:
-            said = [t for t in self.texts if t.startswith(BUSY)]
-            raise LinkError(error.what, OTHERS, said[-1]) if said else error from None
+        except LinkError:
+            self._refuse_beside()
+            raise
         for message in self._reader.feed(data):
             if message.get_type() == "ESEA_STAMP":
                 self._take_time(message)

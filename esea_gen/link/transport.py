@@ -222,6 +222,9 @@ class PtyTransport:
         return ""
 
 
+FROM_FILE = "Name a board; of a recording: esea-host show, or esea-host replay."
+
+
 class FileTransport:
     """Bytes that a link once carried, out of a file; it takes none.
 
@@ -243,7 +246,7 @@ class FileTransport:
 
     def write(self, data: bytes, timeout_s: float) -> None:
         """See :class:`Transport`."""
-        raise LinkError("a file takes no commands")
+        raise LinkError(f"{self._file.name} is a file, and takes no commands", FROM_FILE)
 
     def close(self) -> None:
         """See :class:`Transport`."""

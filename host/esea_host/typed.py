@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from decimal import Decimal
 
@@ -39,6 +40,6 @@ def read_number(text: str, low: float, high: float, unit: str = "") -> float:
             fix = f"Write it without digit grouping, such as 1234.5; enter {limits}."
         raise UserError(f"'{shown}' is no number.", fix)
     value = float(typed.replace(",", ".").replace("\u2212", "-"))
-    if not low <= value <= high:
+    if not low <= value <= high or math.isinf(value):
         raise UserError(f"{shown}{of} is outside the limits.", f"Enter {limits}.")
     return value + 0.0  # -0 is 0

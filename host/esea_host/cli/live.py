@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +17,7 @@ from rich.table import Table as Grid
 from esea_gen.cli.options import writable
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.files import read_whole, write_json
+from esea_gen.link.received import shown_lines
 from esea_host.cli.app import app, out, told
 from esea_host.cli.options import (
     AddressArgument,
@@ -25,7 +28,7 @@ from esea_host.cli.options import (
 )
 from esea_host.connection import ConnectedDevice, Subscription, listen_named, open_device
 
-SCREEN_S = 0.2
+SCREEN_S, LINE_S = 0.2, 1.0
 
 
 def _until(seconds: float | None, step_s: float) -> Iterator[None]:
@@ -91,8 +94,12 @@ def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) 
         x for x in board.receiver.decoder.layouts.values() if x.name in (queue.streams or ())
     )
     last: Any = None
-    rows = 0
-    with Live(console=out, refresh_per_second=5, transient=False) as live:
+    rows, line_s = 0, 0.0
+    grid = Grid()
+    with ExitStack() as held:
+        # Into a pipe or a file it writes nothing before its end.
+        terminal = sys.stdout.isatty()
+        live = held.enter_context(Live(console=out, refresh_per_second=5)) if terminal else None
         for _ in _until(seconds, SCREEN_S):
             for batch in queue.take(0.0):
                 last, rows = batch.rows[-1], rows + len(batch.rows)
@@ -107,7 +114,13 @@ def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) 
             grid.caption = f"{rows} runs; " + ", ".join(f"{k} {v}" for k, v in health.items())
             if board.texts:
                 grid.caption += f"\nthe board says: {board.texts[-1]}"
-            live.update(grid)
+            if live is not None:
+                live.update(grid)
+            elif time.monotonic() > line_s:
+                line_s = time.monotonic() + LINE_S
+                print(shown_lines(f"{grid.title}; {grid.caption}".replace("\n", "; ")), flush=True)
+    if not terminal:
+        out.print(grid)
 
 
 @app.command()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -44,10 +43,9 @@ def show(path: LogArgument) -> None:
             elif name not in EVENTS:
                 kind = log.file.kind(name)
                 out.print(f"  {name}: {count} messages, {length}, {kind}: no table of esea-host")
-        with contextlib.suppress(KeyError, TypeError, ValueError, OverflowError):
-            fit = clock_fit(log)  # of events that anybody may have written
-            if fit is not None:
-                out.print(f"  clocks: {fit}")
+        fit = clock_fit(log)
+        if fit is not None:
+            out.print(f"  clocks: {fit}")
         _list("gap", log.gaps)
         _list("note", [shown(str(note.get("text"))) for note in log.events("note")])
         if log.attachments:

@@ -213,6 +213,8 @@ def export(
     forms = {ExportForm.bids: to_bids, ExportForm.parquet: to_parquet}
     written = forms.get(as_, StudyFolder.export)(study, to, seed)
     out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
+    if study.left_out:
+        raise typer.Exit(1)
 
 
 def trusted(hashes: Iterable[str] | None) -> None:

@@ -49,10 +49,6 @@ def view(
     ] = None,
 ) -> None:
     """See a board live: curves, limits, faults; Space or Escape stops the motor."""
-    if address.endswith(".mcap"):
-        raise UserError(
-            f"{address} is a recording, and no board.", f"esea-host replay {address} --view"
-        )
     _watch(address, device, key, record, dark, seconds, screenshot, operated=False)
 
 

@@ -40,6 +40,12 @@ class BoardAddress:
 
 def parse_address(text: str) -> BoardAddress:
     """An address from what somebody typed."""
+    file = text.removeprefix("file:")
+    if file.endswith(".mcap"):
+        raise UserError(
+            f"{file} is a recording, and no board.",
+            f"See what is in it: esea-host show {file}; play it: esea-host replay {file} --view",
+        )
     kind, colon, place = text.partition(":")
     if kind not in KINDS or not colon or not place:
         raise UserError(f"'{text}' is no address of a board.", f"Write one such as {EXAMPLES}.")

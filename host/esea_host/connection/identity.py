@@ -19,6 +19,7 @@ from esea_gen.devices.file import read_file, shipped_devices
 from esea_gen.emit.build import format_hash, render_device
 from esea_gen.emit.dialect import load_dialect, render_dialect
 from esea_gen.errors import UserError
+from esea_gen.link.messenger import CommandedError
 from esea_gen.link.session import Session
 from esea_gen.link.signing import key_folder, stored_keys
 from esea_gen.link.transport import LinkError, Transport
@@ -122,7 +123,7 @@ def identify(
     try:
         key = _key_taken(session, key)
         info = session.info()
-    except PairedError:
+    except (PairedError, CommandedError):
         raise
     except LinkError as error:
         heard = session.counters.frames
@@ -179,8 +180,10 @@ def _key_taken(session: Session, key: Path | None) -> Path | None:
 
 
 def _obeys(session: Session) -> bool:
-    # Boards do not know this question: they deny it to whom they do not obey.
-    return session.command(GET_MESSAGE_INTERVAL) != int(session.dialect.MAV_RESULT_DENIED)
+    # Boards do not know this question: they deny it to whom they do not obey.  What comes too late
+    # they deny as well, once they have taken the key.
+    result = session.command(GET_MESSAGE_INTERVAL)
+    return session.was_late or result != int(session.dialect.MAV_RESULT_DENIED)
 
 
 def passive(device: str | None) -> Identity:

@@ -27,6 +27,7 @@ SLEW_PPM, READING_NS = 500.0, 300_000.0
 # arrivals (uniform, exponential, Pareto, log-normal, correlated) stayed below 23 in 960 runs.
 EVIDENCE, MOST_STEPS = 30.0, 8
 MOST_POINTS, EDGE, SPLITS = 300, 3, 12
+MOST_NS = 1 << 61
 QUANTILE = 0.25  # late arrivals are late, never early
 Z_95, Z_99 = 1.96, 2.576
 
@@ -66,6 +67,8 @@ class ClockFit:
         the same.
     monotonic : bool
         Whether the pairs are of the host's monotonic clock.
+    malformed : int
+        Events ``clock`` that hold no pair, and were left out.
     """
 
     drift_ppm: float
@@ -77,6 +80,7 @@ class ClockFit:
     pairs: int
     steps: tuple[ClockStep, ...] = ()
     monotonic: bool = False
+    malformed: int = 0
 
     def __str__(self) -> str:
         if abs(self.drift_ppm) > REAL_TIME_PPM:
@@ -85,6 +89,8 @@ class ClockFit:
         steps = "".join(f"; {s}" for s in self.steps)
         if self.steps and not self.monotonic:
             steps += " (or the link's delay changed)"
+        if self.malformed:
+            steps += f"; {self.malformed} events of the clock are malformed, and left out"
         return (
             f"host's seconds against the board's {self.drift_ppm:+.1f} ppm ({span}); rows came "
             f"{self.late_p50_ms:.1f} ms (median) to {self.late_p99_ms:.1f} ms (99 %) after the "
@@ -113,7 +119,8 @@ def clock_fit(log: Log) -> ClockFit | None:
     .. [1] P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau", Journal of
        the American Statistical Association 63, 1968.
     """
-    events = log.events("clock")
+    written = log.events("clock")
+    events = [e for e in written if _is_count(e.get("host_ns")) and _is_count(e.get("board_ns"))]
     pairs = np.array([(e["host_ns"], e["board_ns"]) for e in events], np.int64)
     if len(pairs) < FEWEST:
         return None
@@ -124,7 +131,7 @@ def clock_fit(log: Log) -> ClockFit | None:
     if at_s[-1] < SHORTEST_S:
         return None
     few = _quickest(at_s, ahead_ns)
-    monotonic = all("wall_ahead_ns" in e for e in events)
+    monotonic = all(_is_count(e.get("wall_ahead_ns")) for e in events)
     steps = _set_steps(at_s, events) if monotonic else _found_steps(at_s[few], ahead_ns[few])
     moved_ns = np.zeros_like(ahead_ns)
     if not monotonic:
@@ -142,7 +149,14 @@ def clock_fit(log: Log) -> ClockFit | None:
     offset_ns = int(host_ns[0]) - int(board_ns[0]) + round(float(late_ns.min()))
     ppm = 1e-3  # ns a second
     ends = slope * ppm, low * ppm, high * ppm
-    return ClockFit(*ends, offset_ns, float(p50), float(p99), len(pairs), tuple(steps), monotonic)
+    late = float(p50), float(p99)
+    malformed = len(written) - len(events)
+    return ClockFit(*ends, offset_ns, *late, len(pairs), tuple(steps), monotonic, malformed)
+
+
+def _is_count(value: Any) -> bool:
+    # A recording may come from anybody; differences of two differences stay within 64 bits.
+    return type(value) is int and abs(value) < MOST_NS
 
 
 def _set_steps(at_s: Floats, events: Sequence[dict[str, Any]]) -> list[ClockStep]:

@@ -16,9 +16,9 @@ from esea_gen.errors import UserError
 from esea_gen.files import new_whole
 from esea_host.recording.export import BIDS_VERSION
 from esea_host.study.folder import StudyFolder
-from esea_host.study.log import read_log
+from esea_host.study.log import LoggedEvent, read_log, well_formed
 from esea_host.study.plan import PlannedTrial, plan_from
-from esea_host.study.session import COMPLETED
+from esea_host.study.session import COMPLETED, state_of
 from esea_host.study.task import Row, task_named
 
 # What BIDS calls a channel's kind, and its unit, by the end of our names.
@@ -73,17 +73,26 @@ def traces(path: Path) -> list[TrialTrace]:
     list of TrialTrace
         By number.
     """
-    entries = read_log(path).sound(path).entries
+    with well_formed(path):
+        found = read_log(path).sound(path)
+        state_of(found, path)  # whatever it lacks is said of the whole session
+        return _traces(found.entries)
+
+
+def _traces(entries: Sequence[LoggedEvent]) -> list[TrialTrace]:
     plan = plan_from(entries[0].data["plan"])
+    now = TrialTrace(plan.trials[0])
     found: dict[int, TrialTrace] = {}
     for e in entries:
         if e.kind == "trial":
             now = TrialTrace(plan.trials[e.data["trial"] - 1])
         elif e.kind == "frames":
             names = e.data["names"]
-            now.samples += [(s[0], dict(zip(names, s[1:], strict=True))) for s in e.data["samples"]]
+            now.samples += [
+                (0.0 + s[0], dict(zip(names, s[1:], strict=True))) for s in e.data["samples"]
+            ]
         elif e.kind == "event":
-            now.events.append((e.data["at_s"], e.data["name"]))
+            now.events.append((0.0 + e.data["at_s"], str(e.data["name"])))
         elif e.kind == "trial_end" and e.data["state"] == COMPLETED:
             now.row = e.data["row"]
             found[e.data["trial"]] = now
@@ -154,7 +163,11 @@ def _bids(study: StudyFolder, out: Path, seed: int) -> int:
         people.append(f"sub-{new}")
         for code, number, path in study.sessions():
             if code == old:
-                done = [t for t in traces(path) if t.samples]
+                try:
+                    done = [t for t in traces(path) if t.samples]
+                except UserError as error:
+                    study.leave_out(path, error)
+                    continue
                 place = out / f"sub-{new}" / f"ses-{number + 1}"
                 names = [_write_run(place, new, number + 1, t, simulated) for t in done]
                 _scans(place / f"sub-{new}_ses-{number + 1}_scans.tsv", names, done)

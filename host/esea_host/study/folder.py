@@ -12,6 +12,7 @@ import hashlib
 import json
 import re
 import shutil
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,15 +20,29 @@ from typing import Any
 from esea_gen.errors import UserError
 from esea_gen.files import new_whole
 from esea_gen.toml_file import read_text
-from esea_host.study.log import EventLog, read_log
+from esea_host.study.log import EventLog, LoggedEvent, read_log
 from esea_host.study.plan import build_plan, generator, group_of
 from esea_host.study.protocol import Protocol, parse_protocol
-from esea_host.study.session import InputSource, StudySession, read_session
+from esea_host.study.session import InputSource, StudySession, read_session, state_of
 from esea_host.study.task import Row
 from esea_host.study.trust import inside, read_code
 
 CODE = re.compile(r"^[A-Z]{1,3}[0-9]{2,4}$")
 EVENTS, AUDIT, PROTOCOL, TASKS = "events.jsonl", "audit.jsonl", "protocol.toml", "tasks"
+
+# What the record of a study must hold, by kind, where it is read again.
+_HELD: Mapping[str, Mapping[str, type]] = {
+    "enrolled": {"participant": str},
+    "deleted": {"participant": str},
+    "session_start": {"participant": str, "session": int, "day": int},
+    "session_end": {"participant": str, "session": int, "head": str},
+}
+
+
+def _lack(e: LoggedEvent) -> str:
+    held = _HELD.get(e.kind, {})
+    names = [n for n, kind in held.items() if not isinstance(e.data.get(n), kind)]
+    return f"{e.kind} has no {', '.join(names)}" if names else ""
 
 
 class StudyFolder:
@@ -45,6 +60,7 @@ class StudyFolder:
 
     def __init__(self, path: Path, protocol: Protocol, durable: bool = True) -> None:
         self.path, self.protocol, self.durable = path, protocol, durable
+        self.left_out: list[Path] = []
 
     @classmethod
     def create(
@@ -105,19 +121,24 @@ class StudyFolder:
     def audited(self) -> list[tuple[str, Mapping[str, Any]]]:
         """All that was done, from a sound record."""
         path = self.path / AUDIT
-        return [(e.kind, e.data) for e in read_log(path).sound(path).entries]
+        entries = read_log(path).sound(path).entries
+        if problems := [f"line {e.number + 1}: {_lack(e)}" for e in entries if _lack(e)]:
+            raise UserError(f"{path}: {'; '.join(problems)}.", "Restore the file from a copy.")
+        return [(e.kind, e.data) for e in entries]
 
     @property
     def simulated(self) -> bool:
         """Whether it was made for simulated people."""
-        return bool(self.audited()[0][1].get("simulated", False))
+        return any(k == "created" and bool(d.get("simulated")) for k, d in self.audited())
 
     def problems(self) -> list[str]:
         """Every break of a chain, each with file and line; sessions shorter than was recorded.
 
         Protocol and tasks too, where they are not those of the beginning.
         """
-        found = [f"audit.jsonl: {b}" for b in read_log(self.path / AUDIT).breaks]
+        record = read_log(self.path / AUDIT)
+        found = [f"{AUDIT}: {b}" for b in record.breaks]
+        found += [f"{AUDIT}: line {e.number + 1}: {_lack(e)}" for e in record.entries if _lack(e)]
         begun = self.content_at_first()
         now = self.content() if begun else {}
         for name in sorted({*now, *begun}):
@@ -126,13 +147,19 @@ class StudyFolder:
                 found.append(f"{name}: {change} since the study was created")
         heads = {
             (d["participant"], d["session"]): d["head"]
-            for k, d in ((e.kind, e.data) for e in read_log(self.path / AUDIT).entries)
+            for k, d in self.audited_anyway()
             if k == "session_end"
         }
         gone = {d["participant"] for k, d in self.audited_anyway() if k == "deleted"}
         for code, session, path in self.sessions():
             log = read_log(path)
-            found += [f"{path.relative_to(self.path)}: {b}" for b in log.breaks]
+            faults = list(log.breaks)
+            if log.entries and not faults:
+                try:
+                    state_of(log, path)
+                except UserError as error:
+                    faults = [error.what.removeprefix(f"{path}: ").rstrip(".")]
+            found += [f"{path.relative_to(self.path)}: {b}" for b in faults]
             head = heads.get((code, session))
             if head is not None and head not in {e.hash for e in log.entries}:
                 found.append(f"{path.relative_to(self.path)}: not what it was when it ended")
@@ -143,8 +170,8 @@ class StudyFolder:
         return found
 
     def audited_anyway(self) -> list[tuple[str, Mapping[str, Any]]]:
-        """As :meth:`audited`, of a broken record too."""
-        return [(e.kind, e.data) for e in read_log(self.path / AUDIT).entries]
+        """As :meth:`audited`, of a broken record too: what can be read of it."""
+        return [(e.kind, e.data) for e in read_log(self.path / AUDIT).entries if not _lack(e)]
 
     # -- people -------------------------------------------------------------------------------
 
@@ -180,12 +207,28 @@ class StudyFolder:
             if re.fullmatch("[1-9][0-9]{0,8}", number):
                 yield path.parents[1].name, int(number) - 1, path
 
-    def rows(self, code: str, before: int | None = None) -> tuple[Row, ...]:
-        """Rows of a participant's completed trials, in order; of sessions ``before`` one only."""
+    def leave_out(self, path: Path, error: UserError) -> None:
+        """Go on without a log that cannot be used, and say so."""
+        if path not in self.left_out:
+            self.left_out.append(path)
+            warnings.warn(f"{error.what} Its session is left out.", stacklevel=2)
+
+    def rows(self, code: str, before: int | None = None, strict: bool = True) -> tuple[Row, ...]:
+        """Rows of a participant's completed trials, in order; of sessions ``before`` one only.
+
+        strict: False: logs that cannot be used are left out, as :meth:`leave_out` says.
+        """
         found: list[Row] = []
         for c, session, path in self.sessions():
             if c == code and (before is None or session < before):
-                found += [{**row, "participant": code} for row in read_session(path).past]
+                try:
+                    past = read_session(path).past
+                except UserError as error:
+                    if strict:
+                        raise
+                    self.leave_out(path, error)
+                    continue
+                found += [{**row, "participant": code} for row in past]
         return tuple(found)
 
     def session(
@@ -273,7 +316,9 @@ class StudyFolder:
     def scrubbed(self, seed: int) -> list[dict[str, Any]]:
         """Rows of all participants under their new codes."""
         named = self.new_codes(seed).items()
-        return [{**r, "participant": new} for new, old in named for r in self.rows(old)]
+        return [
+            {**r, "participant": new} for new, old in named for r in self.rows(old, strict=False)
+        ]
 
     def export(self, out: Path, seed: int = 0) -> int:
         """Scrubbed data for others: new codes in random order, no notes, no audit, no group order.

@@ -12,7 +12,8 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.link.received import shown
 
 DEEPEST = 20
 START = "0" * 64
@@ -55,6 +57,22 @@ class LogFound:
                 "Restore the file from a copy; the study goes on only from a sound log.",
             )
         return self
+
+
+@contextmanager
+def well_formed(path: Path) -> Iterator[None]:
+    """While a log's events are read: one that lacks something is an error that names the file.
+
+    Whoever can write the file can forge a chain that holds.
+    """
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise UserError(
+            f"{path}: an event lacks what a session's log holds "
+            f"({type(error).__name__}: {shown(str(error))}).",
+            "Restore the file from a copy.",
+        ) from None
 
 
 def plain(value: Any, where: str, depth: int = 0) -> Any:
@@ -128,7 +146,9 @@ def read_log(path: Path) -> LogFound:
         try:
             fields = json.loads(line)
             own = fields.pop("hash")
-            entry = LoggedEvent(fields["n"], fields["t"], fields["kind"], fields["data"], own)
+            entry = LoggedEvent(fields["n"], fields["t"], fields["kind"], {**fields["data"]}, own)
+            if not isinstance(entry.kind, str) or not isinstance(entry.time_s, int | float):
+                raise TypeError
             wrong = "its content was edited" if _hash(fields) != own else ""
             if not wrong and fields["before"] != before:
                 wrong = "a line before it was removed, added or replaced"

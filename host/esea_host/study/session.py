@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_gen.link.received import shown
 from esea_host.study.edge import checked_step, finite, of_task
-from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log
+from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log, well_formed
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
 from esea_host.study.scene import Scene
 from esea_host.study.task import Actor, Situation, StudyTask, TaskBrokenError, TaskStep, task_named
@@ -28,6 +27,8 @@ from esea_host.study.watching import (
 
 PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
 ABORTED, FAILED = "aborted", "failed"
+# What every row has, beside the columns of its task.
+ABOUT = {"trial", "session", "block", "task", "condition", "catch", "familiarisation"}
 # So many samples go to disk together; an event, and the end of a trial, takes them along at once.
 CHUNK = 50
 
@@ -108,14 +109,8 @@ def state_of(found: LogFound, path: Path) -> SessionState:
     """As :func:`read_session`, from what was read."""
     if not found.entries:
         raise UserError(f"{path}: the log has no complete event.", "Start the session again.")
-    try:
+    with well_formed(path):
         return _state_of(found)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise UserError(
-            f"{path}: an event lacks what a session's log holds "
-            f"({type(error).__name__}: {shown(str(error))}).",
-            "Restore the file from a copy.",
-        ) from None
 
 
 def _state_of(found: LogFound) -> SessionState:
@@ -138,6 +133,9 @@ def _state_of(found: LogFound) -> SessionState:
         elif e.kind == "end":
             ended = e.data["reason"]
         past = _rows_after(past, e)
+    for row in past:
+        if lacking := ABOUT - row.keys():
+            raise KeyError(f"row without {', '.join(sorted(lacking))}")
     running = next((n for n, s in states.items() if s == RUNNING), None)
     return SessionState(
         head["participant"],
@@ -451,12 +449,18 @@ def replay(
     trial, scene, same
         ``same`` is False where the scenes up to there are not, bit for bit, those that were shown.
     """
-    found = read_log(path).sound(path)
-    plan = plan_from(found.entries[0].data["plan"])
+    with well_formed(path):
+        yield from _replay(read_log(path).sound(path).entries, path, earlier)
+
+
+def _replay(
+    entries: Sequence[LoggedEvent], path: Path, earlier: Sequence[Mapping[str, Any]]
+) -> Iterator[tuple[int, Scene, bool]]:
+    plan = plan_from(entries[0].data["plan"])
     past: list[
         Mapping[str, Any]
     ] = []  # of this session: only its own rows are repeated or corrected
-    for e in found.entries:
+    for e in entries:
         if e.kind == "trial":
             trial = plan.trials[e.data["trial"] - 1]
             task, state, digest = task_named(trial.task, path.name), None, hashlib.sha256()

@@ -6,6 +6,7 @@ import signal
 import time
 from collections.abc import Callable
 from functools import partial
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ from esea_host.windows.assess_controls import ClinicControls
 from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
 from esea_host.windows.counting import take_many
 from esea_host.windows.study.scene_view import SceneView
-from esea_host.windows.theme import DARK, LIGHT, Theme
+from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label
 
 take_many()
 FRAME_MS = 40
@@ -65,7 +66,8 @@ class AssessWindow(QMainWindow):
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self) -> None:
-        self.notice, self.now, self.said = QLabel(self.desk.session.data.notice), QLabel(), QLabel()
+        self.notice = plain_label(self.desk.session.data.notice)
+        self.now, self.said = QLabel(), plain_label()
         self.settled, self.next = QLabel(), QLabel()
         for label in (self.now, self.said, self.next):
             label.setWordWrap(True)
@@ -200,12 +202,12 @@ class AssessWindow(QMainWindow):
         """All as it is known now."""
         session, theme = self.desk.session, self.theme
         simulated = "<b>SIMULATED PATIENT.</b> " if self.desk.patient else ""
-        self.now.setText(simulated + " ".join(conclusion(session)[:3]))
+        self.now.setText(simulated + escape(" ".join(conclusion(session)[:3])))
         settled = session.settled
         change = "have stopped changing" if settled else "are still changing"
         self.settled.setText(f"The probabilities {change}.")
         self.settled.setStyleSheet(f"color: {theme.good if settled else theme.soft}")
-        self.next.setText(f"<b>Next:</b> {describe(self.desk.proposed)}")
+        self.next.setText(f"<b>Next:</b> {escape(describe(self.desk.proposed))}")
         places = session.evidence.places() / DEG
         unit = unit_of(self.desk.measure)
         self.map.draw(self.desk.value, places, self.desk.proposed, self.desk.comfort, unit)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import numpy as np
 import numpy.typing as npt
 import pyqtgraph as pg
@@ -96,7 +98,7 @@ class InformationMap(_Plot):
         self._best.setData([where.angle_rad / DEG], [where.rate_rad_s / DEG])
         strong = "yellow" if self._theme.name == "dark" else "dark"
         about = f"{strong}: most, {most:.2f} {unit}; empty: out of reach, comfort or data"
-        soft = f'<span style="color:{self._theme.soft}">{about}</span>'
+        soft = f'<span style="color:{self._theme.soft}">{escape(about)}</span>'
         title = f"<b>{self.title}</b> &nbsp; {soft}"
         self.item.setTitle(title, color=self._theme.ink, size="9pt")
 
@@ -157,7 +159,7 @@ class HistoryPlot(_Plot):
         parts = []
         for i, line, colour in zip(top, self._lines, self._theme.curves, strict=False):
             line.setData(np.arange(len(steps)), 100 * steps[:, i])
-            parts.append(f'<span style="color:{colour}">&#9473; {self._names[i]}</span>')
+            parts.append(f'<span style="color:{colour}">&#9473; {escape(self._names[i])}</span>')
         self.item.setXRange(0, max(5, len(steps) - 1), padding=0.03)
         names = "<br>".join(" &nbsp; ".join(parts[k : k + 3]) for k in (0, 3))
         title = f"<b>{self.title}</b><br>{names}"

@@ -231,8 +231,8 @@ class CommissioningWindow(QMainWindow):
 
     def _show_result(self, result: StepResult) -> None:
         colour = LIGHT.good if result.passed else LIGHT.alarm
-        first, *rest = result.lines()
-        more = "<br>".join(html.escape(x).replace("  ", "&nbsp;&nbsp;") for x in rest)
+        first, *rest = (html.escape(x) for x in result.lines())
+        more = "<br>".join(x.replace("  ", "&nbsp;&nbsp;") for x in rest)
         self.text.setText(f'<p style="color:{colour}; font-size:17px"><b>{first}</b></p>{more}')
         drawn = io.BytesIO()
         result.picture.savefig(drawn, format="png", dpi=80)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from html import escape
 from typing import Any
 
 from PySide6.QtWidgets import QLabel
@@ -61,5 +62,5 @@ class Cursors:
         for i, at_s in enumerate((first_s, second_s)):
             values = [v for p in self._plots for v in p.at(at_s, shown)]
             mark = "&#9656; " if i == self._active else ""
-            lines.append(f"{mark}<b>{at_s:.3f} s</b>: {', '.join(values)}")
+            lines.append(f"{mark}<b>{at_s:.3f} s</b>: {escape(', '.join(values))}")
         self.readout.setText("<br>".join(lines) + f"<br>apart: {second_s - first_s:.3f} s")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from functools import partial
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ from esea_host.windows.meanings import limit_flags, link_text, mode_text, state_
 from esea_host.windows.parameters import ParameterEditor
 from esea_host.windows.plots import LimitBands, LoopPlot, ShownSignal, TimePlot, signal_of
 from esea_host.windows.spectrum import SpectrumPlot
-from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme
+from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme, plain_label, plain_tip
 from esea_host.windows.trigger import NORMAL, OFF, Trigger
 from esea_host.windows.trigger_bar import TriggerBar
 
@@ -90,7 +91,7 @@ class LiveWindow(QMainWindow):
 
     def _build(self) -> None:
         self.state, self.link, self.fault = QLabel(), QLabel(), QLabel()
-        self.readout, self.said = QLabel(), QLabel()
+        self.readout, self.said = QLabel(), plain_label()
         self.fault.setWordWrap(True)
         for label in (self.state, self.link, self.fault, self.readout):
             label.setTextFormat(Qt.TextFormat.RichText)
@@ -171,7 +172,7 @@ class LiveWindow(QMainWindow):
         for (stream, name), c in self._columns.items():
             if c.kind == "f4" and c.size == 1:
                 item = QListWidgetItem(f"{stream}.{name}")
-                item.setToolTip(f"{c.meaning} [{c.unit}]")
+                item.setToolTip(plain_tip(f"{c.meaning} [{c.unit}]"))
                 item.setCheckState(Qt.CheckState.Unchecked)
                 self.channels.addItem(item)
         self.channels.itemChanged.connect(self._choose)
@@ -338,13 +339,14 @@ class LiveWindow(QMainWindow):
         acts = ", ".join(f.name for f in self.bands.acting(shown))
         colour = theme.alarm if news.state in ALARMING else theme.good
         colour = theme.measured if news.state in MOVING else colour
-        parts = [f'<b style="color:{colour}; font-size:16px">{news.state}</b> &nbsp; {self._who}']
-        parts += [f"mode: {mode}"] if mode else []
-        parts += [f"acts: {acts}"] if acts else []
+        state = f'<b style="color:{colour}; font-size:16px">{escape(news.state)}</b>'
+        parts = [f"{state} &nbsp; {escape(self._who)}"]
+        parts += [f"mode: {escape(mode)}"] if mode else []
+        parts += [f"acts: {escape(acts)}"] if acts else []
         parts += ["PAUSED (P)"] if self.paused else []
-        parts += [self.trigger.said()] if self.trigger.on else []
+        parts += [escape(self.trigger.said())] if self.trigger.on else []
         self.state.setText(" &nbsp;|&nbsp; ".join(parts))
-        self.fault.setText(self._alarm() or state_text(dialect, news.state))
+        self.fault.setText(self._alarm() or escape(state_text(dialect, news.state)))
         self.link.setText(self._health())
         self.said.setText(news.said)
 
@@ -369,7 +371,7 @@ class LiveWindow(QMainWindow):
         if news.fault is not None:
             f = news.fault
             lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")
-        said = "<br>".join(lines)
+        said = "<br>".join(map(escape, lines))
         return f'<b style="color:{self.theme.alarm}">{said}</b>' if said else ""
 
     def _health(self) -> str:
@@ -380,7 +382,7 @@ class LiveWindow(QMainWindow):
         elif recording is None:
             parts.append("not recorded")
         elif recording.error is not None:
-            said = f"RECORDING ENDED: {recording.error}"
+            said = escape(f"RECORDING ENDED: {recording.error}")
             parts.append(f'<b style="color:{self.theme.alarm}">{said}</b>')
         else:
             parts.append(f"recording: {recording.rows} rows, {recording.gaps} gaps")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QColor, QKeyEvent, QPalette, QWheelEvent
 from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QWidget
@@ -95,7 +93,7 @@ class NumberField(QLineEdit):
             super().keyPressEvent(event)
             return
         try:
-            start = read_number(self.text(), -math.inf, math.inf)
+            start = read_number(self.text(), self.low, self.high)
         except UserError:
             start = self._value
         self.setText(shown_number(float(f"{start + way * self._step:.10g}")))

@@ -8,7 +8,6 @@ from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QHBoxLayout,
-    QLabel,
     QPushButton,
     QTableWidget,
     QTableWidgetItem,
@@ -19,6 +18,7 @@ from PySide6.QtWidgets import (
 from esea_gen.errors import UserError
 from esea_host.typed import read_number, shown_number
 from esea_host.windows.feed import LiveFeed
+from esea_host.windows.theme import plain_label, plain_tip
 
 HEADS = ("parameter", "in force", "new", "unit", "bounds", "effect")
 NEW, MOST_HEIGHT_PX = 2, 210
@@ -44,7 +44,7 @@ class ParameterEditor(QWidget):
         self.table.verticalHeader().hide()
         self.table.horizontalHeader().setStretchLastSection(True)
         self.table.cellChanged.connect(self._compared)
-        self.changes = QLabel("Nothing is changed.")
+        self.changes = plain_label("Nothing is changed.")
         self.changes.setWordWrap(True)
         self.write_button = QPushButton("Write changes (Ctrl+Return)")
         self.write_button.setEnabled(False)
@@ -76,7 +76,7 @@ class ParameterEditor(QWidget):
             cells = (p.name, value, value, p.unit, f"{p.low:g} to {p.high:g}", p.meaning)
             for place, text in enumerate(cells):
                 item = QTableWidgetItem(text)
-                item.setToolTip(p.meaning)
+                item.setToolTip(plain_tip(p.meaning))
                 if place != NEW:
                     item.setFlags(item.flags() & ~Qt.ItemFlag.ItemIsEditable)
                 self.table.setItem(row, place, item)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -81,11 +82,11 @@ class TimePlot:
             for c, w in zip(colours, widths, strict=True)
         ]
         said = " &nbsp; ".join(
-            f'<span style="color:{c}">&#9473; {s.label}</span>'
+            f'<span style="color:{c}">&#9473; {escape(s.label)}</span>'
             for s, c in zip(signals, colours, strict=True)
         )
         self.item.setTitle(f"<b>{self.title}</b> &nbsp; {said}", color=theme.ink, size="9pt")
-        self.item.setLabel("left", self.unit, color=theme.ink)
+        self.item.setLabel("left", escape(self.unit), color=theme.ink)
         dress(self.item, theme)
         for line in self.cursors:
             line.setPen(pg.mkPen(theme.ink, style=Qt.PenStyle.DashLine))
@@ -179,8 +180,8 @@ class LoopPlot:
         self._now.setSymbolBrush(theme.measured)
         self._now.setSymbolPen(theme.ink)
         self.item.setTitle("<b>Torque over deflection</b>", color=theme.ink, size="9pt")
-        self.item.setLabel("bottom", f"{self.x.label} [{self.x.unit}]", color=theme.ink)
-        self.item.setLabel("left", f"{self.y.label} [{self.y.unit}]", color=theme.ink)
+        self.item.setLabel("bottom", escape(f"{self.x.label} [{self.x.unit}]"), color=theme.ink)
+        self.item.setLabel("left", escape(f"{self.y.label} [{self.y.unit}]"), color=theme.ink)
         dress(self.item, theme)
 
     def draw(self, shown: Shown) -> None:

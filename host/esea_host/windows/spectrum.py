@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -56,13 +57,13 @@ class SpectrumPlot:
         self.signals = signals
         self._curves = [self.item.plot(pen=pg.mkPen(c, width=1)) for c in colours]
         said = " &nbsp; ".join(
-            f'<span style="color:{c}">&#9473; {s.label}</span>'
+            f'<span style="color:{c}">&#9473; {escape(s.label)}</span>'
             for s, c in zip(signals, colours, strict=True)
         )
         self.item.setTitle(f"<b>Spectrum</b> &nbsp; {said}", color=theme.ink, size="9pt")
         self.item.setLabel("bottom", "Hz", color=theme.ink)
-        units = {s.unit for s in signals}
-        self.item.setLabel("left", f"amplitude [{', '.join(sorted(units))}]", color=theme.ink)
+        units = escape(", ".join(sorted({s.unit for s in signals})))
+        self.item.setLabel("left", f"amplitude [{units}]", color=theme.ink)
         dress(self.item, theme)
 
     def draw(self, shown: Shown) -> None:

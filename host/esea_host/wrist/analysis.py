@@ -12,6 +12,7 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_host.statistics import NoStatisticError, holm, signed_rank
 from esea_host.study.folder import StudyFolder
+from esea_host.study.log import well_formed
 from esea_host.wrist.metrics import learning, tracking
 
 Row = Mapping[str, Any]
@@ -121,10 +122,13 @@ def analyse(folder: Path) -> WristResult:
         For a folder without a row of it.
     """
     study = StudyFolder.open(folder, durable=False, runs=False)
-    simulated = any(k == "created" and d["simulated"] for k, d in study.audited())
-    by_code = {c: study.rows(c) for c in sorted({c for c, _, _ in study.sessions()})}
-    tracked = {c: _tracked(rows) for c, rows in by_code.items()}
-    learned = {c: _learned(rows) for c, rows in by_code.items()}
+    simulated = study.simulated
+    codes = sorted({c for c, _, _ in study.sessions()})
+    by_code = {c: study.rows(c, strict=False) for c in codes}
+    tracked, learned = {}, {}
+    for code, rows in by_code.items():
+        with well_formed(folder / code):
+            tracked[code], learned[code] = _tracked(rows), _learned(rows)
     if not any(tracked.values()) and not any(learned.values()):
         raise UserError(
             f"{folder} holds no completed trial of the wrist study.", "Run a session of it first."

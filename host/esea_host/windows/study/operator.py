@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
+from html import escape
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QAction, QCloseEvent, QColor, QKeyEvent, QKeySequence
@@ -32,7 +33,7 @@ from esea_host.study.task import task_named
 from esea_host.windows.stopping import StopSender
 from esea_host.windows.study.gauges import GaugeBar
 from esea_host.windows.study.scene_view import SceneView
-from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme
+from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme, plain_label, plain_tip
 
 TURN_MS = 100
 UNCONFIRMED_S = 1.0
@@ -93,9 +94,9 @@ class OperatorWindow(QMainWindow):
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self, language: str) -> None:
-        self.state, self.who, self.advice = QLabel(), QLabel(self._who), QLabel()
-        self.now, self.timers, self.coming = QLabel(), QLabel(), QLabel()
-        self.said = QLabel()
+        self.state, self.who, self.advice = QLabel(), plain_label(self._who), QLabel()
+        self.now, self.timers, self.coming = QLabel(), plain_label(), plain_label()
+        self.said = plain_label()
         for label in (self.advice, self.now, self.timers, self.coming, self.said):
             label.setWordWrap(True)
         self.stop_button = QPushButton("STOP  (Space)")
@@ -153,7 +154,7 @@ class OperatorWindow(QMainWindow):
             items = [QTableWidgetItem(text) for text in told]
             state, reason = self._changing[row]
             for k, item in enumerate((items[0], state, *items[1:], reason)):
-                item.setToolTip(task_named(t.task, "plan").title)
+                item.setToolTip(plain_tip(task_named(t.task, "plan").title))
                 self.trials.setItem(row, k, item)
         header = self.trials.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
@@ -284,20 +285,22 @@ class OperatorWindow(QMainWindow):
     def refresh(self) -> None:
         """What there is now."""
         c = self.conductor
-        self.state.setText(f'<b style="font-size:22px; color:{self._colour()}">{self._word()}</b>')
+        word = escape(self._word())
+        self.state.setText(f'<b style="font-size:22px; color:{self._colour()}">{word}</b>')
         self.scene.show_scene(c.screen().scene)
         trial = c.trial
         if trial is not None:
             of = f"trial {trial.number} of {len(c.plan.trials)}"
             again = " &nbsp; familiarisation" if trial.familiarisation else ""
-            self.now.setText(f"<b>{trial.block}</b> &nbsp; {of}{again}")
+            self.now.setText(f"<b>{escape(trial.block)}</b> &nbsp; {of}{again}")
         self.timers.setText(self._times())
         coming = c.coming
         told = "nothing more" if coming is None else f"{coming.number}, {coming.block}"
         rest = coming.rest_before_s if coming is not None else 0.0
         self.coming.setText(f"Next: {told}" + (f", after {rest:g} s of rest" if rest else ""))
         colour = self.theme.alarm
-        self.advice.setText("".join(f'<p style="color:{colour}">{a}</p>' for a in c.advice[:3]))
+        advice = (f'<p style="color:{colour}">{escape(a)}</p>' for a in c.advice[:3])
+        self.advice.setText("".join(advice))
         self.said.setText(c.said)
         for bar, gauge in zip(self.gauges, c.source.gauges(), strict=False):
             bar.gauge = gauge
@@ -359,7 +362,7 @@ class OperatorWindow(QMainWindow):
             colour = getattr(self.theme, BY_STATE.get(now[0], "soft"))
             for item, text in zip(self._changing[row], now, strict=True):
                 item.setText(text)
-                item.setToolTip(text)
+                item.setToolTip(plain_tip(text))
                 item.setForeground(QColor(colour))
             if now[0] == RUNNING:
                 self.trials.scrollToItem(self._changing[row][0])
