@@ -20,12 +20,15 @@ def named(name: str) -> SimpleNamespace:
 
 def example(driven: bool = True) -> SimpleNamespace:
     """Of two axes; rearm stands at 1 after the recording."""
-    axes = tuple(
-        SimpleNamespace(mode=named(f"mode{k}"), command=named(f"u{k}"), fault=named(f"fault{k}"))
-        for k in (1, 2)
-    )
+    axes = tuple(SimpleNamespace(command=named(f"u{k}"), fault=named(f"fault{k}")) for k in (1, 2))
     return SimpleNamespace(
-        axes=axes, stop=named("stop"), rearm=named("rearm"), rearmed=1, wait=WAIT, driven=driven
+        modes=[named("mode1"), named("mode2")],
+        axes=axes,
+        stop=named("stop"),
+        rearm=named("rearm"),
+        rearmed=1,
+        wait=WAIT,
+        driven=driven,
     )
 
 

@@ -224,7 +224,6 @@ def test_two_active_axes_need_no_second_wiring(drive):
     pair = parse_device(text + 'axes = ["flexion", "deviation"]\n', "pair.toml")
     one, two = compile_device(drive, "f32").board(), compile_device(pair, "f32").board()
     sense, control = drive.system.tasks
-    shared = {"stop", "rearm"}
     rng = np.random.default_rng(5)
     bits = 2 ** int(drive.file.encoder.resolution_bits.value)
     stopped = 0
@@ -256,19 +255,43 @@ def test_two_active_axes_need_no_second_wiring(drive):
                 continue
             names = [x.name for x in drive.system.task_inputs(task)]
             single = one.step(task.name, **{n: given[n] for n in names})
-            doubled = {
-                x.name: given[re.sub(r"_(flexion|deviation)(?=_|$)", "", x.name)]
-                for x in pair.system.task_inputs(pair.system.task(task.name))
-            }
-            assert len(doubled) == 2 * len(names) - len(shared & set(names))
-            out = two.step(task.name, **doubled)
+            faults = []
+            for axis in pair.axes:
+                own = pair.system.task(f"{task.name}_{axis}")
+                asked = {
+                    x.name: given[x.name.replace(f"_{axis}", "")]
+                    for x in pair.system.task_inputs(own)
+                }
+                assert len(asked) == len(names)
+                out = two.step(own.name, **asked)
+                for name, value in out.items():
+                    assert value == single[name.replace(f"_{axis}", "")], name
+                faults += [out[f"fault_{axis}"]] if task is sense else []
             if task is sense:
                 motor.move(float(single["u_Nm"]), float(single["tau_Nm"]))
-            for name, value in out.items():
-                assert value == single[re.sub(r"_(flexion|deviation)(?=_|$)", "", name)], name
-            if task is sense and tick >= 700:
-                stopped += out["fault_flexion"] > 0 and out["fault_deviation"] > 0
+                stopped += tick >= 700 and min(faults) > 0
     assert stopped == 200
+
+
+def test_an_impairment_is_added_to_the_desired_torque():
+    gains = {"wall_rad": 0.1, "Kp_Nm_rad": 5.0, "Kd_Nms_rad": 0.0, "Kv_Nms_rad": 0.5}
+    text = 'schema = 1\nextends = "elbow_drive"\nname = "wall"\ntitle = "W"\n[impairment]\n'
+    for key, value in (gains | {"bandwidth_Hz": 60.0}).items():
+        text += f'{key} = {{ value = {value}, status = "assumed", source = "a test" }}\n'
+    device = parse_device(text, "wall.toml")
+    inputs = [x.name for x in device.system.task_inputs(device.system.task("sense"))]
+    assert "constrained" in inputs
+    still = {"mode": 1.0, "theta_load_rad": 0.3, "omega_load_rad_s": 0.0, "tau_Nm": 0.0}
+    still |= {"theta_desired_rad": 0.3, "omega_desired_rad_s": 0.0}
+    still |= {"wish_gain": 1.0, "wish_shift_Nm": 0.0}
+    block = device.system.blocks["reference"]
+    for tau, ok, set_Nm in ((-1.0, 1.0, -0.75), (0.0, 1.0, 0.25), (-1.0, 0.0, 0.0)):
+        run = block.simulator()
+        for _ in range(3000):
+            asked = {"tau_desired_Nm": 0.25, "tau_impairment_Nm": tau, "impairment_ok": ok}
+            out = run.step(**still, **asked)
+        assert out["tau_set_Nm"] == pytest.approx(set_Nm, abs=1e-3)
+        assert out["request_ok"] == ok
 
 
 # -- a law from outside the package ----------------------------------------------------------------

@@ -66,7 +66,10 @@ def test_functions_choices_and_quotients_by_hand():
             lambda x, y: -2 * ca.fmax(x * y * x, ca.fabs(x)),
         )
         b.call(
-            "beyond", [p[0], q[0]], [out["beyond"][0]], lambda x, y: ca.if_else(x * y < 1, x * x * y, 0)
+            "beyond",
+            [p[0], q[0]],
+            [out["beyond"][0]],
+            lambda x, y: ca.if_else(x * y < 1, x * x * y, 0),
         )
     program = Program.define("f", "F", period_s=1e-3, builder=b, inputs=inputs, outputs=outputs)
     x, y = 0.3, 1.7

@@ -133,6 +133,29 @@ def adapted_inputs(device: DeviceData) -> tuple[Port, ...]:
     )
 
 
+def impaired_inputs(device: DeviceData) -> tuple[Port, ...]:
+    """What a simulated impairment asks for, as inputs.
+
+    Parameters
+    ----------
+    device : DeviceData
+        A device with a drive.
+
+    Returns
+    -------
+    tuple of Port
+        ``tau_impairment_Nm`` and ``impairment_ok``; none for a device without ``[impairment]``.
+    """
+    if device.file.impairment is None:
+        return ()
+    return (
+        around(
+            "tau_impairment_Nm", threshold(device.tau_full_scale_Nm), "torque of the impairment"
+        ),
+        Port("impairment_ok", 0.0, 1.0, "0 where the impairment cannot be computed"),
+    )
+
+
 class _Reference:
     """Numbers, step and ports of the set torque."""
 
@@ -140,6 +163,7 @@ class _Reference:
         self.drive = drive_of(device)
         self.device, self.h = device, device.period_s
         self.adapted = device.file.adaptation is not None
+        self.impaired = device.file.impairment is not None
         self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
         self.full_scale = threshold(device.tau_full_scale_Nm)
         self.kp, self.kd = self.drive.impedance.Kp_Nm_rad, self.drive.impedance.Kd_Nms_rad
@@ -162,12 +186,17 @@ class _Reference:
         self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
+        if self.impaired:
+            sound = ca.logic_and(sound, u.impairment_ok > 0.5)
         asked = ca.if_else(u.mode > 1.5, IMPEDANCE, ca.if_else(u.mode > 0.5, TORQUE, OFF))
         mode = label("mode_taken", ca.if_else(sound, asked, OFF), "0 off, 1 torque, 2 impedance")
         tau_d = u.tau_desired_Nm
         if self.adapted:
             tau_d = clip(tau_d * u.wish_gain + u.wish_shift_Nm, -self.tau_lim, self.tau_lim)
             tau_d = label("tau_adapted_Nm", tau_d, "[adapt 7] wish for the rubber at hand")
+        if self.impaired:
+            total = clip(tau_d + u.tau_impairment_Nm, -self.tau_lim, self.tau_lim)
+            tau_d = label("tau_impaired_Nm", total, "(7.1) the impairment on top")
         law = label(
             "law_Nm",
             to_casadi(
@@ -279,6 +308,7 @@ class _Reference:
             around("omega_load_rad_s", self.omega_lim, "load side's rate"),
             around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
             *adapted_inputs(self.device),
+            *impaired_inputs(self.device),
         )
 
     def outputs(self) -> tuple[Port, ...]:

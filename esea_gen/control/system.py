@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from esea_gen.control.adaptation import adaptation
+from esea_gen.control.impairment import impairment
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits import command_stamp, limits
@@ -118,10 +119,22 @@ GIVEN = {
     "held_J": "passivity.held_J",
 }
 COMPARED = {n: f"redundancy.{n}" for n in ("apart_rad", "apart_Nm", "room_Nm")}
+# What a device with [impairment] has besides: its wall and resistance are added to what is wanted.
+SIGNALS_IMPAIRED = {
+    "constrained": "impairment.constrained",
+    "tau_impairment_Nm": "impairment.tau_set_Nm",
+    "impairment_ok": "impairment.usable",
+}
+WIRES_IMPAIRED = {
+    "impairment.theta_rad": "encoder_load.theta_rad",
+    "impairment.omega_rad_s": "load_rate.omega_rad_s",
+}
+INPUTS_IMPAIRED = {"constrained": ("impairment.constrained",)}
+IMPAIRED = {"acts": "impairment.acts", "tau_impairment_Nm": "impairment.tau_set_Nm"}
 # What ends the control task, whatever the law.
 LAST = ("redundancy", "stamp")
-# One for all axes: who stops one stops the machine.
-SHARED = ("stop", "rearm", "law")
+# One for all axes: the machine is stopped, armed, driven and impaired as a whole.
+SHARED = ("stop", "rearm", "mode", "law", "constrained")
 MEASURED = {
     "u_Nm": "limits.u_Nm",
     "tau_Nm": "sensor.tau_Nm",
@@ -210,6 +223,7 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         "load_rate": load_rate(device),
         **({"encoder_gear": gear_encoder(device)} if redundant else {}),
         **({"adaptation": adaptation(device)} if device.file.adaptation else {}),
+        **({"impairment": impairment(device)} if device.file.impairment else {}),
         "reference": gains_reference(reference(device)) if passive else reference(device),
         **({"passivity": passivity(device)} if passive else {}),
         "limits": limits(device),
@@ -266,9 +280,13 @@ def _wired(
     wires = WIRES | (WIRES_PASSIVE if passive else {})
     adapted = "adaptation" in sense
     inputs |= INPUTS_ADAPTED if adapted else {}
+    impaired = "impairment" in sense
+    inputs |= INPUTS_IMPAIRED if impaired else {}
+    wires |= WIRES_IMPAIRED if impaired else {}
     known = SIGNALS | (SIGNALS_REDUNDANT if redundant else {})
     known |= SIGNALS_PASSIVE if passive else {}
     known |= ADAPTED if adapted else {}
+    known |= SIGNALS_IMPAIRED if impaired else {}
     signals = dict.fromkeys(every, known)
     for part in parts:
         wires |= part.wires
@@ -296,6 +314,7 @@ def _wired(
     outputs |= ESTIMATED | told | (COMPARED if redundant else {})
     outputs |= GIVEN if passive else {}
     outputs |= LEARNT if adapted else {}
+    outputs |= IMPAIRED if impaired else {}
     for part in parts:
         outputs |= part.outputs
     outputs |= {f"{n}_status": f"{n}.status" for n, b in every.items() if b.status_port}
@@ -343,7 +362,13 @@ def _of_axes(device: DeviceData, one: _Axis) -> System:
     every = round(timing.sense_rate_Hz.value / timing.control_rate_Hz.value)
     release_s = timing.control_release_s
     release = round(release_s.value / device.period_s) if release_s else None
-    sense = tuple(instance(n, axis) for axis in device.axes for n in one.sense)
-    control = tuple(instance(n, axis) for axis in device.axes for n in one.control)
-    tasks = (Task("sense", sense), Task("control", control, every=every, release=release))
+    # A task an axis: each has its own messages, which so stay within a frame.
+    tasks = tuple(
+        Task(instance(task, axis), tuple(instance(n, axis) for n in names), **timed)
+        for task, names, timed in (
+            ("sense", one.sense, {}),
+            ("control", one.control, {"every": every, "release": release}),
+        )
+        for axis in device.axes
+    )
     return System(device.name, device.period_s, blocks, tasks, wires, inputs, outputs)

@@ -132,11 +132,6 @@ def _check_control(file: DeviceFile) -> Iterator[UserError]:
             f"[{'actuator' if file.actuator is None else 'joint'}] is missing.",
             'Add it, or write extends = "elbow_drive" and give what differs.',
         )
-    if file.impairment is not None and (file.actuator is not None or laws):
-        yield UserError(
-            "[impairment] stands in a device that only measures; no drive follows it.",
-            'Leave it out, or write extends = "wrist".',
-        )
     if file.passivity is not None:
         yield from _check_passivity(file)
     if file.adaptation is not None:

@@ -86,7 +86,6 @@ class RecordedTick:
 class Axis:
     """What the latch of one axis is asked and tells."""
 
-    mode: External
     command: External
     fault: External
 
@@ -97,7 +96,7 @@ class DriveExample:
 
     columns, rows: the recording; inputs in no column keep their value of ``held``.
     checked: outputs that are compared at every tick.
-    axes, stop, rearm: what the trial of the latch uses.
+    axes, modes, stop, rearm: what the trial of the latch uses.
     wait: ticks in which the control task delivers for certain.
     rearmed: last value of ``rearm`` in the recording.
     driven: whether the law moves the motor on this recording.
@@ -109,6 +108,7 @@ class DriveExample:
     checked: tuple[External, ...]
     held: Mapping[str, float]
     axes: tuple[Axis, ...]
+    modes: tuple[External, ...]
     stop: External
     rearm: External
     wait: int
@@ -416,7 +416,6 @@ def _tried(system: System, most_Nm: float) -> tuple[DriveExample | None, str]:
     (stop,), (rearm,) = recording._of("stop"), recording._of("rearm")
     axes = tuple(
         Axis(
-            next(m for m in recording._of("mode") if _axis(system, m, "limits") == axis),
             next(u for u in commands if _axis(system, u, "limits") == axis),
             fault,
         )
@@ -432,6 +431,7 @@ def _tried(system: System, most_Nm: float) -> tuple[DriveExample | None, str]:
         checked,
         {n: v for n, v in recording.held.items() if n not in moved},
         axes,
+        recording._of("mode"),
         stop,
         rearm,
         recording.wait,
@@ -454,7 +454,7 @@ def _latch_fails(made: DriveExample, run: _Run) -> str:
         return good
 
     def mode(value: float) -> dict[str, float]:
-        return {a.mode.name: value for a in made.axes}
+        return {m.name: value for m in made.modes}
 
     stop, rearm = made.stop.name, made.rearm.name
     asked = (

@@ -81,23 +81,31 @@ def link_parameters(system: System) -> tuple[LinkParameter, ...]:
     An id depends on its own name alone, unless two are alike: these end in a digest of the name.
     """
     zeroed = {e.instance for e in board_roles(system).encoders}
-    short = [_short(i, t.name) for i, t in system.tunables]
-    alike = {s for s, n in Counter(short).items() if n > 1}
-    found = []
-    for own, (instance, tunable) in zip(short, system.tunables, strict=True):
-        digest = hashlib.sha256(f"{instance}.{tunable.name}".encode()).hexdigest()[:3]
-        found.append(
-            LinkParameter(
-                f"{own[: ID_CHARACTERS - 4]}_{digest}" if own in alike else own,
-                instance,
-                system.blocks[instance].name,
-                tunable,
-                instance in zeroed and tunable.name in ("zero_rad", "zeroed"),
-            )
+    ids = _ids([(i, t.name) for i, t in system.tunables])
+    return tuple(
+        LinkParameter(
+            own,
+            instance,
+            system.blocks[instance].name,
+            tunable,
+            instance in zeroed and tunable.name in ("zero_rad", "zeroed"),
         )
-    if len({p.id for p in found}) != len(found):
-        raise ValueError(f"two parameters have one id: {[p.id for p in found]}")
-    return tuple(found)
+        for own, (instance, tunable) in zip(ids, system.tunables, strict=True)
+    )
+
+
+def _ids(names: list[tuple[str, str]]) -> list[str]:
+    short = [_short(*n) for n in names]
+    alike = {s for s, n in Counter(short).items() if n > 1}
+    digests = [hashlib.sha256(".".join(n).encode()).hexdigest() for n in names]
+    for digits in range(3, 9):  # as few as part them
+        found = [
+            f"{own[: ID_CHARACTERS - 1 - digits]}_{digest[:digits]}" if own in alike else own
+            for own, digest in zip(short, digests, strict=True)
+        ]
+        if len(set(found)) == len(found):
+            return found
+    raise ValueError(f"two parameters have one id: {names}")
 
 
 def parameter_metadata(system: System) -> str:

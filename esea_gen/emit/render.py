@@ -268,6 +268,9 @@ class Renderer:
             given=self.given,
             tunable=lambda i, n: next(t for t in self.system.blocks[i].tunables if t.name == n),
             task_of=lambda x: self.system.task_of(x.signals[0].instance).name,
+            tasks_of=lambda x: dict.fromkeys(
+                self.system.task_of(s.instance).name for s in x.signals
+            ),
             from_units=self.naming.from_units,
             to_units=self.in_units,
         )

@@ -155,7 +155,9 @@ class System:
         tuple of External
             In the order of its input struct.
         """
-        return tuple(x for x in self.inputs if self.task_of(x.signals[0].instance) is task)
+        return tuple(
+            x for x in self.inputs if any(self.task_of(s.instance) is task for s in x.signals)
+        )
 
     def task_outputs(self, task: Task) -> tuple[External, ...]:
         """External outputs of a task.
@@ -297,8 +299,6 @@ class System:
 
     def _external_input(self, name: str, sinks: tuple[Signal, ...]) -> External:
         ports = [self._input(s) for s in sinks]
-        if len({self.task_of(s.instance).name for s in sinks}) != 1:
-            raise ValueError(f"external input {name} must feed ports of one task")
         if len({(p.unit, p.size, p.low, p.high) for p in ports}) != 1:
             raise ValueError(f"external input {name} feeds ports of different unit, size or range")
         return External(name, ports[0], sinks)
