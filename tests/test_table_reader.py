@@ -282,10 +282,7 @@ def test_one_row_is_a_table(kind, raw):
 
 def test_a_single_value_beside_vectors_is_no_column():
     table = read(mat(x=X, n=5.0))
-    assert (table.names, table.left_out) == (
-        ("x",),
-        ("of one value or none beside the columns: 'n'",),
-    )
+    assert (table.names, table.left_out) == (("x",), ("'n', not columns",))
     with pytest.raises(UserError, match="'n' has 1 value"):
         read(mat(x=X, n=5.0), "n")
 

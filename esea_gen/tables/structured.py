@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import warnings
@@ -46,7 +47,7 @@ def table_of(
     # Beside vectors a single value is a setting; alone, single values are a table of one row.
     least = min(2, max(sizes.values(), default=0))
     known = [k for k, size in sizes.items() if size >= least]
-    single = [k for k in sizes if k not in known]
+    single = sizes.keys() - known
     cells: dict[str, Any] = {}
     for w in known if wanted is None else [*wanted, *(o for o in optional if o in content)]:
         value = content.get(w)
@@ -74,9 +75,11 @@ def table_of(
         )
     rows = np.arange(1, max(lengths.values(), default=0) + 1, dtype=np.intp)
     table = FileTable(name, tuple(known), cells, rows, form, digest)
-    if single and wanted is None:
-        return table.noting(f"of one value or none beside the columns: {listed(single)}")
-    return table
+    above = {k[: m.start()] for k in known for m in re.finditer(r"[./]", k)}
+    gone = [k for k in content if k not in {*known, *above}] if wanted is None else []
+    if wanted is None and not known:
+        raise UserError(f"{name}: has no columns; it has {listed(gone)}.", "Write vectors.")
+    return table.noting(f"{listed(gone)}, not columns") if gone else table
 
 
 def read_mat(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:
@@ -147,7 +150,7 @@ def _mat(raw: bytes, name: str) -> Content:
                 plain = _flat_mat(name, scipy.io.loadmat(io.BytesIO(raw)))
                 out |= {k: v for k, v in plain.items() if np.iscomplexobj(v)}
         arrays = [v for v in out.values() if not isinstance(v, str)]
-        _bounded(name, len(out), sum(v.nbytes for v in arrays) / 8)
+        _bounded(name, len(out), sum(max(v.size, v.nbytes / 8) for v in arrays))
     return out
 
 
@@ -249,7 +252,7 @@ def read_hdf5(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:
 
 def _texts(name: str, item: Any, most_bytes: int) -> Any:
     # Every row may point to the same text, which is no longer than the file: some rows at once.
-    if item.ndim != 1:
+    if item.ndim != 1 or (item.dtype.metadata or {}).get("vlen") not in (str, bytes):
         return "neither numbers nor a vector of texts"
     rows: list[str] = []
     step = max(1, 4 * MOST_TEXT_BYTES // most_bytes)
