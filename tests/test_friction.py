@@ -127,6 +127,8 @@ def test_the_command_writes_what_it_found(tmp_path, capsys, monkeypatch):
         ("omega_rad_s,tau_Nm\n1,nan\n1,2\n", None, "is nan"),
         ("EPOS Studio Version:;3\nms;rpm;%\n0;1;2\n", None, "--full-Nm"),
         ("EPOS Studio Version:;3\nms;mA;%\n0;1;2\n", 1.0, "not speed in rpm"),
+        ("EPOS Studio\nms;rpm;%\n0;1;2.5\n1;1;2,5\n", 1.0, "'2,5' is not a number"),
+        ("EPOS Studio\nms;rpm;%\n0;1;2.5,3 turns\n", 1.0, "'2.5,3 turns' is not a number"),
     ],
 )
 def test_what_is_no_run_is_refused(tmp_path, text, full, says):
@@ -135,6 +137,14 @@ def test_what_is_no_run_is_refused(tmp_path, text, full, says):
     with pytest.raises(UserError) as refused:
         read_run(path, full)
     assert says in f"{refused.value.what} {refused.value.fix}"
+
+
+def test_a_decimal_comma_of_an_export_is_read(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("EPOS Studio;,,\nms;rpm;%\n0,0;1000;2,5,,was 3\n1,0;1000;2,75\n2;1000;3,\n")
+    run = read_run(path, 100.0)
+    assert run.tau_Nm.tolist() == [2.5, 2.75, 3]
+    assert "comments behind rows (line 3)" in run.read_as
 
 
 def test_too_few_runs_are_refused():

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.errors import UserError
-from esea_gen.tables import TableFormat, read_table
+from esea_gen.tables import TableFormat, read_table, structured
 
 from .conftest import require_module
 
@@ -78,9 +78,17 @@ HOSTILE = {
     "long cell": (spoilt("9" * 140_000), ["line 4 has a cell of more than 131072 characters"]),
     "NUL": (spoilt("3\0"), ["line 4, character 4 is a NUL"]),
     "latin-1": (b"AA,BB\n0,1\xe9\n", ["line 2, byte 4", "'utf-8'"]),
+    "form feed": (spoilt("\f5"), ["line 4, column 'BB' has the control character U+000C"]),
+    "unit separator": (spoilt("5\x1f"), ["line 4, column 'BB'", "U+001F"]),
+    "separators alone": (spoilt("5\n\x1f,\x1f"), ["line 5", "U+001F"]),
+    "spreadsheet's fault": ("AA,BB\n0,1\n#N/A,2\n", ["'#N/A' is not a number"]),
+    "German fault": ("BB;AA\n0;1\n#WERT!;2\n", ["'#WERT!' is not a number"]),
     "UTF-16 without a mark": ("AA,BB\n0,1\n".encode("utf-16-le"), ["line 1, character 2 is a NUL"]),
     "preamble": ("made by a rig\nAA,BB\n0,1\n", ["t.csv"]),
-    "no header": ("0,1\n1,2\n", ["line 1 has numbers, no column names"]),
+    **{
+        f"no header, {first}": (f"{first}\n1,2\n1;2\n", ["line 1 has numbers, no column names"])
+        for first in ("0,1", "1,5;2,5", "nan,2.0", ",1", "1_0,0x10", "2024-01-02T03:04,1", "#N/A,1")
+    },
     "two delimiters": ("AA,x;BB\n0,1;2\n", ["t.csv"]),
     "empty": ("", ["has no line 1"]),
     "MATLAB": (b"MATLAB 5.0 MAT-file, and then nothing", ["is not a MATLAB file"]),
@@ -256,6 +264,57 @@ def test_fields_of_structs_are_columns(kind, raw, path):
             read(raw(), "s", form=TableFormat(kind=kind))
 
 
+@pytest.mark.parametrize(
+    ("kind", "raw"),
+    [
+        ("mat", lambda: mat(t=1.0, x=2.0)),
+        ("hdf5", lambda: hdf5(t=[1.0], x=[2.0])),
+        ("parquet", lambda: parquet([1.0], [2.0], names=["t", "x"])),
+        ("json", lambda: as_json([{"t": 1.0, "x": 2.0}])),
+        ("json", lambda: as_json({"t": [1.0], "x": [2.0]})),
+    ],
+)
+def test_one_row_is_a_table(kind, raw):
+    for wanted in ((), ("t", "x")):
+        table = read(raw(), *wanted, form=TableFormat(kind=kind))
+        assert (len(table), table.numbers("x").tolist(), table.left_out) == (1, [2], ())
+
+
+def test_a_single_value_beside_vectors_is_no_column():
+    table = read(mat(x=X, n=5.0))
+    assert (table.names, table.left_out) == (("x",), ("'n', not columns",))
+    with pytest.raises(UserError, match="'n' has 1 value"):
+        read(mat(x=X, n=5.0), "n")
+
+
+def test_a_name_with_a_point_is_read():
+    assert read(hdf5(**{"a.b": X}), "a.b").numbers("a.b").tolist() == X.tolist()
+
+
+def packed_mat(**content) -> bytes:
+    file = io.BytesIO()
+    scipy.io.savemat(file, content, do_compression=True)
+    return file.getvalue()
+
+
+def test_what_unpacks_to_too_much_is_refused(monkeypatch):
+    monkeypatch.setattr(structured, "MOST_TEXT_BYTES", 10**6)
+    texts = ["x" * 1000] * 1001
+    for raw in (parquet(texts, names=["x"]), parquet([{"x": t} for t in texts], names=["s"])):
+        with pytest.raises(UserError, match=r"more than the limit of 1e\+06 bytes in texts"):
+            read(raw)
+    with pytest.raises(UserError, match=r"more than the limit of 1e\+06 bytes in texts"):
+        read(hdf5(x=texts))
+    assert read(parquet(texts[:999], names=["x"])).texts("x") == tuple(texts[:999])
+    monkeypatch.setattr(structured, "MOST_BYTES", 1000)
+    for content in ({"x": np.zeros(200)}, {"s": {"t": np.zeros(100), "x": np.zeros(100)}}):
+        with pytest.raises(UserError, match=r"more than the limit of 1e\+03 bytes"):
+            structured._unpacked(packed_mat(**content), "rig.mat")
+    monkeypatch.setattr(structured, "LONGEST_S", 1e-3)
+    with pytest.raises(UserError, match="not read within the limit"):
+        read(mat(x=X))
+
+
 BIG = 2**53 + 1
 
 
@@ -268,6 +327,12 @@ BIG = 2**53 + 1
         ("mat", lambda: mat(x=np.array([BIG, 1])), "2^53"),
         ("mat", lambda: mat(x=[1, np.nan]), "row 2, column 'x' is nan"),
         ("mat", lambda: mat(y=X), "no column 'x'"),
+        ("mat", lambda: mat(x=np.array([["a"]], object)), "'x' is a cell"),
+        ("mat", lambda: mat(**{"x.b": X, "x": {"b": X}}), "'x.b' occurs 2 times"),
+        ("hdf5", lambda: hdf5(**{"x.b": X, "x__b": X}), "'x.b' occurs 2 times"),
+        ("parquet", lambda: parquet(X, [{"b": 1.0}] * 3, names=["x.b", "x"]), "'x.b' occurs 2"),
+        ("json", lambda: as_json({"x.b": [1, 2], "x": {"b": [3, 4]}}), "'x.b' occurs 2 times"),
+        ("json", lambda: as_json([{"x.b": 1}, {"x": {"b": 2}}]), "'x.b' occurs 2 times"),
         ("hdf5", lambda: hdf5(x=["a", "b"]), "'a' is not a number"),
         ("hdf5", lambda: hdf5(x=np.array([True, False])), "not a vector"),
         ("hdf5", lambda: hdf5(x=np.uint64([BIG, 1])), "2^53"),

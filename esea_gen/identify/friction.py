@@ -16,10 +16,11 @@ References
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +34,8 @@ from esea_gen.toml_file import read_text
 FAR = 6.0  # median absolute deviations from the run's median
 LEAST_RUNS, LEAST_SPREAD = 6, 4.0  # runs, and fastest over slowest of them
 EPOS = "EPOS Studio"
+COMMENT = re.compile(r",(?!\d)")
+LINE_END = re.compile("\r\n|\r|\n")
 
 
 @dataclass(frozen=True)
@@ -167,16 +170,17 @@ def _epos(path: Path, full_Nm: float | None) -> tuple[FileTable, Array, Array]:
             f"{path}: torques are in % of the nominal torque, and that is not known.",
             "Give --full-Nm: 0.00984 for the drives of the recordings of T-RO 2021.",
         )
-    lines = [line.rstrip(",") for line in read_text(path, "Export it again.").splitlines()]
+    lines = [line.rstrip(",") for line in LINE_END.split(read_text(path, "Export it again."))]
     heads = [k for k, line in enumerate(lines) if line.startswith("ms;")]
     if not heads or lines[heads[0]].split(";")[1:3] != ["rpm", "%"]:
         raise UserError(
             f"{path}: the channels are not speed in rpm and torque in %.",
             "Export 'Velocity actual value' and 'Torque actual value', in this order.",
         )
-    # What somebody wrote behind a row is a comment.
-    rows = [line.partition(",")[0] for line in lines]
-    form = TableFormat(delimiter=";", decimal=".", quote="", header_line=heads[0] + 1)
+    # What somebody wrote behind a row is a comment; a comma before a digit is a decimal mark.
+    rows = [COMMENT.split(line, maxsplit=1)[0] for line in lines]
+    decimal: Literal[".", ","] = "." if "." in "".join(rows[heads[0] :]) else ","
+    form = TableFormat(delimiter=";", decimal=decimal, quote="", header_line=heads[0] + 1)
     table = read_table(path, ("rpm", "%"), form, raw="\n".join(rows).encode())
     behind = [k for k, (line, row) in enumerate(zip(lines, rows, strict=True), 1) if line != row]
     if behind:

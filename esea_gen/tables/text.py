@@ -26,7 +26,7 @@ from esea_gen.tables.form import (
     remedy,
     shortened,
 )
-from esea_gen.tables.table import COMMA, GROUPED, POINT, FileTable
+from esea_gen.tables.table import COMMA, GROUPED, NOT_FINITE, POINT, FileTable
 
 MARKS = {  # The longer ones first: UTF-32 begins as UTF-16 does.
     codecs.BOM_UTF32_LE: "utf-32",
@@ -35,6 +35,16 @@ MARKS = {  # The longer ones first: UTF-32 begins as UTF-16 does.
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }
+# What a spreadsheet writes in place of a value it cannot compute: #N/A, #NV, #DIV/0!, #WERT!
+FAULT = r"#(?:N/[AD]|NV|[^\W_]+(?:/0)?[!?])"
+# A cell that names nothing: no letter but in a number, a time or one of these.
+NO_NAME = re.compile(
+    rf"(?:[\W\d_]|(?<=\d)[eEdDxT](?=[+\-\d]))*|{NOT_FINITE.pattern}|{FAULT}|n/a|null", re.IGNORECASE
+)
+# str.strip takes these off a number as if they were blanks.
+CONTROLS = "".join(chr(k) for k in range(1, 32) if k not in b"\t\n\r") + "\x7f\x85\u2028\u2029"
+CONTROL = re.compile(f"[{CONTROLS}]")
+BLANKS = " \t\r\n"
 DELIMITERS = (",", ";", "\t", "|")
 SAMPLE = 20  # rows that the delimiter is detected by
 DECIMALS = 1000  # rows that the decimal mark is detected by
@@ -83,6 +93,8 @@ class TextReader:
             chosen = [n for n in chosen if n in {*self.wanted, *self.optional}]
         places = [names.index(n) for n in chosen]
         columns: list[list[str]] = [[] for _ in places]
+        self._check_cells(header_line, names, names)
+        control = any(c in self.text for c in CONTROLS)
         lines: list[int] = []
         empty: list[int] = []
         ragged: list[int] = []
@@ -93,7 +105,10 @@ class TextReader:
                 if not self.drop_ragged:
                     raise self._ragged(line, len(row), header_line, width)
                 ragged.append(line)
-            elif not any(map(str.strip, row)):
+                continue
+            if control:
+                self._check_cells(line, row, names)
+            if not any(map(str.strip, row)):
                 empty.append(line)
             else:
                 lines.append(line)
@@ -138,10 +153,10 @@ class TextReader:
                 f"{self.name}: has no line {given or 1} with column names.",
                 self.fix("header_line", "The first line names the columns"),
             )
-        names = [n.strip() for n in row]
+        names = [n.strip(BLANKS) for n in row]
         if given and names[0].startswith("#"):
             names[0] = names[0].lstrip("# ")
-        if given is None and all(map(POINT.fullmatch, names)):
+        if given is None and all(map(NO_NAME.fullmatch, names)):
             better = self._better_header(line)
             fix = self.fix("header_line = 0", "Write a line with the column names")
             raise UserError(
@@ -157,11 +172,12 @@ class TextReader:
     def _rows(self, delimiter: str, skip: int = 1) -> Iterator[tuple[int, list[str]]]:
         # Line and cells of each row from line ``skip`` on, without blank and comment lines.
         comments: list[int] = []
+        fault = re.compile(rf"{FAULT} *(?:{re.escape(delimiter)}|$)")
         for line, raw in enumerate(io.StringIO(self.text, newline=""), 1):
-            if line < skip or not raw.strip():
+            if line < skip or not raw.strip(BLANKS):
                 continue
             explicit = line == self.form.header_line
-            if raw.startswith("#") and not explicit:
+            if raw.startswith("#") and not explicit and not fault.match(raw):
                 comments.append(line)
                 continue
             yield line, self._cells(line, raw.rstrip("\r\n"), delimiter)
@@ -207,6 +223,15 @@ class TextReader:
                 "Close the quote, or double it if it is text in a quoted cell",
             ),
         )
+
+    def _check_cells(self, line: int, row: list[str], names: list[str]) -> None:
+        for cell, column in zip(row, names, strict=True):
+            if found := CONTROL.search(cell):
+                raise UserError(
+                    f"{self.name}: line {line}, column '{shortened(column)}' has the control "
+                    f"character U+{ord(found[0]):04X}.",
+                    "Take it out, or check that the file is a table.",
+                )
 
     def _ragged(self, line: int, found: int, header_line: int, width: int) -> UserError:
         names = "names in the header" if header_line else "cells in the first row"
