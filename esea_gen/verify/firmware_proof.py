@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
@@ -114,6 +114,12 @@ PARTS = {
         options={"-eva-precision": "2", "-eva-slevel": "30", "-eva-split-return": "full"},
     ),
     "parser, a sum": AnalysedPart("eva_parser.c", defines=("-DESEA_EVA_SUM",)),
+}
+# The store again with the largest program units, which pad each part of a slot; above, units of 4.
+PARTS |= {
+    f"{name}, units of 32": replace(of, defines=(*of.defines, "-DESEA_EVA_UNIT=32u"))
+    for name, of in PARTS.items()
+    if of.driver == "eva_store.c"
 }
 
 

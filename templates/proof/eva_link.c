@@ -51,12 +51,13 @@ void esea_send_life(esea_app_t *app, uint32_t number, uint8_t result)
 }
 void esea_send_time(esea_app_t *app, int64_t asked_ns) { (void)app; (void)asked_ns; }
 bool esea_send_runs(esea_app_t *app) { (void)app; return EITHER(); }
-void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result)
+void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result, bool late)
 {
     (void)app;
     (void)to;
     (void)command;
     (void)result;
+    (void)late;
 }
 void esea_send_text(esea_app_t *app, uint8_t severity, const char *first, const char *second)
 {
