@@ -362,13 +362,15 @@ def _of_axes(device: DeviceData, one: _Axis) -> System:
     every = round(timing.sense_rate_Hz.value / timing.control_rate_Hz.value)
     release_s = timing.control_release_s
     release = round(release_s.value / device.period_s) if release_s else None
+
     # A task an axis: each has its own messages, which so stay within a frame.
-    tasks = tuple(
-        Task(instance(task, axis), tuple(instance(n, axis) for n in names), **timed)
-        for task, names, timed in (
-            ("sense", one.sense, {}),
-            ("control", one.control, {"every": every, "release": release}),
-        )
-        for axis in device.axes
+    def named(names: Mapping[str, Component], axis: str) -> tuple[str, ...]:
+        return tuple(instance(n, axis) for n in names)
+
+    sense = (Task(instance("sense", a), named(one.sense, a)) for a in device.axes)
+    control = (
+        Task(instance("control", a), named(one.control, a), every=every, release=release)
+        for a in device.axes
     )
+    tasks = (*sense, *control)
     return System(device.name, device.period_s, blocks, tasks, wires, inputs, outputs)
