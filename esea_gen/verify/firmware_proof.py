@@ -1,4 +1,4 @@
-"""Value analysis by Frama-C of the hand-written C: state machine, store, and the link's parser.
+"""Value analysis by Frama-C of the hand-written C: state machine, store, and the link.
 
 Each part is a driver in ``templates/proof``. Where a call needs a relation between values that the
 analysis does not keep, a function is taken by a contract, which the next part proves of it for
@@ -35,21 +35,11 @@ CONTRACTS = {
     requires there: area < 2 && slot < flash->area_bytes / SLOT_BYTES;
     assigns \\result \\from area, slot;
     ensures truth: \\result == 0 || \\result == 1;""",
-    "MAVLINK_HELPER bool mavlink_signature_check(": """
-    assigns \\result, key.last_status, key.timestamp, streams
-            \\from *signing, *signing_streams, *msg;
-    ensures none: signing == \\null ==> \\result == 1;
-    ensures few: streams.num_signing_streams <= MAVLINK_MAX_SIGNING_STREAMS;
-    ensures truth: \\result == 0 || \\result == 1;""",
-    "MAVLINK_HELPER uint8_t mavlink_frame_char_buffer(": """
-    assigns \\result \\from *rxmsg, *status, c;""",
     "MAVLINK_HELPER uint16_t mavlink_finalize_message_buffer(": """
     assigns \\result, *msg, *status \\from *msg, *status, length;""",
     "static void mavlink_sha256_calc(": """
     assigns m->u, m->counter[0 .. 7] \\from *m;""",
 }
-# What the contract of the signature's check names: the driver's memory, declared before it.
-DECLARED = "static mavlink_signing_t key;\nstatic mavlink_signing_streams_t streams;\n"
 
 
 @dataclass(frozen=True)
@@ -95,8 +85,12 @@ PARTS = {
     "parser": AnalysedPart(
         "eva_parser.c",
         defines=("-DESEA_EVA_FRAME",),
-        taken=("mavlink_signature_check",),
         options={"-eva-precision": "2", "-eva-slevel": "100"},
+    ),
+    "parser, the reader": AnalysedPart(
+        "eva_parser.c",
+        defines=("-DESEA_EVA_READER",),
+        options={"-eva-precision": "1", "-eva-slevel": "1000"},
     ),
     "parser, a signature": AnalysedPart(
         "eva_parser.c",
@@ -110,7 +104,7 @@ PARTS = {
     ),
     "link": AnalysedPart(
         "eva_link.c",
-        taken=("mavlink_frame_char_buffer", "mavlink_finalize_message_buffer"),
+        taken=("mavlink_finalize_message_buffer",),
         options={"-eva-precision": "2", "-eva-slevel": "30", "-eva-split-return": "full"},
     ),
     "parser, a sum": AnalysedPart("eva_parser.c", defines=("-DESEA_EVA_SUM",)),
@@ -125,13 +119,12 @@ PARTS |= {
 
 def _with_contracts(text: str) -> str:
     for before, contract in CONTRACTS.items():
-        declared = DECLARED if "signature_check" in before else ""
         whole = before if before.startswith("MAVLINK_HELPER") else f"\n{before}"
         # The definition, which opens a body; a prototype is left alone.
         found = re.search(re.escape(whole) + r"[^;{]*\{", text)
         if found:
             at = found.start() + len(whole) - len(before)
-            text = f"{text[:at]}{declared}/*@{contract} */\n{text[at:]}"
+            text = f"{text[:at]}/*@{contract} */\n{text[at:]}"
     return text
 
 

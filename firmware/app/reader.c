@@ -22,28 +22,35 @@ void esea_reader_put(esea_reader_t *reader, uint8_t byte)
     reader->bytes[reader->count++] = byte;
 }
 
+/* The next byte to the parser. */
+static ESEA_READ step(esea_reader_t *reader)
+{
+    const uint8_t found = mavlink_frame_char_buffer(&reader->message, &reader->status,
+            reader->bytes[reader->next++], NULL, NULL);
+    const bool first = reader->bad == 0u;
+
+    if (found == MAVLINK_FRAMING_OK) {
+        drop(reader, reader->next);
+        return ESEA_READ_FRAME;
+    }
+    if (found != MAVLINK_FRAMING_INCOMPLETE) {
+        if (first) /* start bytes inside of a bad frame are no further bad ones */
+            reader->bad = reader->next;
+        drop(reader, 1u);
+        return first ? ESEA_READ_BAD : ESEA_READ_NOTHING;
+    }
+    if (reader->status.parse_state <= MAVLINK_PARSE_STATE_IDLE)
+        drop(reader, 1u);
+    return ESEA_READ_NOTHING;
+}
+
 ESEA_READ esea_reader_next(esea_reader_t *reader)
 {
-    while (reader->next < reader->count) {
-        const uint8_t found = mavlink_frame_char_buffer(&reader->message, &reader->status,
-                reader->bytes[reader->next++], NULL, NULL);
-        const bool first = reader->bad == 0u;
+    ESEA_READ found = ESEA_READ_NOTHING;
 
-        if (found == MAVLINK_FRAMING_OK) {
-            drop(reader, reader->next);
-            return ESEA_READ_FRAME;
-        }
-        if (found != MAVLINK_FRAMING_INCOMPLETE) {
-            if (first) /* start bytes inside of a bad frame are no further bad ones */
-                reader->bad = reader->next;
-            drop(reader, 1u);
-            if (first)
-                return ESEA_READ_BAD;
-        } else if (reader->status.parse_state <= MAVLINK_PARSE_STATE_IDLE) {
-            drop(reader, 1u);
-        }
-    }
-    return ESEA_READ_NOTHING;
+    while (found == ESEA_READ_NOTHING && reader->next < reader->count)
+        found = step(reader);
+    return found;
 }
 
 bool esea_reader_pauses(esea_reader_t *reader, uint32_t silence_ms)

@@ -1,6 +1,7 @@
-/* What the value analysis is asked of link.c: messages of any content, signed or not, bytes of any kind and turns of
- * the main loop, any number in any order, from power on.  What it calls in other files answers anything; the
- * application's own memory is touched by link.c alone, and its state, which is any known one.
+/* What the value analysis is asked of link.c: messages of any content, signed or not, stamped or not, at any time,
+ * turns of the main loop and guests, any number in any order, from power on.  What it calls in other files answers
+ * anything, the reader any message; the application's own memory is touched by link.c alone, and its state, which is
+ * any known one.
  *
  * License: MIT. */
 #include "__fc_builtin.h"
@@ -39,6 +40,8 @@ void esea_elbow_drive_release(esea_elbow_drive_state_t *state, uint32_t tick) { 
 void esea_send(esea_app_t *app, const mavlink_message_t *message) { (void)app; (void)message; }
 void esea_send_heartbeat(esea_app_t *app) { (void)app; }
 void esea_send_info(esea_app_t *app) { (void)app; }
+void esea_send_stamp(esea_app_t *app) { (void)app; }
+uint32_t esea_now_ms(const esea_app_t *app) { (void)app; return ANY32(); }
 void esea_send_clock(esea_app_t *app) { (void)app; }
 void esea_send_traffic(esea_app_t *app) { (void)app; }
 void esea_send_kept(esea_app_t *app, uint8_t result) { (void)app; (void)result; }
@@ -86,7 +89,34 @@ bool esea_streams_send(esea_app_t *app, uint32_t number)
     return EITHER();
 }
 void esea_signing_setup(esea_app_t *app, const mavlink_message_t *message) { (void)app; (void)message; }
+bool esea_signing_good(esea_app_t *app, const mavlink_message_t *message)
+{
+    (void)app;
+    (void)message;
+    return EITHER();
+}
+void esea_signing_up(esea_app_t *app) { (void)app; }
 void esea_signing_refuse(esea_app_t *app, const mavlink_message_t *message) { (void)app; (void)message; }
+void esea_refuse(esea_app_t *app, const mavlink_message_t *message, const char *why, bool late)
+{
+    (void)app;
+    (void)message;
+    /*@ assert reason_there: \valid_read(why); */
+    (void)why;
+    (void)late;
+}
+void esea_reader_put(esea_reader_t *reader, uint8_t byte) { (void)reader; (void)byte; }
+ESEA_READ esea_reader_next(esea_reader_t *reader)
+{
+    ANY(reader->message);
+    return (ESEA_READ)Frama_C_interval(ESEA_READ_NOTHING, ESEA_READ_BAD);
+}
+bool esea_reader_pauses(esea_reader_t *reader, uint32_t silence_ms)
+{
+    (void)reader;
+    (void)silence_ms;
+    return EITHER();
+}
 uint8_t esea_keep_may_fit(const esea_app_t *app, const uint32_t *serials)
 {
     (void)app;
@@ -118,9 +148,11 @@ static bool port_room(void) { return EITHER(); }
 
 static esea_blackbox_t box;
 static esea_app_t app;
+static esea_guest_t guest;
 
 int main(void)
 {
+    uint8_t bytes[64];
     const esea_port_t port = {
         .read = port_read,
         .quiet = port_quiet,
@@ -131,12 +163,14 @@ int main(void)
 
     app.port = &port;
     while (EITHER()) {
-        ANY(app.received);
+        ANY(app.reader.message);
+        ANY(app.boot);
+        ANY(bytes);
         ANY(app.clock.tick);
         app.motion.zeroing_ends = EITHER();
         app.motion.not_armed = EITHER();
         app.fault = (ESEA_FAULT)Frama_C_interval(0, 127);
-        switch (Frama_C_interval(0, 3)) {
+        switch (Frama_C_interval(0, 4)) {
         case 0:
             run_message(&app);
             break;
@@ -144,7 +178,10 @@ int main(void)
             run_stranger(&app);
             break;
         case 2:
-            receive(&app, ANY8());
+            esea_app_greet(&app, &guest, "somebody");
+            break;
+        case 3:
+            esea_app_overhear(&app, &guest, bytes, Frama_C_unsigned_int_interval(0u, sizeof bytes), EITHER());
             break;
         default:
             esea_app_poll(&app);
