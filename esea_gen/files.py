@@ -31,6 +31,7 @@ def sample_folder() -> Path:
 
 
 MOST_BYTES = 1 << 30
+PIECE_BYTES = 1 << 24
 
 
 def read_whole(path: Path, fix: str, most_bytes: int = MOST_BYTES) -> bytes:
@@ -43,7 +44,11 @@ def read_whole(path: Path, fix: str, most_bytes: int = MOST_BYTES) -> bytes:
             kind = os.fstat(file.fileno()).st_mode
             if not (stat.S_ISREG(kind) or stat.S_ISFIFO(kind)):
                 raise UserError(f"{path} is a device, not a file.", fix)
-            data = file.read(most_bytes + 1)
+            # In pieces: what is asked for at once is set aside at once.
+            data, left = b"", most_bytes + 1
+            while left > 0 and (part := file.read(min(left, PIECE_BYTES))):
+                data += part
+                left -= len(part)
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror or error}).", fix) from None
     if len(data) > most_bytes:
