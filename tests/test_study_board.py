@@ -205,7 +205,7 @@ def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot):
             windows[1].board = replace_state(device, "ACTIVE")
             windows[1]._stop_asked_s = 1.0
             windows[1].refresh()
-            assert "SWITCH THE BOARD'S POWER OFF" in windows[1].state.text()
+            assert "NOT CONFIRMED: SWITCH" in windows[1].state.text()
             windows[1].close()
             source.close()
         listener.close()
