@@ -18,7 +18,7 @@ from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption, of_file
 from esea_host.connection import ConnectedDevice, open_device
-from esea_host.connection.address import SimulatedProcess
+from esea_host.connection.address import SimulatedProcess, parse_address
 
 WITHOUT_SCREEN = ("offscreen", "minimal")  # platforms of Qt
 OPEN_S = 60.0
@@ -86,6 +86,7 @@ def _watch(
     screenshot: Path | None,
     operated: bool,
 ) -> None:
+    parse_address(address)  # a wrong one first, whether there is a screen or not
     need_a_screen("esea-host monitor, or esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
     from esea_host.windows.operator import DemoOperator
