@@ -196,7 +196,7 @@ class Board:
 
     @property
     def clock_defines(self) -> tuple[str, ...]:
-        """What the hand-written code is told of its clocks."""
+        """Macros that give the hand-written code its clocks."""
         told = {"CLOCK": self.clock_Hz, "RESET": self.reset_Hz or self.clock_Hz}
         return tuple(f"-DESEA_{name}_HZ={Hz:.0f}u" for name, Hz in told.items() if Hz)
 

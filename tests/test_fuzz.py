@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import subprocess
@@ -16,8 +15,6 @@ TARGETS = ["mcap", "tables", "toml", "mavlink", "strings"]
 
 
 def campaign(target: str, *words: str) -> dict:
-    if target == "tables" and importlib.util.find_spec("esea_gen.tables") is None:
-        pytest.skip("there is no reader of tables")
     command = [sys.executable, "-m", "tests.fuzz.hostile", target, *words]
     env = os.environ | {"PYTHONPATH": f"{ROOT}:{ROOT / 'host'}"}
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, env=env)

@@ -432,7 +432,7 @@ def test_parameters_and_key_outlive_power_off(board, tmp_path):
     board.set_parameter("smc.margin", 1.25)
     board.load_parameters()
     assert board.parameter("smc.margin") == 1.5
-    # One value that is none of its parameter: its default, and no other's.
+    # An invalid stored value falls back to its own default; the others stay.
     board.set_parameter("velocity.bandwidth_Hz", 33.0)
     board.save_parameters()
     spoil(board.flash[0], struct.pack("<f", 33.0), struct.pack("<f", 34.0))

@@ -263,7 +263,7 @@ def _have_streams() -> None:
             with suppress(OSError):
                 while os.open(os.devnull, os.O_RDWR) < number:
                     pass
-            setattr(sys, name, open(os.devnull, "r" if number == 0 else "w", encoding="utf-8"))  # noqa: SIM115
+            setattr(sys, name, open(os.devnull, "r" if number == 0 else "w", encoding="utf-8"))  # noqa: SIM115 - stays open
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a name that this terminal's letters cannot write
             stream.reconfigure(errors="backslashreplace")

@@ -263,7 +263,7 @@ def compile_objects(
 
 
 def _defined(device: Device, board: Board, needs_Hz: float | None) -> list[str]:
-    # What the hand-written code is told of the device and of its clock.
+    # Macros that give the hand-written code its device and its clock.
     link_header = FORMATS[board.real].link_header(f"esea_{device.name}")
     bits = int(device.file.encoder.resolution_bits.value)
     defined = [f'-DESEA_LINK_HEADER="{link_header}"', f"-DESEA_ENCODER_BITS={bits}u"]

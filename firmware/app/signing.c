@@ -97,7 +97,7 @@ void esea_refuse(esea_app_t *app, const mavlink_message_t *message, const char *
     const uint32_t now_ms = esea_now_ms(app);
     mavlink_param_set_t asked;
 
-    /* What comes in haste, one after the other, is told of now and then. */
+    /* Rate-limit the texts: refused commands may come in quick succession. */
     if (!command && !parameter && message->msgid != MAVLINK_MSG_ID_ESEA_STREAM &&
             message->msgid != MAVLINK_MSG_ID_SETUP_SIGNING) {
         if (!late || now_ms - app->refused_ms < 1000u)

@@ -20,7 +20,8 @@ class Timed(Actor):
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
         """As the actor inside."""
-        return of_task(self.task, self._react, scene, requests)  # type: ignore[no-any-return]
+        reacted: tuple[float, Inputs] = of_task(self.task, self._react, scene, requests)
+        return reacted
 
     def _react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
         time_s, inputs = self.inner.react(scene, requests)

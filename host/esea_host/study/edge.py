@@ -58,9 +58,9 @@ def checked_step(task: StudyTask, step: Any) -> TaskStep:
 
 def number(value: Any, where: str) -> float:
     """A finite number."""
-    found = plain(value, where)
+    found: float = plain(value, where)
     _is(isinstance(found, int | float), where, value, "a number")
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def _is(right: bool, where: str, value: Any, what: str) -> None:
@@ -70,7 +70,8 @@ def _is(right: bool, where: str, value: Any, what: str) -> None:
 
 def _mapping(value: Any, where: str) -> dict[str, Any]:
     _is(isinstance(value, Mapping), where, value, "a mapping")
-    return plain(value, where)  # type: ignore[no-any-return]
+    found: dict[str, Any] = plain(value, where)
+    return found
 
 
 def _words(data: Mapping[str, Any], key: str) -> None:
