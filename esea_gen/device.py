@@ -26,7 +26,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.system import System
 from esea_gen.model.filters import tracking_observer
 from esea_gen.model.rubber import rubber_inverse, rubber_sensor
-from esea_gen.model.sensing import sensing_system
+from esea_gen.model.sensing import counting_system, measures_counts, sensing_system
 from esea_gen.observe import Drive, drive_of, has_drive
 
 Made = TypeVar("Made")
@@ -116,7 +116,11 @@ class Device(DeviceData):
                 "Add [sliding_mode] or [predictive], or give --controller.",
             )
         if not self.laws:
-            make = impaired_system if self.file.impairment else sensing_system
+            make = sensing_system
+            if self.file.impairment:
+                make = impaired_system
+            elif measures_counts(self):
+                make = counting_system
             return make(self, self.velocity, self.sensor)
         return control_system(self, self.laws, self.velocity, self.sensor, lambda: self.inverse)
 

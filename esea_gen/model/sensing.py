@@ -7,7 +7,38 @@ from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.language.system import System, Task
+from esea_gen.model.encoder import encoder
+from esea_gen.model.filters import tracking_observer
+from esea_gen.model.joint import deflection
 from esea_gen.model.smoothing import smoothed_deflection
+
+# Of one axis, from both encoders' counts: what a device that only measures makes of them.
+ENCODER_WIRES = {
+    "joint.theta_motor_rad": "encoder_motor.theta_rad",
+    "joint.theta_load_rad": "encoder_load.theta_rad",
+    "joint.motor_usable": "encoder_motor.usable",
+    "joint.load_usable": "encoder_load.usable",
+    "load_rate.theta_rad": "encoder_load.theta_rad",
+    "velocity.theta_rad": "joint.theta_rad",
+    "smooth.theta_rad": "joint.theta_rad",
+    "smooth.omega_rad_s": "velocity.omega_mid_rad_s",
+    "sensor.theta_rad": "smooth.theta_smooth_rad",
+    "sensor.omega_rad_s": "velocity.omega_mid_rad_s",
+}
+ENCODER_INPUTS = {
+    f"{name}_{side}": (f"encoder_{side}.{name}",)
+    for side in ("motor", "load")
+    for name in ("count", "frame_error")
+}
+ENCODER_OUTPUTS = {
+    "tau_Nm": "sensor.tau_Nm",
+    "theta_rad": "joint.theta_rad",
+    "omega_rad_s": "velocity.omega_rad_s",
+    "theta_motor_rad": "encoder_motor.theta_rad",
+    "theta_load_rad": "encoder_load.theta_rad",
+    "omega_load_rad_s": "load_rate.omega_rad_s",
+    "sensing_ok": "joint.sensing_ok",
+}
 
 
 def of_axis(name: str, axis: str) -> str:
@@ -70,6 +101,64 @@ def sensing_system(
     blocks = {n: blocks[n] for n in order}
     task = Task("sense", tuple(order))
     return System(device.name, device.period_s, blocks, (task,), wires, inputs, outputs)
+
+
+def measures_counts(device: DeviceData) -> bool:
+    """Whether a device's file has what turns the counts of its two encoders into a deflection."""
+    encoders = device.file.encoder
+    return None not in (encoders.motor, encoders.load, device.file.joint)
+
+
+def counting_system(device: DeviceData, velocity: Block, sensor: Block) -> System:
+    """The measuring System from the counts of both encoders: what a board without a motor runs.
+
+    Parameters
+    ----------
+    device : DeviceData
+        With ``[encoder.motor]``, ``[encoder.load]`` and ``[joint]``.
+    velocity, sensor : Block
+        Velocity estimate and torque sensor.
+
+    Returns
+    -------
+    System
+        A task ``sense`` an axis (``sense_flexion`` ...), so that its messages fit a frame: counts
+        and frame words in; torque, deflection, both angles, rates and status words out.
+    """
+    parts = {
+        "encoder_motor": encoder(device, "motor"),
+        "encoder_load": encoder(device, "load"),
+        "joint": deflection(device),
+        "load_rate": tracking_observer(device, _reach_rad(device), device.file.velocity.bandwidth_Hz),
+        "velocity": velocity,
+        "smooth": smoothed_deflection(device),
+        "sensor": sensor,
+    }
+    told = {f"{n}_status": f"{n}.status" for n in parts}
+    blocks: dict[str, Component] = {}
+    wires: dict[str, str] = {}
+    inputs: dict[str, tuple[str, ...]] = {}
+    outputs: dict[str, str] = {}
+    tasks = []
+    for axis in device.axes:
+
+        def end(signal: str, axis: str = axis) -> str:
+            name, _, port = signal.partition(".")
+            return f"{name}_{axis}.{port}" if axis else signal
+
+        own = {end(f"{n}.").removesuffix("."): block for n, block in parts.items()}
+        blocks |= own
+        wires |= {end(r): end(w) for r, w in ENCODER_WIRES.items()}
+        inputs |= {of_axis(n, axis): tuple(map(end, s)) for n, s in ENCODER_INPUTS.items()}
+        outputs |= {of_axis(n, axis): end(s) for n, s in (ENCODER_OUTPUTS | told).items()}
+        tasks.append(Task(f"sense_{axis}" if axis else "sense", tuple(own)))
+    return System(device.name, device.period_s, blocks, tuple(tasks), wires, inputs, outputs)
+
+
+def _reach_rad(device: DeviceData) -> float:
+    joint = device.file.joint
+    assert joint is not None  # the deflection has asked for it
+    return max(abs(joint.theta_min_rad.value), abs(joint.theta_max_rad.value))
 
 
 def sensing_parts(
