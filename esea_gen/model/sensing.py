@@ -62,7 +62,7 @@ def of_axis(name: str, axis: str) -> str:
 
 def without_axis(name: str, axis: str) -> str:
     """A name of an axis without it, as :func:`of_axis` was given it; any other name as it is."""
-    bare = name.replace(f"_{axis}", "", 1)
+    bare = name.replace(f"_{axis}", "", 1) if axis else name
     return bare if of_axis(bare, axis) == name else name
 
 

@@ -215,8 +215,8 @@ def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) 
                 random_plant(device, drawn) if plant == "random" else real_plant(device, seed=drawn)
             )
         values |= {of_axis(n, axis): x for n, x in one.values.items()}
-        values[of_axis("clamped", axis)] = float(hand == "none")
     values |= named_hand(hand, seed).values(device.axes)
+    values |= {of_axis("clamped", a): float(hand == "none") for a in device.axes}
     return PlantVariant(device, plant != "ideal", values)
 
 
