@@ -113,7 +113,7 @@ class SimulatedBoard:
         """One base tick of the board, and what the plant makes of its command."""
         self.board.step()
         self.plant.intend(self._intended())
-        self.board.show(self.plant.step(float(self.board.lib.sim_motor_Nm())))
+        self.board.show(self.plant.step(self.board.motors_Nm[0]))
         self.ticks += 1
 
     def _intended(self) -> Mapping[str, float]:
