@@ -142,7 +142,7 @@ class SimulatedBoard:
             self.board.show(self.joint.step(moves, self._pushed_rad))
         else:
             self.plant.intend(self._intended())
-            self.board.show(self.plant.step(float(self.board.lib.sim_motor_Nm())))
+            self.board.show(self.plant.step(*self.board.motors_Nm))
         self.ticks += 1
 
     def _push(self) -> list[float]:
