@@ -15,6 +15,7 @@ from rich.live import Live
 from rich.table import Table as Grid
 
 from esea_gen.cli.options import writable
+from esea_gen.emit.roles import every_tick
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.files import read_whole, write_json
 from esea_gen.link.received import shown_lines
@@ -50,7 +51,10 @@ def _said(device: ConnectedDevice) -> str:
 @app.command()
 def monitor(
     address: AddressArgument,
-    stream: Annotated[str, typer.Option("--stream", help="Which to show.")] = "sense_out",
+    stream: Annotated[
+        list[str] | None,
+        typer.Option("--stream", help="Which to show; again for more; default: all axes' sensing."),
+    ] = None,
     device: DeviceOption = None,
     key: KeyOption = None,
     seconds: SecondsOption = None,
@@ -63,8 +67,9 @@ def monitor(
 ) -> None:
     """Show what a board tells, in the terminal or line by line."""
     with open_device(address, device, key) as board:
-        board.listen([stream], rate)
-        queue = board.subscribe([stream])
+        chosen = stream or [f"{t.name}_out" for t in every_tick(board.identity.device.system)]
+        board.listen(chosen, rate)
+        queue = board.subscribe(chosen)
         if jsonl:
             _lines(queue, seconds)
         else:
@@ -90,10 +95,9 @@ def _plain(value: Any) -> Any:
 
 
 def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) -> None:
-    layout = next(
-        x for x in board.receiver.decoder.layouts.values() if x.name in (queue.streams or ())
-    )
-    last: Any = None
+    wanted = queue.streams or ()
+    layouts = [x for x in board.receiver.decoder.layouts.values() if x.name in wanted]
+    last: dict[str, Any] = {}
     rows, line_s = 0, 0.0
     grid = Grid()
     with ExitStack() as held:
@@ -102,12 +106,13 @@ def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) 
         live = held.enter_context(Live(console=out, refresh_per_second=5)) if terminal else None
         for _ in _until(seconds, SCREEN_S):
             for batch in queue.take(0.0):
-                last, rows = batch.rows[-1], rows + len(batch.rows)
+                last[batch.layout.name] = batch.rows[-1]
+                rows += len(batch.rows)
             grid = Grid(title=f"{_said(board)}: {board.state()}", title_justify="left")
             for column in ("signal", "value", "unit", "meaning"):
                 grid.add_column(column, justify="right" if column == "value" else "left")
-            for c in layout.columns if last is not None else ():
-                value = last[c.name].tolist()
+            for row, c in ((last[x.name], c) for x in layouts if x.name in last for c in x.columns):
+                value = row[c.name].tolist()
                 text = f"{value:.5g}" if isinstance(value, float) else str(value)
                 grid.add_row(c.name, text, c.unit, c.meaning[:50])
             health = board.health()
