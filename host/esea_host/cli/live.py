@@ -30,6 +30,7 @@ from esea_host.cli.options import (
 from esea_host.connection import ConnectedDevice, Subscription, listen_named, open_device
 
 SCREEN_S, LINE_S = 0.2, 1.0
+ZERO_S = 1.5  # it stands still for a while, and tells its state once a second
 
 
 def _until(seconds: float | None, step_s: float) -> Iterator[None]:
@@ -184,6 +185,21 @@ def record(
 
 
 @app.command()
+def zero(address: AddressArgument, device: DeviceOption = None, key: KeyOption = None) -> None:
+    """Take the present angles as zero: unloaded, at the joint's zero, standing still.
+
+    Exit code 1: something moved meanwhile, and the encoders have no zero.
+    """
+    with open_device(address, device, key) as board:
+        board.zero()
+        time.sleep(ZERO_S)
+        out.print(f"{_said(board)}: {board.state()}")
+        if board.state() != "READY":
+            told("The board did not stand still. Hold both sides of each coupling, and zero again.")
+            raise typer.Exit(1)
+
+
+@app.command()
 def parameters(
     address: AddressArgument,
     device: DeviceOption = None,
@@ -273,6 +289,9 @@ def sim(
     seed: Annotated[int, typer.Option("--seed")] = 0,
     speed: Annotated[float, typer.Option("--speed", help="1: real time; 0: as it is read.")] = 1.0,
     board: Annotated[str, typer.Option("--board", help="sim (f32) or sim-q31.")] = "sim",
+    zeroed: Annotated[
+        bool, typer.Option("--zeroed", help="Its encoders are zeroed before it is served.")
+    ] = False,
 ) -> None:
     """Serve a simulated board: the firmware's application, a virtual joint, a virtual person."""
     from esea_host.simulated.server import serve
@@ -282,7 +301,7 @@ def sim(
     port = None if pty else (tcp or 0)
     try:
         serve(device, port, plant=plant, person=person, motion=motion, seed=seed, speed=speed,
-              board=board, say=_tell)  # fmt: skip
+              board=board, zeroed=zeroed, say=_tell)  # fmt: skip
     except KeyboardInterrupt:
         return
 
