@@ -24,18 +24,15 @@ from esea_host.study.board import BoardSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 from esea_host.wrist.tasks import WALL_IN_FLEXION
 
-DEVICE = "wrist_drive"
 HANDLE_KGM2 = 0.006
 RESTS_S = 2.0  # of a rest so much is waited for; the hand lies still
 TICKS, TICK_S = 10, 1e-3  # of a frame
-HOLDING = (8.0, 0.3)  # of a hand that nobody moves: Nm/rad and Nms/rad
-HOME_DEG_S = 40.0  # and how fast it goes home
 
 
 @cache
 def wrist_drive() -> Device:
     """The device, read once a process."""
-    return load_device(DEVICE)
+    return load_device("wrist_drive")
 
 
 def hand_of(limbs: Sequence[Limb]) -> Hand:
@@ -121,27 +118,27 @@ class WornWrist(BoardSource):
         Comes again another day.
     folder : Path, optional
         Of the session: its recording goes there.
-    board : SimulatedBoard, optional
-        Powered on; default: one of its own, which is closed with the source.
+    device : Device, optional
+        Default: ``wrist_drive``.
     """
 
     def __init__(
-        self,
-        who: VirtualParticipant,
-        folder: Path | None = None,
-        board: SimulatedBoard | None = None,
+        self, who: VirtualParticipant, folder: Path | None = None, device: Device | None = None
     ) -> None:
-        self.who, self._own = who, board is None
-        self.board = board or SimulatedBoard(wrist_drive(), plant="real", person="nobody")
+        self.who = who
+        self.board = SimulatedBoard(device or wrist_drive(), person="nobody")
         self.muscles = Muscles(self.board, who.limbs)
-        device = LockstepDevice(self.board)
-        super().__init__(device, folder, True, device.advance, WALL_IN_FLEXION)
-        self.aims = [0.0, 0.0]
+        link = LockstepDevice(self.board)
+        super().__init__(link, folder, True, link.advance, WALL_IN_FLEXION)
         self._moved, self._skipped_s = False, 0.0
 
     @abstractmethod
     def hand(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """The person, told what to do."""
+
+    @abstractmethod
+    def idle(self) -> Sequence[Sequence[float]]:
+        """What the muscles do in a frame in which nothing is to be done."""
 
     def ready(self) -> Mapping[str, Any]:
         """With the hand in the handle."""
@@ -162,14 +159,9 @@ class WornWrist(BoardSource):
         return self.frame(requests)
 
     def pull(self) -> None:
-        """As of a board; a hand that nobody moves goes home."""
+        """As of a board, with the hand in it."""
         if not self._moved:
-            most = HOME_DEG_S * TICKS * TICK_S
-            before = list(self.aims)
-            self.aims[:] = [x - min(max(x, -most), most) for x in before]
-            ends = zip(before, self.aims, strict=True)
-            most_Nm = self.who.model.effort_Nm
-            self.muscles.frame([(*HOLDING, *map(math.radians, e), most_Nm) for e in ends])
+            self.muscles.frame(self.idle())
         self._moved = False
         super().pull()
 
@@ -183,7 +175,6 @@ class WornWrist(BoardSource):
         return super().now_s() + self._skipped_s
 
     def close(self) -> None:
-        """Let go of a board of its own."""
+        """Let go of the board."""
         super().close()
-        if self._own:
-            self.device.close()
+        self.device.close()
