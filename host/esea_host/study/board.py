@@ -334,12 +334,13 @@ class BoardSource(InputSource):
 
     def _lost(self, error: Exception) -> None:
         # Why, as far as it can be told: who has no power says nothing.
-        fix = "Look at cable and power." if isinstance(error, LinkError) else ""
-        what = str(error)
+        what, fix = str(error), "Look at cable and power."
+        state = self.device.state()
         if self.device.receiver.away:
             what = f"The link to the board broke. {what}"
-        elif self._rows.began_again:
+        elif self._rows.began_again or (self._armed and state == "UNREFERENCED"):
             what = "The board began again, healthy and not armed: it lost its power, or was zeroed."
+        elif not isinstance(error, LinkError):
             fix = ""
         self._broken = what
         raise UserError(what, fix) from None
