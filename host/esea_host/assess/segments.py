@@ -28,7 +28,7 @@ WINDOW_S, STILL_rad_s, REST_S = 0.4, 3 * DEG, 0.3
 LEAST_RAD = 6 * DEG  # half of the smallest movement that is proposed
 LEAD_S, KEPT_S, LONGEST_S = 0.2, 2.0, 20.0
 HOLE_STEPS, LEARNT_STEPS = 5.0, 15  # a longer step than so many usual ones has lost samples
-# Beyond the limit by so much: a leg that rests at its limit and the noise of a rate warn of nothing.
+# Beyond the limit by so much: a leg that rests at its limit, and noise of the rate, do not warn.
 OVER_RAD, OVER_rad_s, OVER_SAMPLES = 2 * DEG, 5 * DEG, 2
 
 
@@ -148,7 +148,7 @@ class MovementWatch:
         while rows[self._middle][0] <= now_s - WINDOW_S / 2:
             self._middle += 1
         a, b, n = self._low, self._middle, len(rows)
-        if a == 0 or b == a:
+        if a in (0, b):  # not a whole window yet
             return None
         return ((sums[n] - sums[b]) / (n - b) - (sums[b] - sums[a]) / (b - a)) * 2 / WINDOW_S
 
