@@ -52,9 +52,12 @@ class Segment:
 
 @dataclass(frozen=True)
 class MovementEvent:
-    """What a sample brought about; segment: of ``moved``."""
+    """What a sample brought about; segment: of ``moved``.
 
-    kind: Literal["started", "moved", "broken", "warning"]
+    ``broken``: a movement ended without rest; ``lost``: the same of a leg that did not move.
+    """
+
+    kind: Literal["started", "moved", "broken", "lost", "warning"]
     time_s: float
     text: str = ""
     segment: Segment | None = None
@@ -86,11 +89,12 @@ class MovementWatch:
         return self._begin is not None and self._far
 
     def end(self, reason: str) -> list[MovementEvent]:
-        """Something other than rest ends the movement, if there is one."""
-        time_s = self._rows[-1][0] if self._rows else 0.0
-        was_moving = self.moving
+        """The stream ends for a reason, and the movement with it if there is one."""
+        if not self._rows:
+            return []
+        event = MovementEvent("broken" if self.moving else "lost", self._rows[-1][0], reason)
         self._forget()
-        return [MovementEvent("broken", time_s, reason)] if was_moving else []
+        return [event]
 
     def take(
         self, time_s: float, angle_rad: float, rate_rad_s: float, torque_Nm: float, ok: bool = True
