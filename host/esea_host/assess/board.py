@@ -74,6 +74,7 @@ class KneeBoard:
         self._advance, self._paced, self.therapist = advance, paced, therapist
         self.rows: deque[Row] = deque(maxlen=round(kept_s * 1000))
         self.valid, self.problem, self._state = False, "", "UNKNOWN"
+        self._fault = 0
         self._now_s = self._seen_s = time.monotonic()
         self._board_s = 0.0
         self._queue = device.subscribe([STREAM])
@@ -145,7 +146,7 @@ class KneeBoard:
                 "then zero it."
             )
         if state in USELESS:
-            return f"The board is in {state}, fault {self.device.fault()}; esea-host view shows it."
+            return f"The board is in {state}, fault {self._fault}; esea-host view shows it."
         return "" if self.valid else "The board gives no valid angle (sensing_ok = 0)."
 
     # -- while it runs -----------------------------------------------------------------------------
@@ -180,6 +181,7 @@ class KneeBoard:
             batches = self._queue.take(timeout_s)
             before, self._state = self._state, self.state()
             if self._state in USELESS and self._state != before:
+                self._fault = 0 if self._state == "UNREFERENCED" else self.device.fault()
                 events = self._ended(self.trouble())
         except LinkError as error:
             self.problem = f"The link is gone: {error}"
@@ -230,12 +232,19 @@ def _new_file(session_file: Path) -> Path:
     return next(p for n in numbers if not (p := stem.with_name(f"{stem.name}-{n}.mcap")).exists())
 
 
-def be_ready(board: KneeBoard, say: Say) -> None:
-    """Zero a board that is not, and say so; refuse one that cannot be used."""
+def await_state(board: KneeBoard) -> None:
+    """Until the board's first heartbeat has come."""
     until_s = board.clock_s() + KNOWN_S
     while board.state() == "UNKNOWN" and board.clock_s() < until_s:
         board.poll(FRAME_S)
+
+
+def be_ready(board: KneeBoard, say: Say, zero: bool = False) -> None:
+    """Refuse a board that cannot be used; zero one that is not, if asked to or simulated."""
+    await_state(board)
     if board.state() == "UNREFERENCED":
+        if not (zero or board.simulated):
+            raise UserError(board.trouble(), "Then start again with --zero.")
         say("The board is being zeroed: the leg straight and resting, hands off the coupling.")
         board.zero()
         say("The board is zeroed: the straight leg is 0°.")

@@ -243,6 +243,12 @@ class ClinicDesk:
 
     # -- from a board ------------------------------------------------------------------------------
 
+    def ask_therapist(self) -> str:
+        """Have a simulated therapist make the movement proposed."""
+        assert self.board is not None
+        self.board.show(self.proposed)
+        return "Simulated: the therapist takes the leg to the start, and makes the movement."
+
     def judge(self, segment: Segment) -> Verdict:
         """Compare what the board measured with the movement proposed; an attempt waits."""
         verdict = judge(segment, self.proposed, self.height_m, self.mass_kg)

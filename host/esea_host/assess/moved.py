@@ -144,6 +144,7 @@ def _minimum_jerk(start_rad: float, end_rad: float, duration_s: float) -> Probin
 
 
 def _ticks(move: ProbingMovement, hold_s: float) -> Iterator[tuple[float, float]]:
-    time_s = np.arange(round((move.duration_s + hold_s) / TICK_S)) * TICK_S
-    angle, rate = move.at(time_s)
+    ticks = round((move.duration_s + hold_s) / TICK_S)
+    time_s = np.arange(ticks, dtype=np.float64) * TICK_S
+    angle, rate = move.at(np.asarray(time_s, dtype=np.float64))
     yield from zip(angle.tolist(), rate.tolist(), strict=True)

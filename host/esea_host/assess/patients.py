@@ -383,7 +383,7 @@ class MovedLegs:
         self._first = self._first + self._lag * (drive - self._first)
         self._second = self._second + self._lag * (self._first - self._second)
         reflex = self._second[1] * stretched(-v) - self._second[0] * stretched(v)
-        return self._knees.still_Nm(x, v, tone) + reflex
+        return np.asarray(self._knees.still_Nm(x, v, tone) + reflex)
 
     def move(self, torque_Nm: Array) -> None:
         """On by a step under all torques."""

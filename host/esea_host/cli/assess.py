@@ -54,6 +54,10 @@ BoardOption = Annotated[
         help="Measure with a board: sim:knee, tcp:host:port, serial:/dev/..., pty:...",
     ),
 ]
+ZeroOption = Annotated[
+    bool,
+    typer.Option("--zero", help="Zero the board first: straight leg at rest, hands off."),
+]
 PatientOption = Annotated[
     str | None,
     typer.Option("--patient", help="simulated:S3, simulated:S2+D4, simulated:rigid, or :any."),
@@ -155,6 +159,7 @@ def run(
         bool,
         typer.Option("--headless", help="With a board: keep what passes, repeat what misses."),
     ] = False,
+    zero: ZeroOption = False,
     movements: Annotated[
         int, typer.Option("--movements", min=1, help="Headless: at most so many.")
     ] = 12,
@@ -218,6 +223,10 @@ def run(
         for path, r in zip(recording or [], recordings, strict=True):
             _said(r.read)
             out.print(desk.recording(r, path.name))
+        if board is not None and (headless or zero):
+            from esea_host.assess.board import be_ready
+
+            be_ready(board, out.print, zero)
         if window:
             from esea_host.windows.assess import run_assess
 
@@ -272,11 +281,11 @@ def _board(
     paced: bool,
     kept_s: float = 30.0,
 ) -> Iterator[KneeBoard | None]:
-    """Connect the board, zeroed; for ``sim:knee`` with the simulated patient on it."""
+    """Connect the board; for ``sim:knee`` with the simulated patient on it."""
     if address is None:
         yield None
         return
-    from esea_host.assess.board import KneeBoard, be_ready
+    from esea_host.assess.board import KneeBoard, await_state
 
     given: dict[str, Any] = {"kept_s": kept_s}
     name = _here(address)
@@ -305,7 +314,7 @@ def _board(
                 if board.recorded
                 else "Not recorded: give --json FILE, and the recording goes beside it."
             )
-            be_ready(board, out.print)
+            await_state(board)
             yield board
         finally:
             board.close()
@@ -329,6 +338,7 @@ def pendulum(
     ] = None,
     device: BoardOption = None,
     key: KeyOption = None,
+    zero: ZeroOption = False,
     patient: PatientOption = None,
     seed: SeedOption = 1,
     seconds: Annotated[
@@ -351,9 +361,10 @@ def pendulum(
         # A leg that falls is faster than any comfort.
         free, said = Comfort(0.0, 2.7, 5.0), ""
         with _board(device, key, somebody, free, json_file, seed, paced=False) as board:
-            from esea_host.assess.board import await_fall
+            from esea_host.assess.board import await_fall, be_ready
 
             assert board is not None
+            be_ready(board, out.print, zero)
             if hands := _simulated(board):
                 hands.let_fall()
             out.print("Hold the leg straight, keep still, and let go.")
@@ -374,6 +385,7 @@ def range_(
     ] = None,
     device: BoardOption = None,
     key: KeyOption = None,
+    zero: ZeroOption = False,
     patient: PatientOption = None,
     seed: SeedOption = 1,
     seconds: Annotated[
@@ -408,9 +420,10 @@ def range_(
         slow = Comfort(low_deg * DEG, high_deg * DEG, SLOW_rad_s)
         given = device, key, somebody, slow, json_file, seed
         with _board(*given, paced=False, kept_s=seconds + 10) as board:
-            from esea_host.assess.board import await_cycles
+            from esea_host.assess.board import await_cycles, be_ready
 
             assert board is not None
+            be_ready(board, out.print, zero)
             if hands := _simulated(board):
                 hands.sweep(slow.low_rad, slow.high_rad, 20.0)
             out.print("Bend and straighten the leg slowly, from one end to the other.")
