@@ -167,18 +167,11 @@ class KneeBoard:
 
     def poll(self, timeout_s: float = 0.0) -> list[MovementEvent]:
         """What has come since the last time."""
-        if self._advance is not None:
-            now_s = time.monotonic()
-            passed_s = min(now_s - self._now_s, MOST_FRAME_S) if self._paced else timeout_s
-            if self._paced and passed_s < timeout_s:
-                time.sleep(timeout_s - passed_s)
-                passed_s, now_s = timeout_s, time.monotonic()
-            self._now_s = now_s
-            self._advance(passed_s)
-            timeout_s = 0.0
         events: list[MovementEvent] = []
         try:
-            batches = self._queue.take(timeout_s)
+            if self._advance is not None:
+                self._move_clock(self._advance, timeout_s)
+            batches = self._queue.take(0.0 if self._advance is not None else timeout_s)
             before, self._state = self._state, self.state()
             if self._state in USELESS and self._state != before:
                 self._fault = 0 if self._state == "UNREFERENCED" else self.device.fault()
@@ -205,6 +198,13 @@ class KneeBoard:
             self.problem = f"Nothing has come for {SILENT_S:g} s: look at cable and power."
             events += self._ended(self.problem)
         return events
+
+    def _move_clock(self, advance: Callable[[float], None], timeout_s: float) -> None:
+        if self._paced:
+            time.sleep(max(0.0, self._now_s + timeout_s - time.monotonic()))
+            before_s, self._now_s = self._now_s, time.monotonic()
+            timeout_s = min(self._now_s - before_s, MOST_FRAME_S)
+        advance(timeout_s)
 
     def _ended(self, reason: str) -> list[MovementEvent]:
         self.valid = False
