@@ -1,0 +1,80 @@
+"""Asks a board for its constraint, again and again, while its motors are on."""
+
+from __future__ import annotations
+
+import math
+import threading
+
+from esea_gen.emit.roles import board_roles
+from esea_gen.link.transport import LinkError
+from esea_host.connection import ConnectedDevice
+
+WORKING = ("ARMED", "ACTIVE", "LETTING_GO")
+TORQUE_MODE, DEADLINE_MS = 1.0, 500
+TURN_S, ZERO_S = 0.05, 0.5
+
+
+class ConstraintKeeper:
+    """Keeps 0 Nm and the constraint asked for; a stop, a fault or a closed link ends it.
+
+    Parameters
+    ----------
+    device : ConnectedDevice
+        One without ``constrained`` is left alone.
+    arms : bool
+        Zero and arm it once: only for simulated boards, which nobody stands beside.
+    threaded : bool
+        Ask by itself; otherwise by :meth:`turn`.
+
+    Attributes
+    ----------
+    wanted : bool
+        Whether the constraint is wanted.
+    """
+
+    def __init__(self, device: ConnectedDevice, arms: bool, threaded: bool = True) -> None:
+        roles = board_roles(device.identity.device.system)
+        self.there = roles.drive and "constrained" in roles.wanted_names
+        self.wanted, self.said = False, ""
+        self._device, self._arms = device, arms and device.simulated and roles.drive
+        self._zeroed_s = -math.inf
+        self._closed = threading.Event()
+        self._thread: threading.Thread | None = None
+        if threaded and self.there:
+            self._thread = threading.Thread(target=self._run, name="esea-constraint", daemon=True)
+            self._thread.start()
+
+    def turn(self, now_s: float) -> None:
+        """One request; ``now_s`` rises from turn to turn."""
+        if not self.there:
+            return
+        state = self._device.state()
+        if state in WORKING:
+            self._arms = False
+            constrained = float(self.wanted)
+            self._device.want(DEADLINE_MS, mode=TORQUE_MODE, constrained=constrained)
+        elif self._arms and state == "READY":
+            self._device.arm()
+        elif self._arms and state == "UNREFERENCED" and now_s > self._zeroed_s + ZERO_S:
+            # A hand that moves is not zeroed: again, until it is.
+            self._zeroed_s = now_s
+            self._device.zero()
+        elif state in ("STOPPED", "FAULT"):
+            self._arms = False
+
+    def _run(self) -> None:
+        turns = 0
+        while not self._closed.wait(TURN_S):
+            turns += 1
+            try:
+                self.turn(turns * TURN_S)
+            except LinkError as error:
+                self.said = str(error)
+                if self._device.receiver.error is not None:
+                    return
+
+    def close(self) -> None:
+        """End asking."""
+        self._closed.set()
+        if self._thread is not None:
+            self._thread.join(3.0)
