@@ -125,12 +125,13 @@ class SimulatedProcess(SocketTransport):
             raise LinkError(what, "" if ended else fix, error.decode().strip())
         return int(port)
 
-    def push(self, push_rad: float) -> None:
-        """Push the virtual arm; see :class:`esea_host.simulated.SimulatedBoard`."""
+    def push(self, *pushes_rad: float) -> None:
+        """Push each axis so far; see :class:`esea_host.simulated.SimulatedBoard`."""
         line = self._process.stdin
         assert line is not None
         try:
-            line.write(f"push {push_rad:.4f}\n".encode())
+            numbers = " ".join(f"{p:.4f}" for p in pushes_rad)
+            line.write(f"push {numbers}\n".encode())
             line.flush()
         except OSError:
             raise LinkError("the simulated board has ended") from None
