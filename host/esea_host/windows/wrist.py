@@ -363,7 +363,8 @@ class WristWindow(QMainWindow):
             else:
                 self.keeper.wanted = guide.current.constrained
         guide = self.display.guide
-        if self._lead is not None:
+        # A simulated hand rests at its zero until the board knows where that is.
+        if self._lead is not None and self.feed.news.state not in ("UNKNOWN", "UNREFERENCED"):
             scene = None if guide is None else guide.scene
             given = self.display.time_s, scene, self.display.angles_deg
             self._lead(*self.hand.aim(*given))

@@ -27,7 +27,7 @@ class WanderingHand:
         self.aim_deg = (0.0, 0.0)
         self._target: tuple[float, float] | None = None
         self._from = self._to = (0.0, 0.0)
-        self._begun_s = self._length_s = 0.0
+        self._begun_s, self._length_s = 0.0, LEAST_S
 
     def aim(
         self, time_s: float, scene: Scene | None, angles_deg: tuple[float, float]
