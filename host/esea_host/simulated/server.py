@@ -152,7 +152,7 @@ def serve(
     speed: of the board's time against the clock's; 0: as fast as the host reads.
     board: ``sim``, or ``sim-q31``.
     once: end when the first host has gone.
-    hands: where lines ``push RAD ...`` come from, a number an axis, a file's number: somebody
+    hands: where lines ``push RAD ...`` and ``lead RAD ...`` come from, a number an axis, a file's number: somebody
         pushes the virtual arm.
     """
     if not 0 <= speed <= 1000:
@@ -204,8 +204,12 @@ class Hands:
             except ValueError:
                 continue
             fits = len(pushes_rad) == len(drive.pushes_rad)
-            if word == "push" and fits and all(abs(p) <= MOST_PUSH_RAD for p in pushes_rad):
-                drive.pushes_rad = pushes_rad
+            if word in ("push", "lead") and fits and all(map(_near, pushes_rad)):
+                drive.pushes_rad, drive.led = pushes_rad, word == "lead"
+
+
+def _near(push_rad: float) -> bool:
+    return abs(push_rad) <= MOST_PUSH_RAD
 
 
 def serve_hosts(

@@ -1,10 +1,11 @@
-"""The wrist display: raw and normalised cursor, ranges and scaling factors, a guided calibration."""
+"""The wrist display: both cursors, ranges and scaling factors, a guided calibration."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from functools import partial
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,6 @@ from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QAction, QCloseEvent, QKeyEvent, QKeySequence, QMouseEvent
 from PySide6.QtWidgets import (
     QApplication,
-    QFileDialog,
     QGridLayout,
     QHBoxLayout,
     QLabel,
@@ -38,13 +38,13 @@ from esea_host.wrist.past import AXES
 from esea_host.wrist.stored import (
     WristCalibration,
     calibration_of,
-    load_calibration,
     save_calibration,
 )
 
 take_many()
 FRAME_MS, TOLD_EVERY = 16, 6  # words change every so many frames
 UNCONFIRMED_S = 1.0
+SAVED = Path("wrist-calibration.toml")
 ALARMING = ("FAULT", "STOPPED")
 NAMES = {"FE": "flexion - / extension +", "RU": "ulnar - / radial +"}
 
@@ -73,6 +73,7 @@ class _FactorPlot:
         self.item.setMenuEnabled(False)
         self.item.hideButtons()
         self.item.setMouseEnabled(x=False, y=False)
+        self.item.getAxis("left").setWidth(48)
         self.axis = axis
         self._range = pg.LinearRegionItem(movable=False)
         self._curve, self._nodes = self.item.plot(antialias=True), self.item.plot()
@@ -137,8 +138,8 @@ class WristWindow(QMainWindow):
         Colours.
     lead : callable, optional
         Leads a simulated hand to angles in deg.
-    save_to : Path, optional
-        Where a calibration goes as soon as it is complete.
+    save_to : Path
+        Where a calibration goes as soon as it is complete; no file is overwritten.
     guide : callable
         Makes a guide.
     """
@@ -150,7 +151,7 @@ class WristWindow(QMainWindow):
         keeper: ConstraintKeeper,
         dark: bool = False,
         lead: Callable[[float, float], None] | None = None,
-        save_to: Path | None = None,
+        save_to: Path = SAVED,
         guide: Callable[[bool], CalibrationGuide] = CalibrationGuide,
     ) -> None:
         super().__init__()
@@ -160,9 +161,10 @@ class WristWindow(QMainWindow):
         self.said, self._asked_s, self._frames = "", 0.0, 0
         self._rows = feed.device.subscribe(list(display.streams))
         identity = feed.device.identity
-        mark = "SIMULATED " if feed.device.simulated else ""
-        self._who = f"{mark}{identity.device.name} on {identity.board}"
-        self.setWindowTitle(f"{self._who}: wrist display - esea-host")
+        mark = "SIMULATED" if feed.device.simulated else ""
+        who = f"{identity.device.name} on {identity.board}"
+        self._who = f"<b>{mark}</b> {escape(who)}"
+        self.setWindowTitle(f"{mark} {who}: wrist display - esea-host".strip())
         self._build()
         self._actions()
         self.set_theme(DARK if dark else LIGHT)
@@ -227,8 +229,6 @@ class WristWindow(QMainWindow):
             "Constrained": partial(self.constrain, True),
             "Calibrate": self.calibrate,
             "Repeat step": self.back,
-            "Load": self._load,
-            "Save": self._save,
         }
         for name, job in jobs.items():
             button = QPushButton(name)
@@ -313,10 +313,7 @@ class WristWindow(QMainWindow):
                 self.feed.device.simulated,
             )
             self.use(made)
-            self.said = "Calibration complete."
-            if self._save_to is not None:
-                save_calibration(self._save_to, made)
-                self.said += f" Saved to {self._save_to}."
+            self.said = f"Saved to {save_calibration(self._save_to, made)}."
         except UserError as error:
             self.said = f"No calibration: {error}"
 
@@ -324,24 +321,6 @@ class WristWindow(QMainWindow):
         """Normalise with this calibration."""
         self.display.calibrate(calibration)
         self.set_theme(self.theme)
-
-    def _load(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(self, "Calibration", "", "Calibration (*.toml)")
-        if name:
-            try:
-                self.use(load_calibration(Path(name)))
-                self.said = f"Loaded {name}."
-            except UserError as error:
-                self.said = str(error)
-
-    def _save(self) -> None:
-        name, _ = QFileDialog.getSaveFileName(self, "Calibration", "wrist.toml", "(*.toml)")
-        if name and self.display.calibration is not None:
-            try:
-                save_calibration(Path(name), self.display.calibration)
-                self.said = f"Saved to {name}."
-            except UserError as error:
-                self.said = str(error)
 
     def _dragged(self, place: tuple[float, float] | None) -> None:
         self.hand.dragged_deg = place
@@ -385,7 +364,7 @@ class WristWindow(QMainWindow):
         colour = theme.alarm if news.state in ALARMING else theme.good
         colour = theme.measured if news.state in WORKING else colour
         self.state.setText(
-            f'<span style="font-size:18px"><b style="color:{colour}">{news.state}</b>'
+            f'<span style="font-size:18px"><b style="color:{colour}">{escape(news.state)}</b>'
             f" &nbsp; {self._who}</span>"
         )
         alarm = self._alarm()
@@ -399,7 +378,6 @@ class WristWindow(QMainWindow):
             self.buttons[name].setEnabled(guide is None)
         self.buttons["Calibrate"].setText("Calibrate" if guide is None else "End calibration")
         self.buttons["Repeat step"].setVisible(guide is not None)
-        self.buttons["Save"].setEnabled(self.display.calibration is not None)
         self._heads(picture)
         self.note.setText(self._note())
 
@@ -409,7 +387,7 @@ class WristWindow(QMainWindow):
         if guide is not None and guide.current is not None:
             left = f"Step {len(guide.past) + 1} of {len(guide.steps)}, {guide.current.title}"
         if self.display.maps is None:
-            right += ": no calibration yet"
+            right += ": not calibrated" if self.display.can_constrain else ": healthy only"
         elif not picture.applied:
             right += ": healthy, factor 1"
         for name, text in (("raw", left), ("normalised", right)):
@@ -421,7 +399,7 @@ class WristWindow(QMainWindow):
             told = " &nbsp; ".join(
                 f"{a} <b>{round(v) + 0.0:+.0f}°</b>" for a, v in zip(AXES, values, strict=True)
             )
-            self.readouts[name].setText(f'<span style="font-size:26px">{told}</span>')
+            self.readouts[name].setText(f'<span style="font-size:32px">{told}</span>')
 
     def _constraint(self, acts: bool | None) -> str:
         if acts is None:
@@ -453,10 +431,12 @@ class WristWindow(QMainWindow):
             mark = "SIMULATED calibration" if used.simulated else "Calibration"
             parts.append(f"{mark} of {used.made}, {used.device}, sha256 {used.sha256[:12]}")
         else:
-            parts.append("Press Calibrate: about five minutes, healthy, then constrained.")
+            parts.append("Calibrate takes about five minutes.")
         if self._lead is not None:
             parts.append("Drag the raw cursor to move the simulated hand.")
-        return "  |  ".join([*parts, *filter(None, [self.feed.news.said])])
+        news = self.feed.news
+        parts += [news.said] if news.said and news.state not in WORKING else []
+        return "  |  ".join(parts)
 
     def toggle_theme(self) -> None:
         """Dark or light."""

@@ -12,6 +12,7 @@ from esea_host.connection import ConnectedDevice
 WORKING = ("ARMED", "ACTIVE", "LETTING_GO")
 TORQUE_MODE, DEADLINE_MS = 1.0, 500
 TURN_S, ZERO_S = 0.05, 0.5
+NO_WALL = ("impairment_deviation.Kp_Nm_rad", "impairment_deviation.Kd_Nms_rad")
 
 
 class ConstraintKeeper:
@@ -20,9 +21,9 @@ class ConstraintKeeper:
     Parameters
     ----------
     device : ConnectedDevice
-        One without ``constrained`` is left alone.
+        One without ``constrained`` is asked for nothing.
     arms : bool
-        Zero and arm it once: only for simulated boards, which nobody stands beside.
+        Zero it, and arm it once: only done to simulated boards, which nobody stands beside.
     threaded : bool
         Ask by itself; otherwise by :meth:`turn`.
 
@@ -36,31 +37,34 @@ class ConstraintKeeper:
         roles = board_roles(device.identity.device.system)
         self.there = roles.drive and "constrained" in roles.wanted_names
         self.wanted, self.said = False, ""
-        self._device, self._arms = device, arms and device.simulated and roles.drive
+        self._device, self._arms = device, arms and device.simulated
         self._zeroed_s = -math.inf
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None
-        if threaded and self.there:
+        if threaded and (self.there or self._arms):
             self._thread = threading.Thread(target=self._run, name="esea-constraint", daemon=True)
             self._thread.start()
 
+    def prepare(self) -> None:
+        """Take the wall out of deviation, as in the study: there, resistance to speed alone."""
+        for name in self._device.parameters() if self.there else ():
+            if name in NO_WALL:
+                self._device.set(name, 0.0)
+
     def turn(self, now_s: float) -> None:
         """One request; ``now_s`` rises from turn to turn."""
-        if not self.there:
-            return
         state = self._device.state()
-        if state in WORKING:
-            self._arms = False
+        if state in WORKING and self.there:
             constrained = float(self.wanted)
             self._device.want(DEADLINE_MS, mode=TORQUE_MODE, constrained=constrained)
-        elif self._arms and state == "READY":
+        if state in (*WORKING, "STOPPED", "FAULT"):
+            self._arms = False
+        elif self._arms and state == "READY" and self.there:
             self._device.arm()
         elif self._arms and state == "UNREFERENCED" and now_s > self._zeroed_s + ZERO_S:
             # A hand that moves is not zeroed: again, until it is.
             self._zeroed_s = now_s
             self._device.zero()
-        elif state in ("STOPPED", "FAULT"):
-            self._arms = False
 
     def _run(self) -> None:
         turns = 0

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
-from esea_gen.errors import UserError
-from esea_gen.model.sensing import of_axis
 from esea_host.connection import Batch
+from esea_host.study.fitting import ACTS, DeviceSignals
 from esea_host.study.scene import Scene, Shape
+from esea_host.study.task import task_named
 from esea_host.wrist.guide import CalibrationGuide
 from esea_host.wrist.normalisation import CursorMap
 from esea_host.wrist.past import AXES
@@ -21,7 +22,7 @@ from esea_host.wrist.stored import WristCalibration
 from esea_host.wrist.tasks import dot, place
 
 Floats = npt.NDArray[np.float64]
-DEVICE_AXES = {"FE": "flexion", "RU": "deviation"}
+INPUTS = {"FE": "fe_deg", "RU": "ru_deg"}
 FRAME_S, SAME_S = 0.01, 1e-6
 MOST_ROWS = 2000  # that wait for the other axis
 HALF_WIDTH_DEG = 70.0
@@ -98,18 +99,13 @@ class WristDisplay:
     """
 
     def __init__(self, device: Device, calibration: WristCalibration | None = None) -> None:
-        missing = [a for a in DEVICE_AXES.values() if a not in device.axes]
-        outputs = {x.name for x in device.system.outputs}
-        angles = {a: of_axis("theta_load_rad", d) for a, d in DEVICE_AXES.items()}
-        if missing or not outputs.issuperset(angles.values()):
-            raise UserError(
-                f"{device.name} does not report the angles of a wrist's flexion and deviation.",
-                "Use a wrist with two encoders an axis, such as wrist_drive or wrist_board.",
-            )
-        acting = {a: of_axis("acts", d) for a, d in DEVICE_AXES.items()}
-        self.can_constrain = outputs.issuperset(acting.values())
-        self.streams = {f"sense_{d}_out": a for a, d in DEVICE_AXES.items()}
-        self._columns = {a: (angles[a], acting[a]) for a in AXES}
+        signals, task = DeviceSignals(device), task_named("wrist.neutral", "the display")
+        taps, acting = signals.taps(task), signals.of_axes(ACTS)
+        names = {a: task.inputs[n].axis for a, n in INPUTS.items()}
+        self.can_constrain = acting.keys() >= set(names.values())
+        self.streams = {taps[n].stream: a for a, n in INPUTS.items()}
+        self._angles = {a: taps[n] for a, n in INPUTS.items()}
+        self._acting = {a: acting[n].column for a, n in names.items()} if self.can_constrain else {}
         self._pending = {a: _Pending() for a in AXES}
         self._due_s = -math.inf
         self.time_s, self.angles_deg, self.acts = 0.0, (0.0, 0.0), False
@@ -140,11 +136,11 @@ class WristDisplay:
 
     def _take(self, axis: str, batch: Batch) -> None:
         old = self._pending[axis]
-        angle, acting = self._columns[axis]
-        acts = batch.rows[acting] if self.can_constrain else np.zeros(len(batch.rows))
+        tap, rows = self._angles[axis], batch.rows
+        acts = rows[self._acting[axis]] if self.can_constrain else np.zeros(len(rows))
         new = _Pending(
             np.concatenate([old.time_s, batch.board_ns * 1e-9]),
-            np.concatenate([old.theta_deg, np.degrees(batch.rows[angle].astype(np.float64))]),
+            np.concatenate([old.theta_deg, tap.factor * rows[tap.column].astype(np.float64)]),
             np.concatenate([old.acts, acts]),
         )
         new.keep(slice(-MOST_ROWS, None))
@@ -238,10 +234,7 @@ class WristDisplay:
         (left, right), (bottom, top) = ranges
         corners = [(left, bottom), (right, bottom), (right, top), (left, top), (left, bottom)]
         edge = EDGE_SHARE * self.half_width_deg
-        return [
-            Shape("line", "boundary", *a, edge, *b)
-            for a, b in zip(corners, corners[1:], strict=False)
-        ]
+        return [Shape("line", "boundary", *a, edge, *b) for a, b in pairwise(corners)]
 
 
 def _curve(mapped: CursorMap, calibration: WristCalibration | None, axis: str) -> FactorCurve:

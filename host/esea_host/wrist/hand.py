@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from esea_host.study.scene import Scene
-from esea_host.wrist.simple_person import LIMITS_DEG
 
+LIMITS_DEG = (-55.0, 45.0), (-25.0, 18.0)
 WANDER_DEG, WANDER_HZ = (35.0, 13.0), (0.15, 0.23)
 PEAK_DEG_S, LEAST_S, PATIENCE_S = 110.0, 0.4, 1.0
 MOST_PUSH_DEG = 25.0  # beyond a wall

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Literal
 
@@ -189,9 +190,25 @@ def _state(name: str, found: Calibrated) -> StoredState:
     return StoredState(neutral_fe_deg=fe, neutral_ru_deg=ru, **axes)
 
 
-def save_calibration(path: Path, calibration: WristCalibration) -> None:
-    """Write a calibration file, completely or not at all."""
-    write_whole(path, calibration.text())
+def save_calibration(path: Path, calibration: WristCalibration) -> Path:
+    """Write a calibration file, completely or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        If it exists, the next free name is taken: ``wrist-2.toml``.
+    calibration : WristCalibration
+        What to write.
+
+    Returns
+    -------
+    Path
+        Where it is.
+    """
+    names = (path.with_stem(f"{path.stem}-{n}") for n in count(2))
+    free = next(p for p in chain([path], names) if not p.exists())
+    write_whole(free, calibration.text())
+    return free
 
 
 def load_calibration(path: Path) -> WristCalibration:
