@@ -45,6 +45,7 @@ take_many()
 FRAME_MS, TOLD_EVERY = 16, 6  # words change every so many frames
 UNCONFIRMED_S = 1.0
 SAVED = Path("wrist-calibration.toml")
+UNZEROED = ("UNKNOWN", "UNREFERENCED", "ZEROING")
 ALARMING = ("FAULT", "STOPPED")
 NAMES = {"FE": "flexion - / extension +", "RU": "ulnar - / radial +"}
 
@@ -343,7 +344,7 @@ class WristWindow(QMainWindow):
                 self.keeper.wanted = guide.current.constrained
         guide = self.display.guide
         # A simulated hand rests at its zero until the board knows where that is.
-        if self._lead is not None and self.feed.news.state not in ("UNKNOWN", "UNREFERENCED"):
+        if self._lead is not None and self.feed.news.state not in UNZEROED:
             scene = None if guide is None else guide.scene
             given = self.display.time_s, scene, self.display.angles_deg
             self._lead(*self.hand.aim(*given))

@@ -52,7 +52,7 @@ class WanderingHand:
             fe, ru = (a * math.sin(2 * math.pi * f * time_s) for a, f in turns)
             goal = fe, ru
         fe, ru = (
-            min(max(g, low, x - MOST_PUSH_DEG), high, x + MOST_PUSH_DEG)
+            min(max(min(max(g, x - MOST_PUSH_DEG), x + MOST_PUSH_DEG), low), high)
             for g, (low, high), x in zip(goal, LIMITS_DEG, angles_deg, strict=True)
         )
         self.aim_deg = fe, ru
