@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
     QLabel,
     QMainWindow,
     QPushButton,
+    QSizePolicy,
     QVBoxLayout,
     QWidget,
 )
@@ -174,6 +175,7 @@ class WristWindow(QMainWindow):
         application.installEventFilter(self)
         self._timer = QTimer(self)
         self._timer.timeout.connect(self.turn)
+        self.draw()
 
     def start(self) -> None:
         """Draw by itself from now on."""
@@ -199,6 +201,9 @@ class WristWindow(QMainWindow):
         self.panes = {"raw": _Pane(), "normalised": SceneView()}
         self.heads = {n: QLabel() for n in self.panes}
         self.readouts = {n: QLabel() for n in self.panes}
+        for label in (*self.heads.values(), *self.readouts.values()):
+            # No text widens its column.
+            label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
         grid = QGridLayout()
         for column, name in enumerate(self.panes):
             for row, part in enumerate((self.heads[name], self.panes[name], self.readouts[name])):
@@ -356,9 +361,9 @@ class WristWindow(QMainWindow):
         self.panes["normalised"].show_scene(picture.normalised)
         for plot, axis in zip(self._plots, picture.axes, strict=True):
             plot.draw(axis)
-        if self._frames % TOLD_EVERY == 0:
-            self._tell(picture)
         self._frames += 1
+        if self._frames % TOLD_EVERY == 1:
+            self._tell(picture)
 
     def _tell(self, picture: DisplayPicture) -> None:
         theme, news, guide = self.theme, self.feed.news, self.display.guide

@@ -20,7 +20,7 @@ from esea_host.connection.recording import LiveRecording
 from esea_host.simulated.drive import SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
 from esea_host.windows.feed import LiveFeed
-from esea_host.windows.wrist import WristWindow
+from esea_host.windows.wrist import TOLD_EVERY, WristWindow
 from esea_host.wrist.constraint import WORKING, ConstraintKeeper
 from esea_host.wrist.display import WristDisplay
 from esea_host.wrist.guide import CalibrationGuide
@@ -171,7 +171,9 @@ class _Film:
             self.say(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
         self.feed.ask()
         self.window.show()
-        self.window.draw()
+        for _ in range(TOLD_EVERY):  # words, and the layout that they ask for
+            self.window.draw()
+            QApplication.processEvents()
         save_picture(self.window, picture)
         self.say(f"{picture}: the simulated wrist's display")
         self.window.close()

@@ -17,7 +17,7 @@ RANGE_S, MOVEMENTS = 6.0, 5
 TITLES = {
     "wrist.neutral": "neutral position",
     "wrist.range": "range of motion",
-    "wrist.velocity": "speed through the range",
+    "wrist.velocity": "sweeps",
 }
 
 
