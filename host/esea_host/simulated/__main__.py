@@ -16,6 +16,7 @@ parser.add_argument("--person")
 parser.add_argument("--plant")
 parser.add_argument("--motion")
 parser.add_argument("--board", default="sim")
+parser.add_argument("--zeroed", type=int, default=0)
 parser.add_argument("--seed", type=int, default=0)
 parser.add_argument("--speed", type=float, default=1.0)
 given = parser.parse_args()
@@ -29,6 +30,7 @@ try:
         seed=given.seed,
         speed=given.speed,
         board=given.board,
+        zeroed=bool(given.zeroed),
         once=given.once,
         hands=sys.stdin.fileno() if given.hands else None,
     )
