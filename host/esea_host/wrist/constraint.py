@@ -8,11 +8,11 @@ import threading
 from esea_gen.emit.roles import board_roles
 from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
+from esea_host.wrist.tasks import WALL_IN_FLEXION
 
 WORKING = ("ARMED", "ACTIVE", "LETTING_GO")
 TORQUE_MODE, DEADLINE_MS = 1.0, 500
 TURN_S, ZERO_S = 0.05, 0.5
-NO_WALL = ("impairment_deviation.Kp_Nm_rad", "impairment_deviation.Kd_Nms_rad")
 
 
 class ConstraintKeeper:
@@ -46,10 +46,9 @@ class ConstraintKeeper:
             self._thread.start()
 
     def prepare(self) -> None:
-        """Take the wall out of deviation, as in the study: there, resistance to speed alone."""
-        for name in self._device.parameters() if self.there else ():
-            if name in NO_WALL:
-                self._device.set(name, 0.0)
+        """Set the constraint up as the study has it: a wall in flexion, none in deviation."""
+        for name, value in WALL_IN_FLEXION.items() if self.there else ():
+            self._device.set(name, value)
 
     def turn(self, now_s: float) -> None:
         """One request; ``now_s`` rises from turn to turn."""
