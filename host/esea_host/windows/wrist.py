@@ -453,6 +453,14 @@ class WristWindow(QMainWindow):
         self.theme = theme
         self.setPalette(theme.palette())
         self._area.setBackground(theme.ground)
+        style = (
+            f"QPushButton {{background: {theme.ground}; color: {theme.ink};"
+            f" border: 1px solid {theme.soft}; border-radius: 4px; padding: 4px 14px;}}"
+            f"QPushButton:checked {{background: {theme.wanted}; color: {theme.ground};}}"
+            f"QPushButton:disabled {{color: {theme.soft};}}"
+        )
+        for button in self.buttons.values():
+            button.setStyleSheet(style)
         for pane in self.panes.values():
             pane.set_dark(theme is DARK)
         for plot in self._plots:

@@ -98,6 +98,8 @@ def film_wrist(
 
     seconds: by the board's clock, constrained; they are recorded.
     """
+    if record is not None and record.exists():
+        raise UserError(f"{record} is there already.", "Give another name.")
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
     board = SimulatedBoard(name)
