@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 import esea_gen
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
-from esea_host.cli import app
 from esea_host.connection import Batch
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.identity import column_texts

@@ -155,8 +155,8 @@ def serve(
     board: ``sim``, or ``sim-q31``.
     zeroed: its encoders are zeroed before, while everything rests.
     once: end when the first host has gone.
-    hands: where lines ``push RAD ...`` and ``lead RAD ...`` come from, a number an axis, a file's number: somebody
-        pushes the virtual arm.
+    hands: where lines ``push RAD ...`` and ``lead RAD ...`` come from, a number an axis, a file's
+        number: somebody pushes the virtual arm, or leads it.
     """
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
 from functools import partial
@@ -25,6 +26,7 @@ from PySide6.QtWidgets import (
 )
 
 from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
 from esea_host.windows.counting import take_many
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.meanings import link_text, state_text
@@ -46,6 +48,7 @@ take_many()
 FRAME_MS, TOLD_EVERY = 16, 6  # words change every so many frames
 UNCONFIRMED_S = 1.0
 SAVED = Path("wrist-calibration.toml")
+STOP_KEYS = (Qt.Key.Key_Space, Qt.Key.Key_Escape)
 UNZEROED = ("UNKNOWN", "UNREFERENCED", "ZEROING")
 ALARMING = ("FAULT", "STOPPED")
 NAMES = {"FE": "flexion - / extension +", "RU": "ulnar - / radial +"}
@@ -198,7 +201,8 @@ class WristWindow(QMainWindow):
         left.addWidget(self.words)
         top.addLayout(left, 1)
         top.addWidget(stop)
-        self.panes = {"raw": _Pane(), "normalised": SceneView()}
+        raw = _Pane()
+        self.panes: dict[str, SceneView] = {"raw": raw, "normalised": SceneView()}
         self.heads = {n: QLabel() for n in self.panes}
         self.readouts = {n: QLabel() for n in self.panes}
         for label in (*self.heads.values(), *self.readouts.values()):
@@ -223,7 +227,7 @@ class WristWindow(QMainWindow):
         middle.setLayout(column_)
         self.setCentralWidget(middle)
         if self._lead is not None:
-            self.panes["raw"].dragged.connect(self._dragged)
+            raw.dragged.connect(self._dragged)
 
     def _bar(self) -> QHBoxLayout:
         bar, device = QHBoxLayout(), self.feed.device
@@ -257,8 +261,6 @@ class WristWindow(QMainWindow):
         for name, keys, job in (
             ("STOP: Space or Escape", "F12", self.stop),
             ("Release the stop", "Ctrl+R", partial(self.feed.do, "release", device.release)),
-            ("Zero", "Ctrl+0", partial(self.feed.do, "zero", device.zero)),
-            ("Arm: the motors may move", "Ctrl+Shift+A", partial(self.feed.do, "arm", device.arm)),
             ("Disarm", "Ctrl+D", partial(self.feed.do, "disarm", device.disarm)),
             ("Acknowledge fault", "Ctrl+L", partial(self.feed.do, "acknowledge", device.clear)),
             ("Dark, light", "T", self.toggle_theme),
@@ -279,11 +281,10 @@ class WristWindow(QMainWindow):
 
     def eventFilter(self, _: QObject, event: QEvent) -> bool:
         """Space and Escape stop, whatever has the focus."""
-        pressed = event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent)
-        if pressed and event.key() in (Qt.Key.Key_Space, Qt.Key.Key_Escape):
+        stops = event.key() in STOP_KEYS if isinstance(event, QKeyEvent) else False
+        if stops and event.type() == QEvent.Type.KeyPress:
             self.stop()
-            return True
-        return False
+        return stops
 
     def constrain(self, wanted: bool) -> None:
         """Ask for the constraint, or for none."""
@@ -294,9 +295,16 @@ class WristWindow(QMainWindow):
         """Begin a guided calibration, or end the one that runs."""
         if self.display.guide is not None:
             self._end_guide("The calibration was ended.")
-            return
-        self.display.guide = self._guide(self.display.can_constrain)
-        self.said = ""
+        elif self._off:
+            self.said = "Arm the motors first: a healthy wrist is one that they follow with 0 Nm."
+        else:
+            self.display.guide, self.said = self._guide(self.display.can_constrain), ""
+
+    @property
+    def _off(self) -> bool:
+        # No state in which a calibration means anything.
+        state = self.feed.news.state
+        return state in ALARMING or (self.keeper.there and state not in WORKING)
 
     def back(self) -> None:
         """Repeat the calibration's last step."""
@@ -340,13 +348,18 @@ class WristWindow(QMainWindow):
 
     def take(self) -> None:
         """Take what has come; the guide and the simulated hand go on."""
-        self.display.receive(self._rows.take(0.0))
+        with contextlib.suppress(LinkError):  # the feed has it, and shows it
+            self.display.receive(self._rows.take(0.0))
+            self._go_on()
+
+    def _go_on(self) -> None:
         guide = self.display.guide
-        if guide is not None:
-            if guide.current is None:
-                self._complete(guide)
-            else:
-                self.keeper.wanted = guide.current.constrained
+        if guide is not None and guide.current is None:
+            self._complete(guide)
+        elif guide is not None and self._off:
+            self._end_guide(f"The board is {self.feed.news.state}: the calibration was ended.")
+        elif guide is not None and guide.current is not None:
+            self.keeper.wanted = guide.current.constrained
         guide = self.display.guide
         # A simulated hand rests at its zero until the board knows where that is.
         if self._lead is not None and self.feed.news.state not in UNZEROED:

@@ -242,8 +242,9 @@ def load_calibration(path: Path) -> WristCalibration:
         )
     try:
         for name, state in (("healthy", found.healthy), ("constrained", found.constrained)):
-            for axis in AXES if state is not None else ():
-                _check_axis(f"{name}.{axis}", state.axis(axis))
+            if state is not None:
+                for axis in AXES:
+                    _check_axis(f"{name}.{axis}", state.axis(axis))
         found.maps()
     except UserError as error:
         raise UserError(f"{path}: {error.what}", MAKE) from None
