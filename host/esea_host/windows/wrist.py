@@ -233,6 +233,7 @@ class WristWindow(QMainWindow):
         bar, device = QHBoxLayout(), self.feed.device
         self.buttons: dict[str, QPushButton] = {}
         jobs: dict[str, Callable[[], object]] = {
+            "Release": partial(self.feed.do, "release", device.release),
             "Zero": partial(self.feed.do, "zero", device.zero),
             "Arm": partial(self.feed.do, "arm", device.arm),
             "Healthy": partial(self.constrain, False),
@@ -260,7 +261,6 @@ class WristWindow(QMainWindow):
         device, menu = self.feed.device, self.menuBar().addMenu("&Board")
         for name, keys, job in (
             ("STOP: Space or Escape", "F12", self.stop),
-            ("Release the stop", "Ctrl+R", partial(self.feed.do, "release", device.release)),
             ("Disarm", "Ctrl+D", partial(self.feed.do, "disarm", device.disarm)),
             ("Acknowledge fault", "Ctrl+L", partial(self.feed.do, "acknowledge", device.clear)),
             ("Dark, light", "T", self.toggle_theme),
@@ -396,6 +396,7 @@ class WristWindow(QMainWindow):
             self.buttons[name].setChecked(self.keeper.wanted is wanted)
             self.buttons[name].setEnabled(guide is None)
         self.buttons["Calibrate"].setText("Calibrate" if guide is None else "End calibration")
+        self.buttons["Release"].setVisible(news.state == "STOPPED")
         self.buttons["Repeat step"].setVisible(guide is not None)
         self._heads(picture)
         self.note.setText(self._note())
@@ -470,7 +471,7 @@ class WristWindow(QMainWindow):
             f"QPushButton {{background: {theme.ground}; color: {theme.ink};"
             f" border: 1px solid {theme.soft}; border-radius: 4px; padding: 4px 14px;}}"
             f"QPushButton:checked {{background: {theme.wanted}; color: {theme.ground};}}"
-            f"QPushButton:disabled {{color: {theme.soft};}}"
+            f"QPushButton:disabled:!checked {{color: {theme.soft};}}"
         )
         for button in self.buttons.values():
             button.setStyleSheet(style)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from esea_gen.errors import UserError
@@ -14,9 +14,10 @@ from esea_host.wrist.past import AXES, calibrated
 from esea_host.wrist.tasks import dot
 
 RANGE_S, MOVEMENTS = 6.0, 5
+CURSOR_SHARE = 0.05  # of half the width
 TITLES = {
     "wrist.neutral": "neutral position",
-    "wrist.range": "range of motion",
+    "wrist.range": "range",
     "wrist.velocity": "sweeps",
 }
 
@@ -122,8 +123,8 @@ class CalibrationGuide:
             return
         if self._constraint and acts != step.constrained:
             # Switched where the wrist rests; a step that has begun starts again.
-            here = dot("cursor", inputs["fe_deg"], inputs["ru_deg"], 2.5)
-            self._state, self.scene = None, Scene((here,), (Text("wait"),), 90.0)
+            here = dot("cursor", inputs["fe_deg"], inputs["ru_deg"])
+            self._state, self.scene = None, _readable(Scene((here,), (Text("wait"),), 90.0))
             return
         task = task_named(step.task, "calibration")
         if self._state is None:
@@ -131,7 +132,7 @@ class CalibrationGuide:
             self._state = task.begin(Situation(parameters, "", tuple(self.past), 0))
             self._begun_s = time_s
         done = task.step(self._state, round(time_s - self._begun_s, 6), inputs)
-        self._state, self.scene = done.state, done.scene
+        self._state, self.scene = done.state, _readable(done.scene)
         if done.outcome is None:
             return
         self._state, self.advice = None, done.outcome.reason
@@ -157,3 +158,12 @@ class CalibrationGuide:
         except UserError as error:
             self.advice = str(error)
             self._repeat(2 if step.task == "wrist.range" else 1)
+
+
+def _readable(scene: Scene) -> Scene:
+    # The cursor at least as large as can be seen from two metres.
+    least = CURSOR_SHARE * scene.half_width
+    shapes = (
+        replace(s, size=max(s.size, least)) if s.role == "cursor" else s for s in scene.shapes
+    )
+    return replace(scene, shapes=tuple(shapes))
