@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property, wraps
+from functools import cached_property, lru_cache, wraps
 from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
 
-from esea_gen.control.impaired import impaired_system
 from esea_gen.control.law import Law
 from esea_gen.control.laws import LAWS, find_law
 from esea_gen.control.system import control_system
@@ -20,6 +19,7 @@ from esea_gen.devices.file import (
     parse_file,
     read_file,
     shipped_controllers,
+    shipped_devices,
 )
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
@@ -116,11 +116,12 @@ class Device(DeviceData):
                 "Add [sliding_mode] or [predictive], or give --controller.",
             )
         if not self.laws:
-            make = sensing_system
             if self.file.impairment:
-                make = impaired_system
-            elif measures_counts(self):
-                make = counting_system
+                raise UserError(
+                    f"{self.origin}: [impairment] asks for torque, and nothing gives it.",
+                    "Add a drive, as wrist_drive.toml has one, or take [impairment] out.",
+                )
+            make = counting_system if measures_counts(self) else sensing_system
             return make(self, self.velocity, self.sensor)
         return control_system(self, self.laws, self.velocity, self.sensor, lambda: self.inverse)
 
@@ -152,6 +153,42 @@ def load_device(name_or_path: str | Path, controller: str | None = None) -> Devi
     device = _device(text, origin, controller)
     device.given = str(name_or_path), controller or ""
     return device
+
+
+def board_device(device: Device | str | Path) -> Device:
+    """The device that a board runs: of a shipped one without encoders its ``<name>_board``.
+
+    Parameters
+    ----------
+    device : Device, str or Path
+        A device, or its name or file.
+
+    Returns
+    -------
+    Device
+        One that measures by encoders.
+
+    Raises
+    ------
+    UserError
+        For a passive device file of one's own that has no encoders.
+    """
+    loaded = device if isinstance(device, Device) else load_device(device)
+    passive = loaded.drive is None
+    if not passive or measures_counts(loaded):
+        return loaded
+    name = f"{loaded.name}_board"
+    if name in shipped_devices() and loaded.digest == load_device(loaded.name).digest:
+        return _shipped_board(name)
+    raise UserError(
+        f"{loaded.origin}: a board measures by encoders, and the device has none.",
+        "Add [encoder.motor], [encoder.load] and [joint], as knee_board.toml has them.",
+    )
+
+
+@lru_cache(maxsize=4)
+def _shipped_board(name: str) -> Device:
+    return load_device(name)
 
 
 def _device(text: str, origin: str, controller: str | None) -> Device:

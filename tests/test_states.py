@@ -106,7 +106,7 @@ def rule(state: str, event: str, g: set[str]) -> str | None:
             return None if starting or state in TORQUE or state == "ZEROING" else "BOOT"
         case "ZERO":
             at_rest = state in ("READY", "UNREFERENCED")
-            return "ZEROING" if at_rest and "drive" in g else None
+            return "ZEROING" if at_rest and "encoders" in g else None
         case "RELEASE":
             return rest if state == "STOPPED" and "stop_clear" in g else None
         case "CLEAR":
@@ -525,6 +525,7 @@ class Person:
         held = self.held and event != "RELEASE"
         found = {
             "drive": True,
+            "encoders": True,
             "referenced": self.referenced,
             "stop_clear": not held and not self.line,
             "link_live": self.link > 0,

@@ -22,6 +22,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 from esea_gen.hostlib.compiler import compiler_version, find_compiler
+from esea_gen.model.sensing import measures_counts
 from esea_gen.targets import (
     APP_FLAGS,
     ARM_GCC,
@@ -138,7 +139,7 @@ def build_firmware(
     needs_Hz: slowest clock that a drive fits at; slower, it is not armed. Default: the board's.
     """
     chosen = find_board(board)
-    if drivers is None and device.laws:
+    if drivers is None and measures_counts(device):
         _can_be_read(device, chosen)
     toolchain = chosen.processor.toolchain
     gcc = find_compiler(*toolchain.gcc)

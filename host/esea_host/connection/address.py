@@ -125,12 +125,20 @@ class SimulatedProcess(SocketTransport):
             raise LinkError(what, "" if ended else fix, error.decode().strip())
         return int(port)
 
-    def push(self, push_rad: float) -> None:
-        """Push the virtual arm; see :class:`esea_host.simulated.SimulatedBoard`."""
+    def push(self, *pushes_rad: float) -> None:
+        """Push each axis so far; see :class:`esea_host.simulated.SimulatedBoard`."""
+        self._say("push", pushes_rad)
+
+    def lead(self, *angles_rad: float) -> None:
+        """Lead the hand to these angles of each axis; it no longer moves by itself."""
+        self._say("lead", angles_rad)
+
+    def _say(self, word: str, values: tuple[float, ...]) -> None:
         line = self._process.stdin
         assert line is not None
         try:
-            line.write(f"push {push_rad:.4f}\n".encode())
+            numbers = " ".join(f"{v:.4f}" for v in values)
+            line.write(f"{word} {numbers}\n".encode())
             line.flush()
         except OSError:
             raise LinkError("the simulated board has ended") from None

@@ -1,4 +1,4 @@
-"""The firmware's application, the virtual drive and a virtual person, tick by tick in lockstep.
+"""The firmware's application, a virtual drive or passive joint and a virtual person, in lockstep.
 
 Everything that it gives is simulated.
 """
@@ -6,12 +6,13 @@ Everything that it gives is simulated.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from esea_gen.device import Device
+from esea_gen.device import Device, board_device
 from esea_gen.errors import UserError
+from esea_gen.twin.hand import HAND_NAMES, NOBODY, Hand, SteppedHand, hand_variant, named_hand
 from esea_gen.twin.people import random_person
 from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
@@ -19,90 +20,152 @@ from esea_gen.twin.stepped import EMPTY, SteppedPlant
 from esea_gen.verify.sim import SimBoard
 from esea_host.connection.identity import SIMULATED_BOARDS
 from esea_host.recording.replay import loaded_device
+from esea_host.simulated.joint import MovedJoint
+from esea_host.simulated.motion import Motion, make_motion
 
-NOBODY, CLAMPED = "nobody", "none"
-PEOPLE_NAMES = (NOBODY, *PERSON_NAMES)
+EMPTY_JOINT, CLAMPED = "nobody", "none"
+PEOPLE_NAMES = (EMPTY_JOINT, *PERSON_NAMES)
+PLANT, PERSON, MOTION = "real", "uncertain", "person"  # unless another is named
 NOISE_TICKS = 1000
 PUSH_TICKS = 200
-MOVES_RAD, MOVES_HZ = 0.6, 0.4  # flexion and back, as in the published trials' slow movement
+# There and back, of each axis; of the first as in the published trials' slow movement.
+MOVES_RAD, MOVES_HZ = (0.6, 0.25), (0.4, 0.27)
+Intent = Callable[[], Mapping[str, float] | Sequence[Mapping[str, float]]]
 
 
 class SimulatedBoard:
-    """A board whose drivers read the virtual exoskeleton, and whose motor turns it.
+    """A board whose drivers read a virtual drive that its motor turns, or a passive joint.
 
-    While the board is active the person moves to and fro; otherwise the person rests.
+    While the board of a drive is active the person moves to and fro; otherwise the person rests.
+    A passive joint rests until its encoders are zeroed; from then on it moves.
 
     Parameters
     ----------
     device : Device or str
-        With a drive.
-    plant : str
-        ``ideal``, ``real`` or ``random``.
-    person : str
-        ``nobody``, ``none`` (the joint is held), ``ideal``, ``uncertain`` ...
+        Of a passive one without encoders its board's is simulated.
+    plant : str, optional
+        Of a drive: ``ideal``, ``real`` or ``random``.
+    person : str, optional
+        At a drive: ``nobody``, ``none`` (the joint is held), ``ideal``, ``uncertain`` ...
     seed : int
-        Of the plant, of the person, and of the person's noise.
+        Of the plant, of the person, and of all noise.
     board : str
         ``sim``, which computes in f32, or ``sim-q31``.
+    motion : Motion or str, optional
+        Of a passive joint: ``person``, ``therapist``, or a table's file.  A motion that is an
+        object goes on where it is after a restart.
 
-    ``push_rad`` is how far somebody pushes the virtual arm away from what the person intends.
+    ``plant`` has the truth: ``board.plant.truth()``.  ``pushes_rad`` is how far somebody pushes
+    each axis away from what the person intends; ``led``: the person intends nothing else.
     """
 
     def __init__(
         self,
         device: Device | str,
-        plant: str = "real",
-        person: str = "uncertain",
+        plant: str | None = None,
+        person: str | None = None,
         seed: int = 0,
         board: str = "sim",
+        motion: Motion | str | None = None,
     ) -> None:
-        self.device = loaded_device(device) if isinstance(device, str) else device
-        if not self.device.laws:
-            raise UserError(
-                f"{self.device.name} has no drive: there is nothing to simulate.",
-                "Take one with a drive, such as elbow_drive.",
-            )
-        names = {"plant": PLANT_NAMES, "person": PEOPLE_NAMES, "board": SIMULATED_BOARDS}
-        for what, given in {"plant": plant, "person": person, "board": board}.items():
-            known = names[what]
-            if given not in known:
+        given = loaded_device(device) if isinstance(device, str) else device
+        self.device = board_device(given)
+        _known("board", board, SIMULATED_BOARDS)
+        self.axes = self.device.axes
+        self._seed, self._motion = seed, MOTION if motion is None else motion
+        self.passive = not self.device.laws
+        self._person: Person | Hand = EMPTY
+        if self.passive:
+            if unfit := [n for n, v in {"plant": plant, "person": person}.items() if v]:
                 raise UserError(
-                    f"There is no {what} '{given}'.", f"Choose from {', '.join(known)}."
+                    f"{given.name} has no drive: {' and '.join(unfit)} cannot be chosen.",
+                    "Say how it is moved: --motion person, therapist or a table's file.",
                 )
+            self._clamped = False
+            self._first: SteppedPlant | SteppedHand | MovedJoint = self._moved_joint()
+        else:
+            if motion is not None:
+                raise UserError(
+                    f"{given.name} has a drive: a motion of both its sides cannot be given.",
+                    "Say who is in it: --person NAME.",
+                )
+            plant, person = _known("plant", plant or PLANT, PLANT_NAMES), person or PERSON
+            self._person, self._clamped = self._named(person), person == CLAMPED
+            if len(self.axes) == 1:
+                self._first = SteppedPlant(plant_variant(self.device, plant, "ideal", seed))
+            else:
+                self._first = SteppedHand(hand_variant(self.device, plant, "ideal", seed))
+        self._first_person = self._person, self._clamped
         self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
-        self.clamped = person == CLAMPED
-        self.plant = SteppedPlant(plant_variant(self.device, plant, "ideal", seed))
-        self._person, self._seed = _person(person, seed), seed
-        self._hand: Callable[[], Mapping[str, float]] | None = None
-        self._first = self.plant, self.clamped, self._person
-        self.push_rad = 0.0
+        self._counts = [n for n in self.board.inputs if n.startswith("count_")]
+        self.pushes_rad, self.led = [0.0] * len(self.axes), False
         self._start()
+
+    def _named(self, person: str) -> Person | Hand:
+        if len(self.axes) > 1:
+            return named_hand(_known("person", person, HAND_NAMES), self._seed)
+        _known("person", person, PEOPLE_NAMES)
+        if person in (EMPTY_JOINT, CLAMPED):
+            return EMPTY
+        return random_person(self._seed) if person == "random" else PEOPLE[person]
+
+    def _moved_joint(self) -> MovedJoint:
+        named = self._motion
+        motion = make_motion(named, self.device) if isinstance(named, str) else named
+        return MovedJoint(self.device, motion, self._seed)
 
     def set_up(
         self,
         *,
-        clamped: bool = False,
-        person: Person = EMPTY,
-        hand: Callable[[], Mapping[str, float]] | None = None,
+        clamped: bool | Sequence[bool] = False,
+        person: Person | Hand | None = None,
+        hand: Intent | None = None,
         values: Mapping[str, float] | None = None,
+        motion: Motion | None = None,
     ) -> None:
         """What somebody does at the machine meanwhile; everything goes on from where it is.
 
-        hand: what the person intends, asked once a tick; default: as the board's state says.
+        clamped: of several axes one for all, or one each.
+        person: of several axes a Hand; default: nobody.
+        hand: what the person intends, asked once a tick; of several axes a sequence, one each;
+            default: as the board's state says.
         values: of the plant, that differ from its own, such as a drive that is locked.
+        motion: of a passive joint, which has nothing else to set up.
         """
-        self.clamped, self._person, self._hand = clamped, person, hand
-        self.plant.change(clamped=clamped, person=person, **(values or {}))
+        more, self._intent = dict(values or {}), hand
+        if isinstance(self.plant, SteppedPlant):
+            self._person = EMPTY if person is None else person
+            assert isinstance(self._person, Person)
+            self.plant.change(clamped=bool(clamped), person=self._person, **more)
+        elif isinstance(self.plant, SteppedHand):
+            self._person = NOBODY if person is None else person
+            assert isinstance(self._person, Hand)
+            self.plant.change(clamped=clamped, hand=self._person, **more)
+        elif motion is not None:
+            self.plant.motion = motion
+        else:
+            raise UserError(f"{self.device.name} has no drive.", "Give a motion.")
 
     def _start(self) -> None:
-        self.plant, self.clamped, self._person = self._first
-        self._pushed_rad = 0.0
-        self._hand = None
+        self.plant, self._intent = self._first, None
+        self._person, self._clamped = self._first_person
+        self._pushed_rad = [0.0] * len(self.axes)
         self._noise = np.random.default_rng([self._seed, 3])
-        self._white = self._noise.standard_normal(NOISE_TICKS)
-        self.board.show(self.plant.start(0.0, clamped=self.clamped, person=self._person))
+        self._draw()
         self.ticks, self._moved_ticks = 0, 0
+        if isinstance(self.plant, SteppedPlant):
+            assert isinstance(self._person, Person)
+            counts = self.plant.start(0.0, clamped=self._clamped, person=self._person)
+            self.board.show(counts)
+        elif isinstance(self.plant, SteppedHand):
+            assert isinstance(self._person, Hand)
+            rest = [0.0] * len(self.axes)
+            named = self.plant.start(rest, clamped=self._clamped, hand=self._person)
+            self.board.show(named[n] for n in self._counts)
+        else:
+            self.plant = self._moved_joint()
+            self.board.show(self.plant.start())
 
     def restart(self) -> None:
         """Power off and on, everything as at first."""
@@ -112,29 +175,57 @@ class SimulatedBoard:
     def tick(self) -> None:
         """One base tick of the board, and what the plant makes of its command."""
         self.board.step()
-        self.plant.intend(self._intended())
-        self.board.show(self.plant.step(float(self.board.lib.sim_motor_Nm())))
+        plant = self.plant
+        if isinstance(plant, SteppedPlant):
+            plant.intend(self._paths()[0])
+            self.board.show(plant.step(*self.board.motors_Nm))
+        elif isinstance(plant, SteppedHand):
+            plant.intend(self._paths())
+            counts = plant.step(self.board.motors_Nm)
+            self.board.show(counts[n] for n in self._counts)
+        else:
+            # Zeroed once, it moves whatever the board does.
+            moves = not self.led and (self._moved_ticks > 0 or self.board.state_now == "READY")
+            self._moved_ticks += moves
+            self._push()
+            self.board.show(plant.step(moves, self._pushed_rad))
         self.ticks += 1
 
-    def _intended(self) -> Mapping[str, float]:
-        if self._hand is not None:
-            return self._hand()
+    def _push(self) -> list[float]:
+        # A mouse jumps, and is still for a while; an arm follows.
+        steps = [
+            (wanted - now) / PUSH_TICKS
+            for wanted, now in zip(self.pushes_rad, self._pushed_rad, strict=True)
+        ]
+        self._pushed_rad = [now + s for now, s in zip(self._pushed_rad, steps, strict=True)]
+        return steps
+
+    def _draw(self) -> None:
+        shape = NOISE_TICKS, len(self.axes)
+        self._white: list[list[float]] = self._noise.standard_normal(shape).tolist()
+
+    def _paths(self) -> Sequence[Mapping[str, float]]:
+        if self._intent is not None:
+            given = self._intent()
+            return [given] if isinstance(given, Mapping) else given
         at = self.ticks % NOISE_TICKS
         if at == 0:
-            self._white = self._noise.standard_normal(NOISE_TICKS)
-        moves = self.board.state_now == "ACTIVE"
+            self._draw()
+        moves = self.board.state_now == "ACTIVE" and not self.led
         self._moved_ticks += moves
-        w = 2 * math.pi * MOVES_HZ
-        phase, half = w * self._moved_ticks * 1e-3, MOVES_RAD / 2
-        # A mouse jumps, and is still for a while; an arm follows.
-        pushed = (self.push_rad - self._pushed_rad) / PUSH_TICKS
-        self._pushed_rad += pushed
-        return {
-            "theta_p_rad": half * (1 - math.cos(phase)) + self._pushed_rad,
-            "omega_p_rad_s": (half * w * math.sin(phase) if moves else 0.0) + 1e3 * pushed,
-            "alpha_p_rad_s2": half * w * w * math.cos(phase) if moves else 0.0,
-            "noise": float(self._white[at]),
-        }
+        paths = []
+        for axis, pushed in enumerate(self._push()):
+            half, w = MOVES_RAD[axis] / 2, 2 * math.pi * MOVES_HZ[axis]
+            phase = w * self._moved_ticks * 1e-3
+            paths.append(
+                {
+                    "theta_p_rad": half * (1 - math.cos(phase)) + self._pushed_rad[axis],
+                    "omega_p_rad_s": (half * w * math.sin(phase) if moves else 0.0) + 1e3 * pushed,
+                    "alpha_p_rad_s2": half * w * w * math.cos(phase) if moves else 0.0,
+                    "noise": self._white[at][axis],
+                }
+            )
+        return paths
 
     def write(self, data: bytes) -> None:
         """Bytes from the host."""
@@ -149,7 +240,7 @@ class SimulatedBoard:
         self.board.close()
 
 
-def _person(name: str, seed: int) -> Person:
-    if name in (NOBODY, CLAMPED):
-        return EMPTY
-    return random_person(seed) if name == "random" else PEOPLE[name]
+def _known(what: str, name: str, names: tuple[str, ...]) -> str:
+    if name not in names:
+        raise UserError(f"There is no {what} '{name}'.", f"Choose from {', '.join(names)}.")
+    return name

@@ -19,6 +19,7 @@ MOST_BACKLOG_BYTES = 1 << 18
 MOST_TICKS = 50  # between two looks at the line
 IDLE_S = 0.0005
 MOST_PUSH_RAD = 1.0
+SETTLE_TICKS, ZERO_TICKS = 300, 500
 GUEST_S, MOST_GUEST_BYTES = 1.0, 4096  # for which somebody beside the host is heard
 
 
@@ -136,11 +137,13 @@ def serve(
     device: str,
     port: int | None,
     *,
-    plant: str = "real",
-    person: str = "uncertain",
+    plant: str | None = None,
+    person: str | None = None,
+    motion: str | None = None,
     seed: int = 0,
     speed: float = 1.0,
     board: str = "sim",
+    zeroed: bool = False,
     once: bool = False,
     say: Callable[[str], None] | None = None,
     hands: int | None = None,
@@ -150,26 +153,44 @@ def serve(
     port: of TCP on this computer, 0 for any; None: a pseudo terminal.
     speed: of the board's time against the clock's; 0: as fast as the host reads.
     board: ``sim``, or ``sim-q31``.
+    zeroed: its encoders are zeroed before, while everything rests.
     once: end when the first host has gone.
-    hands: where lines ``push RAD`` come from, a file's number: somebody pushes the virtual arm.
+    hands: where lines ``push RAD ...`` and ``lead RAD ...`` come from, a number an axis, a file's
+        number: somebody pushes the virtual arm, or leads it.
     """
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
     tell = say or (lambda text: print(text, flush=True))
-    drive = SimulatedBoard(device, plant, person, seed, board)
+    drive = SimulatedBoard(device, plant, person, seed, board, motion)
+    named = drive.device.name
+    if f"{device}_board" == named:
+        named += f", as {device} has no encoders of its own,"
     try:
         drive.board.lib.sim_unique(1 + secrets.randbelow((1 << 32) - 1))
         drive.restart()  # what was said to another one does not fit this start
+        if zeroed:
+            _zero(drive)
         if port is None:
             terminal = _Terminal()
-            tell(f"simulated {device} at pty:{terminal.name}")
+            tell(f"simulated {named} at pty:{terminal.name}")
             _play(drive, terminal, speed, Hands(hands))
             return
         with socket.create_server(("127.0.0.1", port)) as listener:
-            tell(f"simulated {device} at tcp:127.0.0.1:{listener.getsockname()[1]}")
+            tell(f"simulated {named} at tcp:127.0.0.1:{listener.getsockname()[1]}")
             serve_hosts(drive, listener, speed, once, Hands(hands))
     finally:
         drive.close()
+
+
+def _zero(drive: SimulatedBoard) -> None:
+    for _ in range(SETTLE_TICKS):
+        drive.tick()
+    drive.board.zero()
+    for _ in range(ZERO_TICKS):
+        drive.tick()
+    if drive.board.state_now != "READY":
+        raise UserError("The simulated joint does not stand still: it cannot be zeroed.", "")
+    drive.read()  # nobody has listened
 
 
 class Hands:
@@ -193,13 +214,18 @@ class Hands:
             return
         *lines, self._rest = self._rest.split(b"\n")
         for line in lines:
-            word, _, number = line.decode("ascii", "replace").partition(" ")
+            word, *numbers = line.decode("ascii", "replace").split(" ")
             try:
-                push_rad = float(number)
+                pushes_rad = [float(n) for n in numbers]
             except ValueError:
                 continue
-            if word == "push" and abs(push_rad) <= MOST_PUSH_RAD:
-                drive.push_rad = push_rad
+            fits = len(pushes_rad) == len(drive.pushes_rad)
+            if word in ("push", "lead") and fits and all(map(_near, pushes_rad)):
+                drive.pushes_rad, drive.led = pushes_rad, word == "lead"
+
+
+def _near(push_rad: float) -> bool:
+    return abs(push_rad) <= MOST_PUSH_RAD
 
 
 def serve_hosts(
