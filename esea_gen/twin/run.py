@@ -109,8 +109,7 @@ def told(
         "rearm": (t >= max(ARM_S, ARM_PERIODS * slow_s)).astype(float),
     }
     future = previews(path, device_horizon(device), device.period_s)
-    axes = getattr(device, "axes", ())
-    zero = {of_axis(k, a): np.zeros(n) for k in (*ZERO, *WANTED) for a in ("", *axes)}
+    zero = {of_axis(k, a): np.zeros(n) for k in (*ZERO, *WANTED) for a in ("", *device.axes)}
     signals = {k: v for k, v in (zero | future).items() if k in loop.signals} | signals
     ticks = round(n / RATE_HZ / device.period_s)
     return {k: _resampled(v, RATE_HZ * device.period_s, ticks) for k, v in signals.items()}
