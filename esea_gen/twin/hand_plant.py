@@ -11,7 +11,7 @@ with symmetric matrices M, D and K; tau_intent is the pull of each axis towards 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, TypeVar
@@ -76,8 +76,15 @@ def _view(values: SimpleNamespace, names: tuple[str, ...], axis: str) -> SimpleN
     return SimpleNamespace(**{n: vars(values)[of_axis(n, axis)] for n in names})
 
 
-def _named(label: Labels, axis: str) -> Callable[..., Any]:
-    return lambda name, value, *text: label(of_axis(name, axis), value, *text)
+class _Named(Labels):
+    """Labels that carry the name of an axis."""
+
+    def __init__(self, label: Labels, axis: str) -> None:
+        super().__init__()
+        self.label, self.axis = label, axis
+
+    def __call__(self, name: str, *more: Any) -> Any:
+        return self.label(of_axis(name, self.axis), *more)
 
 
 Parts = tuple[SimpleNamespace, SimpleNamespace, SimpleNamespace]  # c, s and u of one axis
@@ -107,7 +114,7 @@ class _HandStep:
             )
             for a in self.axes
         ]
-        labels = [_named(label, a) for a in self.axes]
+        labels = [_Named(label, a) for a in self.axes]
         at = [self.axis.drift(*p, named) for p, named in zip(parts, labels, strict=True)]
         loads = self._hand(c, parts, at, label)
         next_state: dict[str, Any] = {}
