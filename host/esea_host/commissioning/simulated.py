@@ -9,14 +9,9 @@ from esea_gen.twin.stepped import EMPTY
 from esea_host.commissioning.bench import CommissioningBench, HandAct
 from esea_host.simulated import LockstepDevice, SimulatedBoard
 
-# A firm grip; a mass that hangs pulls with the same torque wherever the joint is.
+# A firm grip.
 GRIP = dataclasses.replace(EMPTY, spring_Nm_rad=60.0, damping_Nms_rad=6.0, gravity_Nm=0.0)
-HANGING = dataclasses.replace(
-    EMPTY, spring_Nm_rad=1.0, own_damping_Nms_rad=2.0, damping_Nms_rad=0.0, gravity_Nm=0.0
-)
 AT_REST = dataclasses.replace(EMPTY, own_damping_Nms_rad=2.0, gravity_Nm=0.0)
-LOCKED = {"fc_Nm": 100.0, "coulomb_width_rad_s": 2e-3, "fv_Nms_rad": 100.0, "J_kgm2": 100.0}
-LAID_ON_TICKS = 100
 
 
 class SimulatedHands:
@@ -28,19 +23,14 @@ class SimulatedHands:
 
     def __init__(self, drive: SimulatedBoard, torque_error: float = 0.0) -> None:
         self.drive, self._error = drive, torque_error
-        self._load_Nm: float | None = None
 
     def __call__(self, act: HandAct) -> None:
         """Do it."""
-        before, self._load_Nm = self._load_Nm, None
         if act.kind == "turn":
             at = float(self.drive.plant.truth()["theta_l_rad"])
             self.drive.set_up(person=GRIP, hand=self._turning(act, at))
         elif act.kind == "load":
-            self._load_Nm = act.torque_Nm
-            if before is None:
-                self._pull_Nm = 0.0
-                self.drive.set_up(person=HANGING, hand=self._pulling, values=LOCKED)
+            self.drive.hang(act.torque_Nm * (1 + self._error))
         elif act.kind == "rest":
             self.drive.set_up(person=AT_REST)
         else:
@@ -61,19 +51,6 @@ class SimulatedHands:
             }
 
         return intended
-
-    def _pulling(self) -> Mapping[str, float]:
-        # Laid on without a jerk.
-        aim = (self._load_Nm or 0.0) * (1 + self._error)
-        self._pull_Nm += (aim - self._pull_Nm) / LAID_ON_TICKS
-        at = float(self.drive.plant.truth()["theta_l_rad"])
-        place = at + self._pull_Nm / HANGING.spring_Nm_rad
-        return {
-            "theta_p_rad": place,
-            "omega_p_rad_s": 0.0,
-            "alpha_p_rad_s2": 0.0,
-            "noise": 0.0,
-        }
 
 
 def simulated_bench(

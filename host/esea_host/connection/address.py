@@ -127,10 +127,14 @@ class SimulatedProcess(SocketTransport):
 
     def push(self, push_rad: float) -> None:
         """Push the virtual arm; see :class:`esea_host.simulated.SimulatedBoard`."""
+        self.hand("push", push_rad)
+
+    def hand(self, word: str, number: float) -> None:
+        """Do something at the virtual machine; see :class:`esea_host.simulated.server.Hands`."""
         line = self._process.stdin
         assert line is not None
         try:
-            line.write(f"push {push_rad:.4f}\n".encode())
+            line.write(f"{word} {number:.6f}\n".encode())
             line.flush()
         except OSError:
             raise LinkError("the simulated board has ended") from None

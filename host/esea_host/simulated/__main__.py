@@ -1,6 +1,7 @@
 """``python -m esea_host.simulated DEVICE``: the server alone, as ``sim:DEVICE`` starts it."""
 
 import argparse
+import math
 import sys
 
 from esea_gen.errors import UserError
@@ -17,6 +18,7 @@ parser.add_argument("--plant", default="real")
 parser.add_argument("--board", default="sim")
 parser.add_argument("--seed", type=int, default=0)
 parser.add_argument("--speed", type=float, default=1.0)
+parser.add_argument("--spring", type=float, default=0.0)
 given = parser.parse_args()
 try:
     serve(
@@ -28,6 +30,7 @@ try:
         speed=given.speed,
         board=given.board,
         once=given.once,
+        spring_Nm_rad=math.degrees(given.spring),
         hands=sys.stdin.fileno() if given.hands else None,
     )
 except UserError as error:

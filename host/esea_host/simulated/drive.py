@@ -5,6 +5,7 @@ Everything that it gives is simulated.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping
 
@@ -19,11 +20,19 @@ from esea_gen.twin.stepped import EMPTY, SteppedPlant
 from esea_gen.verify.sim import SimBoard
 from esea_host.connection.identity import SIMULATED_BOARDS
 from esea_host.recording.replay import loaded_device
+from esea_host.simulated.elements import with_spring
 
 NOBODY, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (NOBODY, *PERSON_NAMES)
 NOISE_TICKS = 1000
 PUSH_TICKS = 200
+AIM_TICKS = 10  # from one aim to the next: a frame of a study
+# A mass that hangs pulls with the same torque wherever the joint is; somebody holds the motor.
+HANGING = dataclasses.replace(
+    EMPTY, spring_Nm_rad=1.0, own_damping_Nms_rad=2.0, damping_Nms_rad=0.0, gravity_Nm=0.0
+)
+LOCKED = {"fc_Nm": 100.0, "coulomb_width_rad_s": 2e-3, "fv_Nms_rad": 100.0, "J_kgm2": 100.0}
+LAID_ON_TICKS = 100
 MOVES_RAD, MOVES_HZ = 0.6, 0.4  # flexion and back, as in the published trials' slow movement
 
 
@@ -44,6 +53,8 @@ class SimulatedBoard:
         Of the plant, of the person, and of the person's noise.
     board : str
         ``sim``, which computes in f32, or ``sim-q31``.
+    spring_Nm_rad : float
+        Of a spring in the coupling in place of its elastomer; 0: the elastomer.
 
     ``push_rad`` is how far somebody pushes the virtual arm away from what the person intends.
     """
@@ -55,6 +66,7 @@ class SimulatedBoard:
         person: str = "uncertain",
         seed: int = 0,
         board: str = "sim",
+        spring_Nm_rad: float = 0.0,
     ) -> None:
         self.device = loaded_device(device) if isinstance(device, str) else device
         if not self.device.laws:
@@ -72,9 +84,9 @@ class SimulatedBoard:
         self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
         self.clamped = person == CLAMPED
-        self.plant = SteppedPlant(plant_variant(self.device, plant, "ideal", seed))
+        self._variant = plant_variant(self.device, plant, "ideal", seed)
+        self.plant = self._plant_with(spring_Nm_rad)
         self._person, self._seed = _person(person, seed), seed
-        self._hand: Callable[[], Mapping[str, float]] | None = None
         self._first = self.plant, self.clamped, self._person
         self.push_rad = 0.0
         self._start()
@@ -93,12 +105,57 @@ class SimulatedBoard:
         values: of the plant, that differ from its own, such as a drive that is locked.
         """
         self.clamped, self._person, self._hand = clamped, person, hand
+        self._hung_Nm = None
         self.plant.change(clamped=clamped, person=person, **(values or {}))
+
+    def _plant_with(self, spring_Nm_rad: float) -> SteppedPlant:
+        device = with_spring(self.device, spring_Nm_rad) if spring_Nm_rad else self.device
+        return SteppedPlant(dataclasses.replace(self._variant, device=device))
+
+    def build_in(self, spring_Nm_rad: float) -> None:
+        """Exchange the coupling's element, unloaded; the board goes on and is not told.
+
+        spring_Nm_rad: of a linear spring; 0: the device's own elastomer.
+        """
+        at_rad = float(self.plant.truth()["theta_l_rad"])
+        self.plant = self._plant_with(spring_Nm_rad)
+        self._first = self.plant, *self._first[1:]
+        self.board.show(self.plant.start(at_rad, clamped=self.clamped, person=self._person))
+
+    def hang(self, load_Nm: float) -> None:
+        """Hold the motor still, nobody in the joint, and hang a mass on it, without a jerk."""
+        pulled_Nm = self._hung_Nm or 0.0
+
+        def pulling() -> Mapping[str, float]:
+            nonlocal pulled_Nm
+            pulled_Nm += (load_Nm - pulled_Nm) / LAID_ON_TICKS
+            at = float(self.plant.truth()["theta_l_rad"])
+            return _still(at + pulled_Nm / HANGING.spring_Nm_rad)
+
+        self.set_up(person=HANGING, hand=pulling, values=LOCKED)
+        self._hung_Nm = load_Nm
+
+    def let_go(self) -> None:
+        """Take the mass off, let the motor go; whoever was in the joint at first is there again."""
+        _, clamped, person = self._first
+        self.set_up(clamped=clamped, person=person)
+
+    def aim(self, aim_rad: float) -> None:
+        """The person no longer moves to and fro, but to this angle, in the next frame."""
+        now = self._aimed[0] if self._aimed else float(self.plant.truth()["theta_l_rad"])
+        self._aimed = now, (aim_rad - now) / AIM_TICKS, AIM_TICKS
+
+    def _towards_aim(self, theta_rad: float, step_rad: float, left: int) -> Mapping[str, float]:
+        moves = left > 0
+        self._aimed = theta_rad + moves * step_rad, step_rad, left - moves
+        return _still(self._aimed[0]) | {"omega_p_rad_s": 1e3 * step_rad * moves}
 
     def _start(self) -> None:
         self.plant, self.clamped, self._person = self._first
         self._pushed_rad = 0.0
-        self._hand = None
+        self._hand: Callable[[], Mapping[str, float]] | None = None
+        self._hung_Nm: float | None = None
+        self._aimed: tuple[float, float, int] | None = None  # place, step, how many are left
         self._noise = np.random.default_rng([self._seed, 3])
         self._white = self._noise.standard_normal(NOISE_TICKS)
         self.board.show(self.plant.start(0.0, clamped=self.clamped, person=self._person))
@@ -122,6 +179,8 @@ class SimulatedBoard:
         at = self.ticks % NOISE_TICKS
         if at == 0:
             self._white = self._noise.standard_normal(NOISE_TICKS)
+        if self._aimed:
+            return self._towards_aim(*self._aimed) | {"noise": float(self._white[at])}
         moves = self.board.state_now == "ACTIVE"
         self._moved_ticks += moves
         w = 2 * math.pi * MOVES_HZ
@@ -147,6 +206,10 @@ class SimulatedBoard:
     def close(self) -> None:
         """Let go of the board."""
         self.board.close()
+
+
+def _still(at_rad: float) -> dict[str, float]:
+    return {"theta_p_rad": at_rad, "omega_p_rad_s": 0.0, "alpha_p_rad_s2": 0.0, "noise": 0.0}
 
 
 def _person(name: str, seed: int) -> Person:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import secrets
 import select
@@ -18,7 +19,7 @@ from esea_host.simulated.drive import SimulatedBoard
 MOST_BACKLOG_BYTES = 1 << 18
 MOST_TICKS = 50  # between two looks at the line
 IDLE_S = 0.0005
-MOST_PUSH_RAD = 1.0
+MOST_PUSH_RAD, MOST_AIM_RAD = 1.0, 3.0
 GUEST_S, MOST_GUEST_BYTES = 1.0, 4096  # for which somebody beside the host is heard
 
 
@@ -144,6 +145,7 @@ def serve(
     once: bool = False,
     say: Callable[[str], None] | None = None,
     hands: int | None = None,
+    spring_Nm_rad: float = 0.0,
 ) -> None:
     """Serve a simulated board until somebody ends it.
 
@@ -151,12 +153,13 @@ def serve(
     speed: of the board's time against the clock's; 0: as fast as the host reads.
     board: ``sim``, or ``sim-q31``.
     once: end when the first host has gone.
-    hands: where lines ``push RAD`` come from, a file's number: somebody pushes the virtual arm.
+    hands: where lines for :class:`Hands` come from, a file's number.
+    spring_Nm_rad: of a spring in place of the coupling's elastomer; 0: the elastomer.
     """
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
     tell = say or (lambda text: print(text, flush=True))
-    drive = SimulatedBoard(device, plant, person, seed, board)
+    drive = SimulatedBoard(device, plant, person, seed, board, spring_Nm_rad)
     try:
         drive.board.lib.sim_unique(1 + secrets.randbelow((1 << 32) - 1))
         drive.restart()  # what was said to another one does not fit this start
@@ -173,7 +176,10 @@ def serve(
 
 
 class Hands:
-    """Somebody who pushes the virtual arm: lines of text from a file that is read without waiting.
+    """What somebody does at the virtual machine: lines of text, read without waiting.
+
+    ``push RAD``, ``aim RAD``: the arm; ``hang NM``: a mass on it, the motor held; ``let-go 0``:
+    the mass is taken off; ``spring NM_RAD``: built in in place of the elastomer, 0: the elastomer.
 
     source: the file's number; None: nobody.
     """
@@ -193,13 +199,25 @@ class Hands:
             return
         *lines, self._rest = self._rest.split(b"\n")
         for line in lines:
-            word, _, number = line.decode("ascii", "replace").partition(" ")
+            word, _, text = line.decode("ascii", "replace").partition(" ")
             try:
-                push_rad = float(number)
+                number = float(text)
             except ValueError:
                 continue
-            if word == "push" and abs(push_rad) <= MOST_PUSH_RAD:
-                drive.push_rad = push_rad
+            self._do(drive, word, number)
+
+    def _do(self, drive: SimulatedBoard, word: str, number: float) -> None:
+        if word == "push" and abs(number) <= MOST_PUSH_RAD:
+            drive.push_rad = number
+        elif word == "aim" and abs(number) <= MOST_AIM_RAD:
+            drive.aim(number)
+        elif word == "hang" and abs(number) <= drive.device.tau_full_scale_Nm:
+            drive.hang(number)
+        elif word == "let-go":
+            drive.let_go()
+        elif word == "spring" and number >= 0:
+            with contextlib.suppress(UserError):  # one that no coupling has
+                drive.build_in(number)
 
 
 def serve_hosts(
