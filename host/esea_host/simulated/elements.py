@@ -1,4 +1,4 @@
-"""A linear spring in place of a device's elastomer, for the virtual plant; the board's law stays."""
+"""A linear spring in the elastomer's place, for the virtual plant; the board keeps its law."""
 
 from __future__ import annotations
 
