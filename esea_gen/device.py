@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property, wraps
+from functools import cached_property, lru_cache, wraps
 from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
@@ -20,6 +20,7 @@ from esea_gen.devices.file import (
     parse_file,
     read_file,
     shipped_controllers,
+    shipped_devices,
 )
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
@@ -152,6 +153,43 @@ def load_device(name_or_path: str | Path, controller: str | None = None) -> Devi
     device = _device(text, origin, controller)
     device.given = str(name_or_path), controller or ""
     return device
+
+
+def board_device(device: Device | str | Path) -> Device:
+    """The device that a board runs: of a shipped one without encoders its ``<name>_board``.
+
+    Parameters
+    ----------
+    device : Device, str or Path
+        A device, or its name or file.
+
+    Returns
+    -------
+    Device
+        One that measures by encoders.
+
+    Raises
+    ------
+    UserError
+        For a passive device file of one's own that has no encoders.
+    """
+    loaded = device if isinstance(device, Device) else load_device(device)
+    passive = loaded.drive is None
+    if not passive or (measures_counts(loaded) and not loaded.file.impairment):
+        return loaded
+    name = f"{loaded.name}_board"
+    if name in shipped_devices() and loaded.digest == load_device(loaded.name).digest:
+        return _shipped_board(name)
+    raise UserError(
+        f"{loaded.origin}: a board measures by encoders, and the device has none.",
+        "Add [encoder.motor], [encoder.load] and [joint], as knee_board.toml has them"
+        + (", and take [impairment] out." if loaded.file.impairment else "."),
+    )
+
+
+@lru_cache(maxsize=4)
+def _shipped_board(name: str) -> Device:
+    return load_device(name)
 
 
 def _device(text: str, origin: str, controller: str | None) -> Device:

@@ -608,9 +608,9 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     assert arm.push_rad == 0.0
     os.write(theirs, b"push 7\npush x\npu")  # too far, no number, half a line
     hands.reach(simulated_elbow)
-    assert simulated_elbow.push_rad == 0.0
+    assert simulated_elbow.pushes_rad == [0.0]
     feed.close()
-    simulated_elbow.push_rad = 0.0
+    simulated_elbow.pushes_rad = [0.0]
     os.close(theirs)
 
 

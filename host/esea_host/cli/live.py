@@ -249,13 +249,23 @@ def _read(path: Path) -> dict[str, float]:
 
 @app.command()
 def sim(
-    device: Annotated[str, typer.Argument(help="Device with a drive, such as elbow_drive.")],
+    device: Annotated[str, typer.Argument(help="Such as elbow_drive or knee.")],
     tcp: Annotated[
         int | None, typer.Option("--tcp", min=0, max=65535, help="Port; 0: any.")
     ] = None,
     pty: Annotated[bool, typer.Option("--pty", help="A pseudo terminal in place of TCP.")] = False,
-    person: Annotated[str, typer.Option("--person", help="Who is in the joint.")] = "uncertain",
-    plant: Annotated[str, typer.Option("--plant", help="ideal, real or random.")] = "real",
+    person: Annotated[
+        str | None, typer.Option("--person", help="Who is in a driven joint; default: uncertain.")
+    ] = None,
+    plant: Annotated[
+        str | None, typer.Option("--plant", help="Of a drive: ideal, real (default) or random.")
+    ] = None,
+    motion: Annotated[
+        str | None,
+        typer.Option(
+            "--motion", help="Of a passive joint: person (default), therapist or a table (.csv)."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed")] = 0,
     speed: Annotated[float, typer.Option("--speed", help="1: real time; 0: as it is read.")] = 1.0,
     board: Annotated[str, typer.Option("--board", help="sim (f32) or sim-q31.")] = "sim",
@@ -264,15 +274,15 @@ def sim(
         typer.Option("--spring", min=0.0, help="Nm/deg of a spring in the elastomer's place."),
     ] = 0.0,
 ) -> None:
-    """Serve a simulated board: the firmware's application, the virtual drive, a virtual person."""
+    """Serve a simulated board: the firmware's application, a virtual joint, a virtual person."""
     from esea_host.simulated.server import serve
 
     if pty and tcp is not None:
         raise UserError("Both --tcp and --pty are given.", "Give one.")
     port = None if pty else (tcp or 0)
     try:
-        serve(device, port, plant=plant, person=person, seed=seed, speed=speed, board=board,
-              spring_Nm_rad=math.degrees(spring), say=_tell)  # fmt: skip
+        serve(device, port, plant=plant, person=person, motion=motion, seed=seed, speed=speed,
+              board=board, spring_Nm_rad=math.degrees(spring), say=_tell)  # fmt: skip
     except KeyboardInterrupt:
         return
 

@@ -125,16 +125,16 @@ class SimulatedProcess(SocketTransport):
             raise LinkError(what, "" if ended else fix, error.decode().strip())
         return int(port)
 
-    def push(self, push_rad: float) -> None:
-        """Push the virtual arm; see :class:`esea_host.simulated.SimulatedBoard`."""
-        self.hand("push", push_rad)
+    def push(self, *pushes_rad: float) -> None:
+        """Push each axis so far; see :class:`esea_host.simulated.SimulatedBoard`."""
+        self.hand("push", *pushes_rad)
 
-    def hand(self, word: str, number: float) -> None:
+    def hand(self, word: str, *numbers: float) -> None:
         """Do something at the virtual machine; see :class:`esea_host.simulated.server.Hands`."""
         line = self._process.stdin
         assert line is not None
         try:
-            line.write(f"{word} {number:.6f}\n".encode())
+            line.write(f"{word} {' '.join(f'{n:.6f}' for n in numbers)}\n".encode())
             line.flush()
         except OSError:
             raise LinkError("the simulated board has ended") from None

@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from esea_gen.device import Device
+from esea_gen.device import Device, board_device
 from esea_gen.devices.file import read_file, shipped_devices
 from esea_gen.emit.build import format_hash, render_device
 from esea_gen.emit.dialect import load_dialect, render_dialect
@@ -131,6 +131,8 @@ def identify(
         what = f"{error.what}{told} this tree's dialect"
         raise LinkError(what, error.fix or _build(device), error.said) from None
     name = _text(info.device)
+    if name == f"{device.name}_board":
+        device = board_device(device)
     if expected is not None and device.name != name:
         raise UserError(
             f"The board runs the device {name}, not {device.name}.",
@@ -190,7 +192,7 @@ def passive(device: str | None) -> Identity:
     """Bytes out of a file: nobody can be asked, so the device must be said, and is believed."""
     if device is None:
         raise UserError("Bytes in a file do not say whose they are.", "Add --device elbow_drive.")
-    loaded = loaded_device(device)
+    loaded = board_device(loaded_device(device))
     tick_us = round(loaded.system.base_period_s * 1e6)
     return Identity(loaded, "f32", "unknown", "file", tick_us)
 

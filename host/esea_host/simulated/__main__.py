@@ -13,8 +13,9 @@ parser.add_argument("--tcp", type=int, default=None)
 parser.add_argument("--pty", action="store_true")
 parser.add_argument("--once", action="store_true")
 parser.add_argument("--hands", action="store_true")
-parser.add_argument("--person", default="uncertain")
-parser.add_argument("--plant", default="real")
+parser.add_argument("--person")
+parser.add_argument("--plant")
+parser.add_argument("--motion")
 parser.add_argument("--board", default="sim")
 parser.add_argument("--seed", type=int, default=0)
 parser.add_argument("--speed", type=float, default=1.0)
@@ -26,6 +27,7 @@ try:
         None if given.pty else given.tcp or 0,
         person=given.person,
         plant=given.plant,
+        motion=given.motion,
         seed=given.seed,
         speed=given.speed,
         board=given.board,

@@ -137,8 +137,9 @@ def serve(
     device: str,
     port: int | None,
     *,
-    plant: str = "real",
-    person: str = "uncertain",
+    plant: str | None = None,
+    person: str | None = None,
+    motion: str | None = None,
     seed: int = 0,
     speed: float = 1.0,
     board: str = "sim",
@@ -159,17 +160,20 @@ def serve(
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
     tell = say or (lambda text: print(text, flush=True))
-    drive = SimulatedBoard(device, plant, person, seed, board, spring_Nm_rad)
+    drive = SimulatedBoard(device, plant, person, seed, board, motion, spring_Nm_rad)
+    named = drive.device.name
+    if f"{device}_board" == named:
+        named += f", as {device} has no encoders of its own,"
     try:
         drive.board.lib.sim_unique(1 + secrets.randbelow((1 << 32) - 1))
         drive.restart()  # what was said to another one does not fit this start
         if port is None:
             terminal = _Terminal()
-            tell(f"simulated {device} at pty:{terminal.name}")
+            tell(f"simulated {named} at pty:{terminal.name}")
             _play(drive, terminal, speed, Hands(hands))
             return
         with socket.create_server(("127.0.0.1", port)) as listener:
-            tell(f"simulated {device} at tcp:127.0.0.1:{listener.getsockname()[1]}")
+            tell(f"simulated {named} at tcp:127.0.0.1:{listener.getsockname()[1]}")
             serve_hosts(drive, listener, speed, once, Hands(hands))
     finally:
         drive.close()
@@ -199,17 +203,21 @@ class Hands:
             return
         *lines, self._rest = self._rest.split(b"\n")
         for line in lines:
-            word, _, text = line.decode("ascii", "replace").partition(" ")
+            word, *texts = line.decode("ascii", "replace").split(" ")
             try:
-                number = float(text)
+                numbers = [float(n) for n in texts]
             except ValueError:
                 continue
-            self._do(drive, word, number)
+            self._do(drive, word, numbers)
 
-    def _do(self, drive: SimulatedBoard, word: str, number: float) -> None:
-        if word == "push" and abs(number) <= MOST_PUSH_RAD:
-            drive.push_rad = number
-        elif word == "aim" and abs(number) <= MOST_AIM_RAD:
+    def _do(self, drive: SimulatedBoard, word: str, numbers: list[float]) -> None:
+        fits = len(numbers) == len(drive.pushes_rad)
+        if word == "push" and fits and all(abs(p) <= MOST_PUSH_RAD for p in numbers):
+            drive.pushes_rad = numbers
+        if len(numbers) != 1 or drive.passive:
+            return
+        number = numbers[0]
+        if word == "aim" and abs(number) <= MOST_AIM_RAD:
             drive.aim(number)
         elif word == "hang" and abs(number) <= drive.device.tau_full_scale_Nm:
             drive.hang(number)

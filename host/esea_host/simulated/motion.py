@@ -1,0 +1,236 @@
+"""Simulated movements of a passive joint: both sides of its coupling, tick by tick."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_system
+from esea_gen.model.sensing import of_axis
+from esea_gen.tables import read_table
+from esea_gen.twin.passive import passive_system
+from esea_gen.twin.people import STEP_S
+from esea_host.recording.export import column_of
+
+TICK_S = 1e-3
+MOTIONS = ("person", "therapist")
+EFFORT = 0.4  # of the coupling's largest deflection
+BOUT_S, REST_S = 10.0, 2.0
+SWINGS_HZ = (0.4, 0.27, 0.33)  # of each axis its own
+MOVE_S, PAUSE_S = (3.0, 2.0, 1.5), 1.5
+REACH = 0.6  # of the joint's range
+DAMPING_S = 0.1  # of a limb that is moved, times its stiffness
+MOST_GAP_S = 0.1
+
+
+class Motion(Protocol):
+    """A simulated movement of a passive joint."""
+
+    def step(self) -> Mapping[str, tuple[float, float]]:
+        """One base tick on; of each axis the angles of motor side and load side in rad."""
+        ...
+
+
+class Coupling:
+    """A coupling whose one side is moved along a path while a torque acts on the other.
+
+    inertia_kgm2: of the side that the torque acts on; default: a cuff's.
+    """
+
+    def __init__(self, device: DeviceData, inertia_kgm2: float | None = None) -> None:
+        library = compile_system(passive_system(device, STEP_S, TICK_S), "f64")
+        ffi, prefix = library.ffi, library.prefix
+        params = ffi.new(f"{prefix}_params_t *")
+        library.function(f"{prefix}_default_params")(params)
+        if inertia_kgm2 is not None:
+            params.plant.cuff_inertia_kgm2 = inertia_kgm2
+        self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
+        library.function(f"{prefix}_prepare")(params, self._coeffs)
+        self._state = ffi.new(f"{prefix}_state_t *")
+        library.function(f"{prefix}_init")(self._coeffs, self._state)
+        self._in = ffi.new(f"{prefix}_move_in_t *")
+        self._out = ffi.new(f"{prefix}_move_out_t *")
+        self._move = library.function(f"{prefix}_move_step")
+        self._library = library
+        self._path_rad = 0.0
+
+    def step(self, torque_Nm: float, path_rad: float) -> tuple[float, float]:
+        """A tick on, to this angle of the moved side: the other's angle, torque of the coupling.
+
+        The torque is the one on the side that is moved.
+        """
+        push, steps = self._in, round(TICK_S / STEP_S)
+        push.tau_hand_Nm = torque_Nm
+        push.omega_l_rad_s = (path_rad - self._path_rad) / TICK_S
+        for i in range(1, steps + 1):
+            push.theta_l_rad = self._path_rad + i / steps * (path_rad - self._path_rad)
+            self._move(self._coeffs, self._state, push, self._out)
+        self._path_rad = path_rad
+        return float(self._out.theta_m_rad), float(self._out.tau_e_Nm)
+
+
+def effort_Nm(device: DeviceData) -> float:
+    """A torque that the coupling bears for long, of its static curve."""
+    rubber, bent = device.file.elastomer, EFFORT * device.file.limits.theta_rad.value
+    return float(rubber.k1_Nm_rad.value * bent + rubber.k3_Nm_rad3.value * bent**3)
+
+
+class SwingingPerson:
+    """A person who pushes the load side to and fro while the motor side is held; then rests."""
+
+    def __init__(self, device: DeviceData) -> None:
+        joint = device.file.joint
+        assert joint is not None  # a board's device has one
+        self._axes = {a: Coupling(device, joint.Jh_kgm2.value) for a in device.axes}
+        self._effort_Nm = effort_Nm(device)
+        self._ticks = 0
+
+    def step(self) -> Mapping[str, tuple[float, float]]:
+        """See :class:`Motion`."""
+        self._ticks += 1
+        t_s = self._ticks * TICK_S % (BOUT_S + REST_S) - REST_S
+        grown = math.sin(math.pi * t_s / BOUT_S) ** 2 if t_s > 0 else 0.0
+        moved = {}
+        for k, (axis, coupling) in enumerate(self._axes.items()):
+            swing = math.sin(2 * math.pi * SWINGS_HZ[k % len(SWINGS_HZ)] * t_s)
+            moved[axis] = 0.0, coupling.step(self._effort_Nm * grown * swing, 0.0)[0]
+        return moved
+
+
+class TherapistHand:
+    """Hands on the motor side that move a limp limb slowly, pause, and move it back; axis by axis.
+
+    Each movement there and back is faster than the one before, then slow again.
+    """
+
+    def __init__(self, device: DeviceData) -> None:
+        joint = device.file.joint
+        assert joint is not None  # a board's device has one
+        self._axes = {a: Coupling(device) for a in device.axes}
+        self._inertia_kgm2 = joint.Jh_kgm2.value
+        self._reach_rad = REACH * joint.theta_max_rad.value
+        self._stiffness_Nm_rad = effort_Nm(device) / self._reach_rad
+        self._plan = [(axis, s) for s in MOVE_S for axis in device.axes]
+        self._at, self._ticks = 0, 0
+
+    def step(self) -> Mapping[str, tuple[float, float]]:
+        """See :class:`Motion`."""
+        moving, move_s = self._plan[self._at]
+        turn_s = 2 * (move_s + PAUSE_S)
+        self._ticks += 1
+        t_s = self._ticks * TICK_S
+        if t_s >= turn_s:
+            self._at, self._ticks = (self._at + 1) % len(self._plan), 0
+        moved = {}
+        for axis, coupling in self._axes.items():
+            share, speed, acceleration = _there_and_back(t_s - PAUSE_S, move_s)
+            x, v, a = (
+                (q * self._reach_rad if axis == moving else 0.0)
+                for q in (share, speed, acceleration)
+            )
+            stiffness = self._stiffness_Nm_rad
+            torque_Nm = stiffness * (x + DAMPING_S * v) + self._inertia_kgm2 * a
+            moved[axis] = coupling.step(torque_Nm, x)[0], x
+        return moved
+
+
+def _there_and_back(t_s: float, move_s: float) -> tuple[float, float, float]:
+    # Minimum jerk to 1, a pause there, and back to 0; with speed and acceleration.
+    back = t_s > move_s + 0.5 * PAUSE_S
+    if back:
+        t_s -= move_s + PAUSE_S
+    s = min(max(t_s / move_s, 0.0), 1.0)
+    x = s**3 * (10 - 15 * s + 6 * s * s)
+    v = 30 * s * s * (1 - s) ** 2 / move_s
+    a = 60 * s * (1 - s) * (1 - 2 * s) / move_s**2
+    return (1 - x, -v, -a) if back else (x, v, a)
+
+
+class RecordedMotion:
+    """Both angles from a table, between its rows on straight lines; at its end they stay.
+
+    Columns ``time_s``, ``theta_motor_rad``, ``theta_load_rad`` or with axes
+    ``theta_motor_flexion_rad`` ..., as a board's exported stream has them.
+    """
+
+    def __init__(self, device: DeviceData, path: Path) -> None:
+        table = read_table(path)
+        names = {
+            a: tuple(of_axis(f"theta_{side}_rad", a) for side in ("motor", "load"))
+            for a in device.axes
+        }
+        needed = ["time_s", *(n for pair in names.values() for n in pair)]
+        columns = {n: column_of(table, n) for n in needed}
+        if missing := [n for n, c in columns.items() if c not in table.names]:
+            raise UserError(
+                f"{path} has no column {', '.join(missing)}.",
+                f"A motion of {device.name} has the columns {', '.join(needed)}.",
+            )
+        values = {n: table.numbers(c) for n, c in columns.items()}
+        time_s = values["time_s"]
+        if len(time_s) < 2:
+            raise UserError(f"{path} has {len(time_s)} rows.", "A motion has 2 at least.")
+        steps_s = np.diff(time_s)
+        bad = np.flatnonzero((steps_s <= 0) | (steps_s > MOST_GAP_S))
+        if len(bad):
+            raise UserError(
+                f"{table.at(int(bad[0]) + 1, 'time_s')}: {steps_s[bad[0]]:.6g} s after the row "
+                f"before; allowed is above 0 and at most {MOST_GAP_S:g} s.",
+                "Take a part without gaps, with rising times.",
+            )
+        joint = device.file.joint
+        assert joint is not None  # a board's device has one
+        most = joint.omega_max_rad_s.value
+        for name in needed[1:]:
+            speeds = np.abs(np.diff(values[name])) / steps_s
+            k = int(np.argmax(speeds))
+            if speeds[k] > most:
+                raise UserError(
+                    f"{table.at(k + 1, name)}: moves by {speeds[k]:.3g} rad/s; the joint's limit "
+                    f"is {most:g} rad/s.",
+                    "Angles are in rad, without jumps.",
+                )
+        at_s = np.arange(time_s[0], time_s[-1], TICK_S)
+        paths = {n: np.interp(at_s, time_s, values[n]).tolist() for n in needed[1:]}
+        self._axes = {
+            a: list(zip(paths[motor], paths[load], strict=True))
+            for a, (motor, load) in names.items()
+        }
+        self._next, self._last = 0, len(at_s) - 1
+
+    def step(self) -> Mapping[str, tuple[float, float]]:
+        """See :class:`Motion`."""
+        at = self._next
+        self._next = min(at + 1, self._last)
+        return {axis: path[at] for axis, path in self._axes.items()}
+
+
+def make_motion(name: str, device: DeviceData) -> Motion:
+    """A motion by name, ``person`` or ``therapist``, or from a table."""
+    if name == "person":
+        return SwingingPerson(device)
+    if name == "therapist":
+        return TherapistHand(device)
+    if Path(name).suffix or Path(name).exists():
+        return RecordedMotion(device, Path(name))
+    raise UserError(
+        f"There is no motion '{name}'.",
+        f"Choose from {', '.join(MOTIONS)}, or give a table (.csv).",
+    )
+
+
+__all__ = [
+    "MOTIONS",
+    "Coupling",
+    "Motion",
+    "RecordedMotion",
+    "SwingingPerson",
+    "TherapistHand",
+    "make_motion",
+]
