@@ -117,7 +117,7 @@ class Device(DeviceData):
                 "Add [sliding_mode] or [predictive], or give --controller.",
             )
         if not self.laws:
-            make = sensing_system
+            make: Callable[[DeviceData, Block, Block], System] = sensing_system
             if self.file.impairment:
                 make = impaired_system
             elif measures_counts(self):

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -12,6 +12,7 @@ from esea_host.study.task import (
     Actor,
     DataColumn,
     Inputs,
+    Signal,
     Situation,
     StudyTask,
     TaskEvent,
@@ -42,6 +43,7 @@ class SteadyHold(StudyTask):
     name = "steady_hold"
     title = "Hold the handle near a place"
     Parameters = Hold
+    inputs: ClassVar = {"theta_deg": Signal("theta_load_rad")}
     columns = (
         DataColumn("held", bool, "whether it was held long enough"),
         DataColumn("after_s", float, "time until then, or until it was missed"),

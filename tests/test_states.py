@@ -106,7 +106,7 @@ def rule(state: str, event: str, g: set[str]) -> str | None:
             return None if starting or state in TORQUE or state == "ZEROING" else "BOOT"
         case "ZERO":
             at_rest = state in ("READY", "UNREFERENCED")
-            return "ZEROING" if at_rest and "drive" in g else None
+            return "ZEROING" if at_rest and "encoders" in g else None
         case "RELEASE":
             return rest if state == "STOPPED" and "stop_clear" in g else None
         case "CLEAR":

@@ -125,12 +125,13 @@ def test_what_a_board_has_not_fails_the_trial_with_words(begun):
     session, _ = begun(calibration(), drive=False)
     session.run()
     assert session.state.states[1] == FAILED
-    assert "needs fe_deg, ru_deg, which elbow_drive does not tell" in session.state.reasons[1]
+    assert "elbow_drive does not fit: fe_deg is" in session.state.reasons[1]
+    assert "axis flexion, and its axis is one without a name" in session.state.reasons[1]
 
 
 def test_what_a_board_cannot_do_is_not_asked_of_it(begun):
     _, source = begun(of_tasks(TRACKING), drive=False)
-    with pytest.raises(UserError, match="asks the board for impairment"):
+    with pytest.raises(UserError, match="asks elbow_drive for impairment"):
         source.want({"impairment": 1.0})
 
 
@@ -155,7 +156,7 @@ def test_a_fault_ends_the_trial_and_a_stopped_board_starts_nothing(begun, lockst
 
 def test_torque_at_rest_starts_nothing(begun, monkeypatch):
     session, source = begun(of_tasks(TRACKING), drive=False)
-    monkeypatch.setattr(source, "_most_Nm", 1e-3)
+    monkeypatch.setitem(source._limits, "limits.tau_max_Nm", 1e-3)
     assert "unload the joint and zero it" in session.run()
 
 

@@ -90,6 +90,7 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
         "status_words": status_words(system),
         "states": STATES,
         "roles": board_roles(system),
+        "places": {t.name: k for k, t in enumerate(system.tasks)},
         "first_id": FIRST_ID,
         "zero_room": ZERO_ROOM_RAD,
         "faults": fault_codes(system),

@@ -2,39 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from esea_gen.language.system import External, Signal, System
+from esea_gen.language.system import External, Signal, System, Task
 
 MOST_COUPLINGS = 4  # whose life a board counts
+
+
+@dataclass(frozen=True)
+class MotorAxis:
+    """A motor, and what the board itself looks at of it.
+
+    task: that runs every tick and tells of it.
+    u, tau_set, fault: its outputs: what the motor gets, what is wanted of it, why it holds.
+    tau_desired: what the host wants of it.
+    added: outputs that are part of ``tau_set`` and not of ``tau_desired``.
+    """
+
+    task: str
+    u: str
+    tau_set: str
+    fault: str
+    tau_desired: str
+    added: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class ZeroedEncoder:
     """An encoder whose zero a calibration sets.
 
-    theta, status: the outputs that tell of it.
+    task: that tells of it.
+    theta, status: its outputs.
     """
 
     instance: str
     block: str
+    task: str
     theta: str
     status: str
 
 
 @dataclass(frozen=True)
 class CountedCoupling:
-    """A coupling whose life is counted: where the first task's run tells of it.
+    """A coupling whose life is counted: where a run of its task tells of it.
 
     sensor: its torque sensor's instance.
+    task: that runs every tick.
     side: ``in`` or ``out``, the struct that has its deflection.
     block, status, flags: Block and status word that say whether to believe it, and by what bits.
     most_rad: largest deflection.
     """
 
     sensor: str
+    task: str
     side: str
     theta: str
     tau: str
@@ -48,22 +70,30 @@ class CountedCoupling:
 class BoardRoles:
     """Who gives a System's inputs on the board's own clock, and what the board itself looks at.
 
-    drive: whether there is a motor, with limits before it.
+    axes: its motors, each with limits before it; none where it only measures.
     measured: inputs that its drivers give; the others are wanted by the host.
-    first: the task whose outputs the board looks at.
     """
 
-    drive: bool
+    axes: tuple[MotorAxis, ...]
     measured: tuple[External, ...]
     wanted: tuple[External, ...]
     encoders: tuple[ZeroedEncoder, ...]
     couplings: tuple[CountedCoupling, ...]
-    first: str
+
+    @property
+    def drive(self) -> bool:
+        """Whether there is a motor."""
+        return bool(self.axes)
 
     @property
     def wanted_names(self) -> tuple[str, ...]:
         """Names of what the host gives."""
         return tuple(x.name for x in self.wanted)
+
+
+def every_tick(system: System) -> tuple[Task, ...]:
+    """Tasks that run at each base tick, in their order."""
+    return tuple(t for t in system.tasks if t.every == 1)
 
 
 def board_roles(system: System) -> BoardRoles:
@@ -78,22 +108,37 @@ def board_roles(system: System) -> BoardRoles:
         for x in inputs.values()
         if (x.name.startswith(("count_", "frame_error_")) if drive else x.name != "stop")
     ]
-    outputs = {
-        (x.signals[0].instance, x.signals[0].port): x.name
-        for x in (system.outputs if drive else ())
-    }
     return BoardRoles(
-        drive,
+        tuple(_axis(system, t) for t in every_tick(system)) if drive else (),
         tuple(measured),
         tuple(x for x in inputs.values() if x not in measured),
-        tuple(
-            ZeroedEncoder(name, block.name, outputs[name, "theta_rad"], outputs[name, "status"])
-            for name, block in (system.blocks.items() if drive else ())
-            if {"zero_rad", "zeroed"} <= {t.name for t in block.tunables}
-        ),
-        _couplings(system),
-        system.tasks[0].name,
+        tuple(e for t in every_tick(system) for e in _encoders(system, t)),
+        tuple(c for t in every_tick(system) for c in _couplings(system, t))[:MOST_COUPLINGS],
     )
+
+
+def _axis(system: System, task: Task) -> MotorAxis:
+    outputs = system.task_outputs(task)
+    fault = next(x for x in outputs if x.signals[0].port == "fault")
+    told = {x.signals[0]: x.name for x in outputs}
+    added = [x for x in outputs if x.name.startswith("tau_impairment_")]
+    return MotorAxis(
+        task.name,
+        told[Signal(fault.signals[0].instance, "u_Nm")],
+        next(x.name for x in outputs if x.name.startswith("tau_set_")),
+        fault.name,
+        next(x.name for x in system.task_inputs(task) if x.name.startswith("tau_desired_")),
+        tuple(x.name for x in added),
+    )
+
+
+def _encoders(system: System, task: Task) -> Iterator[ZeroedEncoder]:
+    outputs = {x.signals[0]: x.name for x in system.task_outputs(task)}
+    for name in task.blocks:
+        block = system.blocks[name]
+        if {"zero_rad", "zeroed"} <= {t.name for t in block.tunables}:
+            told = (outputs[Signal(name, port)] for port in ("theta_rad", "status"))
+            yield ZeroedEncoder(name, block.name, task.name, *told)
 
 
 def _told(system: System, theta: Any, outputs: Mapping[Signal, External]) -> Any:
@@ -109,11 +154,10 @@ def _told(system: System, theta: Any, outputs: Mapping[Signal, External]) -> Any
 _NOT_BELIEVED = ("INPUT_INVALID", "ENCODER_UNUSABLE")
 
 
-def _couplings(system: System) -> tuple[CountedCoupling, ...]:
-    # Torque sensors of the first task whose deflection and torque are told of each run.
-    outputs = {x.signals[0]: x for x in system.task_outputs(system.tasks[0])}
-    found = []
-    for name in system.tasks[0].blocks:
+def _couplings(system: System, task: Task) -> Iterator[CountedCoupling]:
+    # Torque sensors of a task whose deflection and torque are told of each run.
+    outputs = {x.signals[0]: x for x in system.task_outputs(task)}
+    for name in task.blocks:
         sink, tau = Signal(name, "theta_rad"), outputs.get(Signal(name, "tau_Nm"))
         if tau is None or sink.port not in (p.name for p in system.blocks[name].inputs):
             continue
@@ -127,7 +171,5 @@ def _couplings(system: System) -> tuple[CountedCoupling, ...]:
         flags = tuple(f.name for f in status.port.flags if f.name in _NOT_BELIEVED)
         block = system.blocks[speaks].name
         most_rad = min(-told.port.low, told.port.high)
-        found.append(
-            CountedCoupling(name, side, told.name, tau.name, block, status.name, flags, most_rad)
-        )
-    return tuple(found[:MOST_COUPLINGS])
+        names = told.name, tau.name, block, status.name
+        yield CountedCoupling(name, task.name, side, *names, flags, most_rad)

@@ -128,6 +128,7 @@ EVENTS = (
 
 GUARDS = (
     BoardGuard("drive", "the device has a motor"),
+    BoardGuard("encoders", "the device has encoders with a zero"),
     BoardGuard("referenced", "every encoder has a zero; true where there is none"),
     BoardGuard("stop_clear", "no stop is held, and the stop line is closed"),
     BoardGuard("link_live", "the host was heard of late"),
@@ -237,7 +238,7 @@ TABLE: dict[str, dict[str, tuple[Way, ...]]] = {
     "UNREFERENCED": {
         "STOP": (Way("STOPPED"),),
         "RESET": (Way("BOOT"),),
-        "ZERO": (Way("ZEROING", ("drive",)),),
+        "ZERO": (Way("ZEROING", ("encoders",)),),
         "INPUT": (Way("REPLAY"),),
         **_FAILED,
         **_LESS,
@@ -252,7 +253,7 @@ TABLE: dict[str, dict[str, tuple[Way, ...]]] = {
     "READY": {
         "STOP": (Way("STOPPED"),),
         "RESET": (Way("BOOT"),),
-        "ZERO": (Way("ZEROING", ("drive",)),),
+        "ZERO": (Way("ZEROING", ("encoders",)),),
         "ARM": (Way("ARMED", ("drive", "referenced", "stop_clear", "link_live", "mode_off")),),
         "INPUT": (Way("REPLAY"),),
         **_FAILED,

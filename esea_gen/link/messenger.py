@@ -208,6 +208,10 @@ class Messenger:
             self._read(left_s)
         return self._board_time
 
+    def boot_number(self) -> int:
+        """Number of the board's start, asked of it: another one after every loss of power."""
+        return self._learn_time().boot
+
     def take_time_of(self, other: Messenger) -> None:
         """Ask over another way: the one to here is made anew, and the board may be, too."""
         known = other._learn_time()

@@ -41,17 +41,22 @@ class Load:
     tau_end: ca.SX
 
 
-def move_load(
-    c: SimpleNamespace,
-    s: SimpleNamespace,
-    u: SimpleNamespace,
-    tau_e: ca.SX,
-    x_l: ca.SX,
-    v_l: ca.SX,
-    q: float,
-    label: Labels,
-) -> Load:
-    """Load and person under the true torque, friction implicit (5.3)."""
+@dataclass(frozen=True)
+class Limb:
+    """What acts on the load side beside the coupling; ``slope`` and ``d_end`` over its speed."""
+
+    held: Any
+    slope: Any
+    noise: ca.SX
+    end: ca.SX
+    tau_end: ca.SX
+    d_end: ca.SX
+
+
+def limb_torques(
+    c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, x_l: ca.SX, v_l: ca.SX
+) -> Limb:
+    """Torque of the person and of the joint's stops (5.3)."""
     noise = c.noise_decay * s.noise_Nm + c.noise_gain_Nm * u.noise
     turn = 1 / (2 * math.pi)
     feed = (
@@ -70,13 +75,28 @@ def move_load(
     end = beyond(x_l, c.joint_min_rad, c.joint_max_rad)
     tau_end, d_end = contact(end, v_l, c.joint_stop_Nm_rad, c.joint_stop_Nms_rad)
     slope = c.damping_Nms_rad + c.own_damping_Nms_rad
+    return Limb(held, slope, noise, end, tau_end, d_end)
+
+
+def move_load(
+    c: SimpleNamespace,
+    s: SimpleNamespace,
+    u: SimpleNamespace,
+    tau_e: ca.SX,
+    x_l: ca.SX,
+    v_l: ca.SX,
+    q: float,
+    label: Labels,
+) -> Load:
+    """Load and person under the true torque, friction implicit (5.3)."""
+    limb = limb_torques(c, s, u, x_l, v_l)
     a = label(
         "a_l",
-        c.free * (tau_e + held - tau_end) / (c.Jh_kgm2 + q * (slope + d_end)),
+        c.free * (tau_e + limb.held - limb.tau_end) / (c.Jh_kgm2 + q * (limb.slope + limb.d_end)),
         "(5.3), friction implicit",
     )
-    tau_h = label("tau_h", held - slope * (q * a), "the person, at the end of the step")
-    return Load(a, v_l + q * a, tau_h, noise, end, tau_end)
+    tau_h = label("tau_h", limb.held - limb.slope * (q * a), "the person, at the end of the step")
+    return Load(a, v_l + q * a, tau_h, limb.noise, limb.end, limb.tau_end)
 
 
 @dataclass(frozen=True)

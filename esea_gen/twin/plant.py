@@ -40,11 +40,13 @@ from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Flag, Port, clip, flag_word
 from esea_gen.language.system import System, Task
 from esea_gen.model.rubber import rubber_sensor
+from esea_gen.model.sensing import of_axis
 from esea_gen.model.symbolic import equation
 from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
 from esea_gen.twin.mechanics import (
     WORKS,
     Coupling,
+    Load,
     beyond,
     contact,
     gear_torques,
@@ -96,46 +98,55 @@ def bodies_of(cable: bool) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class _PlantStep:
-    """One step of the plant, symbolically."""
+class Drifted:
+    """Half a step on: speeds ``v`` and angles ``x`` by body, and what acts between them."""
+
+    v: dict[str, Any]
+    x: dict[str, Any]
+    u_a: Any
+    coupling: Coupling
+
+
+@dataclass(frozen=True)
+class AxisStep:
+    """One step of a drive with its coupling, symbolically: up to the load, and from there on."""
 
     cable: bool
     step_s: float
     ratio: float
     sensor: Block
 
-    def __call__(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        cable, h, q = self.cable, self.step_s, 0.5 * self.step_s
-        bodies = bodies_of(cable)
+    def drift(
+        self, c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, label: Labels
+    ) -> Drifted:
+        """Motor's torque, half a kick and the drift of every body, and the coupling's torque."""
+        h, q = self.step_s, 0.5 * self.step_s
         wanted = clip(u.u_Nm, -c.u_max_Nm, c.u_max_Nm)
         u_c = label("u_c_Nm", ca.if_else(s.tripped > 0, 0, wanted), "a tripped drive is off")
         u_a = label("u_a_next_Nm", u_c + (s.u_a_Nm - u_c) * c.lag_decay, "(5.1)")
-
-        # Half a kick, and the drift.
         v, x = {}, {}
-        for i, key in enumerate(bodies):
+        for i, key in enumerate(bodies_of(self.cable)):
             kicked = s.omega_rad_s[i] + q * s.alpha_rad_s2[i]
             kicked = c.free * kicked if key == "l" else kicked
             v[key] = label(f"v_{key}", kicked, "speed in the middle of the step")
             x[key] = label(f"x_{key}", s.theta_rad[i] + h * v[key])
-
         coupling = self._coupling(c, s, x["m"] - x["l"], v["m"] - v["l"], label)
-        tau_e = coupling.tau
-        load = move_load(c, s, u, tau_e, x["l"], v["l"], q, label)
-        v_g, x_g = v[bodies[0]], x[bodies[0]]
+        return Drifted(v, x, u_a, coupling)
+
+    def settle(
+        self, c: SimpleNamespace, s: SimpleNamespace, at: Drifted, load: Load, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Second half of the kick: next state and outputs but for the status."""
+        cable, h, q = self.cable, self.step_s, 0.5 * self.step_s
+        v, x, u_a, coupling = at.v, at.x, at.u_a, at.coupling
+        first = bodies_of(cable)[0]
+        v_g, x_g = v[first], x[first]
         drive_Nm = self.ratio * u_a
         gear = gear_torques(c, x_g, v_g, drive_Nm, label)
         moved = (
-            move_with_cable(c, gear, x_g - x["m"], v_g, v["m"], tau_e, q, label)
+            move_with_cable(c, gear, x_g - x["m"], v_g, v["m"], coupling.tau, q, label)
             if cable
-            else move_rigidly(c, gear, v["m"], tau_e, q, label)
+            else move_rigidly(c, gear, v["m"], coupling.tau, q, label)
         )
 
         # Works, by the trapezoidal rule: a sum of the powers less half the last one.
@@ -155,7 +166,7 @@ class _PlantStep:
             "sums_J": list(sums.values()),
         }
         outputs = {
-            "tau_e_Nm": tau_e,
+            "tau_e_Nm": coupling.tau,
             "theta_g_rad": x_g,
             "omega_g_rad_s": moved.w_g,
             "theta_m_rad": x["m"],
@@ -168,9 +179,6 @@ class _PlantStep:
             "stored_J": stored_J(c, coupling, load, moved),
             **{f"work_{k}_J": v - q * power[k] for k, v in sums.items()},
             "tripped": tripped,
-            "plant_status": flag_word(
-                [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]
-            ),
         }
         return next_state, outputs
 
@@ -202,6 +210,39 @@ class _PlantStep:
         return Coupling(tau_e, rubber, jaw, tau_jaw, kept)
 
 
+@dataclass(frozen=True)
+class _PlantStep:
+    """One step of the plant, symbolically."""
+
+    axis: AxisStep
+
+    def __call__(
+        self,
+        c: SimpleNamespace,
+        s: SimpleNamespace,
+        u: SimpleNamespace,
+        guard: Guard,
+        label: Labels,
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        at = self.axis.drift(c, s, u, label)
+        q = 0.5 * self.axis.step_s
+        load = move_load(c, s, u, at.coupling.tau, at.x["l"], at.v["l"], q, label)
+        next_state, outputs = self.axis.settle(c, s, at, load, label)
+        return next_state, outputs | {"plant_status": plant_status(guard)}
+
+
+def plant_status(guard: Guard) -> Any:
+    """Status word of one step of a plant."""
+    return flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)])
+
+
+def axis_step(device: DeviceData, cable: bool, step_s: float) -> AxisStep:
+    """Step of one axis of a device."""
+    assert device.file.actuator is not None
+    ratio = device.file.actuator.gear_ratio.value
+    return AxisStep(cable, step_s, ratio, true_sensor(device, step_s))
+
+
 def plant_block(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> Block:
@@ -213,9 +254,8 @@ def plant_block(
         angles, speeds, works, all at the end of the step.
     """
     tunables = plant_tunables(device, cable)
-    sensor = true_sensor(device, step_s)
-    assert device.file.actuator is not None
-    ratio = device.file.actuator.gear_ratio.value
+    axis = axis_step(device, cable, step_s)
+    sensor = axis.sensor
     passed = passed_on(tunables)
     return Block.define(
         "plant",
@@ -227,11 +267,11 @@ def plant_block(
         tunables=tunables,
         coefficients=plant_coefficients(tunables),
         prepare=lambda t: prepare_plant(t, passed, step_s, tick_s),
-        state=(*_state_ports(cable), *sensor.state),
-        inputs=_input_ports(),
-        outputs=_output_ports(),
-        equations=_equations(cable),
-        step=_PlantStep(cable, step_s, ratio, sensor),
+        state=(*state_ports(cable), *sensor.state),
+        inputs=input_ports(),
+        outputs=output_ports(),
+        equations=plant_equations(cable),
+        step=_PlantStep(axis),
     )
 
 
@@ -246,7 +286,7 @@ def _speed(name: str, text: str) -> Port:
 _BODIES = {"g": "gear, at the joint", "m": "coupling's motor-side part", "l": "load side"}
 
 
-def _state_ports(cable: bool) -> tuple[Port, ...]:
+def state_ports(cable: bool) -> tuple[Port, ...]:
     # Vectors: one comparison guards all of their elements.
     n = 3 if cable else 2
     who = ("gear, " if cable else "") + "motor-side part, load side"
@@ -264,7 +304,7 @@ def _state_ports(cable: bool) -> tuple[Port, ...]:
     )
 
 
-def _input_ports() -> tuple[Port, ...]:
+def input_ports() -> tuple[Port, ...]:
     return (
         Port("u_Nm", -100, 100, "motor command, at the motor's shaft", equation="(5.1)"),
         Port(
@@ -280,7 +320,7 @@ def _input_ports() -> tuple[Port, ...]:
     )
 
 
-def _output_ports() -> tuple[Port, ...]:
+def output_ports() -> tuple[Port, ...]:
     torque = "true torque of the coupling on the load, its stop included"
     ports = [Port("tau_e_Nm", -1e5, 1e5, torque, equation="(3.1)")]
     for key, text in _BODIES.items():
@@ -310,7 +350,7 @@ def _output_ports() -> tuple[Port, ...]:
     )
 
 
-def _equations(cable: bool) -> tuple[Any, ...]:
+def plant_equations(cable: bool) -> tuple[Any, ...]:
     n, u_a, u_c, lag, fv, fc, w = sp.symbols("n u_a u_c tau_c f_v f_c w")
     omega, d4, j = sp.symbols("omega_g d_4 J")
     tau_e, tau_h = sp.symbols("tau_e tau_h")
@@ -323,6 +363,17 @@ def _equations(cable: bool) -> tuple[Any, ...]:
     )
 
 
+def steps_a_tick(step_s: float, tick_s: float) -> int:
+    """How many steps of a plant make a tick."""
+    every = round(tick_s / step_s)
+    if every < 1 or abs(every * step_s - tick_s) > 1e-9 * tick_s:
+        raise UserError(
+            f"The plant's step {step_s:g} s does not divide the tick {tick_s:g} s.",
+            f"Give a step such as {tick_s / max(every, 1):g} s.",
+        )
+    return every
+
+
 def plant_system(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> System:
@@ -332,12 +383,7 @@ def plant_system(
     return: task ``move`` (Block ``plant``) every step, task ``encode`` (Block ``encoders``) every
         tick; whoever runs them hands the angles over.
     """
-    every = round(tick_s / step_s)
-    if every < 1 or abs(every * step_s - tick_s) > 1e-9 * tick_s:
-        raise UserError(
-            f"The plant's step {step_s:g} s does not divide the tick {tick_s:g} s.",
-            f"Give a step such as {tick_s / max(every, 1):g} s.",
-        )
+    every = steps_a_tick(step_s, tick_s)
     plant, encoders = plant_block(device, cable, step_s, tick_s), encoder_block(device, tick_s)
     return System(
         NAME,
@@ -367,11 +413,16 @@ def _spring_Nm(plant: Block, delta: float) -> float:
 
 
 def start_state(
-    plant: Block, start_rad: float, initial: Mapping[str, float], elastomer_scale: float = 1.0
+    plant: Block,
+    start_rad: float,
+    initial: Mapping[str, float],
+    elastomer_scale: float = 1.0,
+    axis: str = "",
 ) -> tuple[dict[str, list[float]], dict[str, float]]:
-    """State of the Block ``plant`` at the start of a run, and what its outputs show of it.
+    """State of a plant's Block at the start of a run, and what its outputs show of it.
 
     initial: ``theta_...`` and ``omega_...`` of the bodies ``g``, ``m`` and ``l``.
+    axis: of a plant of several axes.
     return: of the vectors that are not 0. Accelerations start at 0, which is half a step of them
         lost.
 
@@ -382,12 +433,13 @@ def start_state(
     for key, value in initial.items():
         if key not in known:
             raise UserError(f"No initial value is named {key}.", f"There are {', '.join(known)}.")
-        if not ports[key].low <= value <= ports[key].high:
+        port = ports[of_axis(key, axis)]
+        if not port.low <= value <= port.high:
             raise UserError(
-                f"Initial {key} = {value:g} is outside {ports[key].low:g} to {ports[key].high:g}.",
+                f"Initial {key} = {value:g} is outside {port.low:g} to {port.high:g}.",
                 "Give a value inside.",
             )
-    count = next(p.size for p in plant.state if p.name == "theta_rad")
+    count = next(p.size for p in plant.state if p.name == of_axis("theta_rad", axis))
     bodies = tuple(_BODIES)[3 - count :]
     theta = {b: float(initial.get(f"theta_{b}_rad", start_rad)) for b in _BODIES}
     omega = {b: float(initial.get(f"omega_{b}_rad_s", 0.0)) for b in _BODIES}
@@ -396,5 +448,8 @@ def start_state(
     spring = _spring_Nm(plant, theta["m"] - theta["l"])
     shown = {f"theta_{b}_rad": x for b, x in theta.items()}
     shown |= {f"omega_{b}_rad_s": x for b, x in omega.items()}
+    shown["tau_e_Nm"] = elastomer_scale * spring
     state = {"theta_rad": [theta[b] for b in bodies], "omega_rad_s": [omega[b] for b in bodies]}
-    return state, shown | {"tau_e_Nm": elastomer_scale * spring}
+    return {of_axis(k, axis): x for k, x in state.items()}, {
+        of_axis(k, axis): x for k, x in shown.items()
+    }

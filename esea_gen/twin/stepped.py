@@ -16,8 +16,9 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.twin.encoders import ENCODERS
+from esea_gen.twin.hand_plant import tunable_places, twin_system
 from esea_gen.twin.people import STEP_S, PlantVariant
-from esea_gen.twin.plant import TICK_S, plant_system, start_state
+from esea_gen.twin.plant import TICK_S, start_state
 from esea_gen.twin.published import Person
 
 # A joint with nobody in it: the load side's own parts, its axis not quite upright.
@@ -35,8 +36,30 @@ MOST_DELAY_S = 0.1
 
 
 @lru_cache(maxsize=4)
-def _compiled(device: DeviceData, cable: bool, step_s: float) -> HostLibrary:
-    return compile_system(plant_system(device, cable, step_s, TICK_S), "f64")
+def compiled_plant(device: DeviceData, cable: bool, step_s: float) -> HostLibrary:
+    """The plant of a device, compiled once in a process."""
+    return compile_system(twin_system(device, cable, step_s, TICK_S), "f64")
+
+
+def prepare_plant(library: HostLibrary, coeffs: Any, values: Mapping[str, float]) -> None:
+    """Coefficients of a plant with these tunables, and the defaults of the others."""
+    prefix, places = library.prefix, tunable_places(library.system)
+    params = library.ffi.new(f"{prefix}_params_t *")
+    library.function(f"{prefix}_default_params")(params)
+    for key, value in values.items():
+        if key not in places:
+            raise UserError(f"The plant has no tunable {key}.", f"It has: {', '.join(places)}.")
+        instance, name = places[key]
+        setattr(getattr(params, instance), name, value)
+    refused = int(library.function(f"{prefix}_prepare")(params, coeffs))
+    if refused:
+        instance, tunable = library.system.tunables[refused - 1]
+        value = getattr(getattr(params, instance), tunable.name)
+        raise UserError(
+            f"{instance}.{tunable.name} = {value:g} is outside {tunable.low:g} to "
+            f"{tunable.high:g}.",
+            f"Give a value inside ({tunable.meaning}).",
+        )
 
 
 class SteppedPlant:
@@ -65,7 +88,7 @@ class SteppedPlant:
         self.delay_steps = round(delay_s / STEP_S)
         self.delay_s = self.delay_steps * STEP_S
         self.turned = frozenset(reversed_encoders)
-        self.library = _compiled(variant.device, variant.cable, STEP_S)
+        self.library = compiled_plant(variant.device, variant.cable, STEP_S)
         self.system = self.library.system
         self._times_s = [j * STEP_S for j in range(1, round(TICK_S / STEP_S) + 1)]
         full = {p.name: round(p.high) + 1 for p in self.system.blocks["encoders"].outputs}
@@ -106,21 +129,8 @@ class SteppedPlant:
 
         more: tunables of the plant that differ from the variant's from now on.
         """
-        library, prefix = self.library, self.library.prefix
         values = {**self.variant.values, **person.values(), "clamped": float(clamped)} | more
-        params = library.ffi.new(f"{prefix}_params_t *")
-        library.function(f"{prefix}_default_params")(params)
-        owners = {t.name: i for i, t in self.system.tunables}
-        for key, value in values.items():
-            setattr(getattr(params, owners[key]), key, value)
-        refused = int(library.function(f"{prefix}_prepare")(params, self._coeffs))
-        if refused:
-            instance, tunable = self.system.tunables[refused - 1]
-            raise UserError(
-                f"{instance}.{tunable.name} = {values[tunable.name]:g} is outside {tunable.low:g} "
-                f"to {tunable.high:g}.",
-                f"Give a value inside ({tunable.meaning}).",
-            )
+        prepare_plant(self.library, self._coeffs, values)
 
     def step(self, u_Nm: float) -> tuple[int, int, int]:
         """Hold a command for a tick; the counts at its end."""
@@ -175,4 +185,4 @@ class SteppedPlant:
         return motor, load, gear
 
 
-__all__ = ["EMPTY", "MOST_DELAY_S", "SteppedPlant"]
+__all__ = ["EMPTY", "MOST_DELAY_S", "SteppedPlant", "compiled_plant", "prepare_plant"]

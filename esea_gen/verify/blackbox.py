@@ -11,7 +11,6 @@ from esea_gen.emit.roles import board_roles
 from esea_gen.emit.states import STATES
 
 SECONDS = 2.0
-_HEAD = "<IHHBBBxf"
 _PACKED = ("mode", "stop", "rearm")
 
 
@@ -21,7 +20,8 @@ class BlackboxRecord:
 
     tick: its lower 16 bits.
     fault: number of the fault; 0 for none.
-    on: whether the motor was on; u_Nm: what it was given.
+    faults: what the limits of each axis said, by the output's name.
+    on: whether the motors were on; u_Nm: what they were given, by the output's name.
     stop_held: whether a stop was held, or the stop line open.
     wanted: what the limits and the laws were given, by name; arrays as tuples.
     measured: what the drivers gave, by name.
@@ -31,8 +31,9 @@ class BlackboxRecord:
     state: str
     fault: int
     on: bool
+    faults: dict[str, int]
     stop_held: bool
-    u_Nm: float
+    u_Nm: dict[str, float]
     wanted: dict[str, float | tuple[float, ...]]
     measured: dict[str, float]
 
@@ -44,10 +45,15 @@ def _desired(device: Device) -> list[tuple[str, int]]:
     return [(x.name, x.port.size) for x in roles.wanted if x.name not in _PACKED]
 
 
+def _head(device: Device) -> struct.Struct:
+    axes = max(1, len(board_roles(device.system).axes))
+    return struct.Struct(f"<IHHBBB{1 + (axes + 2) // 4 * 4}s{axes}f")
+
+
 def record_bytes(device: Device) -> int:
     """Size of a record."""
     floats = sum(size for _, size in _desired(device)) + len(board_roles(device.system).measured)
-    return struct.calcsize(_HEAD) + 4 * floats
+    return _head(device).size + 4 * floats
 
 
 def blackbox_records(device: Device, most_bytes: int | None = None) -> int:
@@ -58,24 +64,26 @@ def blackbox_records(device: Device, most_bytes: int | None = None) -> int:
 
 def read_record(device: Device, data: bytes) -> BlackboxRecord:
     """A record out of its bytes."""
-    _, _, tick, state, fault, flags, u_Nm = struct.unpack_from(_HEAD, data)
-    values = struct.unpack_from(f"<{(len(data) - struct.calcsize(_HEAD)) // 4}f", data, 16)
+    head, roles = _head(device), board_roles(device.system)
+    _, _, tick, state, fault, flags, faults, *u_Nm = head.unpack_from(data)
+    values = struct.unpack_from(f"<{(len(data) - head.size) // 4}f", data, head.size)
     wanted: dict[str, float | tuple[float, ...]] = {}
-    if board_roles(device.system).drive:
+    if roles.drive:
         packed = (flags & 3, flags >> 2 & 1, flags >> 3 & 7)
         wanted = {n: float(v) for n, v in zip(_PACKED, packed, strict=True)}
     at = 0
     for name, size in _desired(device):
         wanted[name] = values[at] if size == 1 else values[at : at + size]
         at += size
-    names = [x.name for x in board_roles(device.system).measured]
+    names = [x.name for x in roles.measured]
     return BlackboxRecord(
         tick,
         {s.value: s.name for s in STATES}.get(state, f"unknown {state}"),
         fault,
         bool(flags & 0x40),
+        {a.fault: n for a, n in zip(roles.axes, faults, strict=False)},
         bool(flags & 0x80),
-        u_Nm,
+        {a.u: u for a, u in zip(roles.axes, u_Nm, strict=False)},
         wanted,
         dict(zip(names, values[at:], strict=True)),
     )
@@ -91,8 +99,8 @@ def blackbox_csv(records: Sequence[BlackboxRecord]) -> str:
             "fault": r.fault,
             "on": int(r.on),
             "stop_held": int(r.stop_held),
-            "u_Nm": r.u_Nm,
         }
+        values |= r.u_Nm | {f"limits_{n}": fault for n, fault in r.faults.items()}
         for name, value in r.wanted.items():
             parts = value if isinstance(value, tuple) else (value,)
             names = [f"{name}[{i}]" for i in range(len(parts))] if len(parts) > 1 else [name]

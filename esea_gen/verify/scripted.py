@@ -136,12 +136,12 @@ static bool stop_open(void)
     return at >= {stop_from}u;
 }}
 
-static void motor(float u_Nm, bool enable)
+static void motor(const float *u_Nm, bool enable)
 {{
     if (!in_tick)
         return;
     in_tick = false;
-    memcpy(&script_motor[at], &u_Nm, sizeof u_Nm);
+    memcpy(&script_motor[at], u_Nm, sizeof *u_Nm);
     script_on[at] = enable;
     script_fault = own->blackbox->fault;
     ++at;

@@ -17,7 +17,7 @@ import cffi
 
 from esea_gen.device import Device
 from esea_gen.emit.dialect import load_dialect
-from esea_gen.emit.roles import board_roles
+from esea_gen.emit.roles import board_roles, every_tick
 from esea_gen.emit.states import EVENTS, GUARDS, STATES
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError
@@ -72,7 +72,7 @@ class SimBoard(Session):
     measured: what its drivers give, by the device's input names; frames are bad until it is set.
     board: ``sim``, or ``sim-q31`` with the control in whole numbers.
     drivers, values: for :meth:`step`: what the drivers give, in the order of ``inputs``; then what
-        the first task was given and made, each at its place in ``places``.
+        the tasks of every tick were given and made, each at its place in ``places``.
     """
 
     def __init__(
@@ -90,15 +90,19 @@ class SimBoard(Session):
             own = Path(folder) / "board.so"  # a file of its own, for memory of its own
             own.write_bytes(built)
             self.lib: Any = self._ffi.dlopen(str(own))
-        self.inputs = [x.name for x in board_roles(device.system).measured]
+        roles = board_roles(device.system)
+        self.inputs = [x.name for x in roles.measured]
+        self._axes = range(len(roles.axes))
         self.drivers = self._ffi.new("float[]", max(1, len(self.inputs)))
         self._answer = self._ffi.new("uint8_t[]", 512)
         self._encoders = [k for k, n in enumerate(self.inputs) if n.startswith("count_")]
-        system, task = device.system, device.system.tasks[0]
-        signals = (*system.task_inputs(task), *system.task_outputs(task))
-        sizes = [x.port.size for x in signals]
-        self.places = {x.name: sum(sizes[:k]) for k, x in enumerate(signals)}
-        self._words = self._ffi.new("uint32_t[]", sum(sizes))
+        system, size = device.system, 0
+        self.places: dict[str, int] = {}
+        for task in every_tick(system):
+            for x in (*system.task_inputs(task), *system.task_outputs(task)):
+                self.places[x.name] = size
+                size += x.port.size
+        self._words = self._ffi.new("uint32_t[]", size)
         self.values = self._ffi.cast("float *", self._words)
         super().__init__(SimTransport(self.lib, self._ffi), dialect, 1.0)
         self.clock_s = lambda: float(self.lib.sim_time_ms()) * 1e-3
@@ -188,9 +192,20 @@ class SimBoard(Session):
         return _STATE_NAMES.get(self.lib.sim_state(), "")
 
     @property
+    def motor_on(self) -> bool:
+        """Whether the motors are on; they are all, or none."""
+        return bool(self.lib.sim_motor_on())
+
+    @property
+    def motors_Nm(self) -> tuple[float, ...]:
+        """Torque of each motor, in the order of the axes; empty where there is none."""
+        return tuple(map(self.lib.sim_motor_Nm, self._axes))
+
+    @property
     def motor(self) -> tuple[bool, float]:
-        """Whether the motor is on, and its torque in Nm."""
-        return bool(self.lib.sim_motor_on()), float(self.lib.sim_motor_Nm())
+        """Whether the only motor is on, and its torque in Nm."""
+        (u_Nm,) = self.motors_Nm
+        return self.motor_on, u_Nm
 
     def follow(self, state: str, event: str, holds: Collection[str]) -> tuple[str, bool]:
         """The transition function alone: where it leads, and whether the event was taken."""

@@ -13,12 +13,13 @@ static esea_guards_t guards_of(const esea_app_t *app, ESEA_EVENT event)
     /* A RELEASE takes back the stop that is held; an open line it cannot. */
     const bool held = app->motion.stop_held && event != ESEA_EVENT_RELEASE;
     const esea_guards_t guards = {
-        .drive = ESEA_LINK_DRIVE != 0,
+        .drive = ESEA_LINK_AXES > 0u,
+        .encoders = ESEA_LINK_ENCODERS > 0u,
         .referenced = app->referenced,
         .stop_clear = !held && !stop_open(app),
         .link_live = app->motion.link_left > 0u,
         .mode_off = !app->motion.mode_on,
-        .released = !app->motion.rearm_asked && esea_link_outcome(&app->tasks[0].out).fault == 0u,
+        .released = !app->motion.rearm_asked && esea_link_outcome(app->out).fault == 0u,
         .clearable = app->fault < ESEA_FIRST_BOARD_FAULT,
     };
 
@@ -53,8 +54,10 @@ static void enter(esea_app_t *app, ESEA_STATE from)
     if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY)
         motion->rearm_asked = true;
     if (app->state == ESEA_STATE_LETTING_GO) {
+        const esea_link_outcome_t outcome = esea_link_outcome(app->out);
+
         motion->fade_left = esea_ticks(ESEA_FADE_MS);
-        motion->fade_from_Nm = esea_link_outcome(&app->tasks[0].out).tau_set_Nm;
+        memcpy(motion->fade_from_Nm, outcome.tau_set_Nm, sizeof motion->fade_from_Nm);
     }
     if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY && app->port->blackbox != NULL &&
         esea_blackbox_frozen(app->port->blackbox))
@@ -100,10 +103,17 @@ void esea_app_fail(esea_app_t *app, ESEA_FAULT fault)
         app->clock.runs = false;
     (void)esea_app_event(app, ESEA_EVENT_FAILED);
     esea_app_freeze(app, app->clock.tick);
-    if (app->port->motor != NULL)
-        app->port->motor(0.0f, false);
+    esea_app_motor_off(app);
     esea_send_heartbeat(app);
     app->told = app->state;
+}
+
+void esea_app_motor_off(const esea_app_t *app)
+{
+    static const float none_Nm[ESEA_LINK_AXES + 1u] = { 0.0f };
+
+    if (app->port->motor != NULL)
+        app->port->motor(none_Nm, false);
 }
 
 void esea_app_check_stack(esea_app_t *app)
@@ -131,10 +141,9 @@ static bool start_control(esea_app_t *app)
 {
     uint32_t task;
 
-    for (task = 0u; task < ESEA_LINK_TASKS; ++task) {
+    for (task = 0u; task < ESEA_LINK_TASKS; ++task)
         app->tasks[task].due = false;
-        memset(&app->tasks[task].out, 0, sizeof app->tasks[task].out);
-    }
+    memset(app->out, 0, sizeof app->out);
     app->clock.tick = 0u;
     app->clock.told_tick = 0u;
     app->clock.counted = false;
@@ -175,18 +184,23 @@ bool esea_app_ask(esea_app_t *app, ESEA_EVENT event)
     return taken;
 }
 
-/* Whether limits that have just been started hold the motor at zero, whatever is measured. */
+/* Whether limits that have just been started hold each motor at zero, whatever is measured. */
 static bool limits_hold(esea_app_t *app)
 {
+    const uint32_t axes = ESEA_LINK_AXES; /* in a variable: there may be none */
     esea_link_in_t in;
-    esea_link_out_t out;
-    bool hold;
+    esea_link_outcome_t outcome;
+    uint32_t number;
+    bool hold = true;
 
     memset(&in, 0, sizeof in);
-    memset(&out, 0, sizeof out);
-    esea_link_step(0u)(&app->control, &in, &out);
-    hold = esea_link_outcome(&out).u_Nm == 0.0f && (!ESEA_LINK_DRIVE || esea_link_outcome(&out).fault != 0u);
-    return esea_link_restart(&app->control) == 0u && hold;
+    for (number = 0u; number < ESEA_LINK_TASKS; ++number)
+        if (esea_link_every(number) == 1u)
+            esea_link_step(number)(&app->control, &in, &app->out[number]);
+    outcome = esea_link_outcome(app->out);
+    for (number = 0u; number < axes; ++number)
+        hold = hold && outcome.u_Nm[number] == 0.0f && outcome.faults[number] != 0u;
+    return start_control(app) && hold;
 }
 
 bool esea_app_reset(esea_app_t *app)
@@ -235,7 +249,10 @@ void esea_app_end_zeroing(esea_app_t *app)
 {
     app->clock.runs = false;
     if (app->state == ESEA_STATE_ZEROING) { /* else stopped meanwhile */
-        app->referenced = app->motion.stood_still && esea_link_zero(&app->control, &app->tasks[0].out);
+        float zeros_rad[ESEA_LINK_ENCODERS + 1u];
+
+        esea_link_angles(app->out, zeros_rad);
+        app->referenced = app->motion.stood_still && esea_link_put_zeros(&app->control, zeros_rad);
         (void)esea_app_ask(app, app->referenced ? ESEA_EVENT_ZEROED : ESEA_EVENT_NOT_ZEROED);
     }
     if (app->referenced)

@@ -45,11 +45,9 @@ typedef struct {
 
 /* A task on the own clock.  Its runs write `head`, the main loop `tail`; both run free. */
 typedef struct {
-    volatile bool due;  /* of a slower task: asked for, until it has ended */
+    volatile bool due; /* of a slower task: asked for, until it has ended */
     uint32_t due_tick;
     uint64_t due_time;
-    esea_link_in_t in;  /* taken at the tick at which the run starts */
-    esea_link_out_t out;
     uint32_t interval[ESEA_SIDES]; /* base ticks from one that is sent to the next; 0: none */
     volatile uint32_t head, tail;
     esea_run_t runs[ESEA_RUNS_KEPT];
@@ -83,9 +81,9 @@ typedef struct {
     uint32_t deadline_left; /* of the command */
     uint32_t link_left;     /* until the host counts as gone */
     uint32_t fade_left;
-    float fade_from_Nm;
-    uint32_t still_left;        /* of zeroing */
-    esea_link_out_t still_from; /* its first angles */
+    float fade_from_Nm[ESEA_LINK_AXES + 1u];
+    uint32_t still_left; /* of zeroing */
+    float still_from_rad[ESEA_LINK_ENCODERS + 1u];
     volatile bool zeroing_ends; /* asks the main loop to take the angles, or to give up */
     bool stood_still;
     uint32_t refused; /* events from the link that were refused; stays at its maximum */
@@ -114,6 +112,8 @@ typedef struct esea_app {
     ESEA_FAULT fault_told;
     esea_clock_t clock;
     esea_task_t tasks[ESEA_LINK_TASKS];
+    esea_link_in_t in[ESEA_LINK_TASKS]; /* of each task: taken at the tick at which its run starts */
+    esea_link_out_t out[ESEA_LINK_TASKS];
     esea_motion_t motion;
     esea_life_t life[ESEA_LINK_COUPLINGS > 0u ? ESEA_LINK_COUPLINGS : 1u];
     float measured[ESEA_LINK_MEASURED + 1u]; /* one more, for an array of none is no array */
@@ -175,6 +175,9 @@ bool esea_app_ask(esea_app_t *app, ESEA_EVENT event);
 
 /* Starts all but the link and what must survive; false when the self-test finds something. */
 bool esea_app_reset(esea_app_t *app);
+
+/* No torque, and the motors off. */
+void esea_app_motor_off(const esea_app_t *app);
 
 /* Latches STACK_EXHAUSTED where it is. */
 void esea_app_check_stack(esea_app_t *app);

@@ -109,7 +109,7 @@ void esea_blackbox_want(esea_blackbox_record_t *record, const esea_link_wanted_t
     float values[sizeof *wanted / sizeof(float)];
 
     memcpy(values, wanted, sizeof values);
-#if ESEA_LINK_DRIVE
+#if ESEA_LINK_AXES > 0
     record->flags = (uint8_t)(record->flags | whole(wanted->mode, 3u) | whole(wanted->stop, 1u) << 2 |
                               whole(wanted->rearm, 7u) << 3);
 #endif

@@ -21,12 +21,14 @@
 #endif
 
 /* Of what is wanted the whole numbers are packed into a byte; a device without a motor has none. */
-#define ESEA_BLACKBOX_PACKED (ESEA_LINK_DRIVE ? 3u : 0u)
+#define ESEA_BLACKBOX_PACKED (ESEA_LINK_AXES > 0u ? 3u : 0u)
 #define ESEA_BLACKBOX_DESIRED (sizeof(esea_link_wanted_t) / sizeof(float) - ESEA_BLACKBOX_PACKED)
 
 #define ESEA_BLACKBOX_ON 0x40u   /* the motor was on */
 #define ESEA_BLACKBOX_STOP 0x80u /* a stop was held, or the stop line open */
 #define ESEA_BLACKBOX_ASKED 0x3Fu /* the limits were told: mode, stop << 2, rearm << 3 */
+
+#define ESEA_BLACKBOX_AXES (ESEA_LINK_AXES > 0u ? ESEA_LINK_AXES : 1u)
 
 /* A tick. */
 typedef struct {
@@ -34,8 +36,8 @@ typedef struct {
     uint16_t serial, tick; /* of either the lower half */
     uint8_t state, fault;
     uint8_t flags;
-    uint8_t spare; /* 0 */
-    float u_Nm;    /* to the motor */
+    uint8_t faults[1u + (ESEA_BLACKBOX_AXES + 2u) / 4u * 4u]; /* of the limits, by axis; whole words to their end */
+    float u_Nm[ESEA_BLACKBOX_AXES];                           /* to the motors */
     float desired[ESEA_BLACKBOX_DESIRED];
     float measured[ESEA_LINK_MEASURED]; /* in the order of the drivers */
 } esea_blackbox_record_t;

@@ -32,7 +32,7 @@ void esea_life_tick(esea_app_t *app)
         float theta_rad, tau_Nm;
 
         if (!app->referenced || app->state == ESEA_STATE_ZEROING ||
-            !esea_link_coupling(number, &app->tasks[0].in, &app->tasks[0].out, &theta_rad, &tau_Nm) ||
+            !esea_link_coupling(number, app->in, app->out, &theta_rad, &tau_Nm) ||
             !(theta_rad >= -most_rad && theta_rad <= most_rad) || tau_Nm - tau_Nm != 0.0f) {
             life->known = false;
             continue;

@@ -64,7 +64,7 @@ static bool waiting(ESEA_STATE *state, ESEA_EVENT event, const esea_guards_t *gu
     case ESEA_EVENT_RESET:
         return to(state, ESEA_STATE_BOOT);
     case ESEA_EVENT_ZERO:
-        return guards->drive && to(state, ESEA_STATE_ZEROING);
+        return guards->encoders && to(state, ESEA_STATE_ZEROING);
     case ESEA_EVENT_ARM:
         return *state == ESEA_STATE_READY && guards->drive && guards->referenced && guards->stop_clear &&
                guards->link_live && guards->mode_off && to(state, ESEA_STATE_ARMED);

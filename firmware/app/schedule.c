@@ -76,8 +76,8 @@ static void supervise(esea_app_t *app)
     if (ends(&motion->deadline_left))
         (void)esea_app_event(app, ESEA_EVENT_EXPIRED);
     if (app->state == ESEA_STATE_LETTING_GO) {
-        esea_link_fade(&motion->wanted,
-                motion->fade_from_Nm * (float)motion->fade_left / (float)esea_ticks(ESEA_FADE_MS));
+        esea_link_fade(&motion->wanted, motion->fade_from_Nm,
+                (float)motion->fade_left / (float)esea_ticks(ESEA_FADE_MS));
         if (ends(&motion->fade_left))
             (void)esea_app_event(app, ESEA_EVENT_FADED);
     }
@@ -89,7 +89,7 @@ static void tell_limits(esea_app_t *app)
     esea_motion_t *const motion = &app->motion;
     const bool on = app->state == ESEA_STATE_ACTIVE || app->state == ESEA_STATE_LETTING_GO;
     /* Without a motor nothing is armed; limits may stand before a torque that others follow. */
-    const bool may = ESEA_LINK_DRIVE ? esea_state_drives(app->state) : app->state == ESEA_STATE_READY;
+    const bool may = ESEA_LINK_AXES > 0u ? esea_state_drives(app->state) : app->state == ESEA_STATE_READY;
 
     if (motion->rearm_asked)
         motion->rearm = motion->rearm < 7.0f ? motion->rearm + 1.0f : 0.0f;
@@ -120,10 +120,10 @@ static void watch_zeroing(esea_app_t *app)
     if (app->state != ESEA_STATE_ZEROING || motion->zeroing_ends || motion->still_left == 0u)
         return;
     if (motion->still_left > whole / 2u) { /* the encoders settle in the first half */
-        motion->still_from = app->tasks[0].out;
+        esea_link_angles(app->out, motion->still_from_rad);
         motion->stood_still = true;
     }
-    motion->stood_still = motion->stood_still && esea_link_still(&motion->still_from, &app->tasks[0].out);
+    motion->stood_still = motion->stood_still && esea_link_still(motion->still_from_rad, app->out);
     motion->zeroing_ends = ends(&motion->still_left);
 }
 
@@ -147,18 +147,17 @@ static void keep(esea_app_t *app, uint32_t number, uint32_t tick, uint32_t step_
     run->tick = tick;
     run->step_ticks = step_ticks;
     memcpy(run->send, send, sizeof send);
-    run->in = task->in;
-    run->out = task->out;
+    run->in = app->in[number];
+    run->out = app->out[number];
     task->head = task->head + 1u;
 }
 
 static void run(esea_app_t *app, uint32_t number, uint32_t tick, uint64_t time)
 {
-    esea_task_t *const task = &app->tasks[number];
     const uint32_t start = app->port->ticks();
     uint32_t step_ticks;
 
-    esea_link_step(number)(&app->control, &task->in, &task->out);
+    esea_link_step(number)(&app->control, &app->in[number], &app->out[number]);
     step_ticks = app->port->ticks() - start;
     keep(app, number, tick, step_ticks);
     esea_streams_take(app, number, tick, time, step_ticks);
@@ -185,7 +184,7 @@ static void start_slower(esea_app_t *app, uint32_t tick)
             app->clock.in_time = false;
             continue;
         }
-        esea_link_fill(number, app->measured, &app->motion.wanted, &task->in);
+        esea_link_fill(number, app->measured, &app->motion.wanted, &app->in[number]);
         task->due_tick = tick;
         task->due_time = app->clock.time;
         task->due = true;
@@ -224,7 +223,9 @@ static void remember(esea_app_t *app, const esea_link_outcome_t *outcome, uint32
 {
     const bool on = esea_state_drives(app->state) && outcome->fault == 0u;
     const bool stop = app->motion.stop_held || (app->port->stop_open != NULL && app->port->stop_open());
+    const uint32_t axes = ESEA_LINK_AXES; /* in a variable: there may be none */
     esea_blackbox_record_t record;
+    uint32_t axis;
 
     if (app->port->blackbox == NULL)
         return;
@@ -232,19 +233,25 @@ static void remember(esea_app_t *app, const esea_link_outcome_t *outcome, uint32
     record.tick = (uint16_t)tick;
     record.state = (uint8_t)app->state;
     record.fault = (uint8_t)app->fault;
-    record.u_Nm = on ? outcome->u_Nm : 0.0f;
+    for (axis = 0u; axis < axes; ++axis) {
+        record.faults[axis] = (uint8_t)outcome->faults[axis];
+        record.u_Nm[axis] = on ? outcome->u_Nm[axis] : 0.0f;
+    }
     record.flags = (uint8_t)((on ? ESEA_BLACKBOX_ON : 0u) | (stop ? ESEA_BLACKBOX_STOP : 0u));
     esea_blackbox_want(&record, &app->motion.wanted);
     memcpy(record.measured, app->measured, sizeof record.measured);
     esea_blackbox_add(app->port->blackbox, &record);
 }
 
+/* One fault releases all motors, in the same tick. */
 static void drive(esea_app_t *app, const esea_link_outcome_t *outcome)
 {
     const bool enable = esea_state_drives(app->state) && outcome->fault == 0u;
 
-    if (app->port->motor != NULL)
-        app->port->motor(enable ? outcome->u_Nm : 0.0f, enable);
+    if (!enable)
+        esea_app_motor_off(app);
+    else if (app->port->motor != NULL)
+        app->port->motor(outcome->u_Nm, true);
     if (enable && ++app->active_ticks >= esea_ticks(1000u)) {
         app->active_ticks = 0u;
         if (app->port->store != NULL)
@@ -260,8 +267,7 @@ void esea_app_tick(esea_app_t *app)
 
     if (!app->clock.runs) {
         /* The state may have passed from the motor on to a clock that rests between two ticks. */
-        if (app->port->motor != NULL)
-            app->port->motor(0.0f, false);
+        esea_app_motor_off(app);
         if (app->port->feed != NULL && !esea_state_drives(app->state))
             app->port->feed();
         return;
@@ -278,13 +284,13 @@ void esea_app_tick(esea_app_t *app)
     esea_link_release_at(&app->control, tick);
     for (number = 0u; number < ESEA_LINK_TASKS; ++number)
         if (esea_link_every(number) == 1u && starts(number, tick)) {
-            esea_link_fill(number, app->measured, &app->motion.wanted, &app->tasks[number].in);
+            esea_link_fill(number, app->measured, &app->motion.wanted, &app->in[number]);
             run(app, number, tick, app->clock.time);
         }
-    outcome = esea_link_outcome(&app->tasks[0].out);
+    outcome = esea_link_outcome(app->out);
     watch_limits(app, &outcome);
     watch_zeroing(app);
-    if (app->referenced && app->state != ESEA_STATE_ZEROING && esea_link_slipped(&app->tasks[0].out))
+    if (app->referenced && app->state != ESEA_STATE_ZEROING && esea_link_slipped(app->out))
         app->zero_doubted = true;
     drive(app, &outcome);
     esea_life_tick(app);

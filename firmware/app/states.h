@@ -58,6 +58,7 @@ typedef enum {
 /* What must hold for some transitions. */
 typedef struct {
     bool drive; /* the device has a motor */
+    bool encoders; /* the device has encoders with a zero */
     bool referenced; /* every encoder has a zero; true where there is none */
     bool stop_clear; /* no stop is held, and the stop line is closed */
     bool link_live; /* the host was heard of late */

@@ -53,7 +53,6 @@ static esea_block_t *open_block(esea_stream_t *stream, uint32_t tick, uint64_t t
 
 void esea_streams_take(esea_app_t *app, uint32_t task, uint32_t tick, uint64_t time, uint32_t step_ticks)
 {
-    const esea_task_t *const of = &app->tasks[task];
     uint32_t number, i;
 
     for (number = 0u; number < ESEA_LINK_STREAMS; ++number) {
@@ -68,7 +67,7 @@ void esea_streams_take(esea_app_t *app, uint32_t task, uint32_t tick, uint64_t t
             continue;
         words = &block->words[stream->count * stream->width];
         for (i = 0u; i < stream->width; ++i)
-            words[i] = esea_link_signal(task, stream->signals[i], &of->in, &of->out, step_ticks);
+            words[i] = esea_link_signal(task, stream->signals[i], &app->in[task], &app->out[task], step_ticks);
         if (++stream->count >= stream->samples)
             close_block(stream);
     }

@@ -62,8 +62,9 @@ typedef struct {
     /* What is measured at a base tick, in the device's order (ESEA_LINK_MEASURED_...).  Without a
      * driver every value is NaN, which no Block takes as valid. */
     void (*sample)(float *measured);
-    /* The motor: its torque at the motor shaft, and its enable line.  At every base tick. */
-    void (*motor)(float u_Nm, bool enable);
+    /* The motors: the torque of each at its shaft, in the order of the axes, and whether they are on.  At every base
+     * tick. */
+    void (*motor)(const float *u_Nm, bool enable);
     /* Whether the stop line, normally closed, is open. */
     bool (*stop_open)(void);
     /* A fault that the drivers have found since they were asked last, a number of ESEA_FAULT, else 0; at

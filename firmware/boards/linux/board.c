@@ -403,8 +403,7 @@ int main(int argc, char **argv)
         start_clock();
     while (!ends && !line_over(&line))
         esea_app_poll(&app);
-    if (port.motor != NULL)
-        port.motor(0.0f, false);
+    esea_app_motor_off(&app);
     if (line_live(&line))
         print_lateness();
     return 0;

@@ -113,7 +113,7 @@ static bool hw_adc(uint32_t channel, uint32_t *counts)
 }
 
 /* The build names the bits that the device counts with. */
-#if ESEA_LINK_DRIVE
+#if ESEA_LINK_AXES > 0
 #if ESEA_ENCODER_BITS > 14 || ESEA_GEAR_BITS > 24
 #error "the device counts with more bits than these encoders have"
 #endif
@@ -146,7 +146,7 @@ static const esea_hardware_t hardware = { hw_spi, hw_put_pin, hw_get_pin, hw_pwm
 static void port_sample(float *measured)
 {
     /* A count, and behind it what is wrong with it; a device that wants an angle finds none. */
-#if ESEA_LINK_DRIVE
+#if ESEA_LINK_AXES > 0
     read_side(0u, SIDE_MOTOR, &hardware, &measured[ESEA_LINK_MEASURED_COUNT_MOTOR]);
     read_side(1u, SIDE_LOAD, &hardware, &measured[ESEA_LINK_MEASURED_COUNT_LOAD]);
 #endif
@@ -157,10 +157,10 @@ static void port_sample(float *measured)
     esea_stop_line_look(&stop_line, &stop_config, &hardware);
 }
 
-static void port_motor(float u_Nm, bool enable)
+static void port_motor(const float *u_Nm, bool enable)
 {
-    set_Nm = enable ? u_Nm : 0.0f;
-    esea_escon_drive(&motor, &motor_config, &hardware, u_Nm, enable);
+    set_Nm = enable ? u_Nm[0] : 0.0f;
+    esea_escon_drive(&motor, &motor_config, &hardware, u_Nm[0], enable);
 }
 
 static bool port_stop_open(void)
@@ -176,7 +176,7 @@ static uint32_t port_trouble(void)
     }
     if ((ESEA_PWR_CSR & ESEA_PWR_CSR_PVDO) != 0u)
         return ESEA_FAULT_BROWN_OUT;
-    if (ESEA_LINK_DRIVE && ESEA_NEEDS_HZ > ESEA_RESET_HZ && !esea_board_fast())
+    if (ESEA_LINK_AXES > 0u && ESEA_NEEDS_HZ > ESEA_RESET_HZ && !esea_board_fast())
         return ESEA_FAULT_SLOW_CLOCK;
     return esea_escon_wrong(&motor, &motor_config, &hardware, set_Nm) ? ESEA_FAULT_MOTOR_CURRENT : ESEA_FAULT_NONE;
 }
@@ -287,7 +287,7 @@ void esea_board_drivers(esea_port_t *port)
     if ((ESEA_GPIO_MODER(2u) >> 14 & 3u) != ESEA_GPIO_OUTPUT)
         return;
     start_peripherals();
-#if ESEA_LINK_DRIVE
+#if ESEA_LINK_AXES > 0
     esea_as5048a_start(&side[0]);
     esea_as5048a_start(&side[1]);
 #endif
@@ -296,7 +296,7 @@ void esea_board_drivers(esea_port_t *port)
     port->flash = &esea_board_flash;
     port->trouble = port_trouble;
     port->feed = port_feed;
-    if (!ESEA_LINK_DRIVE)
+    if (ESEA_LINK_AXES == 0u)
         return;
     port->sample = port_sample;
     port->motor = port_motor;

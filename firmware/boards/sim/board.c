@@ -20,7 +20,7 @@ static esea_app_t app;
 static line_t received, sent;
 static uint32_t lost, now;
 static float measured[ESEA_LINK_MEASURED + 1u];
-static float motor_Nm;
+static float motors_Nm[ESEA_LINK_AXES + 1u];
 static uint32_t trouble_found, times_fed, unique;
 static esea_guest_t guests[GUESTS];
 static esea_blackbox_t blackbox; /* its memory outlasts the power */
@@ -94,9 +94,9 @@ static void port_sample(float *values)
     memcpy(values, measured, ESEA_LINK_MEASURED * sizeof *values);
 }
 
-static void port_motor(float u_Nm, bool enable)
+static void port_motor(const float *u_Nm, bool enable)
 {
-    motor_Nm = u_Nm;
+    memcpy(motors_Nm, u_Nm, ESEA_LINK_AXES * sizeof *u_Nm);
     motor_on = enable;
 }
 
@@ -160,7 +160,7 @@ void sim_fail(uint32_t fault);
 void sim_overwrite_state(uint32_t state);
 size_t sim_bytes(bool coeffs);
 void sim_flip(bool coeffs, size_t byte, uint8_t bits);
-float sim_motor_Nm(void);
+float sim_motor_Nm(uint32_t axis);
 bool sim_motor_on(void);
 uint32_t sim_state(void);
 uint32_t sim_fault(void);
@@ -212,7 +212,7 @@ void sim_start(void)
     memset(&sent, 0, sizeof sent);
     lost = now = 0u;
     motor_on = stop_line_open = slower_asked = stack_used_up = false;
-    motor_Nm = 0.0f;
+    memset(motors_Nm, 0, sizeof motors_Nm);
     for (i = 0u; i < ESEA_LINK_MEASURED; ++i)
         measured[i] = NAN;
     port.unique = unique;
@@ -299,16 +299,24 @@ void sim_tick(uint32_t base_ticks, bool slower)
 }
 
 /* A whole base tick: what is measured at it, every task, the main loop.  Then `words` has the values of the
- * first task's run, its inputs before its outputs. */
+ * runs of all tasks of every tick, of each its inputs before its outputs. */
 void sim_step(const float *values, uint32_t *words)
 {
-    uint32_t i;
+    uint32_t number;
 
     sim_measure(values);
     sim_tick(1u, true);
     sim_poll();
-    for (i = 0u; i + 1u < esea_link_signals(0u); ++i)
-        words[i] = esea_link_signal(0u, i, &app.tasks[0].in, &app.tasks[0].out, 0u);
+    for (number = 0u; number < ESEA_LINK_TASKS; ++number) {
+        const uint32_t inputs = esea_link_inputs(number), outputs = esea_link_signals(number) - 1u - inputs;
+
+        if (esea_link_every(number) != 1u)
+            continue;
+        memcpy(words, &app.in[number], inputs * sizeof *words);
+        words += inputs;
+        memcpy(words, &app.out[number], outputs * sizeof *words);
+        words += outputs;
+    }
 }
 
 void sim_stop_line(bool open)
@@ -345,9 +353,9 @@ void sim_flip(bool coeffs, size_t byte, uint8_t bits)
         memory[byte] ^= bits;
 }
 
-float sim_motor_Nm(void)
+float sim_motor_Nm(uint32_t axis)
 {
-    return motor_Nm;
+    return axis < sizeof motors_Nm / sizeof motors_Nm[0] ? motors_Nm[axis] : 0.0f;
 }
 
 bool sim_motor_on(void)

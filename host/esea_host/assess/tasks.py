@@ -37,6 +37,7 @@ from esea_host.study.task import (
     DataColumn,
     Inputs,
     Row,
+    Signal,
     Situation,
     StudyTask,
     TaskEvent,
@@ -49,7 +50,7 @@ from esea_host.study.task import (
 SHOWN, PAUSE_S, TRIES = 2, 1.0, 3
 LEG = 30.0  # length in a scene
 Sample = tuple[float, float, float]
-INPUTS = ("angle_rad", "torque_Nm")
+INPUTS = {"angle_rad": Signal("theta_load_rad"), "torque_Nm": Signal("tau_Nm")}
 
 
 def leg_scene(
@@ -122,7 +123,7 @@ class KneeState:
 
 class _KneeTask(StudyTask):
     Parameters = KneeParameters
-    inputs: ClassVar[tuple[str, ...]] = INPUTS
+    inputs: ClassVar = INPUTS
 
     def begin(self, situation: Situation) -> KneeState:
         return KneeState(situation.parameters, situation.past)
@@ -276,7 +277,7 @@ class PendulumTask(_KneeTask):
     name = "knee-pendulum"
     title = "Pendulum test of the knee"
     Parameters = PendulumParameters
-    inputs = INPUTS[:1]
+    inputs: ClassVar = {"angle_rad": INPUTS["angle_rad"]}
     columns = (
         DataColumn("relaxation_index", float, "first swing over start to rest"),
         DataColumn("first_swing_rad", float, "how far it fell first"),

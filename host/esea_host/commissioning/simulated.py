@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from esea_gen.twin.stepped import EMPTY
 from esea_host.commissioning.bench import CommissioningBench, HandAct
 from esea_host.simulated import LockstepDevice, SimulatedBoard
+from esea_host.simulated.attendant import Attendant
 
 # A firm grip.
 GRIP = dataclasses.replace(EMPTY, spring_Nm_rad=60.0, damping_Nms_rad=6.0, gravity_Nm=0.0)
@@ -23,6 +24,7 @@ class SimulatedHands:
 
     def __init__(self, drive: SimulatedBoard, torque_error: float = 0.0) -> None:
         self.drive, self._error = drive, torque_error
+        self._attendant = Attendant(drive)
 
     def __call__(self, act: HandAct) -> None:
         """Do it."""
@@ -30,7 +32,7 @@ class SimulatedHands:
             at = float(self.drive.plant.truth()["theta_l_rad"])
             self.drive.set_up(person=GRIP, hand=self._turning(act, at))
         elif act.kind == "load":
-            self.drive.hang(act.torque_Nm * (1 + self._error))
+            self._attendant.hang(act.torque_Nm * (1 + self._error))
         elif act.kind == "rest":
             self.drive.set_up(person=AT_REST)
         else:

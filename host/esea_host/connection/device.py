@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
-from esea_gen.link.session import Session
+from esea_gen.link.session import Session, TimeSync
 from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.address import BoardAddress, open_patiently
 from esea_host.connection.decoder import TICK, TelemetryDecoder
@@ -216,6 +216,28 @@ class ConnectedDevice:
         with self._lock:
             told = self.session.clock()
         return {name: int(getattr(told, name)) for name in told.get_fieldnames()}
+
+    def boot_number(self) -> int:
+        """Number of the board's start: another one after a loss of power.
+
+        Returns
+        -------
+        int
+            Asked of the board.
+        """
+        with self._lock:
+            return self.session.boot_number()
+
+    def time_sync(self) -> TimeSync:
+        """The board's clock against this computer's.
+
+        Returns
+        -------
+        TimeSync
+            Of some questions the one that was answered fastest.
+        """
+        with self._lock:
+            return self.session.time_sync()
 
     def _stream_of(self, name: str) -> str:
         """A stream by its own name, or by that of one of its columns."""

@@ -198,9 +198,7 @@ def judge(
             "Take a heavier mass, or a longer arm.",
         )
     given = {e: stiffness_Nm_deg if e == element else 0.0 for e in (SPRING, ELASTOMER, EQUAL)}
-    shown = {
-        e: expected(device, e, load_Nm, spring_Nm_rad(device, e, k)) for e, k in given.items()
-    }
+    shown = {e: expected(device, e, load_Nm, spring_Nm_rad(device, e, k)) for e, k in given.items()}
     fits = tuple(
         e
         for e, x in shown.items()
@@ -208,6 +206,4 @@ def judge(
         and abs(measured.memory - x.memory) <= MEMORY_LIMIT - u_memory
     )
     given_rad = tuple(float(x) for x in deflections_rad)
-    return ElementFinding(
-        element, load_Nm, given_rad, measured, u_stiffness, u_memory, shown, fits
-    )
+    return ElementFinding(element, load_Nm, given_rad, measured, u_stiffness, u_memory, shown, fits)

@@ -12,12 +12,12 @@ from esea_gen.errors import UserError
 from esea_host.interaction.recordings import recording_name, write_recording
 from esea_host.recording.integrity import warn_unless_complete
 from esea_host.recording.log import Log, open_log
-from esea_host.study.board import STREAM
+from esea_host.recording.replay import device_of
 from esea_host.study.exchange import TrialTrace, traces
+from esea_host.study.fitting import DeviceSignals
 from esea_host.study.folder import StudyFolder
 from esea_host.study.session import COMPLETED
-
-ANGLE = "theta_load_rad"
+from esea_host.study.task import task_named
 
 
 def cut_trials(study: StudyFolder) -> int:
@@ -54,11 +54,14 @@ def _cut(trace: TrialTrace, recorded: Sequence[Path], target: Path) -> None:
             if stretch is None:
                 continue
             # A sample of a run belongs to the end of its millisecond.
-            table = log[STREAM].between(stretch[0] + 5e-4, stretch[1] + 5e-4)
+            (tap,) = (
+                DeviceSignals(device_of(log)).taps(task_named(trace.trial.task, path.name)).values()
+            )
+            table = log[tap.stream].between(stretch[0] + 5e-4, stretch[1] + 5e-4)
             time_s = table.time_s - stretch[0]
             paused = paused_at(time_s, trace.events)
             simulated = bool(log.facts.get("simulated", False))
-            write_recording(target, time_s, table[ANGLE].astype(np.float64), paused, simulated)
+            write_recording(target, time_s, table[tap.column].astype(np.float64), paused, simulated)
             return
     raise UserError(
         f"Trial {number} is in none of {', '.join(p.name for p in recorded)}.",

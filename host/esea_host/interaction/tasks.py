@@ -20,6 +20,7 @@ from esea_host.study.task import (
     Actor,
     DataColumn,
     Inputs,
+    Signal,
     Situation,
     StudyTask,
     TaskBrokenError,
@@ -61,7 +62,7 @@ def familiar_rad(time_s: float) -> float:
 
 class _InteractionTask(StudyTask):
     version = "2"
-    inputs = ("theta_rad",)
+    inputs: ClassVar = {"theta_rad": Signal("theta_load_rad")}
     switches: ClassVar[tuple[str, ...]] = ("pause",)
 
     def longest_s(self, parameters: Any) -> float:

@@ -253,7 +253,8 @@ class _Replay:
         sizes = [x.dtype.itemsize for x in (self.params, self.state) if x is not None]
         self.key_words = sum(sizes) // 4
         self.keys = self._key_frames()
-        self.release = self.library.function(f"{prefix}_release")
+        latches = device.system.latches
+        self.release = self.library.function(f"{prefix}_release") if latches else None
 
     def rows(self, stream: str) -> tuple[Array, Array]:
         """Rows and their times; refused when their columns are not the device's."""
@@ -342,7 +343,8 @@ class _Replay:
 
     def step(self, tick: int, rows: list[tuple[int, int]]) -> None:
         """One base tick; rows: of each task, what it was given and told, -1 where nothing was."""
-        self.release(self.state_place, tick & 0xFFFFFFFF)
+        if self.release is not None:
+            self.release(self.state_place, tick & 0xFFFFFFFF)
         for task, (given, told) in zip(self.tasks, rows, strict=True):
             if tick < task.phase or (tick - task.phase) % task.every or given < 0:
                 continue

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from esea_gen.device import Device, board_device
 from esea_gen.errors import UserError
+from esea_gen.twin.hand import HAND_NAMES, NOBODY, Hand, SteppedHand, hand_variant, named_hand
 from esea_gen.twin.people import random_person
 from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
@@ -24,19 +25,14 @@ from esea_host.simulated.elements import with_spring
 from esea_host.simulated.joint import MovedJoint
 from esea_host.simulated.motion import Motion, make_motion
 
-NOBODY, CLAMPED = "nobody", "none"
-PEOPLE_NAMES = (NOBODY, *PERSON_NAMES)
+EMPTY_JOINT, CLAMPED = "nobody", "none"
+PEOPLE_NAMES = (EMPTY_JOINT, *PERSON_NAMES)
 PLANT, PERSON, MOTION = "real", "uncertain", "person"  # unless another is named
 NOISE_TICKS = 1000
 PUSH_TICKS = 200
-AIM_TICKS = 10  # from one aim to the next: a frame of a study
-# A mass that hangs pulls with the same torque wherever the joint is; somebody holds the motor.
-HANGING = dataclasses.replace(
-    EMPTY, spring_Nm_rad=1.0, own_damping_Nms_rad=2.0, damping_Nms_rad=0.0, gravity_Nm=0.0
-)
-LOCKED = {"fc_Nm": 100.0, "coulomb_width_rad_s": 2e-3, "fv_Nms_rad": 100.0, "J_kgm2": 100.0}
-LAID_ON_TICKS = 100
-MOVES_RAD, MOVES_HZ = 0.6, 0.4  # flexion and back, as in the published trials' slow movement
+# There and back, of each axis; of the first as in the published trials' slow movement.
+MOVES_RAD, MOVES_HZ = (0.6, 0.25), (0.4, 0.27)
+Intent = Callable[[], Mapping[str, float] | Sequence[Mapping[str, float]]]
 
 
 class SimulatedBoard:
@@ -61,9 +57,10 @@ class SimulatedBoard:
         Of a passive joint: ``person``, ``therapist``, or a table's file.  A motion that is an
         object goes on where it is after a restart.
     spring_Nm_rad : float
-        Of a spring in a drive's coupling in place of its elastomer; 0: the elastomer.
+        Of a spring in place of the elastomer, in a drive of one axis; 0: the elastomer.
 
-    ``pushes_rad`` is how far somebody pushes each axis away from what the person intends.
+    ``plant`` has the truth: ``board.plant.truth()``.  ``pushes_rad`` is how far somebody pushes
+    each axis away from what the person intends.
     """
 
     def __init__(
@@ -79,111 +76,115 @@ class SimulatedBoard:
         given = loaded_device(device) if isinstance(device, str) else device
         self.device = board_device(given)
         _known("board", board, SIMULATED_BOARDS)
+        self.axes = self.device.axes
         self._seed, self._motion = seed, MOTION if motion is None else motion
         self.passive = not self.device.laws
+        self._person: Person | Hand = EMPTY
         if self.passive:
-            given_of_drive = {"plant": plant, "person": person, "spring": spring_Nm_rad}
-            if unfit := [n for n, v in given_of_drive.items() if v]:
+            of_drive = {"plant": plant, "person": person, "spring": spring_Nm_rad}
+            if unfit := [n for n, v in of_drive.items() if v]:
                 raise UserError(
                     f"{given.name} has no drive: {' and '.join(unfit)} cannot be chosen.",
                     "Say how it is moved: --motion person, therapist or a table's file.",
                 )
-            if isinstance(self._motion, str):
-                make_motion(self._motion, self.device)  # refused before C is compiled
+            self._clamped = False
+            self._first: SteppedPlant | SteppedHand | MovedJoint = self._moved_joint()
         else:
             if motion is not None:
                 raise UserError(
                     f"{given.name} has a drive: a motion of both its sides cannot be given.",
                     "Say who is in it: --person NAME.",
                 )
-            plant = _known("plant", plant or PLANT, PLANT_NAMES)
-            person = _known("person", person or PERSON, PEOPLE_NAMES)
-            self.clamped = person == CLAMPED
-            self._variant = plant_variant(self.device, plant, "ideal", seed)
-            self.plant = self._plant_with(spring_Nm_rad)
-            self._person = _person(person, seed)
-            self._first = self.plant, self.clamped, self._person
+            plant, person = _known("plant", plant or PLANT, PLANT_NAMES), person or PERSON
+            self._person, self._clamped = self._named(person), person == CLAMPED
+            if len(self.axes) == 1:
+                self._variant = plant_variant(self.device, plant, "ideal", seed)
+                self._first = self._plant_with(spring_Nm_rad)
+            else:
+                self._first = SteppedHand(hand_variant(self.device, plant, "ideal", seed))
+        self.first_person = self._person, self._clamped
         self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
-        self._hand: Callable[[], Mapping[str, float]] | None = None
-        self.pushes_rad = [0.0] * len(self.device.axes)
+        self._counts = [n for n in self.board.inputs if n.startswith("count_")]
+        self.pushes_rad = [0.0] * len(self.axes)
         self._start()
 
-    def set_up(
-        self,
-        *,
-        clamped: bool = False,
-        person: Person = EMPTY,
-        hand: Callable[[], Mapping[str, float]] | None = None,
-        values: Mapping[str, float] | None = None,
-    ) -> None:
-        """What somebody does at the machine meanwhile; everything goes on from where it is.
-
-        hand: what the person intends, asked once a tick; default: as the board's state says.
-        values: of the plant, that differ from its own, such as a drive that is locked.
-        """
-        self.clamped, self._person, self._hand = clamped, person, hand
-        self._hung_Nm = None
-        self.plant.change(clamped=clamped, person=person, **(values or {}))
+    def _named(self, person: str) -> Person | Hand:
+        if len(self.axes) > 1:
+            return named_hand(_known("person", person, HAND_NAMES), self._seed)
+        _known("person", person, PEOPLE_NAMES)
+        if person in (EMPTY_JOINT, CLAMPED):
+            return EMPTY
+        return random_person(self._seed) if person == "random" else PEOPLE[person]
 
     def _plant_with(self, spring_Nm_rad: float) -> SteppedPlant:
         device = with_spring(self.device, spring_Nm_rad) if spring_Nm_rad else self.device
         return SteppedPlant(dataclasses.replace(self._variant, device=device))
 
     def build_in(self, spring_Nm_rad: float) -> None:
-        """Exchange the coupling's element, unloaded; the board goes on and is not told.
+        """Exchange the unloaded element of a drive of one axis; the board is not told.
 
         spring_Nm_rad: of a linear spring; 0: the device's own elastomer.
         """
         at_rad = float(self.plant.truth()["theta_l_rad"])
-        self.plant = self._plant_with(spring_Nm_rad)
-        self._first = self.plant, *self._first[1:]
-        self.board.show(self.plant.start(at_rad, clamped=self.clamped, person=self._person))
+        self.plant = self._first = self._plant_with(spring_Nm_rad)
+        assert isinstance(self._person, Person)
+        self.board.show(self.plant.start(at_rad, clamped=self._clamped, person=self._person))
 
-    def hang(self, load_Nm: float) -> None:
-        """Hold the motor still, nobody in the joint, and hang a mass on it, without a jerk."""
-        pulled_Nm = self._hung_Nm or 0.0
+    def _moved_joint(self) -> MovedJoint:
+        named = self._motion
+        motion = make_motion(named, self.device) if isinstance(named, str) else named
+        return MovedJoint(self.device, motion, self._seed)
 
-        def pulling() -> Mapping[str, float]:
-            nonlocal pulled_Nm
-            pulled_Nm += (load_Nm - pulled_Nm) / LAID_ON_TICKS
-            at = float(self.plant.truth()["theta_l_rad"])
-            return _still(at + pulled_Nm / HANGING.spring_Nm_rad)
+    def set_up(
+        self,
+        *,
+        clamped: bool | Sequence[bool] = False,
+        person: Person | Hand | None = None,
+        hand: Intent | None = None,
+        values: Mapping[str, float] | None = None,
+    ) -> None:
+        """What somebody does at the machine meanwhile; everything goes on from where it is.
 
-        self.set_up(person=HANGING, hand=pulling, values=LOCKED)
-        self._hung_Nm = load_Nm
-
-    def let_go(self) -> None:
-        """Take the mass off, let the motor go; whoever was in the joint at first is there again."""
-        _, clamped, person = self._first
-        self.set_up(clamped=clamped, person=person)
-
-    def aim(self, aim_rad: float) -> None:
-        """The person no longer moves to and fro, but to this angle, in the next frame."""
-        now = self._aimed[0] if self._aimed else float(self.plant.truth()["theta_l_rad"])
-        self._aimed = now, (aim_rad - now) / AIM_TICKS, AIM_TICKS
-
-    def _towards_aim(self, theta_rad: float, step_rad: float, left: int) -> Mapping[str, float]:
-        moves = left > 0
-        self._aimed = theta_rad + moves * step_rad, step_rad, left - moves
-        return _still(self._aimed[0]) | {"omega_p_rad_s": 1e3 * step_rad * moves}
+        clamped: of several axes one for all, or one each.
+        person: of several axes a Hand; default: nobody.
+        hand: what the person intends, asked once a tick; of several axes a sequence, one each;
+            default: as the board's state says.
+        values: of the plant, that differ from its own, such as a drive that is locked.
+        """
+        more, self._intent = dict(values or {}), hand
+        if isinstance(self.plant, SteppedPlant):
+            self._person = EMPTY if person is None else person
+            assert isinstance(self._person, Person)
+            self.plant.change(clamped=bool(clamped), person=self._person, **more)
+        elif isinstance(self.plant, SteppedHand):
+            self._person = NOBODY if person is None else person
+            assert isinstance(self._person, Hand)
+            self.plant.change(clamped=clamped, hand=self._person, **more)
+        else:
+            raise UserError(
+                f"{self.device.name} has no drive: nobody can be put into it.",
+                "Give SimulatedBoard a motion.",
+            )
 
     def _start(self) -> None:
-        self._pushed_rad = [0.0] * len(self.device.axes)
-        self._hand = None
-        self._hung_Nm: float | None = None
-        self._aimed: tuple[float, float, int] | None = None  # place, step, how many are left
+        self.plant, self._intent = self._first, None
+        self._person, self._clamped = self.first_person
+        self._pushed_rad = [0.0] * len(self.axes)
         self._noise = np.random.default_rng([self._seed, 3])
-        self._white = self._noise.standard_normal(NOISE_TICKS)
         self.ticks, self._moved_ticks = 0, 0
-        if self.passive:
-            named = self._motion
-            motion = make_motion(named, self.device) if isinstance(named, str) else named
-            self.joint = MovedJoint(self.device, motion, self._seed)
-            self.board.show(self.joint.start())
+        if isinstance(self.plant, SteppedPlant):
+            assert isinstance(self._person, Person)
+            counts = self.plant.start(0.0, clamped=self._clamped, person=self._person)
+            self.board.show(counts)
+        elif isinstance(self.plant, SteppedHand):
+            assert isinstance(self._person, Hand)
+            rest = [0.0] * len(self.axes)
+            named = self.plant.start(rest, clamped=self._clamped, hand=self._person)
+            self.board.show(named[n] for n in self._counts)
         else:
-            self.plant, self.clamped, self._person = self._first
-            self.board.show(self.plant.start(0.0, clamped=self.clamped, person=self._person))
+            self.plant = self._moved_joint()
+            self.board.show(self.plant.start())
 
     def restart(self) -> None:
         """Power off and on, everything as at first."""
@@ -193,15 +194,20 @@ class SimulatedBoard:
     def tick(self) -> None:
         """One base tick of the board, and what the plant makes of its command."""
         self.board.step()
-        if self.passive:
+        plant = self.plant
+        if isinstance(plant, SteppedPlant):
+            plant.intend(self._paths()[0])
+            self.board.show(plant.step(*self.board.motors_Nm))
+        elif isinstance(plant, SteppedHand):
+            plant.intend(self._paths())
+            counts = plant.step(self.board.motors_Nm)
+            self.board.show(counts[n] for n in self._counts)
+        else:
             # Zeroed once, it moves whatever the board does.
             moves = self._moved_ticks > 0 or self.board.state_now == "READY"
             self._moved_ticks += moves
             self._push()
-            self.board.show(self.joint.step(moves, self._pushed_rad))
-        else:
-            self.plant.intend(self._intended())
-            self.board.show(self.plant.step(float(self.board.lib.sim_motor_Nm())))
+            self.board.show(plant.step(moves, self._pushed_rad))
         self.ticks += 1
 
     def _push(self) -> list[float]:
@@ -213,25 +219,29 @@ class SimulatedBoard:
         self._pushed_rad = [now + s for now, s in zip(self._pushed_rad, steps, strict=True)]
         return steps
 
-    def _intended(self) -> Mapping[str, float]:
-        if self._hand is not None:
-            return self._hand()
+    def _paths(self) -> Sequence[Mapping[str, float]]:
+        if self._intent is not None:
+            given = self._intent()
+            return [given] if isinstance(given, Mapping) else given
         at = self.ticks % NOISE_TICKS
         if at == 0:
-            self._white = self._noise.standard_normal(NOISE_TICKS)
-        if self._aimed:
-            return self._towards_aim(*self._aimed) | {"noise": float(self._white[at])}
+            shape = NOISE_TICKS, len(self.axes)
+            self._white = self._noise.standard_normal(shape).tolist()
         moves = self.board.state_now == "ACTIVE"
         self._moved_ticks += moves
-        w = 2 * math.pi * MOVES_HZ
-        phase, half = w * self._moved_ticks * 1e-3, MOVES_RAD / 2
-        (pushed,) = self._push()
-        return {
-            "theta_p_rad": half * (1 - math.cos(phase)) + self._pushed_rad[0],
-            "omega_p_rad_s": (half * w * math.sin(phase) if moves else 0.0) + 1e3 * pushed,
-            "alpha_p_rad_s2": half * w * w * math.cos(phase) if moves else 0.0,
-            "noise": float(self._white[at]),
-        }
+        paths = []
+        for axis, pushed in enumerate(self._push()):
+            half, w = MOVES_RAD[axis] / 2, 2 * math.pi * MOVES_HZ[axis]
+            phase = w * self._moved_ticks * 1e-3
+            paths.append(
+                {
+                    "theta_p_rad": half * (1 - math.cos(phase)) + self._pushed_rad[axis],
+                    "omega_p_rad_s": (half * w * math.sin(phase) if moves else 0.0) + 1e3 * pushed,
+                    "alpha_p_rad_s2": half * w * w * math.cos(phase) if moves else 0.0,
+                    "noise": self._white[at][axis],
+                }
+            )
+        return paths
 
     def write(self, data: bytes) -> None:
         """Bytes from the host."""
@@ -246,17 +256,7 @@ class SimulatedBoard:
         self.board.close()
 
 
-def _still(at_rad: float) -> dict[str, float]:
-    return {"theta_p_rad": at_rad, "omega_p_rad_s": 0.0, "alpha_p_rad_s2": 0.0, "noise": 0.0}
-
-
 def _known(what: str, name: str, names: tuple[str, ...]) -> str:
     if name not in names:
         raise UserError(f"There is no {what} '{name}'.", f"Choose from {', '.join(names)}.")
     return name
-
-
-def _person(name: str, seed: int) -> Person:
-    if name in (NOBODY, CLAMPED):
-        return EMPTY
-    return random_person(seed) if name == "random" else PEOPLE[name]

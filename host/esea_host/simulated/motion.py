@@ -20,7 +20,7 @@ from esea_host.recording.export import column_of
 
 TICK_S = 1e-3
 MOTIONS = ("person", "therapist")
-EFFORT = 0.4  # of the coupling's largest deflection
+EFFORT = 0.15  # of the coupling's largest torque
 BOUT_S, REST_S = 10.0, 2.0
 SWINGS_HZ = (0.4, 0.27, 0.33)  # of each axis its own
 MOVE_S, PAUSE_S = (3.0, 2.0, 1.5), 1.5
@@ -76,9 +76,8 @@ class Coupling:
 
 
 def effort_Nm(device: DeviceData) -> float:
-    """A torque that the coupling bears for long, of its static curve."""
-    rubber, bent = device.file.elastomer, EFFORT * device.file.limits.theta_rad.value
-    return float(rubber.k1_Nm_rad.value * bent + rubber.k3_Nm_rad3.value * bent**3)
+    """A torque that the coupling bears for long."""
+    return EFFORT * device.file.limits.tau_Nm.value
 
 
 class SwingingPerson:

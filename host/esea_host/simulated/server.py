@@ -14,6 +14,7 @@ from functools import partial
 from typing import Protocol
 
 from esea_gen.errors import UserError
+from esea_host.simulated.attendant import Attendant
 from esea_host.simulated.drive import SimulatedBoard
 
 MOST_BACKLOG_BYTES = 1 << 18
@@ -190,6 +191,7 @@ class Hands:
 
     def __init__(self, source: int | None) -> None:
         self._source, self._rest = source, b""
+        self._attendant: Attendant | None = None
         if source is not None:
             os.set_blocking(source, False)
 
@@ -214,15 +216,16 @@ class Hands:
         fits = len(numbers) == len(drive.pushes_rad)
         if word == "push" and fits and all(abs(p) <= MOST_PUSH_RAD for p in numbers):
             drive.pushes_rad = numbers
-        if len(numbers) != 1 or drive.passive:
+        if len(numbers) != 1 or len(drive.axes) != 1 or drive.passive:
             return
-        number = numbers[0]
+        self._attendant = self._attendant or Attendant(drive)
+        number, somebody = numbers[0], self._attendant
         if word == "aim" and abs(number) <= MOST_AIM_RAD:
-            drive.aim(number)
+            somebody.aim(number)
         elif word == "hang" and abs(number) <= drive.device.tau_full_scale_Nm:
-            drive.hang(number)
+            somebody.hang(number)
         elif word == "let-go":
-            drive.let_go()
+            somebody.let_go()
         elif word == "spring" and number >= 0:
             with contextlib.suppress(UserError):  # one that no coupling has
                 drive.build_in(number)

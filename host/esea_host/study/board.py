@@ -17,22 +17,16 @@ from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
 from esea_host.connection.recording import LiveRecording
+from esea_host.study.fitting import ACTS, CONSTRAINED, DEG, TORQUE, DeviceSignals, Tap
+from esea_host.study.rows import LatestRows
 from esea_host.study.scene import Scene
 from esea_host.study.session import InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 from esea_host.study.watching import Gauge
 
-STREAM = "sense_out"
-# What a task knows, by the board's column and the factor to the unit of the name.
-INPUTS = {
-    "theta_rad": ("theta_load_rad", 1.0),
-    "theta_deg": ("theta_load_rad", 180 / math.pi),
-    "tau_Nm": ("tau_Nm", 1.0),
-}
-# What a task may ask for: torque on the joint.  Anything else is no torque that can be stated.
-WANTED = ("tau_desired_Nm",)
 TORQUE_MODE, DEADLINE_MS = 1.0, 200
 FRAME_S, SILENT_S, READY_S, SETTLE_S = 0.01, 1.0, 8.0, 0.2
+AWAY_S, SWITCH_S = 60.0, 30.0
 WORKING = ("ARMED", "ACTIVE", "LETTING_GO")
 REST_SHARE = 0.1  # of the largest torque: more at rest is a zero that is not one; assumed
 
@@ -44,10 +38,10 @@ class BoardSource(InputSource):
     ----------
     device : ConnectedDevice
         Connected.
-    folder : Path
+    folder : Path, optional
         Of the session: its recording goes there.
     drive : bool
-        Zero and arm it before the first trial.
+        Zero and arm it before the first trial, and after it was lost.
     advance : callable, optional
         Moves the clock of a board whose clock stands still.
     """
@@ -55,21 +49,38 @@ class BoardSource(InputSource):
     def __init__(
         self,
         device: ConnectedDevice,
-        folder: Path,
+        folder: Path | None,
         drive: bool = False,
         advance: Callable[[float], None] | None = None,
     ) -> None:
         self.device, self.folder, self.drive, self.advance = device, folder, drive, advance
-        self.values: dict[str, float] = {}
-        self._state = "UNKNOWN"
+        self.signals = DeviceSignals(device.identity.device)
+        self._torques = self.signals.of_axes("tau_Nm")
+        self._angles = self.signals.of_axes("theta_load_rad")
+        self._acts = self.signals.of_axes(ACTS)
+        self._taps: Mapping[str, Tap] = {}
         self._limits = device.parameters()
-        self._most_Nm = self._limits.get("limits.tau_max_Nm", math.inf)
         self._recording: LiveRecording | None = None
-        self._queue = device.subscribe([STREAM])
+        always = [*self._torques.values(), *self._angles.values(), *self._acts.values()]
+        self._rows = LatestRows(device, always)
+        self._state, self._boot = "UNKNOWN", 0
+        self._none = {n: 0.0 for n in self.signals.wanted_names if n.startswith(TORQUE)}
+        self._broken = ""
+        self._asked: dict[str, float] = {}
+        self._held: float | None = None
+        self._armed = False
         self._first_ns: int | None = None
-        self.board_ns = 0
 
-    # -- before the first trial --------------------------------------------------------------------
+    @property
+    def board_ns(self) -> int:
+        """Time of the newest sample, by the board's clock."""
+        return self._rows.board_ns
+
+    def _limit(self, name: str, axis: str) -> float:
+        instance = f"limits_{axis}" if axis else "limits"
+        return self._limits.get(f"{instance}.{name}", math.inf)
+
+    # -- before the first trial, and after the board was lost --------------------------------------
 
     def ready(self) -> Mapping[str, Any]:
         """Whether it tells, zero and limits; armed where it is to be."""
@@ -78,13 +89,19 @@ class BoardSource(InputSource):
             "simulated": self.device.simulated,
             "device": identity.device.name,
             "content_hash": identity.content_hash,
-            "limits": {k: v for k, v in self._limits.items() if k.startswith("limits.")},
+            "limits": {k: v for k, v in self._limits.items() if k.startswith("limits")},
         }
         try:
-            if self._recording is None:
+            self._wait_for_link()
+            boot = self.device.boot_number()
+            found |= {"boot": boot, "restarted": self._boot not in (0, boot)}
+            self._boot = boot
+            if self._recording is None and self.folder is not None:
                 self._recording = self.device.record(self._new_file())
                 found["recording"] = self._recording.recorder.path.name
-            self.device.listen([STREAM])
+            # A board that has restarted tells nothing unasked.
+            self.device.listen(self._rows.streams if self._recording is None else None)
+            self._rows.start()
             self.pull()
             if self.drive:
                 self._arm()
@@ -92,24 +109,45 @@ class BoardSource(InputSource):
             self._state = state = self.device.state()
         except (LinkError, UserError) as error:
             return found | {"problem": str(error)}
-        tau_Nm = self.values["tau_Nm"]
-        found |= {"state": state, "tau_Nm": tau_Nm}
+        self._broken, self._rows.began_again = "", False
+        tau_Nm = {a: self._rows.value(tap) for a, tap in self._torques.items()}
+        found |= {"state": state, "board_ns": self.board_ns}
+        found["tau_Nm"] = tau_Nm if len(tau_Nm) != 1 else next(iter(tau_Nm.values()))
+        most_Nm = {a: REST_SHARE * self._limit("tau_max_Nm", a) for a in tau_Nm}
+        loaded = [
+            f"{f'of {a} ' if a else ''}is {x:.2f} Nm, at most {most_Nm[a]:.2f} Nm"
+            for a, x in tau_Nm.items()
+            if abs(x) > most_Nm[a]
+        ]
         if state in ("FAULT", "STOPPED"):
             found["problem"] = self._trouble(state)
-        elif abs(tau_Nm) > REST_SHARE * self._most_Nm:
+        elif loaded:
             found["problem"] = (
-                f"at rest the torque is {tau_Nm:.2f} Nm, at most {REST_SHARE * self._most_Nm:.2f} "
-                "Nm is taken for unloaded: unload the joint and zero it"
+                f"at rest the torque {' and '.join(loaded)} is taken for unloaded: unload the "
+                "joint and zero it"
             )
         return found
 
+    def _wait_for_link(self) -> None:
+        until_s = time.monotonic() + AWAY_S
+        while self.device.receiver.away and self.device.receiver.error is None:
+            self.waits("The link to the board is broken: look at cable and power.")
+            if time.monotonic() > until_s or self.ask():
+                raise UserError("The link to the board is broken.", "Look at cable and power.")
+            time.sleep(0.05)
+        self.waits("")
+
     def _new_file(self) -> Path:
         # A session that goes on has a recording more.
+        assert self.folder is not None
         numbers = iter(range(1, 10_000))
         return next(p for n in numbers if not (p := self.folder / f"device-{n}.mcap").exists())
 
     def _arm(self) -> None:
         # Somebody who sways is not zeroed: again, until it is.
+        if not self.signals.drive:
+            name = self.signals.device.name
+            raise UserError(f"{name} has no motor to arm.", "Leave --arm out.")
         deadline_s = self.now_s() + READY_S
         while (state := self.device.state()) not in WORKING:
             if state in ("FAULT", "STOPPED"):
@@ -134,22 +172,20 @@ class BoardSource(InputSource):
         Raises
         ------
         UserError
-            When nothing comes.
+            When nothing comes, or the board's clock begins again.
         """
         due_ns = self.board_ns + round(FRAME_S * 1e9)
-        waited_s = time.monotonic() + SILENT_S
+        until_s, tries = time.monotonic() + SILENT_S, round(SILENT_S / FRAME_S)
         while True:
             if self.advance is not None:
                 self.advance(FRAME_S)
-            for batch in self._queue.take(0.0 if self.advance else 0.02):
-                for name, (column, factor) in INPUTS.items():
-                    self.values[name] = factor * float(batch.rows[column][-1])
-                self.board_ns = int(batch.board_ns[-1])
+                tries -= 1
+            self._rows.take(0.0 if self.advance else 0.02, due_ns)
             if self._first_ns is None and self.board_ns:
                 self._first_ns = self.board_ns
             if self.board_ns >= due_ns:
                 return
-            if time.monotonic() > waited_s:
+            if tries < 0 or time.monotonic() > until_s:
                 raise UserError(
                     f"Nothing came from the board for {SILENT_S:g} s.", "Look at cable and power."
                 )
@@ -170,19 +206,59 @@ class BoardSource(InputSource):
     # -- trials ------------------------------------------------------------------------------------
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
-        """Whoever wears the board."""
-        missing = sorted(set(task.inputs) - set(INPUTS))
-        if missing:
-            raise UserError(
-                f"{task.name} needs {', '.join(missing)}, which {self.device.identity.device.name} "
-                "does not tell.",
-                f"It tells {', '.join(INPUTS)}.",
-            )
-        self._event("trial", number=number, task=task.name)
+        """Whoever wears the board, once it holds the task's conditions."""
+        self.begin(task, situation, number)
         return _Wearer(self)
+
+    def begin(self, task: StudyTask, situation: Situation, number: int) -> None:
+        """Have the board hold what the task's conditions are, and its inputs at hand.
+
+        Raises
+        ------
+        UserError
+            For a device that lacks them, or does not come to hold them.
+        """
+        conditions = task.conditions(situation.parameters)
+        self.signals.must_fit([(task, conditions)])
+        self._taps, self._asked = self.signals.taps(task), self.signals.wanted(conditions)
+        self._rows.need(self._taps.values())
+        self._event("trial", number=number, task=task.name)
+        self._armed = self.device.state() in WORKING
+        if CONSTRAINED in self._asked:
+            try:
+                self._establish(number)
+            except (LinkError, UserError) as error:
+                self._lost(error)
+
+    def _establish(self, number: int) -> None:
+        begun_ns, wanted = self.board_ns, self._asked[CONSTRAINED]
+        if not self._armed:
+            raise UserError(
+                f"The board is {self.device.state()}: the motor is off, and holds no condition.",
+                "Arm it, or have it armed: --arm.",
+            )
+        while waiting := [a for a, tap in self._acts.items() if self._rows.value(tap) != wanted]:
+            passed_s = (self.board_ns - begun_ns) * 1e-9
+            axes = " and ".join(waiting)
+            what = f"The impairment of {axes} has not been switched {'on' if wanted else 'off'}"
+            if passed_s > SWITCH_S:
+                fix = "Let the joint rest, outside the wall, and repeat the trial."
+                raise UserError(f"{what} within {SWITCH_S:g} s.", fix)
+            if passed_s > SETTLE_S:
+                self.waits(f"{what}: let the joint rest, outside the wall.")
+            if self.ask():
+                return
+            self.want({})
+            self.pull()
+        self.waits("")
+        self._held = wanted
+        told = {a or "joint": self._rows.value(tap) for a, tap in self._acts.items()}
+        now = {"tick": self._rows.tick, "board_ns": self.board_ns}
+        self.say("condition", trial=number, asked=self._asked, acts=told, **now)
 
     def over(self, number: int, state: str) -> None:
         """What was wanted holds no longer than its deadline."""
+        self._asked, self._held = {}, None
         self._event("trial_end", number=number, state=state)
 
     def _event(self, topic: str, **content: Any) -> None:
@@ -190,47 +266,93 @@ class BoardSource(InputSource):
             self._recording.event(topic, board_ns=self.board_ns, **content)
 
     def want(self, requests: Mapping[str, float]) -> None:
-        """Ask the board for what the task asks for.
+        """Ask the board for what the task asks for, beside the conditions of its trial.
 
         Raises
         ------
         UserError
             For what it has not, and when it is in no state to do anything.
         """
-        unknown = sorted(set(requests) - set(WANTED))
-        if unknown:
-            raise UserError(
-                f"The task asks the board for {', '.join(unknown)}; it takes {', '.join(WANTED)}.",
-                "Run it with the device that it is for.",
-            )
+        wanted = self._none | self._asked | self.signals.wanted(requests)
         self._state = state = self.device.state()
         if state in ("FAULT", "STOPPED"):
             raise UserError(self._trouble(state) + ".", "See to it, then go on with study resume.")
+        if self._armed and state not in WORKING:
+            raise UserError(
+                f"The board is {state}: the motor has been switched off.", "Arm it again."
+            )
         if state in WORKING:
-            wanted = {"tau_desired_Nm": 0.0, **requests}
             self.device.want(DEADLINE_MS, mode=TORQUE_MODE, **wanted)
+
+    def frame(self, requests: Mapping[str, float]) -> Inputs:
+        """Ask for what the task asks for, and take the next frame in.
+
+        Raises
+        ------
+        UserError
+            When the board is lost, or no longer holds the trial's condition.
+        """
+        try:
+            self.want(requests)
+            self.pull()
+            if self._rows.began_again:
+                raise UserError("The board's clock began again.", "")
+            if self._held is not None:
+                for axis, tap in self._acts.items():
+                    if self._rows.differ(tap, self._held):
+                        raise UserError(
+                            f"The impairment of {axis or 'the joint'} did not stay "
+                            f"{'on' if self._held else 'off'}.",
+                            "Look at the board's limits, and repeat the trial.",
+                        )
+        except (LinkError, UserError) as error:
+            self._lost(error)
+        return {name: self._rows.value(tap) for name, tap in self._taps.items()}
+
+    def _lost(self, error: Exception) -> None:
+        # Why, as far as it can be told: who has no power says nothing.
+        fix = "Look at cable and power." if isinstance(error, LinkError) else ""
+        what = str(error)
+        if self.device.receiver.away:
+            what = f"The link to the board broke. {what}"
+        elif self._rows.began_again:
+            what = "The board began again, healthy and not armed: it lost its power, or was zeroed."
+            fix = ""
+        self._broken = what
+        raise UserError(what, fix) from None
 
     def status(self) -> str:
         """The board's own, as it was seen last."""
         return self._state
 
+    def broken(self) -> str:
+        """Why the board was lost, until it is ready again."""
+        return self._broken
+
+    def tick_s(self) -> float | None:
+        """When the newest sample was taken, by the host's monotonic clock."""
+        return self._rows.taken_s
+
     def gauges(self) -> tuple[Gauge, ...]:
-        """Torque and angle beside the limits in force."""
-        now, deg = dict(self.values), 180 / math.pi
-        low, high = (self._limits.get(f"limits.rom_{e}_rad", math.nan) for e in ("min", "max"))
-        return (
-            Gauge("torque", now.get("tau_Nm", 0.0), -self._most_Nm, self._most_Nm, "Nm"),
-            Gauge("angle", now.get("theta_deg", 0.0), low * deg, high * deg, "deg"),
-        )
+        """Torque and angle of every axis beside the limits in force."""
+        found = []
+        for axis, tap in self._torques.items():
+            most, of = self._limit("tau_max_Nm", axis), f" {axis}" if axis else ""
+            found.append(Gauge(f"torque{of}", self._rows.value(tap), -most, most, "Nm"))
+        for axis, tap in self._angles.items():
+            low, high = (self._limit(f"rom_{e}_rad", axis) * DEG for e in ("min", "max"))
+            of, low = f" {axis}" if axis else "", low if math.isfinite(low) else -high
+            found.append(Gauge(f"angle{of}", DEG * self._rows.value(tap), low, high, "deg"))
+        return tuple(found)
 
     def close(self) -> None:
         """Disarm what was armed here, and end the recording; the connection is not ours to end."""
-        if self.drive and self.device.state() in WORKING:
-            with contextlib.suppress(LinkError):
+        with contextlib.suppress(LinkError):
+            if self.drive and self.device.state() in WORKING:
                 self.device.disarm()
         if self._recording is not None:
             self._recording.close()
-        self.device.receiver.unsubscribe(self._queue)
+        self._rows.close()
 
 
 class _Wearer(Actor):
@@ -239,10 +361,5 @@ class _Wearer(Actor):
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
         """The next frame, by the board's clock."""
-        source = self._source
-        try:
-            source.want(requests)
-            source.pull()
-        except LinkError as error:
-            raise UserError(f"{error}", "Look at cable and power.") from None
-        return round((source.board_ns - self._begun_ns) * 1e-9, 6), dict(source.values)
+        inputs = self._source.frame(requests)
+        return round((self._source.board_ns - self._begun_ns) * 1e-9, 6), inputs

@@ -34,13 +34,14 @@ class ShownScene:
     """A scene on its way to a screen.
 
     number: counted from 1.  onsets: how often something has appeared so far.  made_s: by the
-    host's monotonic clock.
+    host's monotonic clock.  tick_s: when the device took the sample behind it, where that is known.
     """
 
     scene: Scene
     number: int = 0
     onsets: int = 0
     made_s: float = 0.0
+    tick_s: float | None = None
 
 
 class FrameCounter(Protocol):
@@ -286,6 +287,10 @@ class Conductor(SessionWatcher):
             self.phase = HELD if self.phase == HELD else PAUSED
             time.sleep(PIECE_S)
 
+    def waits(self, words: str) -> None:
+        """Say what is waited for, as long as it is."""
+        self.advice = (words,) if words else ()
+
     def rests(self, seconds: float) -> None:
         """A rest begins."""
         self.rest_until_s = time.monotonic() + seconds / min(self.source.speed, 1e9)
@@ -307,7 +312,8 @@ class Conductor(SessionWatcher):
         before = self.shown
         self.trial_s = time_s
         onsets = before.onsets + appears(before.scene, step.scene)
-        self.shown = ShownScene(step.scene, before.number + 1, onsets, time.monotonic())
+        told = time.monotonic(), self.source.tick_s()
+        self.shown = ShownScene(step.scene, before.number + 1, onsets, *told)
         for event in step.events:
             if "advice" in event.data:
                 self.advice = tuple(event.data["advice"] or ())
@@ -324,5 +330,7 @@ class Conductor(SessionWatcher):
             self._jobs.put(partial(session.repeat, number, str(self._again)))
         self.advice = tuple(row.get("complaints") or ())
         self._tell(f"trial {number} {state}{f': {reason}' if reason else ''}")
-        if self.hold and self.advice:
+        if broken := self.source.broken():
+            self.advice = (broken,)
+        if broken or (self.hold and self.advice):
             self.phase = HELD

@@ -44,7 +44,7 @@ class OperatedSource(InputSource):
 
     def ready(self) -> Mapping[str, Any]:
         """As the source inside."""
-        self.inner.ask = self.ask
+        self.inner.listen_to(self)
         return self.inner.ready()
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
@@ -70,6 +70,14 @@ class OperatedSource(InputSource):
     def status(self) -> str:
         """As the source inside."""
         return self.inner.status()
+
+    def broken(self) -> str:
+        """As the source inside."""
+        return self.inner.broken()
+
+    def tick_s(self) -> float | None:
+        """As the source inside."""
+        return self.inner.tick_s()
 
     def gauges(self) -> tuple[Gauge, ...]:
         """As the source inside."""

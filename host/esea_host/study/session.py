@@ -23,6 +23,7 @@ from esea_host.study.watching import (
     TrialOnly,
     not_stopped,
     shown_nowhere,
+    told_nobody,
 )
 
 PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
@@ -36,12 +37,20 @@ CHUNK = 50
 class InputSource(ABC):
     """Where a session's inputs come from: a board, or simulated people.
 
-    ask: while something is waited for, why to stop waiting; the session sets it.
+    ask: while something is waited for, why to stop waiting; the session sets it, as the next two.
+    waits: told what is waited for, in words for the operator; nothing any more: empty.
+    say: writes an event into the session's log.
     paused: whether the task is held, for a device's own recording.
     """
 
     ask: Stop = staticmethod(not_stopped)
+    waits: Callable[[str], None] = staticmethod(told_nobody)
+    say: Callable[..., None] = staticmethod(told_nobody)
     paused: bool = False
+
+    def listen_to(self, other: InputSource) -> None:
+        """Ask and tell whom another source asks and tells."""
+        self.ask, self.waits, self.say = other.ask, other.waits, other.say
 
     @abstractmethod
     def ready(self) -> Mapping[str, Any]:
@@ -69,6 +78,14 @@ class InputSource(ABC):
     def status(self) -> str:
         """In which state the device is, in a word."""
         return ""
+
+    def broken(self) -> str:
+        """Why it has to be made ready again before the next trial; empty while it has not."""
+        return ""
+
+    def tick_s(self) -> float | None:
+        """When the newest sample was taken, by the monotonic clock; None where nobody knows."""
+        return None
 
     def gauges(self) -> tuple[Gauge, ...]:
         """What an operator sees of the device, beside its limits."""
@@ -238,17 +255,21 @@ class StudySession:
             Why it ended; empty when all trials are done.
         """
         watcher = watcher or SessionWatcher(show, stop)
-        self.source.ask = watcher.turn
+        source = self.source
+        source.ask, source.waits, source.say = watcher.turn, watcher.waits, self.say
         if self.state.running is not None:
             self._end(self.state.running, ABORTED, "the program was cut off", None)
         if self.log.found.entries:
             self.say("resume", torn_bytes=self.state.torn, running=self.state.running)
-        ready = dict(self.source.ready())
-        self.say("ready", **ready)
-        reason = str(ready.get("problem", "")) or self._trials(watcher)
+        reason = self._make_ready() or self._trials(watcher)
         self.say("end", reason=reason, completed=not reason)
         self._reread()
         return reason
+
+    def _make_ready(self) -> str:
+        ready = dict(self.source.ready())
+        self.say("ready", **ready)
+        return str(ready.get("problem", ""))
 
     def _reread(self) -> None:
         self.state = read_session(self.log.path)
@@ -264,6 +285,8 @@ class StudySession:
                 past = [*self.earlier, *self.state.past]
             if not todo:
                 return ""
+            if self.source.broken() and (why := watcher.turn() or self._make_ready()):
+                return why
             trial = todo[0]
             if trial.rest_before_s:
                 self.say("rest", seconds=trial.rest_before_s)

@@ -92,6 +92,22 @@ class Actor(ABC):
         """Time since the trial began, and the inputs."""
 
 
+@dataclass(frozen=True)
+class Signal:
+    """What a task has to be told of a device: in degrees where the input's name ends so.
+
+    Parameters
+    ----------
+    quantity : str
+        Of an axis, as the device tells it: ``theta_load_rad``, the joint's angle; ``tau_Nm``.
+    axis : str
+        By its name in the device file; empty for the axis of a device that has one.
+    """
+
+    quantity: str
+    axis: str = ""
+
+
 class StudyTask(ABC):
     """A task.  A new one is one file: a subclass with ``@register``.
 
@@ -103,8 +119,10 @@ class StudyTask(ABC):
         A :class:`TaskParameters` with defaults.
     columns : tuple of Column
         The data columns of its row, all of them and no others.
-    inputs, switches : tuple of str
-        What it cannot do without; what somebody may press beside, 1 while it is pressed.
+    inputs : mapping of str to Signal
+        What it cannot do without, by the name that it has in a step.
+    switches : tuple of str
+        What somebody may press beside, 1 while it is pressed.
     """
 
     name: ClassVar[str]
@@ -112,12 +130,27 @@ class StudyTask(ABC):
     title: ClassVar[str]
     Parameters: ClassVar[type[TaskParameters]] = TaskParameters
     columns: ClassVar[tuple[DataColumn, ...]]
-    inputs: ClassVar[tuple[str, ...]] = ()
+    inputs: ClassVar[Mapping[str, Signal]] = {}
     switches: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def longest_s(self, parameters: Any) -> float:
         """How long a trial can take."""
+
+    def conditions(self, parameters: Any) -> Mapping[str, float]:
+        """What the device must hold from before the first step to the last.
+
+        Parameters
+        ----------
+        parameters : TaskParameters
+            Of the trial.
+
+        Returns
+        -------
+        mapping of str to float
+            By request: ``impairment``, 1 or 0.
+        """
+        return {}
 
     @abstractmethod
     def begin(self, situation: Situation) -> Any:

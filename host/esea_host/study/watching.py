@@ -38,6 +38,10 @@ def not_stopped() -> str:
     return ""
 
 
+def told_nobody(*_: Any, **__: Any) -> None:
+    """Nobody listens."""
+
+
 def shown_nowhere(_: Scene) -> None:
     """The drawer of a headless run."""
 
@@ -62,6 +66,10 @@ class SessionWatcher:
 
     def between(self) -> None:
         """No trial runs: the moment to skip, to repeat, or to make the session wait."""
+        return
+
+    def waits(self, words: str) -> None:
+        """Something is waited for, and what to do; empty: no longer."""
         return
 
     def rests(self, seconds: float) -> None:

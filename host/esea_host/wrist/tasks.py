@@ -1,13 +1,13 @@
 """The tasks of the wrist study.  Inputs ``fe_deg`` and ``ru_deg``: the joint's angles.
 
-On the screen x is flexion (-) and extension (+), y ulnar (-) and radial (+) deviation.
+In angles as on the screen x is flexion (-) and extension (+), y ulnar (-) and radial (+) deviation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -17,6 +17,7 @@ from esea_host.study.task import (
     Actor,
     DataColumn,
     Inputs,
+    Signal,
     Situation,
     StudyTask,
     TaskEvent,
@@ -65,7 +66,13 @@ def place(axis: str, value: float) -> tuple[float, float]:
 
 class _WristTask(StudyTask):
     version = "2"
-    inputs = ("fe_deg", "ru_deg")
+    inputs: ClassVar = {
+        "fe_deg": Signal("theta_load_rad", "flexion"),
+        "ru_deg": Signal("theta_load_rad", "deviation"),
+    }
+
+    def conditions(self, parameters: Any) -> Mapping[str, float]:
+        return requests(parameters)
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         return Follower(rng)

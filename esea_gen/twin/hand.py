@@ -1,0 +1,353 @@
+"""Hands between two drives: who they are, and one that is driven tick by tick.
+
+Every number is assumed; what is published gives the order and the shape:
+
+- Passive stiffness: radial-ulnar deviation is stiffer than flexion-extension, and the axes of the
+  ellipse are turned by about 20 deg, softest along the dart thrower's line, from ulnar flexion to
+  radial extension (Formica, Charles, Zollo, Guglielmelli, Hogan and Krebs 2012, J. Neurophysiol.
+  108, 1158).  The paper's matrices could not be had: the two principal stiffnesses are assumed.
+- Stiffness dominates a slow wrist's rotations, coupling by inertia is small (Charles and Hogan
+  2011, J. Biomech. 44, 614), coupling by damping is not (Peaden and Charles 2014, J. Biomech. 47,
+  2779): the damping is assumed proportional to the passive stiffness.
+- Ends of the range of motion: Ryu, Cooney, Askew, An and Chao 1991, J. Hand Surg. 16A, 409.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError, choose
+from esea_gen.model.sensing import of_axis
+from esea_gen.twin.people import PlantVariant, ideal_plant, random_plant, real_plant
+from esea_gen.twin.plant import TICK_S, start_state
+from esea_gen.twin.published import Person
+from esea_gen.twin.stepped import compiled_plant, prepare_plant
+
+Pair = tuple[float, float]
+
+_TILT_RAD = math.radians(20.0)
+_SOFTEST_NM_RAD, _STIFFEST_NM_RAD = 0.9, 2.2
+_DAMPING_S = 0.02  # damping over passive stiffness: 0.02 and 0.04 Nms/rad
+_INERTIA_SHARE = 0.03  # inertia between the axes over that of one
+# Extension and radial deviation are positive.
+ENDS_RAD = tuple(
+    (math.radians(low), math.radians(high)) for low, high in ((-79.0, 59.0), (-38.0, 21.0))
+)
+_END_NM_RAD, _END_NMS_RAD = 60.0, 0.5
+
+
+@dataclass(frozen=True)
+class Hand:
+    """A hand on two axes, each number a pair in the order of the device's axes.
+
+    Parameters
+    ----------
+    people : pair of Person
+        Inertia, pull towards the intended path, own damping, gravity and noise of each axis.
+    passive_Nm_rad, passive_cross_Nm_rad : pair of float, float
+        Passive stiffness: diagonal, and the element off it.
+    inertia_cross_kgm2, damping_cross_Nms_rad : float
+        Elements off the diagonal of inertia and of the hand's own damping.
+    rest_rad : pair of float
+        Angles at which the passive joint rests.
+    ends_rad : pair of pairs
+        Anatomical range of motion.
+
+    Raises
+    ------
+    UserError
+        When one of the matrices is not positive definite (a passive or damping one of zeros may
+        be).
+    """
+
+    people: tuple[Person, Person]
+    passive_Nm_rad: Pair = (0.0, 0.0)
+    passive_cross_Nm_rad: float = 0.0
+    inertia_cross_kgm2: float = 0.0
+    damping_cross_Nms_rad: float = 0.0
+    rest_rad: Pair = (0.0, 0.0)
+    ends_rad: tuple[Pair, Pair] = (ENDS_RAD[0], ENDS_RAD[1])
+
+    def __post_init__(self) -> None:
+        for name, matrix in self.matrices().items():
+            (a, b), (_, d) = matrix
+            if not (a >= 0 and d >= 0 and (b * b < a * d or b == 0)):
+                raise UserError(
+                    f"The hand's {name} [[{a:g}, {b:g}], [{b:g}, {d:g}]] is not positive definite.",
+                    f"Give an element off the diagonal within {math.sqrt(max(a * d, 0)):g}.",
+                )
+
+    def matrices(self) -> dict[str, tuple[Pair, Pair]]:
+        """``inertia``, ``damping`` (the hand's own) and ``stiffness`` (passive), symmetric."""
+        one, two = self.people
+        diagonals = {
+            "inertia": (one.Jh_kgm2, self.inertia_cross_kgm2, two.Jh_kgm2),
+            "damping": (
+                one.own_damping_Nms_rad,
+                self.damping_cross_Nms_rad,
+                two.own_damping_Nms_rad,
+            ),
+            "stiffness": (
+                self.passive_Nm_rad[0],
+                self.passive_cross_Nm_rad,
+                self.passive_Nm_rad[1],
+            ),
+        }
+        return {n: ((a, b), (b, d)) for n, (a, b, d) in diagonals.items()}
+
+    def values(self, axes: Sequence[str]) -> dict[str, float]:
+        """As tunables of the Block ``hand``."""
+        out = {
+            "inertia_cross_kgm2": self.inertia_cross_kgm2,
+            "damping_cross_Nms_rad": self.damping_cross_Nms_rad,
+            "passive_cross_Nm_rad": self.passive_cross_Nm_rad,
+        }
+        for i, axis in enumerate(axes):
+            low, high = self.ends_rad[i]
+            own = self.people[i].values() | {
+                "passive_Nm_rad": self.passive_Nm_rad[i],
+                "rest_rad": self.rest_rad[i],
+                "joint_min_rad": low,
+                "joint_max_rad": high,
+                "joint_stop_Nm_rad": _END_NM_RAD,
+                "joint_stop_Nms_rad": _END_NMS_RAD,
+            }
+            out |= {of_axis(n, axis): x for n, x in own.items()}
+        return out
+
+
+def wrist(
+    intent_Nm_rad: float,
+    intent_Nms_rad: float,
+    *,
+    Jh_kgm2: float = 0.009,
+    feedforward: bool = True,
+    noise_Nm: float = 0.0,
+    passive_scale: float = 1.0,
+) -> Hand:
+    """A hand by what it does on each axis: stiffness and damping towards its intended path.
+
+    Jh_kgm2: hand and handle, about either axis.
+    passive_scale: over the standard passive stiffness and damping.
+    """
+    c, s = math.cos(_TILT_RAD), math.sin(_TILT_RAD)
+    soft, stiff = passive_scale * _SOFTEST_NM_RAD, passive_scale * _STIFFEST_NM_RAD
+    passive = soft * c * c + stiff * s * s, soft * s * s + stiff * c * c
+    cross = (soft - stiff) * s * c
+    person = Person(
+        Jh_kgm2=Jh_kgm2,
+        spring_Nm_rad=intent_Nm_rad,
+        damping_Nms_rad=intent_Nms_rad,
+        feedforward=feedforward,
+        own_damping_Nms_rad=0.0,
+        gravity_Nm=0.0,
+        torque_noise_Nm=noise_Nm,
+        torque_noise_Hz=2.0,
+    )
+    one, two = (replace(person, own_damping_Nms_rad=_DAMPING_S * k) for k in passive)
+    return Hand(
+        (one, two),
+        passive,
+        cross,
+        inertia_cross_kgm2=_INERTIA_SHARE * Jh_kgm2,
+        damping_cross_Nms_rad=_DAMPING_S * cross,
+    )
+
+
+# A handle that nobody holds, and people as the single axis has them.
+NOBODY = Hand(
+    people=(replace(wrist(0.0, 0.0, Jh_kgm2=0.006).people[0], own_damping_Nms_rad=0.01),) * 2
+)
+HANDS = {
+    "nobody": NOBODY,
+    "none": wrist(0.0, 0.0),
+    "limp": wrist(0.0, 0.0),
+    "ideal": wrist(8.0, 0.4),
+    "uncertain": wrist(5.0, 0.2, noise_Nm=0.05),
+    "uncertain-no-feedforward": wrist(5.0, 0.2, feedforward=False, noise_Nm=0.05),
+    "stiff": wrist(60.0, 1.0),
+}
+"""Hands that have names; ``none`` is one whose axes are clamped."""
+HAND_NAMES = (*HANDS, "random")
+
+
+def random_hand(seed: int) -> Hand:
+    """A hand drawn from a family: relaxed to stiff, light to heavy."""
+    rng = np.random.default_rng([seed, 2])
+    stiffness = float(rng.uniform(0.0, 20.0))
+    inertia = float(rng.uniform(0.006, 0.015))
+    ratio = float(rng.uniform(0.2, 0.8))
+    return wrist(
+        stiffness,
+        2 * ratio * math.sqrt(stiffness * inertia),
+        Jh_kgm2=inertia,
+        noise_Nm=float(rng.uniform(0.0, 0.1)),
+        passive_scale=float(rng.uniform(0.6, 1.5)),
+    )
+
+
+def named_hand(name: str, seed: int = 0) -> Hand:
+    """A hand of :data:`HAND_NAMES`."""
+    choose("hand", name, HAND_NAMES)
+    return random_hand(seed) if name == "random" else HANDS[name]
+
+
+def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) -> PlantVariant:
+    """The plant of a device with two axes, each drive drawn by itself, and a hand.
+
+    plant: ``ideal``, ``real`` or ``random``.
+    hand: one of :data:`HAND_NAMES`; ``none`` clamps both axes.
+    """
+    choose("plant", plant, ("ideal", "real", "random"))
+    values: dict[str, float] = {}
+    for i, axis in enumerate(device.axes):
+        drawn = 2 * seed + i
+        one = {
+            "ideal": lambda: ideal_plant(device),
+            "real": lambda drawn=drawn: real_plant(device, seed=drawn),
+            "random": lambda drawn=drawn: random_plant(device, drawn),
+        }[plant]()
+        values |= {of_axis(n, axis): x for n, x in one.values.items()}
+        values[of_axis("clamped", axis)] = float(hand == "none")
+    values |= named_hand(hand, seed).values(device.axes)
+    return PlantVariant(device, plant != "ideal", values)
+
+
+class SteppedHand:
+    """A plant of two axes, driven tick by tick: motor commands in, encoder counts out.
+
+    Parameters
+    ----------
+    variant : PlantVariant
+        As :func:`hand_variant` makes it.
+    """
+
+    def __init__(self, variant: PlantVariant) -> None:
+        self.variant, self.axes = variant, variant.device.axes
+        self.library = compiled_plant(variant.device, variant.cable, variant.step_s)
+        self.system = self.library.system
+        steps = round(TICK_S / variant.step_s)
+        self._times_s = [j * variant.step_s for j in range(1, steps + 1)]
+        names = ("u_Nm", "theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "noise", "tau_muscle_Nm")
+        self._inputs = [tuple(of_axis(n, a) for n in names) for a in self.axes]
+        move, encode = self.system.task("move"), self.system.task("encode")
+        self._outputs = [x.name for x in self.system.task_outputs(move)]
+        self._angles_read = [x.name for x in self.system.task_inputs(encode)]
+        self._counts_read = [x.name for x in self.system.task_outputs(encode)]
+
+    def start(
+        self,
+        angles_rad: Sequence[float],
+        *,
+        hand: Hand | None = None,
+        clamped: bool | Sequence[bool] | None = None,
+    ) -> dict[str, int]:
+        """Start at rest at one angle an axis; the counts there, by the board's input.
+
+        hand, clamped: as of :meth:`change`.
+        """
+        library, prefix = self.library, self.library.prefix
+        ffi = library.ffi
+        self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
+        self._state = ffi.new(f"{prefix}_state_t *")
+        self.change(hand=hand, clamped=clamped)
+        library.function(f"{prefix}_init")(self._coeffs, self._state)
+        block, sampled = self.system.blocks["plant"], {}
+        for axis, angle in zip(self.axes, angles_rad, strict=True):
+            first, shown = start_state(block, angle, {}, axis=axis)
+            sampled |= shown
+            for key, vector in first.items():
+                getattr(self._state.plant, key)[0 : len(vector)] = vector
+        self._push = ffi.new(f"{prefix}_move_in_t *")
+        self._plant = ffi.new(f"{prefix}_move_out_t *", sampled)
+        self._encoded = ffi.new(f"{prefix}_encode_in_t *")
+        self._counts = ffi.new(f"{prefix}_encode_out_t *")
+        self._move = library.function(f"{prefix}_move_step")
+        self._encode = library.function(f"{prefix}_encode_step")
+        self.intend([{"theta_p_rad": float(x)} for x in angles_rad])
+        return self._read()
+
+    def change(
+        self,
+        *,
+        hand: Hand | None = None,
+        clamped: bool | Sequence[bool] | None = None,
+        **more: float,
+    ) -> None:
+        """Somebody comes, goes, clamps the handle or lets it go; everything stays where it is.
+
+        hand, clamped: default: the variant's.  clamped: one for both axes, or one an axis.
+        more: tunables of the plant that differ from the variant's from now on.
+        """
+        values = dict(self.variant.values)
+        if hand is not None:
+            held = {of_axis("clamped", a) for a in self.axes}
+            values |= {n: x for n, x in hand.values(self.axes).items() if n not in held}
+        if clamped is not None:
+            fixed = [clamped] * len(self.axes) if isinstance(clamped, bool) else clamped
+            for axis, one in zip(self.axes, fixed, strict=True):
+                values[of_axis("clamped", axis)] = float(one)
+        prepare_plant(self.library, self._coeffs, values | more)
+
+    def intend(self, paths: Sequence[Mapping[str, float]]) -> None:
+        """What the hand intends from the start of the next tick on; within it the path goes on.
+
+        paths: one an axis: ``theta_p_rad``, and what is not 0 of ``omega_p_rad_s``,
+            ``alpha_p_rad_s2``, ``noise`` (a number of variance 1 for each tick), and ``tau_Nm``, of
+            the muscles beside the pull to the path.
+        """
+        push = self._push
+        self._moving: list[tuple[str, str, float, float, float]] = []
+        for names, path in zip(self._inputs, paths, strict=True):
+            _, theta, omega, alpha, noise, muscle = names
+            at, speed = path["theta_p_rad"], path.get("omega_p_rad_s", 0.0)
+            gain = path.get("alpha_p_rad_s2", 0.0)
+            setattr(push, theta, at)
+            setattr(push, omega, speed)
+            setattr(push, alpha, gain)
+            setattr(push, noise, path.get("noise", 0.0))
+            setattr(push, muscle, path.get("tau_Nm", 0.0))
+            if speed or gain:
+                self._moving.append((theta, omega, at, speed, gain))
+
+    def step(self, u_Nm: Sequence[float]) -> dict[str, int]:
+        """Hold one command an axis for a tick; the counts at its end, by the board's input."""
+        push, move = self._push, self._move
+        for names, u in zip(self._inputs, u_Nm, strict=True):
+            setattr(push, names[0], u)
+        for t in self._times_s:
+            for theta, omega, at, speed, gain in self._moving:
+                setattr(push, omega, speed + t * gain)
+                setattr(push, theta, at + t * (speed + 0.5 * t * gain))
+            move(self._coeffs, self._state, push, self._plant)
+        return self._read()
+
+    def truth(self) -> dict[str, float]:
+        """The plant's own outputs at this moment, such as ``tau_e_flexion_Nm``."""
+        return {n: float(getattr(self._plant, n)) for n in self._outputs}
+
+    def _read(self) -> dict[str, int]:
+        encoded, plant = self._encoded, self._plant
+        for name in self._angles_read:
+            setattr(encoded, name, getattr(plant, name))
+        self._encode(self._coeffs, self._state, encoded, self._counts)
+        return {n: int(getattr(self._counts, n)) for n in self._counts_read}
+
+
+__all__ = [
+    "ENDS_RAD",
+    "HANDS",
+    "HAND_NAMES",
+    "Hand",
+    "SteppedHand",
+    "hand_variant",
+    "named_hand",
+    "random_hand",
+    "wrist",
+]

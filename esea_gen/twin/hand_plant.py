@@ -1,0 +1,273 @@
+"""Two drives and one hand between them: the plant of a device with two axes, as one Block.
+
+Each axis has the drive, cable and elastomer of :mod:`esea_gen.twin.plant`.  In place of (5.3) is
+the hand, whose axes are coupled::
+
+    M omega_l' = tau_e + tau_h + tau_stop
+    tau_h = tau_intent + tau_muscle - D omega_l - K (theta_l - theta_rest)
+
+with symmetric matrices M, D and K; tau_intent is the pull of each axis towards its intended path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any, TypeVar
+
+from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Port, Tunable
+from esea_gen.language.system import System, Task
+from esea_gen.model.sensing import of_axis
+from esea_gen.twin.encoders import encoder_block
+from esea_gen.twin.mechanics import Limb, Load, limb_torques
+from esea_gen.twin.parameters import (
+    assumed,
+    passed_on,
+    plant_coefficients,
+    plant_tunables,
+    prepare_plant,
+)
+from esea_gen.twin.people import STEP_S
+from esea_gen.twin.plant import (
+    NAME,
+    TICK_S,
+    AxisStep,
+    Drifted,
+    axis_step,
+    input_ports,
+    output_ports,
+    plant_equations,
+    plant_status,
+    plant_system,
+    state_ports,
+    steps_a_tick,
+)
+
+Named = TypeVar("Named", Port, Tunable)
+WHOLE = ("stored_J", "plant_status")  # outputs of the plant, not of an axis
+
+
+def own_tunables() -> tuple[Tunable, ...]:
+    """What an axis of a hand has beside a plant's person."""
+    return (
+        assumed("passive_Nm_rad", 0, 0, 1000, "passive stiffness of the joint"),
+        assumed("rest_rad", 0, -10, 10, "angle at which the joint rests"),
+    )
+
+
+def cross_tunables() -> tuple[Tunable, ...]:
+    """What couples the two axes of a hand."""
+    return (
+        assumed("inertia_cross_kgm2", 0, -10, 10, "inertia between the axes"),
+        assumed("damping_cross_Nms_rad", 0, -100, 100, "the hand's own damping between the axes"),
+        assumed("passive_cross_Nm_rad", 0, -1000, 1000, "passive stiffness between the axes"),
+    )
+
+
+def _of(ports: tuple[Named, ...], axis: str) -> tuple[Named, ...]:
+    return tuple(replace(p, name=of_axis(p.name, axis)) for p in ports)
+
+
+def _view(values: SimpleNamespace, names: tuple[str, ...], axis: str) -> SimpleNamespace:
+    return SimpleNamespace(**{n: vars(values)[of_axis(n, axis)] for n in names})
+
+
+@dataclass(frozen=True)
+class _HandStep:
+    """One step of the plant, symbolically."""
+
+    axes: tuple[str, str]
+    axis: AxisStep
+    names: Mapping[str, tuple[str, ...]]  # of coefficients, states and inputs of an axis
+
+    def __call__(
+        self,
+        c: SimpleNamespace,
+        s: SimpleNamespace,
+        u: SimpleNamespace,
+        guard: Guard,
+        label: Labels,
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        parts = [
+            tuple(_view(v, self.names[k], a) for k, v in (("c", c), ("s", s), ("u", u)))
+            for a in self.axes
+        ]
+        labels = [self._named(label, a) for a in self.axes]
+        at = [
+            self.axis.drift(*p, named)  # type: ignore[arg-type]
+            for p, named in zip(parts, labels, strict=True)
+        ]
+        loads = self._hand(c, parts, at, label)
+        next_state, outputs = {}, {}
+        stored = c.inertia_cross_kgm2 * loads[0].w * loads[1].w
+        for a, p, drifted, load, named in zip(self.axes, parts, at, loads, labels, strict=True):
+            after, shown = self.axis.settle(p[0], p[1], drifted, load, named)  # type: ignore[arg-type]
+            stored = stored + shown.pop("stored_J")
+            next_state |= {of_axis(n, a): x for n, x in after.items()}
+            outputs |= {of_axis(n, a): x for n, x in shown.items()}
+        return next_state, outputs | {"stored_J": stored, "plant_status": plant_status(guard)}
+
+    def _named(self, label: Labels, axis: str) -> Callable[..., Any]:
+        return lambda name, value, *text: label(of_axis(name, axis), value, *text)
+
+    def _hand(
+        self,
+        c: SimpleNamespace,
+        parts: list[tuple[SimpleNamespace, ...]],
+        at: list[Drifted],
+        label: Labels,
+    ) -> list[Load]:
+        # The two axes' equations of motion at once, friction implicit.
+        q = 0.5 * self.axis.step_s
+        limbs, masses, forces = [], [], []
+        for i, (axis, (own, s, u)) in enumerate(zip(self.axes, parts, strict=True)):
+            other, drifted, apart = parts[1 - i], at[i], at[1 - i]
+            limb = limb_torques(own, s, u, drifted.x["l"], drifted.v["l"])
+            # The passive joint, with what of it the intent makes up for.
+            share, there, far = own.feedforward, u.theta_p_rad, other[2].theta_p_rad
+            passive = own.passive_Nm_rad * (
+                drifted.x["l"] - own.rest_rad - share * (there - own.rest_rad)
+            ) + c.passive_cross_Nm_rad * (
+                apart.x["l"] - other[0].rest_rad - share * (far - other[0].rest_rad)
+            )
+            across = c.damping_cross_Nms_rad * (
+                apart.v["l"] - share * other[2].omega_p_rad_s
+            ) - c.inertia_cross_kgm2 * (share * other[2].alpha_p_rad_s2)
+            held = label(
+                of_axis("held_Nm", axis), limb.held + u.tau_muscle_Nm - passive - across, "(5.3)"
+            )
+            limbs.append(replace(limb, held=held))
+            masses.append(own.Jh_kgm2 + q * (limb.slope + limb.d_end))
+            forces.append(own.free * (drifted.coupling.tau + held - limb.tau_end))
+        free = parts[0][0].free * parts[1][0].free
+        between = free * (c.inertia_cross_kgm2 + q * c.damping_cross_Nms_rad)
+        share = 1 / (masses[0] * masses[1] - between * between)
+        a = [
+            label(
+                of_axis("a_l", axis),
+                (masses[1 - i] * forces[i] - between * forces[1 - i]) * share,
+                "the hand, friction implicit",
+            )
+            for i, axis in enumerate(self.axes)
+        ]
+        return [self._load(c, i, limbs[i], a, at[i], label) for i in range(2)]
+
+    def _load(
+        self, c: SimpleNamespace, i: int, limb: Limb, a: list[Any], at: Drifted, label: Labels
+    ) -> Load:
+        q = 0.5 * self.axis.step_s
+        lost = limb.slope * (q * a[i]) + c.damping_cross_Nms_rad * (q * a[1 - i])
+        name = of_axis("tau_h", self.axes[i])
+        tau_h = label(name, limb.held - lost, "the person, at the end of the step")
+        return Load(a[i], at.v["l"] + q * a[i], tau_h, limb.noise, limb.end, limb.tau_end)
+
+
+def hand_block(
+    device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
+) -> Block:
+    """Two drives and a hand: one step of the plant of a device with two axes.
+
+    return: ports and tunables as :func:`esea_gen.twin.plant.plant_block` has, each with its axis in
+        its name, and those that couple the axes.
+    """
+    if len(device.axes) != 2:
+        raise UserError(
+            f"{device.origin}: axes = {list(device.axes)}: a hand has two.",
+            'Give two names, such as axes = ["flexion", "deviation"].',
+        )
+    first, second = device.axes
+    step = axis_step(device, cable, step_s)
+    base = plant_tunables(device, cable)
+    passed = passed_on(base)
+    coefficients = (*plant_coefficients(base), *(_port(t) for t in own_tunables()))
+    state = (*state_ports(cable), *step.sensor.state)
+    inputs = (
+        *input_ports(),
+        Port("tau_muscle_Nm", -1000, 1000, "muscle torque beside the pull to the path"),
+    )
+    outputs = tuple(p for p in output_ports() if p.name not in WHOLE)
+    of_plant = tuple(p for p in output_ports() if p.name in WHOLE)
+    names = {
+        "c": tuple(p.name for p in coefficients),
+        "s": tuple(p.name for p in state),
+        "u": tuple(p.name for p in inputs),
+    }
+
+    def prepare(t: SimpleNamespace) -> dict[str, Any]:
+        own = tuple(x.name for x in (*base, *own_tunables()))
+        out = {x.name: getattr(t, x.name) for x in cross_tunables()}
+        for a in device.axes:
+            of_one = _view(t, own, a)
+            values = prepare_plant(of_one, passed, step_s, tick_s)
+            values |= {x.name: getattr(of_one, x.name) for x in own_tunables()}
+            out |= {of_axis(n, a): x for n, x in values.items()}
+        return out
+
+    def both(ports: tuple[Named, ...]) -> tuple[Named, ...]:
+        return tuple(p for a in device.axes for p in _of(ports, a))
+
+    return Block.define(
+        "hand",
+        "Two drives with their couplings, and one hand whose axes are coupled",
+        period_s=step_s,
+        constants=(*device.constants("actuator"), *step.sensor.constants),
+        tunables=(*both((*base, *own_tunables())), *cross_tunables()),
+        coefficients=(*both(coefficients), *(_port(t) for t in cross_tunables())),
+        prepare=prepare,
+        state=both(state),
+        inputs=both(inputs),
+        outputs=(*both(outputs), *of_plant),
+        equations=plant_equations(cable),
+        step=_HandStep((first, second), step, names),
+    )
+
+
+def _port(t: Tunable) -> Port:
+    return Port(t.name, t.low, t.high, t.meaning)
+
+
+def hand_system(
+    device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
+) -> System:
+    """The plant of a device with two axes as a System.
+
+    return: tasks ``move`` and ``encode`` as of :func:`esea_gen.twin.plant.plant_system`; the
+        encoders are an instance an axis, ``encoders_flexion`` and so on.
+    """
+    every = steps_a_tick(step_s, tick_s)
+    plant, encoders = hand_block(device, cable, step_s, tick_s), encoder_block(device, tick_s)
+    by_axis = {f"encoders_{a}": a for a in device.axes}
+
+    def ends(of_plant: tuple[Port, ...], of_encoder: tuple[Port, ...]) -> dict[str, str]:
+        return {p.name: f"plant.{p.name}" for p in of_plant} | {
+            of_axis(p.name, a): f"{i}.{p.name}" for i, a in by_axis.items() for p in of_encoder
+        }
+
+    return System(
+        NAME,
+        step_s,
+        {"plant": plant, **dict.fromkeys(by_axis, encoders)},
+        (Task("move", ("plant",)), Task("encode", tuple(by_axis), every)),
+        {},
+        {n: (end,) for n, end in ends(plant.inputs, encoders.inputs).items()},
+        ends(plant.outputs, encoders.outputs),
+    )
+
+
+def twin_system(device: DeviceData, cable: bool, step_s: float, tick_s: float) -> System:
+    """The plant of a device, of one axis or of two."""
+    made = plant_system if len(device.axes) == 1 else hand_system
+    return made(device, cable, step_s, tick_s)
+
+
+def tunable_places(system: System) -> dict[str, tuple[str, str]]:
+    """Where a plant's System has each tunable, by its name with the axis: instance and name."""
+    out = {}
+    for instance, t in system.tunables:
+        axis = instance.partition("_")[2] if instance.startswith("encoders") else ""
+        out[of_axis(t.name, axis)] = (instance, t.name)
+    return out

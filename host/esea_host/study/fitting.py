@@ -1,0 +1,164 @@
+"""What tasks need, found on a device by axis and name; what it lacks, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from esea_gen.device import Device
+from esea_gen.emit.roles import board_roles
+from esea_gen.errors import UserError
+from esea_gen.model.sensing import of_axis
+from esea_host.study.task import Signal, StudyTask, task_named
+
+DEG = 180 / math.pi
+# What a task may ask for: the impairment of all axes, and torque on a joint.
+IMPAIRMENT, CONSTRAINED = "impairment", "constrained"
+TORQUE = "tau_desired"
+# Of an axis: whether its impairment acts.
+ACTS = "acts"
+
+
+@dataclass(frozen=True)
+class Tap:
+    """Where a device tells a signal, and the factor to the unit of the input's name."""
+
+    stream: str
+    column: str
+    factor: float = 1.0
+
+
+class DeviceSignals:
+    """What a device tells and takes, by axis.
+
+    Parameters
+    ----------
+    device : Device
+        Connected, or to be.
+    """
+
+    def __init__(self, device: Device) -> None:
+        self.device, self.axes = device, device.axes
+        roles = board_roles(device.system)
+        self.drive, self.wanted_names = roles.drive, roles.wanted_names
+        told = [(t, x.name) for t in device.system.tasks for x in device.system.task_outputs(t)]
+        self._streams = {name: f"{task.name}_out" for task, name in reversed(told)}
+
+    def tap(self, signal: Signal, name: str = "") -> Tap | None:
+        """Where a signal is told; None where it is not.
+
+        name: of the input: its unit is wanted.
+        """
+        column = of_axis(signal.quantity, self._axis(signal))
+        stream = self._streams.get(column) if self._known(signal) else None
+        degrees = name.endswith("_deg") and signal.quantity.endswith("_rad")
+        return Tap(stream, column, DEG if degrees else 1.0) if stream else None
+
+    def _axis(self, signal: Signal) -> str:
+        return signal.axis or self.axes[0]
+
+    def _known(self, signal: Signal) -> bool:
+        return signal.axis in self.axes if signal.axis else len(self.axes) == 1
+
+    def of_axes(self, quantity: str) -> dict[str, Tap]:
+        """A quantity of every axis that has it, by the axis' name."""
+        taps = {a: self.tap(Signal(quantity, a)) for a in self.axes}
+        return {a: tap for a, tap in taps.items() if tap is not None}
+
+    def taps(self, task: StudyTask) -> dict[str, Tap]:
+        """Where each input of a task is told.
+
+        Raises
+        ------
+        UserError
+            For what is not.
+        """
+        self.must_fit([(task, {})])
+        return {n: tap for n, s in task.inputs.items() if (tap := self.tap(s, n)) is not None}
+
+    def wanted(self, requests: Mapping[str, float]) -> dict[str, float]:
+        """What a task asks for, as the board is asked; nothing of what is not there is no request.
+
+        Raises
+        ------
+        UserError
+            For what this device does not take.
+        """
+        found, unknown = {}, []
+        for request, value in requests.items():
+            name = self._wanted_name(request)
+            if name is not None:
+                found[name] = value
+            elif value:
+                unknown.append(request)
+        if unknown:
+            takes = [IMPAIRMENT] if CONSTRAINED in self.wanted_names else []
+            takes += [n for n in self.wanted_names if n.startswith(TORQUE)]
+            raise UserError(
+                f"The task asks {self.device.name} for {', '.join(unknown)}; it takes "
+                f"{', '.join(takes) or 'nothing'}.",
+                "Run it with the device that it is for.",
+            )
+        return found
+
+    def _wanted_name(self, request: str) -> str | None:
+        name = CONSTRAINED if request == IMPAIRMENT else request
+        if request.startswith(TORQUE) and len(self.axes) == 1:
+            name = of_axis(request, self.axes[0])
+        allowed = name == CONSTRAINED or name.startswith(TORQUE)
+        return name if allowed and name in self.wanted_names else None
+
+    def lacks(self, task: StudyTask, conditions: Mapping[str, float]) -> list[str]:
+        """What a task needs and the device has not, a sentence each."""
+        here, found = self.device.name, []
+        named = " and ".join(a or "one without a name" for a in self.axes)
+        axes = f"its axes are {named}" if len(self.axes) > 1 else f"its axis is {named}"
+        for name, signal in task.inputs.items():
+            if not self._known(signal):
+                whose = f"axis {signal.axis}" if signal.axis else "a single axis"
+                found.append(f"{name} is {signal.quantity} of {whose}, and {axes}")
+            elif self.tap(signal, name) is None:
+                column = of_axis(signal.quantity, self._axis(signal))
+                found.append(f"{name} is {column}, which {here} does not tell")
+        for request, value in conditions.items():
+            if value and self._wanted_name(request) is None:
+                has = f", and {here} has no [{request}]" if request == IMPAIRMENT else ""
+                found.append(f"the condition {request} = {value:g} is to act{has}")
+        return found
+
+    def must_fit(self, uses: Iterable[tuple[StudyTask, Mapping[str, float]]]) -> None:
+        """Refuse a device that lacks what tasks need.
+
+        Parameters
+        ----------
+        uses : iterable of (task, conditions)
+            As they will be run.
+
+        Raises
+        ------
+        UserError
+            With all that is missing, each once.
+        """
+        found: dict[str, list[str]] = {}
+        for task, conditions in uses:
+            for lack in self.lacks(task, conditions):
+                names = found.setdefault(lack, [])
+                names += [] if task.name in names else [task.name]
+        if found:
+            told = "; ".join(f"{lack} ({', '.join(names)})" for lack, names in found.items())
+            raise UserError(
+                f"{self.device.name} does not fit: {told}.",
+                "Connect the device that the study is for, or name its axes in the device file as "
+                "the tasks do.",
+            )
+
+
+def uses_of(trials: Iterable[Any]) -> list[tuple[StudyTask, Mapping[str, float]]]:
+    """Tasks and conditions of planned trials."""
+    found = []
+    for trial in trials:
+        task = task_named(trial.task, "plan")
+        found.append((task, task.conditions(task.Parameters(**trial.parameters))))
+    return found

@@ -1,0 +1,105 @@
+"""The newest rows of several streams of a board, brought to one time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+
+import numpy as np
+
+from esea_host.connection import ConnectedDevice
+from esea_host.connection.decoder import TICK
+from esea_host.connection.receiver import Batch
+from esea_host.recording.layout import Array
+from esea_host.study.fitting import Tap
+
+
+class LatestRows:
+    """What a board told last, in whichever of its streams a signal is.
+
+    Parameters
+    ----------
+    device : ConnectedDevice
+        Connected.
+    always : iterable of Tap
+        Signals that are read at any time.
+
+    ``board_ns``, ``tick``: of the newest moment of which all that is needed is known.
+    ``taken_s``: when it was taken, by the host's monotonic clock; None while nobody knows.
+    ``began_again``: whether the board's ticks have gone back, as after a loss of power, or zeroing.
+    """
+
+    def __init__(self, device: ConnectedDevice, always: Iterable[Tap]) -> None:
+        self._device, self._always = device, {tap.stream for tap in always}
+        self._needed = set(self._always)
+        self._queue = device.subscribe([s for s in device.streams if s.endswith("_out")])
+        self._waiting: dict[str, list[Batch]] = {}
+        self._last_tick: dict[str, int] = {}
+        self._new: dict[str, Array] = {}
+        self._offset_ns: int | None = None
+        self.board_ns = self.tick = 0
+        self.taken_s: float | None = None
+        self.began_again = False
+
+    @property
+    def streams(self) -> list[str]:
+        """Those that are needed."""
+        return sorted(self._needed)
+
+    def need(self, taps: Iterable[Tap]) -> None:
+        """Read these signals as well from now on."""
+        self._needed = self._always | {tap.stream for tap in taps}
+        self._device.listen(sorted(self._needed))
+
+    def start(self) -> None:
+        """Forget what a board told before it was lost, and compare the clocks again."""
+        self._queue.take(0.0)
+        self._waiting, self._last_tick, self.began_again = {}, {}, False
+        if self._device.address is not None:  # else somebody moves its clock by hand
+            self._offset_ns = self._device.time_sync().offset_ns
+
+    def take(self, timeout_s: float, due_ns: int) -> None:
+        """Take in what has come, and go on to its end where that is at or after a time."""
+        for batch in self._queue.take(timeout_s):
+            name, ticks = batch.layout.name, batch.rows[TICK]
+            if int(ticks[0]) <= self._last_tick.get(name, -1) or (ticks[1:] < ticks[:-1]).any():
+                self.began_again = True
+            self._last_tick[name] = int(ticks[-1])
+            self._waiting.setdefault(name, []).append(batch)
+        ends = [int(b[-1].board_ns[-1]) if (b := self._waiting.get(s)) else 0 for s in self._needed]
+        if (now_ns := min(ends, default=0)) >= due_ns:
+            self._go_on(now_ns)
+
+    def _go_on(self, now_ns: int) -> None:
+        for name, batches in self._waiting.items():
+            rows = np.concatenate([b.rows for b in batches])
+            times = np.concatenate([b.board_ns for b in batches])
+            count = int(np.searchsorted(times, now_ns, "right"))
+            self._waiting[name] = []
+            if count:
+                self._new[name] = rows[:count]
+            if count < len(rows):
+                left = Batch(
+                    batches[-1].layout, rows[count:], times[count:], batches[-1].arrived_ns
+                )
+                self._waiting[name] = [left]
+        self.board_ns = now_ns
+        self.tick = max(int(self._new[s][TICK][-1]) for s in self._needed)
+        if self._device.address is None:
+            self.taken_s = time.monotonic()
+        elif self._offset_ns is not None:
+            ns = self.tick * self._device.receiver.tick_ns
+            self.taken_s = (ns - self._offset_ns) * 1e-9
+
+    def value(self, tap: Tap) -> float:
+        """A signal at that moment; 0 before the first."""
+        rows = self._new.get(tap.stream)
+        return 0.0 if rows is None else tap.factor * float(rows[tap.column][-1])
+
+    def differ(self, tap: Tap, value: float) -> bool:
+        """Whether it was another one at any time since the moment before."""
+        return bool(np.any(self._new[tap.stream][tap.column] != value))
+
+    def close(self) -> None:
+        """Give the queue back."""
+        self._device.receiver.unsubscribe(self._queue)
