@@ -29,9 +29,12 @@ from esea_host.cli.view import need_a_screen
 if TYPE_CHECKING:
     from esea_host.connection import ConnectedDevice
     from esea_host.people.hand import Pointer
+    from esea_host.people.person import VirtualParticipant
+    from esea_host.study.board import BoardSource
     from esea_host.study.folder import StudyFolder
     from esea_host.study.session import InputSource, SessionState
 
+INTERACTION = "interaction."
 SIMULATED, VIRTUAL, POINTER = "simulated", "virtual", "pointer"
 
 
@@ -77,6 +80,13 @@ HoldOption = Annotated[
 EarlyOption = Annotated[
     str, typer.Option("--early", help="Why the session comes before its washout is over.")
 ]
+MassOption = Annotated[
+    float | None,
+    typer.Option("--mass", min=0.01, help="kg, by which the element of a board is confirmed."),
+]
+LeverOption = Annotated[
+    float | None, typer.Option("--lever", min=0.01, help="m, from the joint to where it hangs.")
+]
 
 
 @dataclass(frozen=True)
@@ -95,6 +105,8 @@ class _Asked:
     close: bool
     hold: bool
     early: str
+    mass: float | None
+    lever: float | None
 
 
 @study_app.command("run")
@@ -114,6 +126,8 @@ def run(
     close: CloseOption = False,
     hold: HoldOption = False,
     early: EarlyOption = "",
+    mass: MassOption = None,
+    lever: LeverOption = None,
     trust: TrustOption = None,
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
@@ -124,8 +138,9 @@ def run(
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",
         )
     asked = _Asked(
-        device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early
-    )
+        device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
+        mass, lever,
+    )  # fmt: skip
     _run(study, code, session, asked)
 
 
@@ -146,6 +161,8 @@ def resume(
     close: CloseOption = False,
     hold: HoldOption = False,
     early: EarlyOption = "",
+    mass: MassOption = None,
+    lever: LeverOption = None,
     trust: TrustOption = None,
 ) -> None:
     """Show what an interrupted session holds, and go on with it in the planned order."""
@@ -166,8 +183,9 @@ def resume(
     out.print(f"Remaining, as planned: {order}{', ...' if len(state.remaining) > 12 else ''}")
     if state.remaining:
         asked = _Asked(
-            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early
-        )
+            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
+            mass, lever,
+        )  # fmt: skip
         _run(study, code, session, asked)
 
 
@@ -278,23 +296,45 @@ def _source(
     board = held.enter_context(open_device(asked.device, key=asked.key))
     source = BoardSource(board, folder, asked.arm)
     held.callback(source.close)
+    if all(b.task.startswith(INTERACTION) for s in study.protocol.file.session for b in s.block):
+        return _of_element(source, study, code, asked), board
     return source, board
+
+
+def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Asked) -> InputSource:
+    from esea_gen.studies.torque_check.load import KnownLoad
+    from esea_host.interaction.on_board import ElementBoard, ProcessHands
+
+    if (asked.mass is None) != (asked.lever is None):
+        raise UserError("A known load is a mass on a lever.", "Give both --mass and --lever.")
+    known = None
+    if asked.mass is not None and asked.lever is not None:
+        known = KnownLoad(asked.mass, asked.lever)
+    address = source.device.address
+    if address is None or address.kind != "sim":
+        return ElementBoard(source, known)
+    return ElementBoard(source, known, ProcessHands(source.device), _who(study, code, asked.seed))
+
+
+def _who(study: StudyFolder, code: str, seed: int) -> VirtualParticipant:
+    # As study virtual has them; what they learnt in an earlier session is not known here.
+    from esea_host.people.person import PersonModel, person
+    from esea_host.study.plan import generator
+
+    return person(generator(seed, 4, study.participants().get(code, 0)), PersonModel())
 
 
 def _virtual(
     study: StudyFolder, code: str, folder: Path, seed: int, pointer: Pointer | None
 ) -> InputSource:
     from esea_host.interaction.virtual import RigSource
-    from esea_host.people.person import PersonModel, person
-    from esea_host.study.plan import generator
     from esea_host.wrist.virtual import VirtualPerson
 
     tasks = {b.task for s in study.protocol.file.session for b in s.block}
-    # As study virtual has them; what they learnt in an earlier session is not known here.
-    who = person(generator(seed, 4, study.participants().get(code, 0)), PersonModel())
+    who = _who(study, code, seed)
     made: dict[str, Callable[[], InputSource]] = {
         "wrist.": lambda: VirtualPerson(who, pointer),
-        "interaction.": lambda: RigSource(who, folder, pointer),
+        INTERACTION: lambda: RigSource(who, folder, pointer),
     }
     for prefix, make in made.items():
         if all(t.startswith(prefix) for t in tasks):

@@ -59,6 +59,10 @@ class InputSource(ABC):
         A key ``problem`` with words keeps the session from starting.
         """
 
+    def before(self, trial: PlannedTrial) -> str:
+        """What keeps the coming trial from beginning: it stays to be done, and the session ends."""
+        return ""
+
     @abstractmethod
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """Who acts in the coming trial."""
@@ -297,6 +301,8 @@ class StudySession:
             # By the session's own clock: a break between start and resume counts as no time.
             if self._offset_s + self.source.now_s() > 60 * rules["longest_min"]:
                 return f"longer than {rules['longest_min']:g} min"
+            if why := self.source.before(trial):
+                return why
             ended, row, reason = self._trial(trial, tuple(past), watcher)
             if ended == COMPLETED and row is not None:
                 past.append(row)
