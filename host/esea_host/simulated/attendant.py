@@ -17,6 +17,8 @@ HANGING = dataclasses.replace(
 )
 LOCKED = {"fc_Nm": 100.0, "coulomb_width_rad_s": 2e-3, "fv_Nms_rad": 100.0, "J_kgm2": 100.0}
 LAID_ON_TICKS = 100
+# An elbow that is held firmly while it is led; assumed.
+FIRM = {"spring_Nm_rad": 40.0, "damping_Nms_rad": 4.0}
 AIM_TICKS = 10  # from one aim to the next: a frame of a study
 
 
@@ -50,21 +52,23 @@ class Attendant:
         self.drive.set_up(person=HANGING, hand=pulling, values=LOCKED)
 
     def let_go(self) -> None:
-        """Let the motor go; whoever was in the joint at first is there again."""
-        self._hung_Nm, self._aim = 0.0, None
-        person, clamped = self.drive.first_person
-        self.drive.set_up(clamped=clamped, person=person)
+        """Let the motor go; whoever was in the joint at first holds it where it is."""
+        self._hung_Nm = 0.0
+        self._lead()
 
     def aim(self, aim_rad: float) -> None:
         """The person moves no longer to and fro, but to this angle within the next frame."""
-        if self._aim is None:
-            at = float(self.drive.plant.truth()["theta_l_rad"])
-            person, _ = self.drive.first_person
-            assert isinstance(person, Person)
-            self.drive.set_up(person=person, hand=self._led)
-        else:
-            at = self._aim[0]
-        self._aim = at, (aim_rad - at) / AIM_TICKS, AIM_TICKS
+        at_rad = self._lead() if self._aim is None else self._aim[0]
+        self._aim = at_rad, (aim_rad - at_rad) / AIM_TICKS, AIM_TICKS
+
+    def _lead(self) -> float:
+        at_rad = float(self.drive.plant.truth()["theta_l_rad"])
+        person, clamped = self.drive.first_person
+        assert isinstance(person, Person)
+        firm = dataclasses.replace(person, **FIRM)
+        self.drive.set_up(clamped=clamped, person=firm, hand=self._led)
+        self._aim = at_rad, 0.0, 0
+        return at_rad
 
     def _led(self) -> Mapping[str, float]:
         assert self._aim is not None
