@@ -126,7 +126,7 @@ def test_what_a_board_has_not_fails_the_trial_with_words(begun):
     session.run()
     assert session.state.states[1] == FAILED
     assert "elbow_drive does not fit: fe_deg is" in session.state.reasons[1]
-    assert "axis flexion, and its axis is one without a name" in session.state.reasons[1]
+    assert "axis flexion, and its only axis is without a name" in session.state.reasons[1]
 
 
 def test_what_a_board_cannot_do_is_not_asked_of_it(begun):

@@ -27,12 +27,14 @@ from esea_host.cli.study import (
 from esea_host.cli.view import need_a_screen
 
 if TYPE_CHECKING:
+    from esea_gen.device import Device
     from esea_host.connection import ConnectedDevice
     from esea_host.people.hand import Pointer
     from esea_host.people.person import VirtualParticipant
     from esea_host.study.board import BoardSource
     from esea_host.study.folder import StudyFolder
     from esea_host.study.session import InputSource, SessionState
+    from esea_host.wrist.virtual import VirtualPerson
 
 INTERACTION = "interaction."
 SIMULATED, VIRTUAL, POINTER = "simulated", "virtual", "pointer"
@@ -51,7 +53,8 @@ DeviceOption = Annotated[
     typer.Option(
         "--device",
         help="simulated: each task's own person; virtual: a person in the virtual device; pointer: "
-        "you, moving that person's hand with the mouse; or a board: sim:elbow_drive, serial:...",
+        "you, moving that person's hand with the mouse; or a board: serial:..., tcp:..., "
+        "sim:wrist_drive with a person in it",
     ),
 ]
 ArmOption = Annotated[
@@ -216,7 +219,8 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
     if asked.device != SIMULATED and study.protocol.file.groups:
         _name_recordings(study)
     done = len(state.plan.trials) - len(state.remaining)
-    whose = "Simulated participant: " if asked.device in (SIMULATED, VIRTUAL) else ""
+    nobody = asked.device in (SIMULATED, VIRTUAL) or asked.device.startswith("sim:")
+    whose = "Simulated participant: " if nobody else ""
     out.print(f"{whose}{done} of {len(state.plan.trials)} trials done.")
     if reason:
         raise UserError(
@@ -289,14 +293,27 @@ def _source(
     folder = study.log_of(code, number - 1).parent
     if asked.device in (VIRTUAL, POINTER):
         by_hand = pointer if asked.device == POINTER else None
-        return _virtual(study, code, folder, asked.seed, by_hand), None
+        source = _virtual(study, code, folder, asked.seed, by_hand)
+        held.callback(source.close)
+        return source, None
+    from esea_host.cli.study import device_at
     from esea_host.connection import open_device
     from esea_host.study.board import BoardSource
+    from esea_host.study.fitting import DeviceSignals, settings_of, uses_of
 
+    uses, simulated = uses_of(study.protocol), asked.device.startswith("sim:")
+    if simulated:
+        device = device_at(asked.device)
+        DeviceSignals(device).must_fit(uses)
+        if all(task.name.startswith("wrist.") for task, _ in uses) and device.laws:
+            source = _worn(study, code, folder, asked.seed, None, device)
+            held.callback(source.close)
+            return source, None
     board = held.enter_context(open_device(asked.device, key=asked.key))
-    source = BoardSource(board, folder, asked.arm)
+    DeviceSignals(board.identity.device).must_fit(uses)
+    source = BoardSource(board, folder, asked.arm, settings=settings_of(study.protocol))
     held.callback(source.close)
-    if all(b.task.startswith(INTERACTION) for s in study.protocol.file.session for b in s.block):
+    if all(task.name.startswith(INTERACTION) for task, _ in uses):
         return _of_element(source, study, code, asked), board
     return source, board
 
@@ -313,28 +330,20 @@ def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Aske
     address = source.device.address
     if address is None or address.kind != "sim":
         return ElementBoard(source, known)
-    return ElementBoard(source, known, ProcessHands(source.device), _who(study, code, asked.seed))
-
-
-def _who(study: StudyFolder, code: str, seed: int) -> VirtualParticipant:
-    # As study virtual has them; what they learnt in an earlier session is not known here.
-    from esea_host.people.person import PersonModel, person
-    from esea_host.study.plan import generator
-
-    return person(generator(seed, 4, study.participants().get(code, 0)), PersonModel())
+    return ElementBoard(
+        source, known, ProcessHands(source.device), _person(study, code, asked.seed)
+    )
 
 
 def _virtual(
     study: StudyFolder, code: str, folder: Path, seed: int, pointer: Pointer | None
 ) -> InputSource:
     from esea_host.interaction.virtual import RigSource
-    from esea_host.wrist.virtual import VirtualPerson
 
     tasks = {b.task for s in study.protocol.file.session for b in s.block}
-    who = _who(study, code, seed)
     made: dict[str, Callable[[], InputSource]] = {
-        "wrist.": lambda: VirtualPerson(who, pointer),
-        INTERACTION: lambda: RigSource(who, folder, pointer),
+        "wrist.": lambda: _worn(study, code, folder, seed, pointer),
+        INTERACTION: lambda: RigSource(_person(study, code, seed), folder, pointer),
     }
     for prefix, make in made.items():
         if all(t.startswith(prefix) for t in tasks):
@@ -343,3 +352,24 @@ def _virtual(
         f"There is no virtual device for {', '.join(sorted(tasks))}.",
         f"There is one for tasks that begin with {' or '.join(made)}; else --device simulated.",
     )
+
+
+def _person(study: StudyFolder, code: str, seed: int) -> VirtualParticipant:
+    # As study virtual has them; what they learnt in an earlier session is not known here.
+    from esea_host.people.person import PersonModel, person
+    from esea_host.study.plan import generator
+
+    return person(generator(seed, 4, study.participants().get(code, 0)), PersonModel())
+
+
+def _worn(
+    study: StudyFolder,
+    code: str,
+    folder: Path,
+    seed: int,
+    pointer: Pointer | None,
+    device: Device | None = None,
+) -> VirtualPerson:
+    from esea_host.wrist.virtual import VirtualPerson
+
+    return VirtualPerson(_person(study, code, seed), folder, pointer, device)

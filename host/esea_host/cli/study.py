@@ -13,9 +13,10 @@ from esea_gen.cli.groups import WholeSentences
 from esea_gen.errors import UserError
 from esea_gen.files import new_whole
 from esea_host.cli.app import app, out
-from esea_host.cli.options import know_shipped_tasks
+from esea_host.cli.options import KeyOption, know_shipped_tasks
 
 if TYPE_CHECKING:
+    from esea_gen.device import Device
     from esea_host.study.folder import StudyFolder
     from esea_host.study.session import StudySession
 
@@ -54,17 +55,43 @@ SessionOption = Annotated[int, typer.Option("--session", min=1, help="Which sess
 
 @study_app.command("check")
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Protocol file, or a study's folder.")
+    ],
     task: TaskOption = None,
+    device: Annotated[
+        str | None,
+        typer.Option("--device", help="Compare with this board too: sim:wrist_drive, serial:..."),
+    ] = None,
+    key: KeyOption = None,
     trust: TrustOption = None,
 ) -> None:
     """Check a protocol file and say in plain words what it asks of people, with its duration."""
+    from esea_host.study.fitting import DeviceSignals, uses_of
     from esea_host.study.plan import explain
     from esea_host.study.protocol import load_protocol
 
     trusted(trust)
     know_shipped_tasks()
-    out.print(explain(load_protocol(file, task or [])))
+    protocol = opened(file).protocol if file.is_dir() else load_protocol(file, task or [])
+    out.print(explain(protocol))
+    if device is not None:
+        signals = DeviceSignals(device_at(device, key))
+        for line in signals.told(uses_of(protocol)):
+            out.print(f"  {signals.device.name}: {line}")
+
+
+def device_at(address: str, key: Path | None = None) -> Device:
+    """The device that a board runs; a simulated one is not started for it."""
+    from esea_gen.device import board_device
+    from esea_host.connection import open_device
+    from esea_host.connection.address import parse_address
+
+    place = parse_address(address)
+    if place.kind == "sim":
+        return board_device(place.place)
+    with open_device(address, key=key) as board:
+        return board.identity.device
 
 
 @study_app.command("create")

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from esea_gen.device import Device
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
+from esea_host.study.plan import build_plan
+from esea_host.study.protocol import Protocol
 from esea_host.study.task import Signal, StudyTask, task_named
 
 DEG = 180 / math.pi
@@ -113,8 +114,8 @@ class DeviceSignals:
     def lacks(self, task: StudyTask, conditions: Mapping[str, float]) -> list[str]:
         """What a task needs and the device has not, a sentence each."""
         here, found = self.device.name, []
-        named = " and ".join(a or "one without a name" for a in self.axes)
-        axes = f"its axes are {named}" if len(self.axes) > 1 else f"its axis is {named}"
+        named = " and ".join(a or "without a name" for a in self.axes)
+        axes = f"its axes are {named}" if len(self.axes) > 1 else f"its only axis is {named}"
         for name, signal in task.inputs.items():
             if not self._known(signal):
                 whose = f"axis {signal.axis}" if signal.axis else "a single axis"
@@ -127,6 +128,16 @@ class DeviceSignals:
                 has = f", and {here} has no [{request}]" if request == IMPAIRMENT else ""
                 found.append(f"the condition {request} = {value:g} is to act{has}")
         return found
+
+    def told(self, uses: Iterable[tuple[StudyTask, Mapping[str, float]]]) -> list[str]:
+        """Where the device tells what tasks need, and how it holds conditions, a line each."""
+        uses = list(uses)
+        self.must_fit(uses)
+        taps = {n: tap for task, _ in uses for n, tap in self.taps(task).items()}
+        lines = [f"{n}: {tap.column} of {tap.stream}" for n, tap in taps.items()]
+        asked = {r: name for _, c in uses for r in c if (name := self._wanted_name(r))}
+        acts = " and ".join(tap.column for tap in self.of_axes(ACTS).values())
+        return lines + [f"{r}: asked for as {n}, confirmed by {acts}" for r, n in asked.items()]
 
     def must_fit(self, uses: Iterable[tuple[StudyTask, Mapping[str, float]]]) -> None:
         """Refuse a device that lacks what tasks need.
@@ -155,10 +166,17 @@ class DeviceSignals:
             )
 
 
-def uses_of(trials: Iterable[Any]) -> list[tuple[StudyTask, Mapping[str, float]]]:
-    """Tasks and conditions of planned trials."""
+def uses_of(protocol: Protocol) -> list[tuple[StudyTask, Mapping[str, float]]]:
+    """Tasks and conditions of all sessions of a protocol, in whichever group."""
     found = []
-    for trial in trials:
-        task = task_named(trial.task, "plan")
-        found.append((task, task.conditions(task.Parameters(**trial.parameters))))
+    for session in range(len(protocol.file.session)):
+        for index in range(max(1, len(protocol.file.groups))):  # a block holds every group
+            for trial in build_plan(protocol, index, session).trials:
+                task = task_named(trial.task, "plan")
+                found.append((task, task.conditions(task.Parameters(**trial.parameters))))
     return found
+
+
+def settings_of(protocol: Protocol) -> dict[str, float]:
+    """Parameters of the device that the tasks of a protocol set."""
+    return {n: x for task, _ in uses_of(protocol) for n, x in task.settings.items()}

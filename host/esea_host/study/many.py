@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -123,9 +124,10 @@ def _everything(
     study = StudyFolder.open(folder, durable=False)
     source = sources(index)
     for number, plan in enumerate(study.protocol.file.session):
-        session = study.session(code, number, source(number, plan.after_days))
-        reason = session.run()
-        session.close()
+        with closing(source(number, plan.after_days)) as inputs:
+            session = study.session(code, number, inputs)
+            reason = session.run()
+            session.close()
         if reason:
             return f"{code}, session {number + 1}: {reason}"
     return ""

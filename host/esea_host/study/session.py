@@ -75,6 +75,10 @@ class InputSource(ABC):
     def rest(self, seconds: float) -> None:
         """Wait as long."""
 
+    def close(self) -> None:
+        """Let go of what it holds."""
+        return
+
     @abstractmethod
     def now_s(self) -> float:
         """Time since the session's start."""

@@ -9,8 +9,8 @@ from esea_host.people.hand import MovingHand, Submovement, shape
 from esea_host.people.person import VirtualParticipant
 from esea_host.study.scene import Scene, Shape
 from esea_host.study.task import Inputs
-from esea_host.wrist.rig import HANDLE_KGM2, Rig
 from esea_host.wrist.target import DAMPING_KG_S, MASS_KG
+from esea_host.wrist.worn import HANDLE_KGM2, WornWrist
 
 
 def _runs_away(length_s: float) -> float:
@@ -26,7 +26,7 @@ class WristActor(MovingHand):
     ----------
     who : VirtualParticipant
         Learns by it.
-    rig : Rig
+    rig : WornWrist
         The device.
     task : str
         Name of the task: people are told what to do.
@@ -34,16 +34,16 @@ class WristActor(MovingHand):
         Where the hand is held, both axes, deg; goes on from trial to trial.
     """
 
-    def __init__(self, who: VirtualParticipant, rig: Rig, task: str, aims: list[float]) -> None:
+    def __init__(
+        self, who: VirtualParticipant, rig: WornWrist, task: str, aims: list[float]
+    ) -> None:
         super().__init__(who, aims, HANDLE_KGM2)
         self.rig, self.task = rig, task
         self.appeared_s: float | None = None
 
     def move(self, muscles: Sequence[Sequence[float]], requests: Mapping[str, float]) -> Inputs:
         """A frame of the device."""
-        self.rig.advance(muscles, requests.get("impairment", 0.0) > 0.5)
-        fe, ru = map(math.degrees, self.rig.theta_rad)
-        return {"fe_deg": fe, "ru_deg": ru}
+        return self.rig.advance_by(muscles, requests)
 
     def look(self, scene: Scene) -> None:
         """A target that appears is a new one to react to."""

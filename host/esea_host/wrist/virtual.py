@@ -2,58 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from esea_host.people.hand import MovingHand, Pointer, shape
+from esea_gen.device import Device
+from esea_host.people.hand import FRAME_S, Pointer, shape
 from esea_host.people.person import PersonModel, VirtualParticipant
-from esea_host.people.rig import compile_rig
-from esea_host.people.source import PersonSource, VirtualPeople
+from esea_host.people.source import VirtualPeople
+from esea_host.simulated import SimulatedBoard
 from esea_host.study.folder import StudyFolder
 from esea_host.study.many import run_everybody
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.scene import Scene
-from esea_host.study.task import Inputs, Row, Situation, StudyTask
-from esea_host.study.watching import Gauge
+from esea_host.study.session import InputSource
+from esea_host.study.task import Actor, Inputs, Row, Situation, StudyTask
 from esea_host.wrist.actor import WristActor
-from esea_host.wrist.rig import NAMES, Rig, impaired_device
+from esea_host.wrist.worn import WornWrist, wrist_drive
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
+HOLDING = (8.0, 0.3)  # of a hand that nobody moves: Nm/rad and Nms/rad
+HOME_DEG_S = 40.0  # and how fast it goes home
 
 
-class VirtualPerson(PersonSource):
-    """A person in the virtual wrist device, for a session."""
+class VirtualPerson(WornWrist):
+    """A person in the simulated wrist drive, for a session.
 
-    def __init__(self, who: VirtualParticipant, pointer: Pointer | None = None) -> None:
-        super().__init__(who, pointer)
-        self.rig = Rig(who.limbs)
-        self.aims = [0.0, 0.0]
+    Parameters
+    ----------
+    who : VirtualParticipant
+        Comes again another day.
+    folder : Path, optional
+        Of the session, for the board's recording.
+    pointer : callable, optional
+        Somebody real who points moves this person's hand; the device stays simulated.
+    device : Device, optional
+        Default: ``wrist_drive``.
+    """
 
-    def ready(self) -> Mapping[str, Any]:
-        """The torque at rest, as the board senses it."""
-        still = [(0.0, 0.0, 0.0, 0.0, 0.0)] * 2
-        self.rig.advance(still, False)
-        return {"simulated": True, "tau_Nm": self.rig.tau_Nm}
+    def __init__(
+        self,
+        who: VirtualParticipant,
+        folder: Path | None = None,
+        pointer: Pointer | None = None,
+        device: Device | None = None,
+    ) -> None:
+        super().__init__(who, folder, device)
+        self.pointer, self.aims = pointer, [0.0, 0.0]
 
-    def gauges(self) -> tuple[Gauge, ...]:
-        """Torque on the wrist beside the largest that the impairment may ask for."""
-        most = self.rig.most_Nm
-        return tuple(
-            Gauge(f"torque {name.upper()}", tau_Nm, -most, most, "Nm")
-            for name, tau_Nm in zip(NAMES, self.rig.tau_Nm, strict=True)
-        )
-
-    def hand(self, task: StudyTask, situation: Situation, number: int) -> MovingHand:
+    def hand(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """The person, told what to do."""
-        return _Learner(self.who, self.rig, task.name, self.aims, situation)
+        hand = _Learner(self.who, self, task.name, self.aims, situation)
+        hand.pointer = self.pointer
+        return hand
+
+    def idle(self) -> Sequence[Sequence[float]]:
+        """The hand goes home."""
+        before, most = list(self.aims), HOME_DEG_S * FRAME_S
+        self.aims[:] = [x - min(max(x, -most), most) for x in before]
+        ends = zip(before, self.aims, strict=True)
+        return [(*HOLDING, *map(math.radians, e), self.who.model.effort_Nm) for e in ends]
 
 
 class _Learner(WristActor):
     """Learns by what it sees of the target, and of its own gain."""
 
     def __init__(
-        self, who: VirtualParticipant, rig: Rig, task: str, aims: list[float], situation: Situation
+        self,
+        who: VirtualParticipant,
+        rig: WornWrist,
+        task: str,
+        aims: list[float],
+        situation: Situation,
     ) -> None:
         super().__init__(who, rig, task, aims)
         self.moves = not getattr(situation.parameters, "stationary", True)
@@ -83,7 +103,7 @@ def wrist_protocol(seed: int, method: str = "rbf") -> Protocol:
 class WristPeople(VirtualPeople):
     """Participants of the wrist study."""
 
-    def source(self, who: VirtualParticipant, index: int, session: int) -> PersonSource:
+    def source(self, who: VirtualParticipant, index: int, session: int) -> InputSource:
         """In the virtual wrist device."""
         return VirtualPerson(who)
 
@@ -128,7 +148,7 @@ def run_study(
         Sessions that ended early, with the reason.
     """
     asked = protocol or wrist_protocol(seed, method)
-    compile_rig(impaired_device())
+    SimulatedBoard(wrist_drive(), person="nobody").close()  # compiled before the processes start
     people = WristPeople(seed, model or PersonModel())
     return run_everybody(folder, asked, participants, people, jobs, cluster, say)
 
