@@ -89,7 +89,7 @@ def device_at(address: str, key: Path | None = None) -> Device:
 
     place = parse_address(address)
     if place.kind == "sim":
-        return board_device(place.place)
+        return board_device(place.place.partition("?")[0])
     with open_device(address, key=key) as board:
         return board.identity.device
 
