@@ -72,6 +72,8 @@ class LatestRows:
 
     def _go_on(self, now_ns: int) -> None:
         for name, batches in self._waiting.items():
+            if not batches:  # a stream beside those that are needed
+                continue
             rows = np.concatenate([b.rows for b in batches])
             times = np.concatenate([b.board_ns for b in batches])
             count = int(np.searchsorted(times, now_ns, "right"))
