@@ -191,12 +191,16 @@ def judge(
     measured = CouplingNumbers(2 * load_Nm / abs(width), (between - last) / width)
     relative = known.u_torque_Nm / load_Nm, math.sqrt(2) * u_rad / abs(width)
     u_stiffness, u_memory = COVERAGE * math.hypot(*relative), COVERAGE * relative[1]
-    if u_stiffness > STIFFNESS_LIMIT / 2 or u_memory > MEMORY_LIMIT / 2:
-        raise UserError(
-            f"The load is known to {100 * u_stiffness:.1f} % (95 %), at most "
-            f"{50 * STIFFNESS_LIMIT:.1f} % is needed.",
-            "Take a heavier mass, or a longer arm.",
-        )
+    for what, u, limit in (
+        ("stiffness", u_stiffness, STIFFNESS_LIMIT),
+        ("memory", u_memory, MEMORY_LIMIT),
+    ):
+        if u > limit / 2:
+            raise UserError(
+                f"With this mass the {what} comes out to {100 * u:.1f} % (95 %), at most "
+                f"{50 * limit:.1f} % is needed.",
+                "Take a heavier mass or a longer lever, and measure both well.",
+            )
     given = {e: stiffness_Nm_deg if e == element else 0.0 for e in (SPRING, ELASTOMER, EQUAL)}
     shown = {e: expected(device, e, load_Nm, spring_Nm_rad(device, e, k)) for e, k in given.items()}
     fits = tuple(
