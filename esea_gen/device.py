@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
 
-from esea_gen.control.impaired import impaired_system
 from esea_gen.control.law import Law
 from esea_gen.control.laws import LAWS, find_law
 from esea_gen.control.system import control_system
@@ -117,11 +116,12 @@ class Device(DeviceData):
                 "Add [sliding_mode] or [predictive], or give --controller.",
             )
         if not self.laws:
-            make: Callable[[DeviceData, Block, Block], System] = sensing_system
             if self.file.impairment:
-                make = impaired_system
-            elif measures_counts(self):
-                make = counting_system
+                raise UserError(
+                    f"{self.origin}: [impairment] asks for torque, and nothing gives it.",
+                    "Add a drive, as wrist_drive.toml has one, or take [impairment] out.",
+                )
+            make = counting_system if measures_counts(self) else sensing_system
             return make(self, self.velocity, self.sensor)
         return control_system(self, self.laws, self.velocity, self.sensor, lambda: self.inverse)
 
@@ -175,15 +175,14 @@ def board_device(device: Device | str | Path) -> Device:
     """
     loaded = device if isinstance(device, Device) else load_device(device)
     passive = loaded.drive is None
-    if not passive or (measures_counts(loaded) and not loaded.file.impairment):
+    if not passive or measures_counts(loaded):
         return loaded
     name = f"{loaded.name}_board"
     if name in shipped_devices() and loaded.digest == load_device(loaded.name).digest:
         return _shipped_board(name)
     raise UserError(
         f"{loaded.origin}: a board measures by encoders, and the device has none.",
-        "Add [encoder.motor], [encoder.load] and [joint], as knee_board.toml has them"
-        + (", and take [impairment] out." if loaded.file.impairment else "."),
+        "Add [encoder.motor], [encoder.load] and [joint], as knee_board.toml has them.",
     )
 
 

@@ -218,8 +218,11 @@ BOARDS = {
             most_bits=(("encoder.resolution_bits", 14), ("actuator.encoder_bits", 24)),
             uses=("instructions",),
             # Of its memory the black box takes what the application and the stack leave: less
-            # where a record is long, for the application then has more to hold, too.
-            app_flags=("-DESEA_BLACKBOX_BYTES=(107328u-64u*sizeof(esea_blackbox_record_t))",),
+            # where there are more tasks or a record is long, for then they have more to hold.
+            app_flags=(
+                "-DESEA_BLACKBOX_BYTES="
+                "(110400u-1536u*ESEA_LINK_TASKS-64u*sizeof(esea_blackbox_record_t))",
+            ),
         ),
         Board(
             "host",

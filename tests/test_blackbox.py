@@ -23,14 +23,14 @@ LINK = """
 #include <stdint.h>
 #include <stdbool.h>
 typedef struct { float mode, stop, rearm, tau_desired_Nm; } esea_link_wanted_t;
-#define ESEA_LINK_DRIVE 1
+#define ESEA_LINK_AXES 1u
 #define ESEA_LINK_MEASURED 2u
 #define ESEA_LINK_TICK_US 100000u
 """
 DECLARED = """
 typedef struct {
-    uint32_t check; uint16_t serial, tick; uint8_t state, fault, flags, spare;
-    float u_Nm; float desired[1]; float measured[2];
+    uint32_t check; uint16_t serial, tick; uint8_t state, fault, flags, faults[1];
+    float u_Nm[1]; float desired[1]; float measured[2];
 } esea_blackbox_record_t;
 typedef struct {
     uint32_t layout, epoch, frozen, fault, tick, check, next, count; uint16_t serial;
@@ -77,7 +77,7 @@ class Box:
 
     def add(self, tick: int, flags: int = 0) -> None:
         record = self.ffi.new("esea_blackbox_record_t *")
-        record.tick, record.flags, record.u_Nm = tick & 0xFFFF, flags, tick / 8
+        record.tick, record.flags, record.u_Nm[0] = tick & 0xFFFF, flags, tick / 8
         record.measured[1] = tick
         self.lib.esea_blackbox_add(self.box, record)
 
@@ -87,7 +87,7 @@ class Box:
         found = []
         for k in range(self.lib.esea_blackbox_count(self.box)):
             if self.lib.esea_blackbox_read(self.box, k, record):
-                assert record.measured[1] == 8 * record.u_Nm
+                assert record.measured[1] == 8 * record.u_Nm[0]
                 assert int(record.measured[1]) & 0xFFFF == record.tick
                 found.append(int(record.measured[1]))
         assert not self.lib.esea_blackbox_read(self.box, len(found) + 99, record)

@@ -69,7 +69,7 @@ def agrees(record, fed) -> None:
     assert record.measured == {**dict.fromkeys(record.measured, 0.0), **fed["measured"]}
     for name, value in fed["wanted"].items():
         assert record.wanted[name] == value
-    assert (record.state, record.on, record.u_Nm) == (fed["state"], fed["on"], fed["u_Nm"])
+    assert (record.state, record.on, record.u_Nm["u_Nm"]) == (fed["state"], fed["on"], fed["u_Nm"])
 
 
 @pytest.mark.ci
@@ -93,7 +93,7 @@ def test_after_a_fault_and_a_reset_it_holds_what_was_fed(active, before, ticks):
     records = active.blackbox()
     assert active.lib.sim_blackbox_fault() == FAULTS["MOTOR_CURRENT"]
     last = records.pop()
-    assert (last.state, last.fault, last.on, last.u_Nm) == ("FAULT", 106, False, 0)
+    assert (last.state, last.fault, last.on, last.u_Nm["u_Nm"]) == ("FAULT", 106, False, 0)
     assert last.tick == active.lib.sim_blackbox_tick() & 0xFFFF
     assert len(records) == min(1999, 20 + 230 + 1 + 510 + before + 1 + ticks)
     for record, given in zip(records[-ticks:], fed, strict=True):
@@ -104,7 +104,7 @@ def test_after_a_fault_and_a_reset_it_holds_what_was_fed(active, before, ticks):
     # Zeroing starts the ticks anew.
     numbers = [r.tick for r in records[-ticks:]]
     assert numbers == list(range(last.tick - ticks, last.tick))
-    assert max(abs(r.u_Nm) for r in records) > 0.001
+    assert max(abs(r.u_Nm["u_Nm"]) for r in records) > 0.001
 
 
 def test_a_fault_of_the_limits_is_kept_too_and_arming_begins_anew(active):
@@ -114,7 +114,7 @@ def test_a_fault_of_the_limits_is_kept_too_and_arming_begins_anew(active):
     assert active.state_now == "FAULT"
     records = active.blackbox()
     assert active.lib.sim_blackbox_fault() == SENSING
-    assert records[-1].fault == SENSING
+    assert (records[-1].fault, records[-1].limits) == (SENSING, {"fault": SENSING})
     # Three bad frames are bridged; the fourth is the fault's.
     agrees(records[-5], fed[-1])
     assert [r.measured["frame_error_load"] for r in records[-4:]] == [64.0] * 4

@@ -34,14 +34,27 @@ typedef struct { float mode, stop, rearm; float desired[3]; } esea_link_wanted_t
 #define MAVLINK_MAX_PACKET_LEN 280
 #define ESEA_LINK_SYSTEM 1u
 #define ESEA_LINK_COMPONENT 1u
-#define ESEA_LINK_MEASURED 6
-#define ESEA_LINK_MEASURED_COUNT_MOTOR 0
-#define ESEA_LINK_MEASURED_COUNT_LOAD 2
-#define ESEA_LINK_MEASURED_COUNT_GEAR 4
 #define ESEA_LINK_TICK_US 1000
-#define ESEA_LINK_DRIVE 1
 #define ESEA_LINK_COUPLINGS 1u
 """
+# Of one axis, of two, and of two without motors.
+BOARDS_BUILT = {
+    name: f"""
+#define ESEA_LINK_AXES {axes}
+#define ESEA_LINK_ENCODERS {2 * joints}
+#define ESEA_LINK_MEASURED {(6 if axes else 4) * joints}
+#define ESEA_LINK_MOTOR_ENCODERS {joints}
+#define ESEA_LINK_MOTOR_COUNTS {{ {places(0)} }}
+#define ESEA_LINK_LOAD_COUNTS {{ {places(2)} }}
+#define ESEA_LINK_GEAR_ENCODERS {axes}
+#define ESEA_LINK_GEAR_COUNTS {{ {places(4)} }}
+"""
+    for name, axes, joints, places in (
+        ("one", 1, 1, str),
+        ("two", 2, 2, lambda first: f"{first}, {first + 6}"),
+        ("passive", 0, 2, lambda first: f"{first}, {first + 4}"),
+    )
+}
 HARNESS = """
 #include <stdint.h>
 static volatile uint32_t *(*hook)(uint32_t);
@@ -66,13 +79,19 @@ uint32_t start_board(volatile uint32_t *(*given)(uint32_t))
 void at_168_MHz(void) { esea_board_clock_MHz = 168u; }
 const char *notice(void) { return board_port.notice ? board_port.notice : ""; }
 void sample(float *measured) { board_port.sample(measured); }
-void motor_to(float u_Nm, bool enable) { board_port.motor(u_Nm, enable); }
+void motor_to(float u_Nm, float second_Nm, bool enable)
+{
+    const float both[] = { u_Nm, second_Nm };
+
+    board_port.motor(both, enable);
+}
 bool stop_open(void) { return board_port.stop_open(); }
 bool has_drivers(void)
 {
     return board_port.sample || board_port.motor || board_port.stop_open || board_port.trouble ||
            board_port.feed;
 }
+bool drives(void) { return board_port.motor || board_port.stop_open; }
 uint32_t trouble(void) { return board_port.trouble(); }
 #include "FIRMWARE/boards/netduinoplus2/flash.c"
 void flash_read(uint32_t area, uint32_t at, void *to, size_t n)
@@ -90,27 +109,28 @@ DECLARED = """
 uint32_t start_board(volatile uint32_t *(*given)(uint32_t)); void at_168_MHz(void);
 const char *notice(void);
 void start(volatile uint32_t *(*given)(uint32_t)); void sample(float *measured);
-void motor_to(float u_Nm, bool enable); bool stop_open(void); bool has_drivers(void);
+void motor_to(float u_Nm, float second_Nm, bool enable); bool stop_open(void); bool has_drivers(void);
+bool drives(void);
 uint32_t trouble(void); void feed(void);
 void flash_read(uint32_t area, uint32_t at, void *to, size_t n); bool flash_erase(uint32_t area);
 bool flash_write(uint32_t area, uint32_t at, const void *from, size_t n);
 """
 BOARD = BOARDS["netduinoplus2"]
-GPIO, SPI1, SPI2, ADC = 0x40020000, 0x40013000, 0x40003800, 0x40012000
-TIM3_CCR1, IWDG, PWR, RCC = 0x40000434, 0x40003000, 0x40007000, 0x40023800
+GPIO, SPI1, SPI2, SPI3, ADC = 0x40020000, 0x40013000, 0x40003800, 0x40003C00, 0x40012000
+TIM3_CCR1, TIM3_CCR4, IWDG, PWR, RCC = 0x40000434, 0x40000440, 0x40003000, 0x40007000, 0x40023800
 MODER, PUPDR, IDR, BSRR, AFRL, AFRH = 0, 0x0C, 0x10, 0x18, 0x20, 0x24
 FLASH_KEYR, FLASH_SR, FLASH_CR = 0x40023C04, 0x40023C0C, 0x40023C10
 FLASH = range(0x080C0000, 0x08100000)
 A, B, C = (GPIO + 0x400 * k for k in range(3))
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory):
+def build(folder, axes: str):
     require_tool("gcc")
-    folder = tmp_path_factory.mktemp("board")
     firmware = without_processor(folder)
     faults = ", ".join(f"ESEA_FAULT_{n} = {v}" for n, v in FAULTS.items())
-    (folder / "link.h").write_text(f"{LINK}typedef enum {{ {faults} }} ESEA_FAULT;\n")
+    (folder / "link.h").write_text(
+        f"{LINK}{BOARDS_BUILT[axes]}typedef enum {{ {faults} }} ESEA_FAULT;\n"
+    )
     (folder / "harness.c").write_text(HARNESS.replace("FIRMWARE", str(firmware)))
     register = "volatile uint32_t *register_at(uint32_t address);"
     (folder / "register.h").write_text(f"#include <stdint.h>\n{register}\n")
@@ -128,6 +148,11 @@ def built(tmp_path_factory):
     ffi = cffi.FFI()
     ffi.cdef(DECLARED)
     return ffi, str(folder / "board.so"), folder
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("board"), "one")
 
 
 CR, PLLCFGR, CFGR, APB1ENR, ACR, IDCODE = RCC, RCC + 4, RCC + 8, RCC + 0x40, 0x40023C00, 0xE0042000
@@ -238,10 +263,16 @@ class Mcu:
         self.cells = {}
         self.keys, self.erased, self.left, self.wrong, self.old = [], [], {}, 0, 0
         self.log, self.last, self.keeps = [], None, keeps
-        self.levels, self.sent = {}, {SPI1: b"", SPI2: b""}
+        self.levels, self.sent = {}, {SPI1: b"", SPI2: b"", SPI3: b""}
         self.sides = {(A, 4): As5048a(angle=0x1234), (B, 0): As5048a(angle=0x3455)}
+        self.sides |= {(C, 4): As5048a(angle=0x0678), (C, 5): As5048a(angle=0x2AAA)}
         self.gear = BissEncoder(position=0x1A2B3)
-        self.counts, self.dead, self.turns = 2048, set(), {SPI1: 0, SPI2: 0}
+        self.gears = {SPI2: self.gear, SPI3: BissEncoder(position=0x05678)}
+        self.counts, self.dead, self.turns = (
+            {10: 2048, 11: 2048},
+            set(),
+            dict.fromkeys(self.sent, 0),
+        )
         for address, value in (before or {}).items():
             self[address] = value
         self.hook = ffi.callback("volatile uint32_t *(uint32_t)", self.access)
@@ -288,7 +319,7 @@ class Mcu:
         return self.cell(address)[0]
 
     def selected(self):
-        return [pin for pin in self.sides if not self.levels.get(pin, False)]
+        return [pin for pin in self.sides if not self.levels.get(pin, True)]
 
     def settle(self):
         """What the last access left."""
@@ -326,7 +357,7 @@ class Mcu:
             busy = self.left.get(FLASH_SR, 0) > 0
             self.left[FLASH_SR] = self.left.get(FLASH_SR, 0) - 1
             self[address] = (1 << 16 if busy else 0) | self.wrong
-        for spi in (SPI1, SPI2):
+        for spi in self.sent:
             if address == spi + 0x08:
                 self[address] = 0x80 if spi in self.dead else 0x01 if self.turns[spi] % 2 else 0x00
                 if spi not in self.dead and not self.turns[spi] % 2:
@@ -336,7 +367,7 @@ class Mcu:
         if address == ADC:
             self[address] = 0 if ADC in self.dead else self.cell(address)[0] | 2
         if address == ADC + 0x4C:
-            self[address] = self.counts
+            self[address] = self.counts[self.get(ADC + 0x34)]
         return self.cell(address)
 
     def data(self, spi, address):
@@ -350,11 +381,11 @@ class Mcu:
             (pin,) = self.selected()
             self[address] = self.sides[pin].answer.to_bytes(2, "big")[at]
         else:
-            self[address] = self.gear.frame(bytes(8))[at]
+            self[address] = self.gears[spi].frame(bytes(8))[at]
             self.sent[spi] = b"" if at == 7 else self.sent[spi]
 
-    def sample(self):
-        measured = self.ffi.new("float[6]")
+    def sample(self, values=6):
+        measured = self.ffi.new("float[]", values)
         self.lib.sample(measured)
         self.settle()
         return list(measured)
@@ -497,7 +528,7 @@ def test_a_bus_that_hangs_is_given_up(mcu, dead, wrong):
     assert tuple(int(x) & 64 for x in told[1::2]) == wrong
     # Two waits of 4000 looks an exchange, four exchanges at most.
     assert len(mcu.log) - before < 4 * 2 * 4000 + 1000
-    assert all(mcu.levels[pin] for pin in mcu.sides)
+    assert mcu.selected() == []
 
 
 @pytest.mark.parametrize(
@@ -506,7 +537,7 @@ def test_a_bus_that_hangs_is_given_up(mcu, dead, wrong):
 )
 def test_the_motor_s_duty_and_enable_line(mcu, u_Nm, enable, ccr):
     """Half of 5 A times 0.05 Nm/A is 70 %: 11760 of 16800."""
-    mcu.lib.motor_to(u_Nm, enable)
+    mcu.lib.motor_to(u_Nm, 0.0, enable)
     assert mcu[TIM3_CCR1] == ccr
     assert mcu.levels[C, 7] == enable
 
@@ -554,18 +585,18 @@ def test_a_supply_that_is_too_low_is_told_as_long_as_it_is(mcu):
 
 @pytest.mark.parametrize("counts", [0, 4095, None])
 def test_a_converter_at_its_end_or_dead_is_a_fault_after_20_ticks(mcu, counts):
-    mcu.lib.motor_to(0.0, True)
+    mcu.lib.motor_to(0.0, 0.0, True)
     for _ in range(50):
         assert mcu.lib.trouble() == 0
     assert mcu[ADC + 0x34] == 10
     if counts is None:
         mcu.dead.add(ADC)
     else:
-        mcu.counts = counts
+        mcu.counts[10] = counts
     told = [mcu.lib.trouble() for _ in range(20)]
     assert told == [0] * 19 + [FAULTS["MOTOR_CURRENT"]]
     # Off, it is not asked any more.
-    mcu.lib.motor_to(0.0, False)
+    mcu.lib.motor_to(0.0, 0.0, False)
     assert mcu.lib.trouble() == 0
 
 
@@ -573,12 +604,75 @@ def test_a_current_of_what_was_set_is_none(mcu):
     """0.1 Nm are 2 A, 400 counts; set at once, it comes with the lag that is let pass."""
     current_A = 0.0
     for _ in range(300):
-        mcu.lib.motor_to(0.1, True)
+        mcu.lib.motor_to(0.1, 0.0, True)
         current_A += 0.03 * (2.0 - current_A)
-        mcu.counts = round(2048 + current_A / 0.005)
+        mcu.counts[10] = round(2048 + current_A / 0.005)
         assert mcu.lib.trouble() == 0
-    mcu.counts = 2048
+    mcu.counts[10] = 2048
     assert FAULTS["MOTOR_CURRENT"] in [mcu.lib.trouble() for _ in range(25)]
+
+
+# -- two axes, and none ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("two"), "two")
+
+
+def test_pins_and_peripherals_of_the_second_axis(two):
+    mcu = Mcu(two)
+    # PC4, PC5 outputs, PC1 analogue, PC9 function 2, PC10 and PC11 function 6; PB12 output.
+    assert mcu[C + MODER] & 0x00FC0F0C == 0b10_10_10 << 18 | 0b0101 << 8 | 0b11 << 2
+    assert mcu[C + AFRH] & 0x0000FFF0 == 0x6620
+    assert mcu[C + 8] & 0x00F00000 == 0b0101 << 20
+    assert mcu[B + MODER] >> 24 & 3 == 1
+    assert mcu[RCC + 0x40] & 1 << 15
+    assert mcu[SPI3] == mcu[SPI2]
+    assert (mcu[0x4000041C], mcu[0x40000420], mcu[TIM3_CCR4]) == (0x6800, 0x1001, 8400)
+    assert mcu[ADC + 0x0C] == 0b100_100
+    for pin, bit in (((C, 4), 1 << 4), ((C, 5), 1 << 5), ((B, 12), 1 << 28)):
+        put = mcu.log.index((pin[0] + BSRR, bit))
+        modes = [k for k, (a, v) in enumerate(mcu.log) if a == pin[0] + MODER]
+        assert put < next(k for k in modes if mcu.log[k][1] >> 2 * pin[1] & 3 == 1)
+
+
+def test_each_count_comes_from_its_own_chip(two):
+    mcu = Mcu(two)
+    for _ in range(2):
+        told = mcu.sample(12)
+    first = [0x1234 >> 2, 0, 0x3455 >> 2, 0, 0x1A2B3, 0]
+    assert told == [*first, 0x0678 >> 2, 0, 0x2AAA >> 2, 0, 0x05678, 0]
+    mcu.dead.add(SPI3)
+    assert [x for x in mcu.sample(12) if x == 64] == [64]
+
+
+def test_both_motors_are_on_or_none_and_each_current_is_watched(two):
+    mcu = Mcu(two)
+    mcu.lib.motor_to(0.125, -0.125, True)
+    assert (mcu[TIM3_CCR1], mcu[TIM3_CCR4]) == (11760, 5040)
+    assert (mcu.levels[C, 7], mcu.levels[B, 12]) == (True, True)
+    mcu.lib.motor_to(0.125, -0.125, False)
+    assert (mcu[TIM3_CCR1], mcu[TIM3_CCR4]) == (8400, 8400)
+    assert (mcu.levels[C, 7], mcu.levels[B, 12]) == (False, False)
+    for channel in (10, 11):
+        mcu.lib.motor_to(0.0, 0.0, True)
+        assert mcu.lib.trouble() == 0
+        mcu.counts[channel] = 4095
+        told = [mcu.lib.trouble() for _ in range(20)]
+        assert told == [0] * 19 + [FAULTS["MOTOR_CURRENT"]]
+        mcu.counts[channel] = 2048
+        mcu.lib.motor_to(0.0, 0.0, False)
+        assert mcu.lib.trouble() == 0
+
+
+def test_a_board_without_a_motor_reads_its_encoders_and_drives_nothing(tmp_path_factory):
+    mcu = Mcu(build(tmp_path_factory.mktemp("passive"), "passive"))
+    for _ in range(2):
+        told = mcu.sample(8)
+    assert told == [0x1234 >> 2, 0, 0x3455 >> 2, 0, 0x0678 >> 2, 0, 0x2AAA >> 2, 0]
+    assert not mcu.lib.drives()
+    assert (mcu.levels[C, 7], mcu.levels[B, 12]) == (False, False)
 
 
 # -- flash -----------------------------------------------------------------------------------------

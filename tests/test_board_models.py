@@ -168,8 +168,9 @@ def boards(monkeypatch):
     wanted = [external(n, k) for n, k in (("mode", 1), ("tau_Nm", 1), ("stop", 1), ("ahead", 3),
                                           ("rearm", 1))]  # fmt: skip
     measured = [external("count_load"), external("frame_error")]
-    drive = thing(drive=True, wanted=wanted, measured=measured)
-    plain = thing(drive=False, wanted=[external("theta_rad")], measured=measured[:1])
+    axes = [thing(u=f"u_{n}_Nm", fault=f"fault_{n}") for n in "ab"]
+    drive = thing(axes=axes, drive=True, wanted=wanted, measured=measured)
+    plain = thing(axes=[], drive=False, wanted=[external("theta_rad")], measured=measured[:1])
     monkeypatch.setattr(blackbox, "board_roles", lambda system: system.roles)
     monkeypatch.setattr(blackbox, "STATES", (thing(name="READY", value=2),))
     return {n: thing(system=thing(roles=r, base_period_s=0.001)) for n, r in (
@@ -179,16 +180,20 @@ def boards(monkeypatch):
 
 def test_a_record_by_its_bytes(boards):
     drive, plain = boards["drive"], boards["plain"]
-    assert blackbox.record_bytes(drive) == 16 + 4 * (1 + 3 + 2)
+    assert blackbox.record_bytes(drive) == 16 + 4 * (2 + 1 + 3 + 2)
     assert blackbox.record_bytes(plain) == 16 + 4 * (2 + 1)
     assert blackbox.blackbox_records(drive) == 2000
-    assert blackbox.blackbox_records(drive, 40 * 7 + 39) == 7
+    assert blackbox.blackbox_records(drive, 48 * 7 + 47) == 7
     assert blackbox.blackbox_records(drive, 10**6) == 2000
     flags = 2 | 1 << 2 | 5 << 3 | 0x40
-    data = struct.pack("<IHHBBBxf6f", 77, 88, 40001, 2, 9, flags, 0.25, *(1.5, 2, 3, 4, 500, 1))
+    data = struct.pack(
+        "<IHHBBBBB3x8f", 77, 88, 40001, 2, 9, flags, 0, 9, *(0.25, -2, 1.5, 2, 3, 4, 500, 1)
+    )
     record = blackbox.read_record(drive, data)
     assert record == BlackboxRecord(
-        *(40001, "READY", 9, True, False, 0.25),
+        *(40001, "READY", 9, True, False),
+        {"u_a_Nm": 0.25, "u_b_Nm": -2.0},
+        {"fault_a": 0, "fault_b": 9},
         {"mode": 2.0, "stop": 1.0, "rearm": 5.0, "tau_Nm": 1.5, "ahead": (2.0, 3.0, 4.0)},
         {"count_load": 500.0, "frame_error": 1.0},
     )
@@ -200,11 +205,11 @@ def test_a_record_by_its_bytes(boards):
     )
     lines = blackbox.blackbox_csv([record, record]).splitlines()
     assert lines == [
-        "tick,state,fault,on,stop_held,u_Nm,mode,stop,rearm,tau_Nm,ahead[0],ahead[1],ahead[2],"
-        "count_load,frame_error",
-        *2 * ["40001,READY,9,1,0,0.25,2.0,1.0,5.0,1.5,2.0,3.0,4.0,500.0,1.0"],
+        "tick,state,fault,on,stop_held,u_a_Nm,u_b_Nm,limits_fault_a,limits_fault_b,"
+        "mode,stop,rearm,tau_Nm,ahead[0],ahead[1],ahead[2],count_load,frame_error",
+        *2 * ["40001,READY,9,1,0,0.25,-2.0,0,9,2.0,1.0,5.0,1.5,2.0,3.0,4.0,500.0,1.0"],
     ]
-    assert blackbox.blackbox_csv([other]).splitlines()[1] == "3,unknown 7,0,0,1,-1.0,0.5,1.0,600.0"
+    assert blackbox.blackbox_csv([other]).splitlines()[1] == "3,unknown 7,0,0,1,0.5,1.0,600.0"
     assert blackbox.blackbox_csv([]) == "\n"
 
 

@@ -188,7 +188,7 @@ def test_a_full_receive_buffer_keeps_what_it_has_and_counts_the_rest(tmp_path, s
         "#define ESEA_LINK_KEY_WORDS 1\n#define ESEA_LINK_PARAMETERS 0u\n"
         "#define MAVLINK_MAX_PACKET_LEN 280\n"
         "#define ESEA_LINK_SYSTEM 1u\n#define ESEA_LINK_COMPONENT 1u\n"
-        "#define ESEA_LINK_DRIVE 0\n#define ESEA_LINK_COUPLINGS 0u\n"
+        "#define ESEA_LINK_AXES 0u\n#define ESEA_LINK_COUPLINGS 0u\n#define ESEA_LINK_ENCODERS 0u\n"
     )
     rng = Random(5)
     orders = [(1023, 0), (1, 0), (1, 0), (5, 3), (4, 4096), (3000, 10), (0, 4096), (7, 7)]

@@ -579,7 +579,7 @@ def test_trigger_and_spectrum_by_key(seen, qtbot, tmp_path):
 def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, qtbot, tmp_path):
     from PySide6.QtCore import QPoint, Qt
 
-    from esea_host.windows.arm import add_arm
+    from esea_host.windows.arm import add_arms
     from esea_host.windows.live import LiveWindow
 
     ours, theirs = os.pipe()
@@ -588,7 +588,9 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     window = LiveWindow(feed)
     qtbot.addWidget(window)
     window.resize(1280, 760)
-    arm = add_arm(window, feed, lambda rad: os.write(theirs, f"push {rad:.4f}\n".encode()) and None)
+    (arm,) = add_arms(
+        window, feed, lambda rad: os.write(theirs, f"push {rad:.4f}\n".encode()) and None
+    )
     window.show()
     lockstep.advance(1.0)
     feed.gather()

@@ -31,12 +31,9 @@ from esea_gen.language.system import System, Task
 from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare
 from esea_gen.verify.coverage import branch_coverage
-from esea_gen.verify.emulator import run_tasks_in_emulator
-from esea_gen.verify.firmware import build_firmware
 from esea_gen.verify.memories import other_memories
 from esea_gen.verify.runs import CasadiOracle
 from esea_gen.verify.streams import at_the_limits, streams
-from esea_host.wrist.rig import impaired_device
 
 from .conftest import require_tool
 
@@ -46,7 +43,7 @@ DEG = math.pi / 180
 @pytest.fixture(scope="module")
 def device():
     require_tool("gcc")
-    return impaired_device()
+    return load_device("wrist_drive")
 
 
 @pytest.fixture(scope="module")
@@ -206,31 +203,6 @@ def test_the_printed_law_gives_energy_on_such_paths():
     printed = -np.sign(rate) * (np.where(theta > 5 * DEG, kd * rate, 0) + kv * rate)
     out = rate < 0
     assert np.sum((printed * rate)[out]) > 0
-
-
-# -- two axes on one board -------------------------------------------------------------------------
-
-
-@pytest.mark.ci
-def test_both_axes_on_the_m4f_in_time_and_to_the_bit(device, tmp_path):
-    """A wrist that swings through wall and coupling; 16 000 instructions last a tick at 16 MHz."""
-    require_tool("qemu-system-arm")
-    require_tool("arm-none-eabi-gcc")
-    t = np.arange(60) * 1e-3
-    swing = {
-        "theta_flexion_rad": 0.15 * np.sin(40 * t),
-        "theta_load_flexion_rad": 0.3 * np.sin(20 * t),
-        "theta_deviation_rad": 0.1 * np.sin(60 * t),
-        "theta_load_deviation_rad": 0.2 * np.cos(30 * t),
-        "stop": np.zeros(60),
-    }
-    image = build_firmware(device, "netduinoplus2", tmp_path)
-    inputs = {"sense": swing, "control": {"": np.zeros(12)}}
-    found = run_tasks_in_emulator(device, image, inputs)
-    for result in found.values():
-        assert result.identical, result.first_difference
-    assert 4000 < found["sense"].instructions["max"] < 5200
-    assert found["control"].instructions["max"] < 500
 
 
 def test_a_section_that_does_not_fit_is_refused(device):

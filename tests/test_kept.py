@@ -392,5 +392,5 @@ def test_the_commands_show_and_name_and_read(run, board, tmp_path):
     board.ticks(3)
     done = run("blackbox", "sim:elbow_drive", "--out", str(table), "--release")
     assert "frozen by fault 13" in done.output
-    assert table.read_text().startswith("tick,state,fault,on,stop_held,u_Nm,mode,")
+    assert table.read_text().startswith("tick,state,fault,on,stop_held,u_Nm,limits_fault,mode,")
     assert board.lib.sim_blackbox_count() == 0

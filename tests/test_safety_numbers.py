@@ -8,7 +8,6 @@ import pytest
 
 from esea_gen.control.safety import check_safety, safety_sections
 from esea_gen.errors import UserError
-from esea_host.wrist.rig import impaired_device
 
 from .test_linear_loop import variant
 
@@ -56,33 +55,6 @@ def test_a_hair_less_is_taken():
         ("safety.rom_margin_rad", 0.449),
     ):
         check_safety(shipped(**{key: value}))
-
-
-def test_where_no_drive_is_known_the_joint_turns_half_a_turn():
-    device = impaired_device()
-    safety, actuator, joint, every = safety_sections(device)
-    assert (safety, actuator, joint, every) == (device.file.safety, None, None, 5)
-    omega = device.file.limits.omega_rad_s.value
-    quantities = {k: q.value for k, q in device.quantities()}
-
-    def of(**changes):
-        values = quantities | {k.replace("__", "."): v for k, v in changes.items()}
-        pairs = [(k, SimpleNamespace(value=v)) for k, v in values.items()]
-        return SimpleNamespace(file=device.file, origin="mine.toml", quantities=lambda: pairs)
-
-    check_safety(of(safety__omega_max_rad_s=0.999 * omega))
-    with pytest.raises(UserError, match=r"joint\.omega_max_rad_s"):
-        check_safety(of(safety__omega_max_rad_s=omega))
-    # The motor side may be as fast as joint and coupling together.
-    quick = {"joint__omega_max_rad_s": 99.0}
-    check_safety(of(safety__omega_max_rad_s=1.999 * omega, **quick))
-    with pytest.raises(UserError, match=r"actuator\.omega_max_rad_s"):
-        check_safety(of(safety__omega_max_rad_s=2 * omega, **quick))
-    margin = quantities["safety.rom_margin_rad"]
-    check_safety(of(safety__rom_max_rad=3.1415 - margin, safety__rom_min_rad=margin - 3.1415))
-    for end in ({"safety__rom_max_rad": 3.1416 - margin}, {"safety__rom_min_rad": margin - 3.1416}):
-        with pytest.raises(UserError, match="narrow the margin"):
-            check_safety(of(**end))
 
 
 @pytest.mark.parametrize("missing", ["safety", "actuator", "joint"])

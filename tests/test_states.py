@@ -525,6 +525,7 @@ class Person:
         held = self.held and event != "RELEASE"
         found = {
             "drive": True,
+            "encoders": True,
             "referenced": self.referenced,
             "stop_clear": not held and not self.line,
             "link_live": self.link > 0,

@@ -12,10 +12,8 @@ import pytest
 
 from esea_gen.control.ahead import ahead
 from esea_gen.control.horizon import Horizon
-from esea_gen.control.impaired import impairment_request, motor_side
 from esea_gen.control.impairment import impairment
-from esea_gen.device import parse_device
-from esea_host.wrist.rig import impaired_device
+from esea_gen.device import load_device, parse_device
 
 from .conftest import without
 from .single_steps import COUNT, Steps, word
@@ -115,7 +113,7 @@ def test_a_step_of_the_impairment():
         u["omega_rad_s"][k] = rng.uniform(-0.2, 0.2, k.sum())
         u["theta_rad"][k] = rng.uniform(-0.1, 0.3, k.sum())
 
-    run = Steps(impairment(impaired_device()), together=together)
+    run = Steps(impairment(load_device("wrist_drive")), together=together)
     t, s, u, ok = run.t, run.s, run.u, run.ok
     for name, x in vars(t).items():
         np.testing.assert_allclose(getattr(run.c, name), x, rtol=1e-6)
@@ -138,69 +136,8 @@ def test_a_step_of_the_impairment():
     )
 
 
-def test_a_step_of_what_is_asked_of_impairments():
-    """Whole or not at all; the stamp goes from 255 to 1."""
-    block = impairment_request(impaired_device())
-    run = Steps(block)
-    t, s = run.t, run.s
-    beat = where(s.beats >= 255, 1, s.beats + 1)
-    whole = np.isin(t.constrained, (0, 1))
-    assert 0 < whole.sum() < COUNT
-    run.compare(
-        {
-            "next_beats": beat,
-            "y_constrained": t.constrained,
-            "y_rearm": t.rearm,
-            "y_request_ok": whole & run.whole,
-            "y_control_beat": beat,
-        }
-    )
-    # It asks for nothing by itself.
-    assert block.default_tunables() == {"constrained": 0.0, "rearm": 0.0}
-    assert {t.name: (t.low, t.high) for t in block.tunables} == {
-        "constrained": (0, 1),
-        "rearm": (0, 7),
-    }
-    assert {p.name: (p.low, p.high) for p in (*block.state, *block.outputs)} == {
-        "beats": (0, 255),
-        "constrained": (0, 1),
-        "rearm": (0, 7),
-        "request_ok": (0, 1),
-        "control_beat": (0, 255),
-    }
-    # Five ticks of the wrist's sensing task.
-    assert block.period_s == pytest.approx(5 * impaired_device().period_s)
-
-
-def test_the_motor_side_is_the_load_side_and_what_bends():
-    device = impaired_device()
-    limits = device.file.limits
-    block = motor_side(device)
-    run = Steps(block)
-    u = run.u
-    run.compare(
-        {
-            "y_theta_motor_rad": u.theta_load_rad + u.theta_rad,
-            "y_omega_motor_rad_s": u.omega_load_rad_s + u.omega_rad_s,
-        }
-    )
-    theta, omega = limits.theta_rad.value, limits.omega_rad_s.value
-    ends = {p.name: (p.low, p.high) for p in (*block.inputs, *block.outputs)}
-    for name, most in (
-        ("theta_rad", theta),
-        ("omega_rad_s", omega),
-        ("theta_load_rad", pi),
-        ("omega_load_rad_s", omega),
-        ("theta_motor_rad", pi + theta),
-        ("omega_motor_rad_s", 2 * omega),
-    ):
-        assert ends.pop(name) == pytest.approx((-most, most), rel=1e-6), name
-    assert not ends
-    assert block.period_s == device.period_s
-
-
 def test_ports_and_numbers_of_the_impairment():
-    device = impaired_device()
+    device = load_device("wrist_drive")
     block = impairment(device)
     omega, full = device.file.limits.omega_rad_s.value, device.tau_full_scale_Nm
     deg = 180 / pi
@@ -230,7 +167,7 @@ def test_ports_and_numbers_of_the_impairment():
 
 def test_what_tries_an_impairment():
     """A wrist that rests, is constrained, goes into the wall and out, and is released at rest."""
-    device = impaired_device()
+    device = load_device("wrist_drive")
     block = impairment(device)
     (stream,) = block.streams.events(block, np.random.default_rng(1))
     x, h = stream.inputs, block.period_s

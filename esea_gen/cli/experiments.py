@@ -68,6 +68,15 @@ FaultOption = Annotated[
     ),
 ]
 
+AxisOption = Annotated[
+    str,
+    typer.Option(
+        "--axis",
+        metavar="NAME",
+        help="Of several axes: which is moved, the others at 0 Nm. Default: the first.",
+    ),
+]
+
 app.add_typer(
     typer.Typer(
         cls=Reproductions,
@@ -110,6 +119,7 @@ def simulate(
         bool,
         typer.Option("--adapted", help="Adapted to the rubber before, with a known mass."),
     ] = False,
+    axis: AxisOption = "",
     jobs: JobsOption = -1,
     cluster: ClusterOption = None,
     resume: Annotated[
@@ -143,7 +153,7 @@ def simulate(
         result = simulate_off(
             study,
             [
-                Setting(law, plant, who, real, fault=fault, off=name, adapted=adapted)
+                Setting(law, plant, who, real, fault=fault, off=name, adapted=adapted, axis=axis)
                 for name in families
                 for law in laws
             ],

@@ -102,7 +102,7 @@ class _Impairment:
         if device.file.impairment is None:
             raise UserError(
                 f"{device.origin}: section [impairment] is missing.",
-                "Add it; wrist_impaired.toml of the wrist study shows the form.",
+                "Add it; wrist_drive.toml shows the form.",
             )
         self.section = device.file.impairment
         self.theta = threshold(JOINT_RAD)

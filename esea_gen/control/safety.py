@@ -19,24 +19,19 @@ JOINT_RAD = math.pi  # how far a joint without [joint] may turn from its neutral
 COMMAND_RANGE = 4.0  # times the motor's largest torque: beyond is no command but a fault
 
 
-def safety_sections(device: DeviceData) -> tuple[Safety, Actuator | None, Joint | None, int]:
-    """The sections that the limits need, and the control task's period in sensing periods.
-
-    Where an impairment's torque goes to a torque controller that is not ours, there is no motor to
-    know of: neither actuator nor joint.
-    """
+def safety_sections(device: DeviceData) -> tuple[Safety, Actuator, Joint, int]:
+    """The sections that the limits need, and the control task's period in sensing periods."""
     file = device.file
     rate = file.timing.control_rate_Hz
-    drive = () if file.impairment else ("actuator", "joint")
-    for name in ("safety", *drive, "timing.control_rate_Hz"):
+    for name in ("safety", "actuator", "joint", "timing.control_rate_Hz"):
         if reduce(getattr, name.split("."), file) is None:
             raise UserError(
                 f"{device.origin}: {name} is missing: the limits before the motor need it.",
-                "Add it; wrist_impaired.toml of the wrist study shows the form."
-                if file.impairment
-                else 'Add it, or write extends = "elbow_drive" and give what differs.',
+                'Add it, or write extends = "elbow_drive" and give what differs.',
             )
     assert file.safety is not None
+    assert file.actuator is not None
+    assert file.joint is not None
     assert rate is not None
     every = round(file.timing.sense_rate_Hz.value / rate.value)
     return file.safety, file.actuator, file.joint, every
@@ -71,7 +66,7 @@ def check_safety(device: DeviceData) -> None:
 
 def command_range(device: DeviceData) -> float:
     safety, actuator, _, _ = safety_sections(device)
-    most = max(x.u_max_Nm.value for x in (safety, actuator) if x is not None)
+    most = max(safety.u_max_Nm.value, actuator.u_max_Nm.value)
     return threshold(COMMAND_RANGE * most)
 
 
@@ -103,13 +98,9 @@ class LimitNumbers:
         )
         self.theta_lim = threshold(device.file.limits.theta_rad.value)
         self.tau_lim = threshold(device.file.limits.tau_Nm.value)
-        omega = device.file.limits.omega_rad_s.value
-        self.load_low, self.load_high = -threshold(JOINT_RAD), threshold(JOINT_RAD)
-        self.omega_load_lim, self.omega_motor_lim = threshold(omega), threshold(2 * omega)
-        if joint is not None and actuator is not None:
-            self.load_low, self.load_high = joint.theta_min_rad.value, joint.theta_max_rad.value
-            self.omega_load_lim = joint.omega_max_rad_s.value
-            self.omega_motor_lim = actuator.omega_max_rad_s.value
+        self.load_low, self.load_high = joint.theta_min_rad.value, joint.theta_max_rad.value
+        self.omega_load_lim = joint.omega_max_rad_s.value
+        self.omega_motor_lim = actuator.omega_max_rad_s.value
         self.command_lim = command_range(device)
         self.stale_ticks = float(STALE_PERIODS * every)
         # The bound of what a drive gives reckons with the compiled rate: it holds down to a tenth.

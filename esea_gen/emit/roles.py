@@ -85,6 +85,11 @@ class BoardRoles:
         """Whether there is a motor."""
         return bool(self.axes)
 
+    def counts(self, encoder: str) -> tuple[int, ...]:
+        """Places among ``measured`` of the counts of one encoder of each axis: ``motor``."""
+        names = [f"{x.name}_" for x in self.measured]
+        return tuple(k for k, n in enumerate(names) if n.startswith(f"count_{encoder}_"))
+
     @property
     def wanted_names(self) -> tuple[str, ...]:
         """Names of what the host gives."""

@@ -60,6 +60,12 @@ def of_axis(name: str, axis: str) -> str:
     return f"{name.removesuffix(unit)}_{axis}{unit}"
 
 
+def without_axis(name: str, axis: str) -> str:
+    """A name of an axis without it, as :func:`of_axis` was given it; any other name as it is."""
+    bare = name.replace(f"_{axis}", "", 1) if axis else name
+    return bare if of_axis(bare, axis) == name else name
+
+
 def sensing_system(
     device: DeviceData, velocity: Block, sensor: Block, *, counts: bool = True
 ) -> System:
@@ -129,7 +135,9 @@ def counting_system(device: DeviceData, velocity: Block, sensor: Block) -> Syste
         "encoder_motor": encoder(device, "motor"),
         "encoder_load": encoder(device, "load"),
         "joint": deflection(device),
-        "load_rate": tracking_observer(device, _reach_rad(device), device.file.velocity.bandwidth_Hz),
+        "load_rate": tracking_observer(
+            device, _reach_rad(device), device.file.velocity.bandwidth_Hz
+        ),
         "velocity": velocity,
         "smooth": smoothed_deflection(device),
         "sensor": sensor,

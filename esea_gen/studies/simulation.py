@@ -7,6 +7,7 @@ torque of the true elastomer, and the torque that the sensor shows, with the des
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -17,6 +18,7 @@ from esea_gen.analysis.monte_carlo import MonteCarlo
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
+from esea_gen.model.sensing import without_axis
 from esea_gen.studies import torque_errors
 from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.registry import Study, load_study, study_file
@@ -24,9 +26,17 @@ from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
 from esea_gen.twin.faults import parse_fault
+from esea_gen.twin.hand_plant import tunable_places
 from esea_gen.twin.judge import fault_figures, judge
 from esea_gen.twin.off import NOTHING, deviation, refuse_unknown
-from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, compiled_loop, refuse_unadapted, run_case
+from esea_gen.twin.run import (
+    PERSON_NAMES,
+    PLANT_NAMES,
+    axis_of,
+    compiled_loop,
+    refuse_unadapted,
+    run_case,
+)
 from esea_gen.twin.trajectories import RATE_HZ
 
 if TYPE_CHECKING:
@@ -101,6 +111,7 @@ def simulate_case(
     fault: str = "",
     off: str = NOTHING,
     adapted: bool = False,
+    axis: str = "",
     kept: dict[str, Any] | None = None,
 ) -> dict[str, float]:
     """Run and measure one case by name: what a worker does.
@@ -111,7 +122,9 @@ def simulate_case(
     chosen = load_study(study, ClosedLoopStudy)
     found = chosen.case(case)
     try:
-        setting = Setting(controller, plant, person, real, tunables or {}, fault, off, adapted)
+        setting = Setting(
+            controller, plant, person, real, tunables or {}, fault, off, adapted, axis
+        )
         run = run_case(found, setting, seed)
     except RanAwayError:
         return {"unstable": 1.0, "tripped": 0.0, "fault": 0.0, "ran_away": 1.0}
@@ -155,7 +168,8 @@ def simulate(
     refuse_unadapted(device, s)
     # Compile once, before the workers would each do it.
     loop = compiled_loop(device, s.plant != "ideal", s.real)
-    refuse_unknown(s.off, deviation(s.off, device, seed), {t.name for _, t in loop.plant.tunables})
+    known = {without_axis(n, device.axes[0]) for n in tunable_places(loop.plant)}
+    refuse_unknown(s.off, deviation(s.off, device, seed), known)
     parts = {
         "controller": s.controller,
         "controller_hash": device_hash(device),
@@ -177,6 +191,8 @@ def simulate(
     }
     if s.adapted:
         fixed["adapted"] = True
+    if axis_of(device, s):
+        fixed["axis"] = axis_of(device, s)
     if s.fault:
         fixed["fault"] = str(parse_fault(s.fault))
     names = [c.name for c in chosen.cases()]
@@ -186,7 +202,7 @@ def simulate(
     done, kept = _run(
         cases, len(names) if keeping else 0, Configuration(parts), workers, folder, progress
     )
-    return Simulation(chosen, s, seeds, done, kept)
+    return Simulation(chosen, replace(s, axis=axis_of(device, s)), seeds, done, kept)
 
 
 def _check_time(study: ClosedLoopStudy, text: str) -> None:

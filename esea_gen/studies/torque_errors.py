@@ -27,11 +27,12 @@ Panel = tuple[str, Array, Array, Array, Array]
 def label(done: Simulation) -> str:
     """Controller and plant, for a legend."""
     off = f", {done.setting.off}" if done.setting.off != NOTHING else ""
-    return f"{done.setting.controller}, {done.setting.plant}{off}{_adapted(done)}"
+    return f"{done.setting.controller}, {done.setting.plant}{off}{_more(done)}"
 
 
-def _adapted(done: Simulation) -> str:
-    return ", adapted" if done.setting.adapted else ""
+def _more(done: Simulation) -> str:
+    axis = f", {done.setting.axis}" if done.setting.axis else ""
+    return axis + (", adapted" if done.setting.adapted else "")
 
 
 def _names(done: Simulation) -> list[str]:
@@ -47,6 +48,7 @@ def to_dict(done: Simulation) -> dict[str, Any]:
         "plant": done.setting.plant,
         "off": done.setting.off,
         **({"adapted": True} if done.setting.adapted else {}),
+        **({"axis": done.setting.axis} if done.setting.axis else {}),
         "person": done.person,
         "format": done.setting.real,
         "content_hash": done.monte_carlo.configuration.parts["controller_hash"],
@@ -72,7 +74,7 @@ def table(done: Simulation, *, normalised: bool = False) -> list[str]:
     heads = ["RMS true", "RMS model", "max true", "thesis", "limited"]
     lines = [
         f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}"
-        f"{_adapted(done)}, "
+        f"{_more(done)}, "
         f"{runs} run{'s' if runs > 1 else ''} a case",
         f"{'case':32}" + "".join(f"{h:>11}" for h in heads + ["of largest"] * normalised),
     ]

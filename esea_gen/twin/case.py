@@ -36,6 +36,8 @@ class Setting:
     fault: of an encoder, as :func:`esea_gen.twin.faults.parse_fault` reads it; empty for none.
     off: in what the plant differs from the model, as :mod:`esea_gen.twin.off` names it.
     adapted: whether the rubber was adapted to before, with a known mass.
+    axis: which a case moves, and whose encoder fails; the others are wanted at 0 Nm, the hand rests
+        there.  Empty: the first.
     """
 
     controller: str = "smc"
@@ -46,3 +48,4 @@ class Setting:
     fault: str = ""
     off: str = "none"
     adapted: bool = False
+    axis: str = ""

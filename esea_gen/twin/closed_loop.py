@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,59 +23,19 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import compile_sources, declared
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System
+from esea_gen.model.sensing import of_axis
 from esea_gen.twin.encoders import ENCODERS
 from esea_gen.twin.faults import KINDS, EncoderFault
+from esea_gen.twin.hand_plant import tunable_places, twin_system
+from esea_gen.twin.loop_run import Array, ClosedLoopRun, RanAwayError
 from esea_gen.twin.people import PlantVariant
-from esea_gen.twin.plant import plant_system, start_state
+from esea_gen.twin.plant import start_state
 
 COMMAND = "u_Nm"
 PATH = ("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "noise")
+MUSCLE = "tau_muscle_Nm"  # of a hand beside its pull to the path
 STATE_REPAIRED = 2
 FAULT_KINDS = ("none", *KINDS)
-Array = npt.NDArray[Any]
-
-
-class RanAwayError(RuntimeError):
-    """The plant left its ranges and was started afresh: the run says nothing beside that."""
-
-
-@dataclass(frozen=True)
-class ClosedLoopRun:
-    """What a run recorded, one row a tick: sampled at its start, commanded in it.
-
-    Parameters
-    ----------
-    plant : dict of str to ndarray
-        Every output of the plant, encoder counts included.
-    controller : dict of str to ndarray
-        Every external output of the controller; a slow task's outputs are held, and 0 before its
-        first run.
-    time_s : ndarray
-        Time of each tick.
-    missed_runs : int
-        Runs of the controller's last task that were due and left out.
-    """
-
-    plant: dict[str, Array]
-    controller: dict[str, Array]
-    time_s: Array
-    missed_runs: int = 0
-
-    def __getitem__(self, name: str) -> Array:
-        """An array by its output's name."""
-        if name in self.plant and name in self.controller:
-            raise KeyError(f"both plant and controller have {name}: ask .plant or .controller")
-        return (self.plant | self.controller)[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.plant | self.controller)
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    def keys(self) -> list[str]:
-        """Names of all arrays."""
-        return list(self)
 
 
 @dataclass(frozen=True)
@@ -106,7 +66,8 @@ class ClosedLoop:
     Parameters
     ----------
     controller : System
-        Its external output ``u_Nm`` is the motor command.  Each of its external inputs is an output
+        Its external output ``u_Nm`` is the motor command, of several axes one each
+        (``u_flexion_Nm``).  Each of its external inputs is an output
         of the plant of the same name (``count_motor``, ``count_load``, ``count_gear``, true values
         such as ``tau_e_Nm``), or else a signal that every run is given.
     plant : PlantVariant
@@ -138,7 +99,11 @@ class ClosedLoop:
             )
         self.controller, self.variant, self.real = controller, plant, real
         self.tick_s = controller.base_period_s
-        self.plant = plant_system(plant.device, plant.cable, plant.step_s, self.tick_s)
+        self.axes = plant.device.axes
+        self.intent = tuple(
+            of_axis(n, a) for a in self.axes for n in (*PATH, *([MUSCLE] if a else []))
+        )
+        self.plant = twin_system(plant.device, plant.cable, plant.step_s, self.tick_s)
         if controller.name == self.plant.name:
             raise UserError(f"A controller cannot be named '{controller.name}'.", "Rename it.")
         self._check_command()
@@ -150,12 +115,14 @@ class ClosedLoop:
     # -- wiring ----------------------------------------------------------------------------------
 
     def _check_command(self) -> None:
-        command = next((x for x in self.controller.outputs if x.name == COMMAND), None)
-        if command is None or command.port.size != 1:
+        scalars = {x.name for x in self.controller.outputs if x.port.size == 1}
+        self.commands = [of_axis(COMMAND, a) for a in self.axes]
+        missing = [n for n in self.commands if n not in scalars]
+        if missing:
             raise UserError(
-                f"The controller {self.controller.name} has no scalar output {COMMAND}: the "
-                "virtual exoskeleton has one motor and one joint.",
-                f"Name the motor command {COMMAND}; of a device with several axes, give one axis.",
+                f"The controller {self.controller.name} has no scalar output {missing[0]}: the "
+                f"virtual exoskeleton has a motor for each of {self.commands}.",
+                f"Name the motor command {missing[0]}, or give a device with the same axes.",
             )
 
     def _plant_sources(self) -> dict[str, tuple[str, Port]]:
@@ -232,12 +199,12 @@ class ClosedLoop:
             # Included by the loop, not compiled alone.
             parts[f"{name}.inc" if name.endswith(".c") else name] = text
         sources = [s for _, group in self._columns for s in group]
-        (command,) = next(
-            self._read(t.name, x)
+        commands = {
+            x.name: sources.index(self._read(t.name, x)[0])
             for t in self.controller.tasks
             for x in self.controller.task_outputs(t)
-            if x.name == COMMAND
-        )
+            if x.name in self.commands
+        }
         self._width = len(sources)
         loop = plant.render(
             "hostlib/closed_loop.c.j2",
@@ -256,7 +223,20 @@ class ClosedLoop:
             ],
             recorded=sources,
             columns=self._width,
-            command=sources.index(command),
+            axes=[
+                {n: of_axis(n, a) for n in (COMMAND, *PATH[:3])}
+                | {
+                    "command": commands[of_axis(COMMAND, a)],
+                    "path": i * len(self.intent) // len(self.axes),
+                }
+                for i, a in enumerate(self.axes)
+            ],
+            path=self.intent,
+            given=[
+                (i, n)
+                for i, n in enumerate(self.intent)
+                if not n.startswith(("theta_p", "omega_p"))
+            ],
             substeps=round(self.tick_s / self.variant.step_s),
             step_s=plant.fmt.literal(self.variant.step_s),
             tick_s=plant.fmt.literal(self.tick_s),
@@ -274,14 +254,14 @@ class ClosedLoop:
         actuator = self.variant.device.file.actuator
         assert actuator is not None
         literal = FORMATS["f64"].literal
-        full = {p.name: p.high + 1 for p in self.plant.blocks["encoders"].outputs}
+        full = {x.name: x.port.high + 1 for x in self.plant.task_outputs(self.plant.task("encode"))}
         found = []
-        for side, angle in ENCODERS.items():
-            counts = full[f"count_{side}"]
-            turns = actuator.gear_ratio.value if side == "gear" else 1.0
-            found.append(
-                (f"count_{side}", angle, literal(counts), literal(counts * turns / (2 * math.pi)))
-            )
+        for axis in self.axes:
+            for side, angle in ENCODERS.items():
+                count = of_axis(f"count_{side}", axis)
+                turns = actuator.gear_ratio.value if side == "gear" else 1.0
+                a_radian = full[count] * turns / (2 * math.pi)
+                found.append((count, of_axis(angle, axis), literal(full[count]), literal(a_radian)))
         return found
 
     # -- running ---------------------------------------------------------------------------------
@@ -320,15 +300,16 @@ class ClosedLoop:
         return (coeffs,)
 
     def _plant_values(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        owners = {t.name: i for i, t in self.plant.tunables}
+        places = tunable_places(self.plant)
         out: dict[str, dict[str, float]] = {}
         for key, value in values.items():
-            if key not in owners:
-                raise UserError(f"The plant has no tunable {key}.", f"It has: {', '.join(owners)}.")
-            whole = key.endswith("_bits") or key == "clamped"
+            if key not in places:
+                raise UserError(f"The plant has no tunable {key}.", f"It has: {', '.join(places)}.")
+            instance, name = places[key]
+            whole = name.endswith("_bits") or name.startswith("clamped")
             if whole and value != round(value):
                 raise UserError(f"{key} = {value:g} is not a whole number.", "Give a whole one.")
-            out.setdefault(owners[key], {})[key] = value
+            out.setdefault(instance, {})[name] = value
         return out
 
     def _table(self, signals: Mapping[str, Any], ticks: int) -> Array:
@@ -344,11 +325,15 @@ class ClosedLoop:
             columns.append(a.reshape(ticks, size))
         return np.ascontiguousarray(np.hstack(columns)) if columns else np.zeros((ticks, 0))
 
-    def _path(self, signals: Mapping[str, Any], ticks: int, start_rad: float, seed: int) -> Array:
-        path = np.zeros((ticks, len(PATH)))
-        path[:, 0] = start_rad
-        path[:, 3] = np.random.default_rng([seed, 3]).standard_normal(ticks)
-        for i, name in enumerate(PATH):
+    def _path(
+        self, signals: Mapping[str, Any], ticks: int, held_rad: list[float], seed: int
+    ) -> Array:
+        path = np.zeros((ticks, len(self.intent)))
+        for i, axis in enumerate(self.axes):
+            path[:, self.intent.index(of_axis("theta_p_rad", axis))] = held_rad[i]
+            stream = np.random.default_rng([seed, 3, i] if i else [seed, 3])
+            path[:, self.intent.index(of_axis("noise", axis))] = stream.standard_normal(ticks)
+        for i, name in enumerate(self.intent):
             if name in signals:
                 a = np.asarray(signals[name], dtype=float)
                 if a.shape != (ticks,) or not np.all(np.isfinite(a)):
@@ -368,7 +353,7 @@ class ClosedLoop:
                 "the signals.",
                 f"Give it as a signal; the plant has {', '.join(self._plant_sources())}.",
             )
-        allowed = [*self.signals, *PATH]
+        allowed = [*self.signals, *self.intent]
         unknown = [n for n in signals if n not in allowed]
         if unknown:
             raise UserError(
@@ -391,6 +376,7 @@ class ClosedLoop:
         seed: int = 0,
         ticks: int | None = None,
         fault: EncoderFault | None = None,
+        axis: str = "",
         delay_ticks: int = 0,
         missed: npt.ArrayLike | None = None,
     ) -> ClosedLoopRun:
@@ -401,20 +387,23 @@ class ClosedLoop:
         signals : mapping of str to array
             One row a tick: the controller's inputs that the plant does not give, and the person's
             path (``theta_p_rad``, ``omega_p_rad_s``, ``alpha_p_rad_s2``; without it the person
-            stays where the load starts).  ``noise`` replaces the white numbers of the seed.
+            stays where the load starts).  ``noise`` replaces the white numbers of the seed.  Of a
+            hand each has its axis in its name, and there is ``tau_muscle_..._Nm``.
         plant_tunables : mapping of str to float, optional
             In place of the variant's, by tunable.
         controller_tunables : mapping, optional
             ``{instance: {tunable: value}}`` other than the defaults.
         initial : mapping of str to float, optional
             ``theta_g_rad``, ``theta_m_rad``, ``theta_l_rad`` and ``omega_...`` of the same; angles
-            not given are the start of the path, speeds 0.
+            not given are the start of the path, speeds 0.  Of a plant with one axis.
         seed : int
             Of the person's torque noise.
         ticks : int, optional
             Length, when there is no signal to tell it.
         fault : EncoderFault, optional
-            Of the encoders.
+            Of the encoders of an axis.
+        axis : str, optional
+            Whose encoders fail; default: the first.
         delay_ticks : int
             For how many ticks a command is under way to the motor.
         missed : array_like of bool, optional
@@ -433,14 +422,23 @@ class ClosedLoop:
             When the plant left its ranges and was started afresh: the run means nothing then.
         """
         n = self._ticks(signals, ticks)
-        start_rad = float(np.asarray(signals["theta_p_rad"])[0]) if "theta_p_rad" in signals else 0
         values = {**self.variant.values, **(plant_tunables or {})}
-        first, sampled = start_state(
-            self.plant.blocks["plant"], start_rad, initial or {}, values.get("elastomer_scale", 1.0)
-        )
+        first: dict[str, list[float]] = {}
+        sampled: dict[str, float] = {}
+        for one in self.axes:
+            given = signals.get(of_axis("theta_p_rad", one), (0.0,))
+            state, shown = start_state(
+                self.plant.blocks["plant"],
+                float(np.asarray(given)[0]),
+                initial or {},
+                values.get(of_axis("elastomer_scale", one), 1.0),
+                one,
+            )
+            first |= state
+            sampled |= shown
         table = self._table(signals, n)
         skipped = _skipped(missed, delay_ticks, n)
-        held_rad = first["theta_rad"][-1]
+        held_rad = [first[of_axis("theta_rad", a)][-1] for a in self.axes]
         path = self._path(signals, n, held_rad, seed)
 
         coeffs = self._prepared(self.controller, self._prefix, controller_tunables or {})
@@ -459,17 +457,18 @@ class ClosedLoop:
         record = np.empty((n, self._width))
         pointer = [self.ffi.cast("double *", a.ctypes.data) for a in (table, path, record)]
         off = n, delay_ticks, self.ffi.cast("unsigned char *", skipped.ctypes.data)
-        of_plant = *plant_coeffs, plant_state, start, self._fault(fault)
+        of_plant = *plant_coeffs, plant_state, start, self._fault(fault, axis)
         lost = self._lib.esea_loop_run(*coeffs, state, *of_plant, *pointer, *off)
         return dataclasses.replace(self._result(record), missed_runs=int(lost))
 
-    def _fault(self, fault: EncoderFault | None) -> Any:
+    def _fault(self, fault: EncoderFault | None, axis: str) -> Any:
         wrong = self.ffi.new("esea_loop_fault_t *")
         if fault is not None:
             wrong.kind = FAULT_KINDS.index(fault.kind)
             wrong.start = round(fault.at_s / self.tick_s)
             wrong.amount = fault.amount
-            wrong.sides[0 : len(fault.sides)] = fault.sides
+            first = len(fault.sides) * (self.axes.index(axis) if axis else 0)
+            wrong.sides[first : first + len(fault.sides)] = fault.sides
         return wrong
 
     def _result(self, record: Array) -> ClosedLoopRun:

@@ -208,14 +208,15 @@ def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) 
     values: dict[str, float] = {}
     for i, axis in enumerate(device.axes):
         drawn = 2 * seed + i
-        one = {
-            "ideal": lambda: ideal_plant(device),
-            "real": lambda drawn=drawn: real_plant(device, seed=drawn),
-            "random": lambda drawn=drawn: random_plant(device, drawn),
-        }[plant]()
+        if plant == "ideal":
+            one = ideal_plant(device)
+        else:
+            one = (
+                random_plant(device, drawn) if plant == "random" else real_plant(device, seed=drawn)
+            )
         values |= {of_axis(n, axis): x for n, x in one.values.items()}
-        values[of_axis("clamped", axis)] = float(hand == "none")
     values |= named_hand(hand, seed).values(device.axes)
+    values |= {of_axis("clamped", a): float(hand == "none") for a in device.axes}
     return PlantVariant(device, plant != "ideal", values)
 
 
@@ -258,7 +259,8 @@ class SteppedHand:
         self._state = ffi.new(f"{prefix}_state_t *")
         self.change(hand=hand, clamped=clamped)
         library.function(f"{prefix}_init")(self._coeffs, self._state)
-        block, sampled = self.system.blocks["plant"], {}
+        block = self.system.blocks["plant"]
+        sampled: dict[str, float] = {}
         for axis, angle in zip(self.axes, angles_rad, strict=True):
             first, shown = start_state(block, angle, {}, axis=axis)
             sampled |= shown

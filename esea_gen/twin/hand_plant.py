@@ -76,6 +76,13 @@ def _view(values: SimpleNamespace, names: tuple[str, ...], axis: str) -> SimpleN
     return SimpleNamespace(**{n: vars(values)[of_axis(n, axis)] for n in names})
 
 
+def _named(label: Labels, axis: str) -> Callable[..., Any]:
+    return lambda name, value, *text: label(of_axis(name, axis), value, *text)
+
+
+Parts = tuple[SimpleNamespace, SimpleNamespace, SimpleNamespace]  # c, s and u of one axis
+
+
 @dataclass(frozen=True)
 class _HandStep:
     """One step of the plant, symbolically."""
@@ -93,31 +100,30 @@ class _HandStep:
         label: Labels,
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         parts = [
-            tuple(_view(v, self.names[k], a) for k, v in (("c", c), ("s", s), ("u", u)))
+            (
+                _view(c, self.names["c"], a),
+                _view(s, self.names["s"], a),
+                _view(u, self.names["u"], a),
+            )
             for a in self.axes
         ]
-        labels = [self._named(label, a) for a in self.axes]
-        at = [
-            self.axis.drift(*p, named)  # type: ignore[arg-type]
-            for p, named in zip(parts, labels, strict=True)
-        ]
+        labels = [_named(label, a) for a in self.axes]
+        at = [self.axis.drift(*p, named) for p, named in zip(parts, labels, strict=True)]
         loads = self._hand(c, parts, at, label)
-        next_state, outputs = {}, {}
+        next_state: dict[str, Any] = {}
+        outputs: dict[str, Any] = {}
         stored = c.inertia_cross_kgm2 * loads[0].w * loads[1].w
         for a, p, drifted, load, named in zip(self.axes, parts, at, loads, labels, strict=True):
-            after, shown = self.axis.settle(p[0], p[1], drifted, load, named)  # type: ignore[arg-type]
+            after, shown = self.axis.settle(p[0], p[1], drifted, load, named)
             stored = stored + shown.pop("stored_J")
             next_state |= {of_axis(n, a): x for n, x in after.items()}
             outputs |= {of_axis(n, a): x for n, x in shown.items()}
         return next_state, outputs | {"stored_J": stored, "plant_status": plant_status(guard)}
 
-    def _named(self, label: Labels, axis: str) -> Callable[..., Any]:
-        return lambda name, value, *text: label(of_axis(name, axis), value, *text)
-
     def _hand(
         self,
         c: SimpleNamespace,
-        parts: list[tuple[SimpleNamespace, ...]],
+        parts: list[Parts],
         at: list[Drifted],
         label: Labels,
     ) -> list[Load]:

@@ -14,10 +14,13 @@ from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.device import Device
 from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import Array
+from esea_gen.model.sensing import of_axis
 from esea_gen.twin.case import IMPEDANCE, OFF, Case, Setting
 from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.faults import parse_fault
+from esea_gen.twin.hand import hand_variant
+from esea_gen.twin.hand_plant import tunable_places
 from esea_gen.twin.off import deviation, refuse_unknown
 from esea_gen.twin.people import PlantVariant, ideal_plant, random_person, random_plant, real_plant
 from esea_gen.twin.published import PEOPLE
@@ -30,6 +33,9 @@ PERSON_NAMES = ("none", "ideal", "uncertain", "uncertain-no-feedforward", "rando
 # control task must have given two commands before.
 ARM_S, ON_S = 0.03, 0.06
 ARM_PERIODS, ON_PERIODS = 2.5, 3.0
+# What is 0 all along; of an axis that a case does not move, what is wanted too.
+ZERO = ("stop", "frame_error_motor", "frame_error_load", "frame_error_gear", "law", "constrained")
+WANTED = ("tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s")
 # The thesis weighs the impedance experiment otherwise than the torque experiments.
 PRINTED_IMPEDANCE = {"Q": 1.0, "R": 0.005}
 
@@ -41,6 +47,8 @@ def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVa
     """
     choose("plant", plant, PLANT_NAMES)
     choose("person", person, PERSON_NAMES)
+    if len(device.axes) > 1:
+        return _stepped(device, hand_variant(device, plant, person, seed))
     made = {
         "ideal": lambda: ideal_plant(device),
         "real": lambda: real_plant(device, seed=seed),
@@ -55,8 +63,8 @@ def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVa
 @lru_cache(maxsize=8)
 def compiled_loop(device: Device, cable: bool, real: str) -> ClosedLoop:
     """Loop of a device and a plant, compiled once in a process."""
-    variant = real_plant(device) if cable else ideal_plant(device)
-    return ClosedLoop(device.system, _stepped(device, variant), real)
+    variant = plant_variant(device, "real" if cable else "ideal", "none", 0)
+    return ClosedLoop(device.system, variant, real)
 
 
 def _stepped(device: Device, variant: PlantVariant) -> PlantVariant:
@@ -84,22 +92,25 @@ def previews(path: Trajectory, horizon: Horizon, tick_s: float = 1 / RATE_HZ) ->
     return {name: np.asarray(values[at]) for name, values in given.items()}
 
 
-def told(device: Device, loop: ClosedLoop, path: Trajectory, mode: int) -> dict[str, Array]:
+def told(
+    device: Device, loop: ClosedLoop, path: Trajectory, mode: int, axis: str = ""
+) -> dict[str, Array]:
     """What a controller is told along a path: off at first, armed, then the mode; the first law.
 
+    axis: which the path is of; the others are wanted at 0.
     return: one value a tick of the device.
     """
     n = len(path.tau_desired_Nm)
     t = np.arange(n) / RATE_HZ
     slow_s = device.system.tasks[-1].every * device.period_s
-    signals = path.signals() | {
+    signals = {of_axis(k, axis): v for k, v in path.signals().items()} | {
         "mode": np.where(t < max(ON_S, ON_PERIODS * slow_s), OFF, mode).astype(float),
         "rearm": (t >= max(ARM_S, ARM_PERIODS * slow_s)).astype(float),
     }
-    rest = ("stop", "frame_error_motor", "frame_error_load", "frame_error_gear", "law")
     future = previews(path, device_horizon(device), device.period_s)
-    given = {name: np.zeros(n) for name in rest} | future
-    signals |= {k: v for k, v in given.items() if k in loop.signals}
+    axes = getattr(device, "axes", ())
+    zero = {of_axis(k, a): np.zeros(n) for k in (*ZERO, *WANTED) for a in ("", *axes)}
+    signals = {k: v for k, v in (zero | future).items() if k in loop.signals} | signals
     ticks = round(n / RATE_HZ / device.period_s)
     return {k: _resampled(v, RATE_HZ * device.period_s, ticks) for k, v in signals.items()}
 
@@ -108,6 +119,14 @@ def _resampled(values: Array, ratio: float, count: int) -> Array:
     # What holds at each of ``count`` moments, ``ratio`` old samples apart; unchanged at ratio 1.
     at = (np.arange(count) * ratio + 1e-6).astype(int)
     return np.asarray(values[np.minimum(at, len(values) - 1)])
+
+
+def axis_of(device: Device, setting: Setting) -> str:
+    """Name of the axis that a setting's cases move; empty of a device with one."""
+    if not setting.axis:
+        return device.axes[0]
+    choose("axis", setting.axis, device.axes)
+    return setting.axis
 
 
 def run_case(case: Case, setting: Setting, seed: int) -> ClosedLoopRun:
@@ -148,12 +167,14 @@ def run_on(
     """Run one case on a loop that is compiled already.
 
     loop: the device's System, or one that shows more of it, with a plant.
+    return: with several axes the names of the setting's axis are there without it as well.
     """
     fixed = case.trajectory.clamped
     refuse_unadapted(device, setting)
     # What the same machine has learnt with a known mass before.
     adapted = _weighed(loop, device, setting.plant, setting.off, seed) if setting.adapted else {}
-    signals = told(device, loop, case.trajectory, case.mode)
+    axis = axis_of(device, setting)
+    signals = told(device, loop, case.trajectory, case.mode, axis)
     merged = {k: dict(v) for k, v in setting.tunables.items()}
     if adapted:
         merged[INSTANCE] = {**adapted, **merged.get(INSTANCE, {})}
@@ -163,12 +184,14 @@ def run_on(
             chosen |= PRINTED_IMPEDANCE
         merged["predictive"] = chosen | merged.get("predictive", {})
     for instance, values in case.tunables.items():
-        merged.setdefault(instance, {}).update(values)
+        merged.setdefault(f"{instance}_{axis}" if axis else instance, {}).update(values)
     # A variant knows only what its plant has: the rigid one has no cable to twist.
-    known = {x.name for b in loop.plant.blocks.values() for x in b.tunables}
-    extra = {k: v for k, v in case.plant.items() if k in known}
+    known = tunable_places(loop.plant)
+    extra = {of_axis(k, axis): v for k, v in case.plant.items() if of_axis(k, axis) in known}
     fault = parse_fault(setting.fault) if setting.fault else None
     off = deviation(setting.off, device, seed)
+    values = {of_axis(k, a): v for k, v in off.values.items() for a in device.axes}
+    off = replace(off, values=values)
     refuse_unknown(setting.off, off, known)
     n, ratio = len(case.trajectory.tau_desired_Nm), RATE_HZ * device.period_s
     missed = off.missed(n, seed)
@@ -180,7 +203,8 @@ def run_on(
         delay_ticks=round(off.delay_ticks / ratio),
         missed=None if missed is None else _resampled(missed, ratio, round(n / ratio)),
         fault=fault,
-    )
+        axis=axis,
+    ).of_axis(axis)
     if device.period_s == 1 / RATE_HZ:
         return run
     # Judged at the rate of the trajectories, whatever the device's.

@@ -20,9 +20,10 @@ class BlackboxRecord:
 
     tick: its lower 16 bits.
     fault: number of the fault; 0 for none.
-    faults: what the limits of each axis said, by the output's name.
-    on: whether the motors were on; u_Nm: what they were given, by the output's name.
+    on: whether the motors were on.
     stop_held: whether a stop was held, or the stop line open.
+    u_Nm, limits: what each motor was given, and the fault that its limits told, by the output's
+        name.
     wanted: what the limits and the laws were given, by name; arrays as tuples.
     measured: what the drivers gave, by name.
     """
@@ -31,9 +32,9 @@ class BlackboxRecord:
     state: str
     fault: int
     on: bool
-    faults: dict[str, int]
     stop_held: bool
     u_Nm: dict[str, float]
+    limits: dict[str, int]
     wanted: dict[str, float | tuple[float, ...]]
     measured: dict[str, float]
 
@@ -81,9 +82,9 @@ def read_record(device: Device, data: bytes) -> BlackboxRecord:
         {s.value: s.name for s in STATES}.get(state, f"unknown {state}"),
         fault,
         bool(flags & 0x40),
-        {a.fault: n for a, n in zip(roles.axes, faults, strict=False)},
         bool(flags & 0x80),
         {a.u: u for a, u in zip(roles.axes, u_Nm, strict=False)},
+        {a.fault: n for a, n in zip(roles.axes, faults, strict=False)},
         wanted,
         dict(zip(names, values[at:], strict=True)),
     )
@@ -100,7 +101,7 @@ def blackbox_csv(records: Sequence[BlackboxRecord]) -> str:
             "on": int(r.on),
             "stop_held": int(r.stop_held),
         }
-        values |= r.u_Nm | {f"limits_{n}": fault for n, fault in r.faults.items()}
+        values |= r.u_Nm | {f"limits_{n}": fault for n, fault in r.limits.items()}
         for name, value in r.wanted.items():
             parts = value if isinstance(value, tuple) else (value,)
             names = [f"{name}[{i}]" for i in range(len(parts))] if len(parts) > 1 else [name]

@@ -40,6 +40,7 @@
 #define ESEA_RCC_APB1ENR_TIM2 (1u << 0)
 #define ESEA_RCC_APB1ENR_TIM3 (1u << 1)
 #define ESEA_RCC_APB1ENR_SPI2 (1u << 14)
+#define ESEA_RCC_APB1ENR_SPI3 (1u << 15)
 #define ESEA_RCC_APB1ENR_PWR (1u << 28)
 #define ESEA_RCC_APB2ENR ESEA_REG(0x40023844u)
 #define ESEA_RCC_APB2ENR_USART1 (1u << 4)
@@ -66,9 +67,10 @@
 #define ESEA_GPIOB_MODER ESEA_GPIO_MODER(1u)
 #define ESEA_GPIOB_AFRL ESEA_GPIO_AFR(1u, 0u)
 
-/* SPI 1 and 2, by the address of their first register. */
+/* SPI 1 to 3, by the address of their first register. */
 #define ESEA_SPI1 0x40013000u
 #define ESEA_SPI2 0x40003800u
+#define ESEA_SPI3 0x40003C00u
 #define ESEA_SPI_CR1(spi) ESEA_REG((spi) + 0x00u)
 #define ESEA_SPI_CR1_CPHA (1u << 0)
 #define ESEA_SPI_CR1_CPOL (1u << 1)
@@ -84,17 +86,21 @@
 #define ESEA_SPI_SR_BSY (1u << 7)
 #define ESEA_SPI_DR(spi) ESEA_REG((spi) + 0x0Cu)
 
-/* Timer 3: 16 bits, its first channel as PWM. */
+/* Timer 3: 16 bits, its first and its last channel as PWM. */
 #define ESEA_TIM3_CR1 ESEA_REG(0x40000400u)
 #define ESEA_TIM3_CR1_CEN (1u << 0)
 #define ESEA_TIM3_CR1_ARPE (1u << 7)
 #define ESEA_TIM3_EGR ESEA_REG(0x40000414u)
 #define ESEA_TIM3_CCMR1 ESEA_REG(0x40000418u)
 #define ESEA_TIM3_CCMR1_PWM_1 (6u << 4 | 1u << 3) /* PWM mode 1, taken over at the end of a period */
+#define ESEA_TIM3_CCMR2 ESEA_REG(0x4000041Cu)
+#define ESEA_TIM3_CCMR2_PWM_4 (6u << 12 | 1u << 11)
 #define ESEA_TIM3_CCER ESEA_REG(0x40000420u)
+#define ESEA_TIM3_CCER_1 (1u << 0)
+#define ESEA_TIM3_CCER_4 (1u << 12)
 #define ESEA_TIM3_PSC ESEA_REG(0x40000428u)
 #define ESEA_TIM3_ARR ESEA_REG(0x4000042Cu)
-#define ESEA_TIM3_CCR1 ESEA_REG(0x40000434u)
+#define ESEA_TIM3_CCR(channel) ESEA_REG(0x40000430u + 4u * (channel))
 
 /* Converter 1. */
 #define ESEA_ADC1_SR ESEA_REG(0x40012000u)

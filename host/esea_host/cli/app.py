@@ -18,6 +18,7 @@ GROUPS = {
         "view": "view",
         "monitor": "live",
         "record": "live",
+        "zero": "live",
         "parameters": "live",
         "sim": "live",
         "bridge": "bridge",

@@ -14,7 +14,9 @@ from esea_host.cli.view import watch_demo
 
 @app.command()
 def demo(
-    device: Annotated[str, typer.Option("--device", help="With a drive.")] = "elbow_drive",
+    device: Annotated[
+        str, typer.Option("--device", help="Without a window one with a drive.")
+    ] = "elbow_drive",
     headless: Annotated[bool, typer.Option("--headless", help="Without a window.")] = False,
     seconds: Annotated[
         float | None,
@@ -27,14 +29,17 @@ def demo(
         Path | None,
         typer.Option("--recording", callback=writable, help="Default: beside the page."),
     ] = None,
-    person: Annotated[str, typer.Option("--person", help="Who is in the joint.")] = "uncertain",
+    person: Annotated[
+        str | None, typer.Option("--person", help="Who is in the joint; default: uncertain.")
+    ] = None,
     seed: Annotated[int, typer.Option("--seed")] = 0,
 ) -> None:
     """Simulated board and person, in the live view; headless: a recording, its proof, one page."""
     from esea_host.simulated.demo import run_demo
 
     if not headless:
-        watch_demo(f"sim:{device}?person={person}&seed={seed}", recording, seconds)
+        who = f"&person={person}" if person else ""
+        watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds)
         return
     done = run_demo(
         device, 10.0 if seconds is None else seconds, report, recording, person, seed, out.print

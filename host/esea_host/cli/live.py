@@ -16,6 +16,7 @@ from rich.live import Live
 from rich.table import Table as Grid
 
 from esea_gen.cli.options import writable
+from esea_gen.emit.roles import every_tick
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.files import read_whole, write_json
 from esea_gen.link.received import shown_lines
@@ -30,6 +31,7 @@ from esea_host.cli.options import (
 from esea_host.connection import ConnectedDevice, Subscription, listen_named, open_device
 
 SCREEN_S, LINE_S = 0.2, 1.0
+ZERO_S = 1.5  # it stands still for a while, and tells its state once a second
 
 
 def _until(seconds: float | None, step_s: float) -> Iterator[None]:
@@ -51,7 +53,10 @@ def _said(device: ConnectedDevice) -> str:
 @app.command()
 def monitor(
     address: AddressArgument,
-    stream: Annotated[str, typer.Option("--stream", help="Which to show.")] = "sense_out",
+    stream: Annotated[
+        list[str] | None,
+        typer.Option("--stream", help="Which to show; again for more; default: all axes' sensing."),
+    ] = None,
     device: DeviceOption = None,
     key: KeyOption = None,
     seconds: SecondsOption = None,
@@ -64,8 +69,9 @@ def monitor(
 ) -> None:
     """Show what a board tells, in the terminal or line by line."""
     with open_device(address, device, key) as board:
-        board.listen([stream], rate)
-        queue = board.subscribe([stream])
+        chosen = stream or [f"{t.name}_out" for t in every_tick(board.identity.device.system)]
+        board.listen(chosen, rate)
+        queue = board.subscribe(chosen)
         if jsonl:
             _lines(queue, seconds)
         else:
@@ -91,10 +97,9 @@ def _plain(value: Any) -> Any:
 
 
 def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) -> None:
-    layout = next(
-        x for x in board.receiver.decoder.layouts.values() if x.name in (queue.streams or ())
-    )
-    last: Any = None
+    wanted = queue.streams or ()
+    layouts = [x for x in board.receiver.decoder.layouts.values() if x.name in wanted]
+    last: dict[str, Any] = {}
     rows, line_s = 0, 0.0
     grid = Grid()
     with ExitStack() as held:
@@ -103,12 +108,13 @@ def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) 
         live = held.enter_context(Live(console=out, refresh_per_second=5)) if terminal else None
         for _ in _until(seconds, SCREEN_S):
             for batch in queue.take(0.0):
-                last, rows = batch.rows[-1], rows + len(batch.rows)
+                last[batch.layout.name] = batch.rows[-1]
+                rows += len(batch.rows)
             grid = Grid(title=f"{_said(board)}: {board.state()}", title_justify="left")
             for column in ("signal", "value", "unit", "meaning"):
                 grid.add_column(column, justify="right" if column == "value" else "left")
-            for c in layout.columns if last is not None else ():
-                value = last[c.name].tolist()
+            for row, c in ((last[x.name], c) for x in layouts if x.name in last for c in x.columns):
+                value = row[c.name].tolist()
                 text = f"{value:.5g}" if isinstance(value, float) else str(value)
                 grid.add_row(c.name, text, c.unit, c.meaning[:50])
             health = board.health()
@@ -176,6 +182,21 @@ def record(
             why = recording.error or "the link was broken."
             told(paragraphs(f"esea-host: the recording ended early and is kept: {why}"))
             told(f"What it has: esea-host show {path}")
+            raise typer.Exit(1)
+
+
+@app.command()
+def zero(address: AddressArgument, device: DeviceOption = None, key: KeyOption = None) -> None:
+    """Take the present angles as zero: unloaded, at the joint's zero, standing still.
+
+    Exit code 1: something moved meanwhile, and the encoders have no zero.
+    """
+    with open_device(address, device, key) as board:
+        board.zero()
+        time.sleep(ZERO_S)
+        out.print(f"{_said(board)}: {board.state()}")
+        if board.state() != "READY":
+            told("The board did not stand still. Hold both sides of each coupling, and zero again.")
             raise typer.Exit(1)
 
 
@@ -273,6 +294,9 @@ def sim(
         float,
         typer.Option("--spring", min=0.0, help="Nm/deg of a spring in the elastomer's place."),
     ] = 0.0,
+    zeroed: Annotated[
+        bool, typer.Option("--zeroed", help="Its encoders are zeroed before it is served.")
+    ] = False,
 ) -> None:
     """Serve a simulated board: the firmware's application, a virtual joint, a virtual person."""
     from esea_host.simulated.server import serve
@@ -282,7 +306,8 @@ def sim(
     port = None if pty else (tcp or 0)
     try:
         serve(device, port, plant=plant, person=person, motion=motion, seed=seed, speed=speed,
-              board=board, spring_Nm_rad=math.degrees(spring), say=_tell)  # fmt: skip
+              board=board, zeroed=zeroed, say=_tell,
+              spring_Nm_rad=math.degrees(spring))  # fmt: skip
     except KeyboardInterrupt:
         return
 

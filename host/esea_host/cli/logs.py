@@ -12,7 +12,7 @@ from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
 from esea_gen.link.received import shown
 from esea_host.cli.app import app, out
-from esea_host.cli.options import LogArgument
+from esea_host.cli.options import LogArgument, OneStreamOption
 from esea_host.cli.view import watch_recording
 from esea_host.recording import open_log
 from esea_host.recording.clock import clock_fit
@@ -69,7 +69,7 @@ def replay(
         bool,
         typer.Option("--allow-damage", help="With --verify: pass if what is left is the C's."),
     ] = False,
-    stream: Annotated[str, typer.Option("--stream", help="Which to print.")] = "sense_out",
+    stream: OneStreamOption = None,
     speed: SpeedOption = 1.0,
     view: Annotated[bool, typer.Option("--view", help="Play it in the live view.")] = False,
     seconds: Annotated[
@@ -91,7 +91,7 @@ def replay(
             from esea_host.recording.playing import play
 
             warn_unless_complete(path, log.integrity)
-            for line in play(log, stream, speed):
+            for line in play(log, stream or log.first_output, speed):
                 print(line)
             return
         from esea_host.recording.replay import verify as prove
@@ -122,7 +122,7 @@ def export(
     path: LogArgument,
     target: Annotated[Path, typer.Argument(help="File, or folder of the BIDS data set.")],
     to: Annotated[str, typer.Option("--to", help=", ".join(FORMATS))] = "csv",
-    stream: Annotated[str, typer.Option("--stream")] = "sense_out",
+    stream: OneStreamOption = None,
     subject: Annotated[str, typer.Option("--subject", help="BIDS: label.")] = "01",
     task: Annotated[str, typer.Option("--task", help="BIDS: label.")] = "torque",
 ) -> None:
@@ -131,6 +131,7 @@ def export(
 
     with open_log(path) as log:
         warn_unless_complete(path, log.integrity)
+        stream = stream or log.first_output
         if to == "bids":
             out.print(f"{to_bids(log, target, subject, task, stream)}")
         elif to in FORMATS:

@@ -10,9 +10,7 @@ import typer
 
 AddressArgument = Annotated[
     str,
-    typer.Argument(
-        help="Where the board is: tcp:host:port, serial:/dev/..., pty:..., sim:elbow_drive."
-    ),
+    typer.Argument(help="Where the board is: tcp:host:port, serial:/dev/..., pty:..., sim:knee."),
 ]
 DeviceOption = Annotated[
     str | None,
@@ -33,6 +31,10 @@ SecondsOption = Annotated[
 StreamOption = Annotated[
     list[str] | None,
     typer.Option("--stream", help="Stream, such as sense_out; again for more; default: all."),
+]
+OneStreamOption = Annotated[
+    str | None,
+    typer.Option("--stream", help="Which; default: what the first axis is sensed to do."),
 ]
 
 # Rooms whose tasks register themselves when they are read.

@@ -108,10 +108,10 @@ def _watch(
             raise of_file(recording.error, record)
 
 
-def _push(board: ConnectedDevice, push_rad: float) -> None:
+def _push(board: ConnectedDevice, *pushes_rad: float) -> None:
     transport = board.receiver.transport
     if isinstance(transport, SimulatedProcess):
-        transport.push(push_rad)
+        transport.push(*pushes_rad)
 
 
 def need_a_screen(otherwise: str) -> None:

@@ -240,6 +240,13 @@ class Log:
         return [t for t in self._file.topics() if self._file.layout(t) is not None]
 
     @property
+    def first_output(self) -> str:
+        """The stream that is shown unless another is named: what the first axis is sensed to do."""
+        outputs = [s for s in self.streams if s.endswith("_out")]
+        sensed = [s for s in outputs if s.startswith("sense")]
+        return next(iter([*sensed, *outputs, *self.streams]), "sense_out")
+
+    @property
     def topics(self) -> list[str]:
         """Streams and events."""
         return list(self._file.topics())

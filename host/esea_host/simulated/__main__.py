@@ -17,6 +17,7 @@ parser.add_argument("--person")
 parser.add_argument("--plant")
 parser.add_argument("--motion")
 parser.add_argument("--board", default="sim")
+parser.add_argument("--zeroed", type=int, default=0)
 parser.add_argument("--seed", type=int, default=0)
 parser.add_argument("--speed", type=float, default=1.0)
 parser.add_argument("--spring", type=float, default=0.0)
@@ -31,6 +32,7 @@ try:
         seed=given.seed,
         speed=given.speed,
         board=given.board,
+        zeroed=bool(given.zeroed),
         once=given.once,
         spring_Nm_rad=math.degrees(given.spring),
         hands=sys.stdin.fileno() if given.hands else None,

@@ -12,13 +12,22 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.files import written_whole
+from esea_gen.model.sensing import of_axis
 from esea_host.recording.log import Log, Table, open_log
 from esea_host.recording.replay import ReplayVerdict, device_of, verify
-from esea_host.simulated.drive import SimulatedBoard
+from esea_host.simulated.drive import PERSON, SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
 
 TURN_S = 0.005  # from one command to the next, as often as the control task runs
 AMPLITUDE_Nm, WANTED_HZ = 1.7, 0.6  # the tuning case of the published trials
+SHOWN = (
+    "tau_desired_Nm",
+    "tau_Nm",
+    "theta_rad",
+    "theta_load_rad",
+    "u_Nm",
+    "limits_status",
+)  # of the first axis
 SETTLE_S, ZERO_S, ZERO_TRIES = 0.3, 0.4, 5
 
 
@@ -40,7 +49,7 @@ def run_demo(
     seconds: float,
     report: Path,
     recording: Path | None = None,
-    person: str = "uncertain",
+    person: str | None = None,
     seed: int = 0,
     say: Callable[[str], None] = lambda _: None,
 ) -> Demo:
@@ -58,8 +67,14 @@ def run_demo(
             raise UserError(f"{path} is there already.", "Give another name.")
     own = isinstance(device, str)
     drive = SimulatedBoard(device, person=person, seed=seed) if isinstance(device, str) else device
+    if drive.passive:
+        drive.close()
+        raise UserError(
+            f"{drive.device.name} has no drive: no torque can be asked of it.",
+            f"Record it: esea-host record 'sim:{drive.device.name}?zeroed=1' FILE.mcap",
+        )
     try:
-        say(f"simulated {drive.device.name}, simulated person '{person}'")
+        say(f"simulated {drive.device.name}, simulated person '{person or PERSON}'")
         connected = LockstepDevice(drive)
         with connected.record(target) as live:
             live.note("simulated: the firmware's application, virtual drive, virtual person")
@@ -69,7 +84,7 @@ def run_demo(
         if own:
             drive.close()
     with open_log(target) as log:
-        say(f"{target}: {len(log['sense_out'])} ticks; computing it again")
+        say(f"{target}: {len(log[log.first_output])} ticks; computing it again")
         verdict = verify(log)
         error_Nm = _draw(log, verdict, report)
     return Demo(target, report, verdict, error_Nm)
@@ -84,11 +99,13 @@ def _follow(device: LockstepDevice, seconds: float) -> None:
             break
     else:
         raise UserError(f"The simulated person did not stand still in {ZERO_TRIES} tries.", "")
+    names = [of_axis("tau_desired_Nm", a) for a in device.drive.axes]
     device.arm()
     device.advance(TURN_S)
     for i in range(round(seconds / TURN_S)):
         wanted_Nm = AMPLITUDE_Nm * math.sin(2 * math.pi * WANTED_HZ * i * TURN_S)
-        device.want(mode=1.0, tau_desired_Nm=wanted_Nm)
+        wanted: dict[str, Any] = dict.fromkeys(names, wanted_Nm)
+        device.want(mode=1.0, **wanted)
         device.advance(TURN_S)
     device.disarm()
     device.advance(1.0)
@@ -106,11 +123,13 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
 
     from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, STYLE
 
-    last = list(log["sense_out"].pieces())[-1]
-    given = list(log["sense_in"].pieces())[-1]
+    axis = device_of(log).axes[0]
+    named = {n: of_axis(n, axis) for n in SHOWN}
+    last = list(log[log.first_output].pieces())[-1]
+    given = list(log[log.first_output.replace("_out", "_in")].pieces())[-1]
     t_s = last.time_s
     on = given["mode"] > 0
-    error = last["tau_Nm"] - given["tau_desired_Nm"]
+    error = last[named["tau_Nm"]] - given[named["tau_desired_Nm"]]
     judged = on & (t_s > t_s[on][0] + 1 / WANTED_HZ if on.any() else on)
     rms_Nm = float(np.sqrt(np.mean(np.square(error[judged])))) if judged.any() else float("nan")
     facts = log.facts
@@ -119,23 +138,32 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
         torque, bend, command, acts, loop = figure.subplot_mosaic(
             [["a", "a"], ["b", "b"], ["c", "c"], ["d", "e"]], height_ratios=[1.5, 1, 1, 1.4]
         ).values()
-        wanted = np.where(on, given["tau_desired_Nm"], np.nan)
+        wanted = np.where(on, given[named["tau_desired_Nm"]], np.nan)
         torque.plot(t_s, wanted, color=MODEL, lw=1.0, label="wanted")
-        torque.plot(t_s, last["tau_Nm"], color=MEASURED, lw=1.3, label="sensed")
-        torque.set(ylabel="torque [Nm]", title=f"Torque; error {rms_Nm:.3f} Nm rms")
+        torque.plot(t_s, last[named["tau_Nm"]], color=MEASURED, lw=1.3, label="sensed")
+        torque.set(
+            ylabel="torque [Nm]",
+            title=f"Torque {axis}; error {rms_Nm:.3f} Nm rms".replace(" ;", ";"),
+        )
         torque.legend(ncols=2, loc="lower left")
-        bend.plot(t_s, np.degrees(last["theta_rad"]), color=MEASURED, lw=1.2, label="deflection")
-        joint_deg = np.degrees(last["theta_load_rad"])
+        bend.plot(
+            t_s, np.degrees(last[named["theta_rad"]]), color=MEASURED, lw=1.2, label="deflection"
+        )
+        joint_deg = np.degrees(last[named["theta_load_rad"]])
         other = bend.twinx()
         other.plot(t_s, joint_deg, color=BOUND, lw=1.0)
         other.set_ylabel("joint [deg]", color=BOUND)
         other.grid(False)
         bend.set_ylabel("deflection [deg]")
         bend.set_title("Deflection (left), joint angle (right)")
-        command.plot(t_s, last["u_Nm"], color=INK, lw=0.7)
+        command.plot(t_s, last[named["u_Nm"]], color=INK, lw=0.7)
         command.set(ylabel="command [Nm]", xlabel="time [s]", title="Motor command")
-        _raster(acts, last, _flags(log, device_of(log), "limits_status"))
-        loop.plot(np.degrees(last["theta_rad"]), last["tau_Nm"], color=MEASURED, lw=0.7)
+        _raster(
+            acts, last, named["limits_status"], _flags(log, device_of(log), named["limits_status"])
+        )
+        loop.plot(
+            np.degrees(last[named["theta_rad"]]), last[named["tau_Nm"]], color=MEASURED, lw=0.7
+        )
         loop.set(
             xlabel="deflection [deg]", ylabel="sensed torque [Nm]", title="Torque over deflection"
         )
@@ -150,9 +178,9 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
     return rms_Nm
 
 
-def _raster(axes: Any, table: Table, flags: list[tuple[int, str]]) -> None:
+def _raster(axes: Any, table: Table, word: str, flags: list[tuple[int, str]]) -> None:
     # When which limit acts; those that never did are left out.
-    status, t_s = table["limits_status"], table.time_s
+    status, t_s = table[word], table.time_s
     seen = [(bit, name) for bit, name in flags if (status & bit).any()]
     for row, (bit, _) in enumerate(seen):
         held = ((status & bit) != 0).astype(np.int8)

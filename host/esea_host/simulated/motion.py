@@ -155,7 +155,8 @@ class RecordedMotion:
     """Both angles from a table, between its rows on straight lines; at its end they stay.
 
     Columns ``time_s``, ``theta_motor_rad``, ``theta_load_rad`` or with axes
-    ``theta_motor_flexion_rad`` ..., as a board's exported stream has them.
+    ``theta_motor_flexion_rad`` ..., as a board's exported stream has them; axes that it does not
+    have rest.
     """
 
     def __init__(self, device: DeviceData, path: Path) -> None:
@@ -164,13 +165,18 @@ class RecordedMotion:
             a: tuple(of_axis(f"theta_{side}_rad", a) for side in ("motor", "load"))
             for a in device.axes
         }
-        needed = ["time_s", *(n for pair in names.values() for n in pair)]
-        columns = {n: column_of(table, n) for n in needed}
-        if missing := [n for n, c in columns.items() if c not in table.names]:
+        columns = {
+            n: column_of(table, n) for n in ("time_s", *(n for p in names.values() for n in p))
+        }
+        there = {n for n, c in columns.items() if c in table.names}
+        names = {a: pair for a, pair in names.items() if there.issuperset(pair)}
+        if "time_s" not in there or not names:
             raise UserError(
-                f"{path} has no column {', '.join(missing)}.",
-                f"A motion of {device.name} has the columns {', '.join(needed)}.",
+                f"{path} has the columns {', '.join(table.names)}.",
+                f"A motion of {device.name} has {', '.join(columns)}.",
             )
+        needed = ["time_s", *(n for pair in names.values() for n in pair)]
+        columns = {n: columns[n] for n in needed}
         values = {n: table.numbers(c) for n, c in columns.items()}
         time_s = values["time_s"]
         if len(time_s) < 2:
@@ -193,7 +199,7 @@ class RecordedMotion:
                 raise UserError(
                     f"{table.at(k + 1, name)}: moves by {speeds[k]:.3g} rad/s; the joint's limit "
                     f"is {most:g} rad/s.",
-                    "Angles are in rad, without jumps.",
+                    "Angles are in rad; of a recording take what is behind its zeroing.",
                 )
         at_s = np.arange(time_s[0], time_s[-1], TICK_S)
         paths = {n: np.interp(at_s, time_s, values[n]).tolist() for n in needed[1:]}
@@ -201,13 +207,14 @@ class RecordedMotion:
             a: list(zip(paths[motor], paths[load], strict=True))
             for a, (motor, load) in names.items()
         }
+        self._rest = dict.fromkeys(device.axes, (0.0, 0.0))
         self._next, self._last = 0, len(at_s) - 1
 
     def step(self) -> Mapping[str, tuple[float, float]]:
         """See :class:`Motion`."""
         at = self._next
         self._next = min(at + 1, self._last)
-        return {axis: path[at] for axis, path in self._axes.items()}
+        return self._rest | {axis: path[at] for axis, path in self._axes.items()}
 
 
 def make_motion(name: str, device: DeviceData) -> Motion:

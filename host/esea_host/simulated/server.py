@@ -21,6 +21,7 @@ MOST_BACKLOG_BYTES = 1 << 18
 MOST_TICKS = 50  # between two looks at the line
 IDLE_S = 0.0005
 MOST_PUSH_RAD, MOST_AIM_RAD = 1.0, 3.0
+SETTLE_TICKS, ZERO_TICKS = 300, 500
 GUEST_S, MOST_GUEST_BYTES = 1.0, 4096  # for which somebody beside the host is heard
 
 
@@ -144,6 +145,7 @@ def serve(
     seed: int = 0,
     speed: float = 1.0,
     board: str = "sim",
+    zeroed: bool = False,
     once: bool = False,
     say: Callable[[str], None] | None = None,
     hands: int | None = None,
@@ -154,6 +156,7 @@ def serve(
     port: of TCP on this computer, 0 for any; None: a pseudo terminal.
     speed: of the board's time against the clock's; 0: as fast as the host reads.
     board: ``sim``, or ``sim-q31``.
+    zeroed: its encoders are zeroed before, while everything rests.
     once: end when the first host has gone.
     hands: where lines for :class:`Hands` come from, a file's number.
     spring_Nm_rad: of a spring in place of the coupling's elastomer; 0: the elastomer.
@@ -168,6 +171,8 @@ def serve(
     try:
         drive.board.lib.sim_unique(1 + secrets.randbelow((1 << 32) - 1))
         drive.restart()  # what was said to another one does not fit this start
+        if zeroed:
+            _zero(drive)
         if port is None:
             terminal = _Terminal()
             tell(f"simulated {named} at pty:{terminal.name}")
@@ -178,6 +183,17 @@ def serve(
             serve_hosts(drive, listener, speed, once, Hands(hands))
     finally:
         drive.close()
+
+
+def _zero(drive: SimulatedBoard) -> None:
+    for _ in range(SETTLE_TICKS):
+        drive.tick()
+    drive.board.zero()
+    for _ in range(ZERO_TICKS):
+        drive.tick()
+    if drive.board.state_now != "READY":
+        raise UserError("The simulated joint does not stand still: it cannot be zeroed.", "")
+    drive.read()  # nobody has listened
 
 
 class Hands:

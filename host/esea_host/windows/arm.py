@@ -9,6 +9,7 @@ from PySide6.QtCore import QPointF, Qt, QTimer
 from PySide6.QtGui import QColor, QKeySequence, QMouseEvent, QPainter, QPaintEvent, QPen, QShortcut
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QWidget
 
+from esea_host.windows.columns import AxisColumns
 from esea_host.windows.feed import LiveFeed
 
 MOST_RAD, STEP_RAD = 0.6, 0.1
@@ -18,12 +19,14 @@ DRAWN_MS = 50
 class VirtualArm(QWidget):
     """An upper arm, and a forearm that somebody takes and pushes; let go it is pushed no more.
 
-    push: called with how far, in rad, from where the virtual person wants it.
+    push: called when it is pushed another way, from where the virtual person wants it.
+    axis: of a device with several.
     """
 
-    def __init__(self, feed: LiveFeed, push: Callable[[float], None]) -> None:
+    def __init__(self, feed: LiveFeed, push: Callable[[], None], axis: str = "") -> None:
         super().__init__()
-        self._feed, self._push = feed, push
+        (self._shown,) = AxisColumns(feed).signals((("theta_load_rad", "1", ""),), axis)
+        self._feed, self._push, self._axis = feed, push, axis
         self.push_rad = 0.0
         self._taken_rad: float | None = None
         self.setMinimumSize(200, 200)
@@ -35,13 +38,13 @@ class VirtualArm(QWidget):
     @property
     def angle_rad(self) -> float:
         """Of the joint, as the board told it last; 0 is a forearm that hangs straight down."""
-        row = self._feed.rings["sense_out"].newest()
-        return 0.0 if row is None else float(row["theta_load_rad"])
+        row = self._feed.rings[self._shown.stream].newest()
+        return 0.0 if row is None else float(row[self._shown.column])
 
     def set_push(self, push_rad: float) -> None:
         """Push so far, from now on."""
         self.push_rad = min(max(push_rad, -MOST_RAD), MOST_RAD)
-        self._push(self.push_rad)
+        self._push()
         self.update()
 
     def _elbow(self) -> QPointF:
@@ -99,21 +102,33 @@ class VirtualArm(QWidget):
         painter.setPen(ink)
         said = f"{math.degrees(angle):.0f} deg"
         said += f", pushed by {math.degrees(self.push_rad):+.0f} deg" if self.push_rad else ""
-        painter.drawText(10, self.height() - 28, "SIMULATED arm: drag it")
+        painter.drawText(
+            10, self.height() - 28, f"SIMULATED arm{self._axis and f', {self._axis}'}: drag it"
+        )
         painter.drawText(10, self.height() - 10, said)
 
 
-def add_arm(window: QMainWindow, feed: LiveFeed, push: Callable[[float], None]) -> VirtualArm:
-    """Put the arm beside the plots of a live view."""
-    arm = VirtualArm(feed, push)
-    dock = QDockWidget("Virtual arm", window)
-    dock.setFeatures(QDockWidget.DockWidgetFeature.DockWidgetClosable)
-    dock.setWidget(arm)
-    window.addDockWidget(Qt.DockWidgetArea.RightDockWidgetArea, dock)
+def add_arms(window: QMainWindow, feed: LiveFeed, push: Callable[..., None]) -> list[VirtualArm]:
+    """Put an arm for each axis beside the plots of a live view; keys push the first.
+
+    push: called with how far each axis is pushed, in rad.
+    """
+    arms: list[VirtualArm] = []
+
+    def pushed() -> None:
+        push(*(arm.push_rad for arm in arms))
+
+    for axis in feed.device.identity.device.axes:
+        arms.append(VirtualArm(feed, pushed, axis))
+        dock = QDockWidget(f"Virtual arm {axis}".rstrip(), window)
+        dock.setFeatures(QDockWidget.DockWidgetFeature.DockWidgetClosable)
+        dock.setWidget(arms[-1])
+        window.addDockWidget(Qt.DockWidgetArea.RightDockWidgetArea, dock)
+    arm = arms[0]
     for key, job in (
         ("]", lambda: arm.set_push(arm.push_rad + STEP_RAD)),
         ("[", lambda: arm.set_push(arm.push_rad - STEP_RAD)),
         ("=", lambda: arm.set_push(0.0)),
     ):
         QShortcut(QKeySequence(key), window, job)
-    return arm
+    return arms

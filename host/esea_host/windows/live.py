@@ -28,11 +28,13 @@ from PySide6.QtWidgets import (
 )
 
 from esea_host.connection import PlayedBoard
+from esea_host.windows.columns import LOOP, AxisColumns
 from esea_host.windows.counting import take_many
 from esea_host.windows.cursors import Cursors
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.history import Stretch
-from esea_host.windows.meanings import limit_flags, link_text, mode_text, state_text
+from esea_host.windows.meanings import link_text, state_text
+from esea_host.windows.number_field import Choice
 from esea_host.windows.parameters import ParameterEditor
 from esea_host.windows.plots import LimitBands, LoopPlot, ShownSignal, TimePlot, signal_of
 from esea_host.windows.spectrum import SpectrumPlot
@@ -46,18 +48,6 @@ WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 UNCONFIRMED_S = 1.0
 ALARMING = ("FAULT", "STOPPED")
 MOVING = ("ARMED", "ACTIVE", "LETTING_GO")
-# Title, unit, and of each signal its stream, column, unit and label.
-PANELS = (
-    (
-        ("Torque", "Nm"),
-        ("sense_in", "tau_desired_Nm", "Nm", "wanted"),
-        ("sense_out", "tau_set_Nm", "Nm", "set"),
-        ("sense_out", "tau_Nm", "Nm", "measured"),
-    ),
-    (("Deflection", "deg"), ("sense_out", "theta_rad", "rad", "deflection")),
-    (("Joint", "deg"), ("sense_out", "theta_load_rad", "rad", "angle")),
-    (("Motor", "Nm"), ("sense_out", "u_Nm", "Nm", "command")),
-)
 
 
 class LiveWindow(QMainWindow):
@@ -67,7 +57,8 @@ class LiveWindow(QMainWindow):
         super().__init__()
         self.feed, self.theme = feed, DARK if dark else LIGHT
         device = feed.device.identity.device
-        self._columns = {(n, c.name): c for n, r in feed.rings.items() for c in r.layout.columns}
+        self.columns = AxisColumns(feed)
+        self.axis, self._drives = self.columns.axes[0], self.columns.drives
         self.window_s, self._frozen = 10.0, dict[str, Stretch]()
         self._stop_asked_s = 0.0
         self.played = feed.device if isinstance(feed.device, PlayedBoard) else None
@@ -100,12 +91,18 @@ class LiveWindow(QMainWindow):
         self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         # When it goes down, not when it comes up again.
         self.stop_button.pressed.connect(self.stop)
-        self.stop_button.setVisible(self.played is None)
+        self.stop_button.setVisible(self.played is None and self._drives)
         words = QVBoxLayout()
         for label in (self.state, self.fault, self.link):
             words.addWidget(label)
         top = QHBoxLayout()
         top.addLayout(words, 1)
+        self.axis_box = Choice()
+        self.axis_box.addItems(list(self.columns.axes))
+        self.axis_box.currentIndexChanged.connect(self.choose_axis)
+        self.axis_box.setVisible(len(self.columns.axes) > 1)
+        self.axis_box.setToolTip("A: the next axis")
+        top.addWidget(self.axis_box)
         top.addWidget(self.stop_button)
         self.note = QLineEdit()
         recorded = self.feed.recording is not None
@@ -134,16 +131,15 @@ class LiveWindow(QMainWindow):
         self._area = pg.GraphicsLayoutWidget()
         self.panels: list[TimePlot] = []
         self._signals: list[list[ShownSignal]] = []
-        for (title, unit), *wanted in PANELS:
-            signals = [signal_of(*w) for w in wanted if (w[0], w[1]) in self._columns]
-            if signals:
-                self.panels.append(TimePlot(self._area, len(self.panels), title, unit))
-                self._signals.append(signals)
+        for (title, unit), signals in self.columns.panels(self.axis):
+            self.panels.append(TimePlot(self._area, len(self.panels), title, unit))
+            self._signals.append(signals)
         self.chosen = TimePlot(self._area, len(self.panels), "Chosen", "")
         self.chosen.item.setVisible(False)
-        flags = limit_flags(self.feed.device.identity.device)
-        flags = [f for f in flags if ("sense_out", f.word) in self._columns]
-        self.bands = LimitBands(self._area, len(self.panels) + 1, flags, "sense_out")
+        title = "Which limit acts" if self._drives else "What the sensing reports"
+        self.bands = LimitBands(
+            self._area, len(self.panels) + 1, self.columns.flags(self.axis), title
+        )
         for panel in (*self.panels, self.chosen):
             panel.item.setXLink(self.bands.item)
         for plot in (*(p.item for p in (*self.panels, self.chosen)), self.bands.item):
@@ -152,12 +148,9 @@ class LiveWindow(QMainWindow):
         plots = [*self.panels, self.chosen]
         self.cursors = Cursors(plots, self.readout, lambda: self.bands.item.viewRange()[0])
         self._loop_area = pg.GraphicsLayoutWidget()
-        columns = ("sense_out", "theta_rad"), ("sense_out", "tau_Nm")
         self.loop: LoopPlot | None = None
-        if all(c in self._columns for c in columns):
-            deflection = signal_of("sense_out", "theta_rad", "rad", "deflection")
-            torque = signal_of("sense_out", "tau_Nm", "Nm", "measured torque")
-            self.loop = LoopPlot(self._loop_area, deflection, torque)
+        if len(pair := self.columns.signals(LOOP, self.axis)) == len(LOOP):
+            self.loop = LoopPlot(self._loop_area, *pair)
         self.spectrum = SpectrumPlot(self._loop_area, 1)
         everything = [s for signals in self._signals for s in signals]
         self.trigger_bar = TriggerBar(self.trigger, everything, self.feed.now_s)
@@ -167,9 +160,21 @@ class LiveWindow(QMainWindow):
         self._split.addWidget(self._loop_area)
         self._split.setSizes([760, 340])
 
+    def choose_axis(self, place: int) -> None:
+        """Show this one of the device's axes from now on."""
+        self.axis = self.columns.axes[place]
+        self._signals = [signals for _, signals in self.columns.panels(self.axis)]
+        self.bands.flags = self.columns.flags(self.axis)
+        if self.loop is not None:
+            self.loop.x, self.loop.y = self.columns.signals(LOOP, self.axis)
+        self.set_theme(self.theme)
+
+    def _next_axis(self) -> None:
+        self.axis_box.setCurrentIndex((self.axis_box.currentIndex() + 1) % self.axis_box.count())
+
     def _build_docks(self) -> None:
         self.channels = QListWidget()
-        for (stream, name), c in self._columns.items():
+        for (stream, name), c in self.columns.all.items():
             if c.kind == "f4" and c.size == 1:
                 item = QListWidgetItem(f"{stream}.{name}")
                 item.setToolTip(plain_tip(f"{c.meaning} [{c.unit}]"))
@@ -210,20 +215,23 @@ class LiveWindow(QMainWindow):
             ("Parameters", "E", partial(self.toggle_dock, "Parameters")),
             ("Note", "N", self.note.setFocus),
             ("Dark, light", "T", self.toggle_theme),
+            *([("The next axis", "A", self._next_axis)] if len(self.columns.axes) > 1 else []),
         ):
             self._action(look, name, keys, job)
         if self.played is not None:
             return
         board = self.menuBar().addMenu("&Board")
-        self._action(board, "STOP: Space or Escape", "F12", self.stop)
-        for name, keys, job in (
-            ("Release the stop", "Ctrl+R", device.release),
-            ("Zero", "Ctrl+0", device.zero),
-            ("Arm: the motor may move", "Ctrl+Shift+A", device.arm),
-            ("Disarm", "Ctrl+D", device.disarm),
-            ("Fault has been seen to", "Ctrl+L", device.clear),
+        if self._drives:
+            self._action(board, "STOP: Space or Escape", "F12", self.stop)
+        for name, keys, job, of_drive in (
+            ("Release the stop", "Ctrl+R", device.release, True),
+            ("Zero", "Ctrl+0", device.zero, False),
+            ("Arm: the motor may move", "Ctrl+Shift+A", device.arm, True),
+            ("Disarm", "Ctrl+D", device.disarm, True),
+            ("Fault has been seen to", "Ctrl+L", device.clear, False),
         ):
-            self._action(board, name, keys, partial(self.feed.do, name, job))
+            if self._drives or not of_drive:
+                self._action(board, name, keys, partial(self.feed.do, name, job))
 
     def _action(self, menu: Any, name: str, keys: str, job: Any) -> None:
         action = QAction(name, self)
@@ -234,8 +242,8 @@ class LiveWindow(QMainWindow):
     # -- stop ------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """Stop the motor; of a recording, the picture."""
-        if self.played is not None:
+        """Stop the motor; of a recording, or where there is no motor, the picture."""
+        if self.played is not None or not self._drives:
             self.pause()
             return
         self.feed.stop()
@@ -335,26 +343,22 @@ class LiveWindow(QMainWindow):
     def _tell(self, shown: dict[str, Stretch]) -> None:
         news, theme = self.feed.news, self.theme
         dialect = self.feed.device.session.dialect
-        mode = self._mode()
+        mode = self.columns.mode(self.axis)
         acts = ", ".join(f.name for f in self.bands.acting(shown))
         colour = theme.alarm if news.state in ALARMING else theme.good
         colour = theme.measured if news.state in MOVING else colour
         state = f'<b style="color:{colour}; font-size:16px">{escape(news.state)}</b>'
         parts = [f"{state} &nbsp; {escape(self._who)}"]
         parts += [f"mode: {escape(mode)}"] if mode else []
-        parts += [f"acts: {escape(acts)}"] if acts else []
+        parts += [f"{'acts' if self._drives else 'reports'}: {escape(acts)}"] if acts else []
         parts += ["PAUSED (P)"] if self.paused else []
         parts += [escape(self.trigger.said())] if self.trigger.on else []
         self.state.setText(" &nbsp;|&nbsp; ".join(parts))
-        self.fault.setText(self._alarm() or escape(state_text(dialect, news.state)))
+        measures = news.state == "READY" and not self._drives
+        meaning = "Measures; it has no motor." if measures else state_text(dialect, news.state)
+        self.fault.setText(self._alarm() or escape(meaning))
         self.link.setText(self._health())
         self.said.setText(news.said)
-
-    def _mode(self) -> str:
-        newest = self.feed.rings["sense_out"].newest() if "sense_out" in self.feed.rings else None
-        if newest is None or "mode_held" not in (newest.dtype.names or ()):
-            return ""
-        return mode_text(self.feed.device.identity.device, float(newest["mode_held"]))
 
     def _alarm(self) -> str:
         news = self.feed.news
@@ -396,7 +400,7 @@ class LiveWindow(QMainWindow):
             item = self.channels.item(i)
             if item.checkState() == Qt.CheckState.Checked:
                 stream, _, name = item.text().partition(".")
-                signals.append(signal_of(stream, name, self._columns[stream, name].unit))
+                signals.append(signal_of(stream, name, self.columns.all[stream, name].unit))
         units = {s.unit for s in signals}
         self.chosen.unit = units.pop() if len(units) == 1 else ""
         colours = self.theme.curves

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device
+from esea_gen.model.sensing import of_axis
 from esea_host.recording.layout import Array
 
 # Words whose flags say that something holds the drive back.
@@ -41,15 +42,19 @@ class LimitFlag:
         return np.asarray((rows[self.word] & self.bit) != 0)
 
 
-def limit_flags(device: Device) -> list[LimitFlag]:
-    """All flags that say which limit acts."""
+def limit_flags(device: Device, axis: str = "") -> list[LimitFlag]:
+    """All flags of an axis' limits; of a device without a drive, of its sensing."""
     found: dict[str, LimitFlag] = {}
+    limits = [of_axis(word, axis) for word in LIMIT_WORDS]
     for output in sorted(device.system.outputs, key=lambda x: x.name):
-        if output.name in LIMIT_WORDS:
+        if output.name in limits or (
+            not device.laws and output.name.endswith(of_axis("_status", axis))
+        ):
             for i, flag in enumerate(output.port.flags):
                 name = flag.name.lower().replace("_", " ")
                 if name in found:
-                    name = f"{output.name.removesuffix('_status')} {name}"
+                    word = output.name.removesuffix(of_axis("_status", axis)).replace("_", " ")
+                    name = f"{word} {name}"
                 found[name] = LimitFlag(output.name, 1 << i, name, flag.meaning)
     return list(found.values())
 

@@ -8,6 +8,7 @@ import time
 
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
+from esea_gen.model.sensing import of_axis
 from esea_host.connection import ConnectedDevice
 
 AMPLITUDE_Nm, WANTED_HZ = 1.7, 0.6
@@ -15,7 +16,7 @@ TURN_S, DEADLINE_MS, PATIENCE_S = 0.01, 500, 1.0
 
 
 class DemoOperator:
-    """Zeroes, arms, and asks for a sine of torque; takes a stop as the end of what it does.
+    """Zeroes; a drive it arms too, and asks each axis for a sine of torque, until somebody stops.
 
     Only for simulated boards: nobody stands beside it.
     """
@@ -34,13 +35,14 @@ class DemoOperator:
         self._thread.join(3.0)
 
     def _run(self) -> None:
+        names = [of_axis("tau_desired_Nm", a) for a in self._device.identity.device.axes]
         try:
             self._begin()
             start_s = time.monotonic()
             while not self._closed.wait(TURN_S) and self._device.state() in ("ARMED", "ACTIVE"):
                 phase = 2 * math.pi * WANTED_HZ * (time.monotonic() - start_s)
                 wanted_Nm = AMPLITUDE_Nm * math.sin(phase)
-                self._device.want(DEADLINE_MS, mode=1.0, tau_desired_Nm=wanted_Nm)
+                self._device.want(DEADLINE_MS, mode=1.0, **dict.fromkeys(names, wanted_Nm))
         except LinkError as error:
             self.said = str(error)
 
@@ -49,6 +51,8 @@ class DemoOperator:
         while not self._closed.wait(0.3):
             state = self._device.state()
             if state == "STOPPED":
+                return
+            if state == "READY" and not self._device.identity.device.laws:
                 return
             if state == "READY":
                 self._device.arm()

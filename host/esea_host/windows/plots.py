@@ -109,9 +109,12 @@ class TimePlot:
 
 
 class LimitBands:
-    """When which limit acted: a row each, of those that did."""
+    """When which limit acted: a row each, of those that did.
 
-    def __init__(self, area: Any, row: int, flags: list[LimitFlag], stream: str) -> None:
+    flags: each with its stream.
+    """
+
+    def __init__(self, area: Any, row: int, flags: list[tuple[str, LimitFlag]], title: str) -> None:
         self.item = area.addPlot(row=row, col=0)
         self.item.setMenuEnabled(False)
         self.item.hideButtons()
@@ -120,7 +123,7 @@ class LimitBands:
         self.item.setYRange(-0.6, MOST_BANDS - 0.4, padding=0)
         self.item.invertY(True)
         area.ci.layout.setRowMinimumHeight(row, BANDS_PX)  # so that the names stay apart
-        self.flags = [(stream, f) for f in flags]
+        self.flags, self.title = flags, title
         self._bands = self.item.plot(connect="pairs")
         self._names: list[tuple[int, str]] = []
         self.item.getAxis("left").setTicks([[]])
@@ -130,7 +133,7 @@ class LimitBands:
         pen = pg.mkPen(theme.limit, width=9)
         pen.setCapStyle(Qt.PenCapStyle.FlatCap)
         self._bands.setPen(pen)
-        self.item.setTitle("<b>Which limit acts</b>", color=theme.ink, size="9pt")
+        self.item.setTitle(f"<b>{self.title}</b>", color=theme.ink, size="9pt")
         self.item.setLabel("bottom", "time on the board's clock [s]", color=theme.ink)
         dress(self.item, theme)
 

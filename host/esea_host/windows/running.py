@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 
-from esea_host.windows.arm import add_arm
+from esea_host.windows.arm import add_arms
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.live import LiveWindow
 
@@ -20,13 +20,13 @@ def run_live(
     dark: bool | None = None,
     seconds: float | None = None,
     screenshot: Path | None = None,
-    push: Callable[[float], None] | None = None,
+    push: Callable[..., None] | None = None,
 ) -> None:
     """Open the view, and return when it is closed, or after some seconds.
 
     dark: None: as the desktop has it.
     screenshot: a picture, just before it closes.
-    push: pushes a simulated board's arm.
+    push: pushes a simulated board's axes, each so far.
     """
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
@@ -34,8 +34,9 @@ def run_live(
         dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
     window = LiveWindow(feed, dark)
     if push is not None:
-        add_arm(window, feed, push)
-    window.resize(1280, 860)
+        add_arms(window, feed, push)
+    room = window.screen().availableSize()
+    window.resize(min(1280, room.width()), min(860, room.height()))
     window.show()
     if seconds is not None:
         QTimer.singleShot(int(seconds * 1000), window.close)
