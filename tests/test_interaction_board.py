@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,6 +15,7 @@ from esea_gen.studies.torque_check.load import KnownLoad
 from esea_host.interaction.confirming import expected, judge, spring_Nm_rad
 from esea_host.interaction.from_board import cut_trials
 from esea_host.interaction.on_board import ElementBoard
+from esea_host.interaction.recordings import read_angle
 from esea_host.people.person import PersonModel, person
 from esea_host.simulated import LockstepDevice
 from esea_host.simulated.attendant import Attendant
@@ -22,6 +24,7 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import generator
 from esea_host.study.protocol import parse_protocol
+from esea_host.study.recorded import BoardInputs
 from esea_host.study.session import PENDING, replay
 
 ELBOW = esea_gen.load_device("elbow_drive")
@@ -70,6 +73,7 @@ def session_of(tmp_path, simulated_elbow):
     def begin(attendant, *blocks, load=None):
         simulated_elbow.restart()
         device = LockstepDevice(simulated_elbow)
+        device.advance(1.0)  # a board runs before it is recorded
         text = HEAD + "".join(BLOCK.format(*b) for b in blocks)
         folder = tmp_path / f"s{len(made)}"
         study = StudyFolder.create(folder, parse_protocol(text, "p"), simulated=True, durable=False)
@@ -105,15 +109,22 @@ def test_both_elements_are_confirmed_played_and_replayed(session_of, simulated_e
             wanted["stiffness_Nm_rad"], rel=0.03
         )
         assert e["measured"]["memory"] == pytest.approx(wanted["memory"], abs=0.02)
-    assert {n for n, _, same in replay(session.log.path) if same} == {1, 2, 3}
-    assert all(same for _, _, same in replay(session.log.path))
     # The cursor is the board's angle from the middle, which is where limits leave room.
     (middle,) = told(session, "middle")
-    assert math.degrees(middle["middle_rad"]) > 15
-    angles = [s[1] for e in told(session, "frames") if e["trial"] == 1 for s in e["samples"]]
-    assert max(map(abs, angles)) < math.radians(15)
+    assert math.degrees(middle["inputs"]["theta_rad"]) > 15
+    frames = [s for e in told(session, "frames") if e["trial"] == 1 for s in e["samples"]]
+    assert max(abs(s[1]) for s in frames) < math.radians(15)
     session.source.inner.close()
+    path = session.log.path
+    for inputs in (None, BoardInputs(path)):
+        scenes = list(replay(path, (), inputs))
+        assert {n for n, _, _ in scenes} == {1, 2, 3}
+        assert all(same for _, _, same in scenes)
     assert cut_trials(study) == 3
+    time_s, theta_deg, _ = read_angle(path.parent / "encoder-1.csv")
+    assert len(time_s) == 4000
+    shown_deg = np.degrees([s[1] + middle["inputs"]["theta_rad"] for s in frames])
+    assert np.allclose(theta_deg[9::10], shown_deg, atol=1e-6)
 
 
 def test_a_wrong_element_refuses_its_block_and_the_trial_stays_to_be_done(

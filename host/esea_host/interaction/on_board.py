@@ -23,6 +23,7 @@ from esea_host.interaction.player import RigPlayer
 from esea_host.people.person import VirtualParticipant
 from esea_host.study.board import WORKING, BoardSource
 from esea_host.study.plan import PlannedTrial
+from esea_host.study.recorded import MIDDLE
 from esea_host.study.scene import Scene
 from esea_host.study.session import InputSource
 from esea_host.study.task import Actor, Inputs, Signal, Situation, StudyTask, task_named
@@ -253,7 +254,7 @@ class ElementBoard(InputSource):
             at.append(next(g.value for g in inner.gauges() if g.name.startswith("angle")))
         held = math.radians(float(np.mean(at)))
         self.middle_rad = min(max(held, low), high)
-        self.say("middle", middle_rad=self.middle_rad, held_rad=held)
+        self.say(MIDDLE, inputs={"theta_rad": self.middle_rad}, held_rad=held)
 
     def _frame(self) -> None:
         self.inner.want({})
