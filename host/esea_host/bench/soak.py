@@ -31,7 +31,8 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.protocol import parse_protocol
 from esea_host.study.recorded import BoardInputs
-from esea_host.study.session import COMPLETED, FAILED, InputSource, replay
+from esea_host.study.session import COMPLETED, FAILED, replay
+from esea_host.study.source import InputSource
 from esea_host.study.task import TaskStep
 from esea_host.study.watching import SessionWatcher
 

@@ -316,6 +316,8 @@ class Receiver:
         self.away = False
         self.reconnects += 1
         self.decoder.forget()
+        with self._changed:
+            self._others.clear()  # the board's state of before
         self._clock.broken()
         if self.on_reconnect is not None:
             self.on_reconnect()

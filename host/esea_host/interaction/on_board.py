@@ -25,7 +25,7 @@ from esea_host.study.board import WORKING, BoardSource
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.recorded import MIDDLE
 from esea_host.study.scene import Scene
-from esea_host.study.session import InputSource
+from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Inputs, Signal, Situation, StudyTask, task_named
 from esea_host.study.watching import Gauge
 

@@ -143,6 +143,7 @@ class SimulatedBoard:
         person: Person | Hand | None = None,
         hand: Intent | None = None,
         values: Mapping[str, float] | None = None,
+        motion: Motion | None = None,
     ) -> None:
         """What somebody does at the machine meanwhile; everything goes on from where it is.
 
@@ -151,6 +152,7 @@ class SimulatedBoard:
         hand: what the person intends, asked once a tick; of several axes a sequence, one each;
             default: as the board's state says.
         values: of the plant, that differ from its own, such as a drive that is locked.
+        motion: of a passive joint, which has nothing else to set up.
         """
         more, self._intent = dict(values or {}), hand
         if isinstance(self.plant, SteppedPlant):
@@ -161,17 +163,17 @@ class SimulatedBoard:
             self._person = NOBODY if person is None else person
             assert isinstance(self._person, Hand)
             self.plant.change(clamped=clamped, hand=self._person, **more)
+        elif motion is not None:
+            self.plant.motion = motion
         else:
-            raise UserError(
-                f"{self.device.name} has no drive: nobody can be put into it.",
-                "Give SimulatedBoard a motion.",
-            )
+            raise UserError(f"{self.device.name} has no drive.", "Give a motion.")
 
     def _start(self) -> None:
         self.plant, self._intent = self._first, None
         self._person, self._clamped = self.first_person
         self._pushed_rad = [0.0] * len(self.axes)
         self._noise = np.random.default_rng([self._seed, 3])
+        self._draw()
         self.ticks, self._moved_ticks = 0, 0
         if isinstance(self.plant, SteppedPlant):
             assert isinstance(self._person, Person)
@@ -219,14 +221,17 @@ class SimulatedBoard:
         self._pushed_rad = [now + s for now, s in zip(self._pushed_rad, steps, strict=True)]
         return steps
 
+    def _draw(self) -> None:
+        shape = NOISE_TICKS, len(self.axes)
+        self._white: list[list[float]] = self._noise.standard_normal(shape).tolist()
+
     def _paths(self) -> Sequence[Mapping[str, float]]:
         if self._intent is not None:
             given = self._intent()
             return [given] if isinstance(given, Mapping) else given
         at = self.ticks % NOISE_TICKS
         if at == 0:
-            shape = NOISE_TICKS, len(self.axes)
-            self._white = self._noise.standard_normal(shape).tolist()
+            self._draw()
         moves = self.board.state_now == "ACTIVE"
         self._moved_ticks += moves
         paths = []

@@ -52,9 +52,12 @@ class LatestRows:
         self._device.listen(sorted(self._needed))
 
     def start(self) -> None:
-        """Forget what a board told before it was lost, and compare the clocks again."""
+        """Forget what a board told before it was lost."""
         self._queue.take(0.0)
         self._waiting, self._last_tick, self.began_again = {}, {}, False
+
+    def compare_clocks(self) -> None:
+        """Once the board's ticks go on: they begin again when it is zeroed."""
         if self._device.address is not None:  # else somebody moves its clock by hand
             self._offset_ns = self._device.time_sync().offset_ns
 
