@@ -52,9 +52,12 @@ class LatestRows:
         self._device.listen(sorted(self._needed))
 
     def start(self) -> None:
-        """Forget what a board told before it was lost, and compare the clocks again."""
+        """Forget what a board told before it was lost."""
         self._queue.take(0.0)
         self._waiting, self._last_tick, self.began_again = {}, {}, False
+
+    def compare_clocks(self) -> None:
+        """Once the board's ticks go on: they begin again when it is zeroed."""
         if self._device.address is not None:  # else somebody moves its clock by hand
             self._offset_ns = self._device.time_sync().offset_ns
 
@@ -72,6 +75,8 @@ class LatestRows:
 
     def _go_on(self, now_ns: int) -> None:
         for name, batches in self._waiting.items():
+            if not batches:  # a stream beside those that are needed
+                continue
             rows = np.concatenate([b.rows for b in batches])
             times = np.concatenate([b.board_ns for b in batches])
             count = int(np.searchsorted(times, now_ns, "right"))
