@@ -166,7 +166,7 @@ class ClosedLoop:
         sources = self._plant_sources()
         feeds: dict[str, list[tuple[str, str]]] = {}
         signals: dict[str, int] = {}
-        place = 0
+        places: dict[str, int] = {}  # first column of a signal, which several tasks may read
         for task in self.controller.tasks:
             feeds[task.name] = []
             for x in self.controller.task_inputs(task):
@@ -180,10 +180,10 @@ class ClosedLoop:
                     value = self._given(x, sources[x.name][0])
                     feeds[task.name].append((self._control.naming.external(x), value))
                     continue
+                place = places.setdefault(x.name, sum(signals.values()))
                 signals[x.name] = x.port.size
-                for e in _elements(x, self._control.naming.external(x)):
-                    feeds[task.name].append((e, self._given(x, f"signals[{place}]")))
-                    place += 1
+                for i, e in enumerate(_elements(x, self._control.naming.external(x))):
+                    feeds[task.name].append((e, self._given(x, f"signals[{place + i}]")))
         return feeds, signals
 
     def _compile(self) -> None:

@@ -9,6 +9,8 @@ Every number is assumed; what is published gives the order and the shape:
 - Stiffness dominates a slow wrist's rotations, coupling by inertia is small (Charles and Hogan
   2011, J. Biomech. 44, 614), coupling by damping is not (Peaden and Charles 2014, J. Biomech. 47,
   2779): the damping is assumed proportional to the passive stiffness.
+- The cable's loss and backlash over the elbow's: assumed, as of a capstan.  The encoders have the
+  device file's bits.
 - Ends of the range of motion: Ryu, Cooney, Askew, An and Chao 1991, J. Hand Surg. 16A, 409.
 """
 
@@ -35,6 +37,8 @@ _TILT_RAD = math.radians(20.0)
 _SOFTEST_NM_RAD, _STIFFEST_NM_RAD = 0.9, 2.2
 _DAMPING_S = 0.02  # damping over passive stiffness: 0.02 and 0.04 Nms/rad
 _INERTIA_SHARE = 0.03  # inertia between the axes over that of one
+# A wrist's drive is beside the joint: a capstan in place of the elbow's cable in its sheath.
+_CAPSTAN = {"cable_loss": 0.3, "cable_backlash_rad": 0.3}
 # Extension and radial deviation are positive.
 ENDS_RAD = tuple(
     (math.radians(low), math.radians(high)) for low, high in ((-79.0, 59.0), (-38.0, 21.0))
@@ -214,7 +218,9 @@ def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) 
             one = (
                 random_plant(device, drawn) if plant == "random" else real_plant(device, seed=drawn)
             )
-        values |= {of_axis(n, axis): x for n, x in one.values.items()}
+        own = {n: x * _CAPSTAN.get(n, 1.0) for n, x in one.values.items()}
+        own["joint_encoder_bits"] = float(device.file.encoder.resolution_bits.value)
+        values |= {of_axis(n, axis): x for n, x in own.items()}
     values |= named_hand(hand, seed).values(device.axes)
     values |= {of_axis("clamped", a): float(hand == "none") for a in device.axes}
     return PlantVariant(device, plant != "ideal", values)

@@ -46,9 +46,9 @@ def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVa
     person: one of ``PERSON_NAMES``; none fixes the output.
     """
     choose("plant", plant, PLANT_NAMES)
-    choose("person", person, PERSON_NAMES)
     if len(device.axes) > 1:
         return _stepped(device, hand_variant(device, plant, person, seed))
+    choose("person", person, PERSON_NAMES)
     made = {
         "ideal": lambda: ideal_plant(device),
         "real": lambda: real_plant(device, seed=seed),

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from esea_host.people.hand import Pointer
     from esea_host.people.person import VirtualParticipant
     from esea_host.study.folder import StudyFolder
-    from esea_host.study.session import InputSource, SessionState
+    from esea_host.study.session import SessionState
+    from esea_host.study.source import InputSource
     from esea_host.wrist.virtual import VirtualPerson
 
 SIMULATED, VIRTUAL, POINTER = "simulated", "virtual", "pointer"

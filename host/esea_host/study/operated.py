@@ -9,7 +9,7 @@ from typing import Any
 
 from esea_gen.errors import UserError
 from esea_host.study.scene import Scene
-from esea_host.study.session import InputSource
+from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 from esea_host.study.watching import Gauge
 

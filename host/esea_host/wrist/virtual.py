@@ -15,7 +15,7 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.many import run_everybody
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.scene import Scene
-from esea_host.study.session import InputSource
+from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Inputs, Row, Situation, StudyTask
 from esea_host.wrist.actor import WristActor
 from esea_host.wrist.worn import WornWrist, wrist_drive
