@@ -21,7 +21,7 @@ from esea_gen.verify.sim import SimBoard
 from esea_host.connection.identity import SIMULATED_BOARDS
 from esea_host.recording.replay import loaded_device
 from esea_host.simulated.joint import MovedJoint
-from esea_host.simulated.motion import Motion, make_motion
+from esea_host.simulated.motion import JointMotion, make_motion
 
 EMPTY_JOINT, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (EMPTY_JOINT, *PERSON_NAMES)
@@ -51,7 +51,7 @@ class SimulatedBoard:
         Of the plant, of the person, and of all noise.
     board : str
         ``sim``, which computes in f32, or ``sim-q31``.
-    motion : Motion or str, optional
+    motion : JointMotion or str, optional
         Of a passive joint: ``person``, ``therapist``, or a table's file.  A motion that is an
         object goes on where it is after a restart.
 
@@ -66,7 +66,7 @@ class SimulatedBoard:
         person: str | None = None,
         seed: int = 0,
         board: str = "sim",
-        motion: Motion | str | None = None,
+        motion: JointMotion | str | None = None,
     ) -> None:
         given = loaded_device(device) if isinstance(device, str) else device
         self.device = board_device(given)
@@ -122,7 +122,7 @@ class SimulatedBoard:
         person: Person | Hand | None = None,
         hand: Intent | None = None,
         values: Mapping[str, float] | None = None,
-        motion: Motion | None = None,
+        motion: JointMotion | None = None,
     ) -> None:
         """What somebody does at the machine meanwhile; everything goes on from where it is.
 
