@@ -23,7 +23,7 @@ from esea_host.connection.identity import SIMULATED_BOARDS
 from esea_host.recording.replay import loaded_device
 from esea_host.simulated.elements import with_spring
 from esea_host.simulated.joint import MovedJoint
-from esea_host.simulated.motion import Motion, make_motion
+from esea_host.simulated.motion import JointMotion, make_motion
 
 EMPTY_JOINT, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (EMPTY_JOINT, *PERSON_NAMES)
@@ -53,7 +53,7 @@ class SimulatedBoard:
         Of the plant, of the person, and of all noise.
     board : str
         ``sim``, which computes in f32, or ``sim-q31``.
-    motion : Motion or str, optional
+    motion : JointMotion or str, optional
         Of a passive joint: ``person``, ``therapist``, or a table's file.  A motion that is an
         object goes on where it is after a restart.
     spring_Nm_rad : float
@@ -70,7 +70,7 @@ class SimulatedBoard:
         person: str | None = None,
         seed: int = 0,
         board: str = "sim",
-        motion: Motion | str | None = None,
+        motion: JointMotion | str | None = None,
         spring_Nm_rad: float = 0.0,
     ) -> None:
         given = loaded_device(device) if isinstance(device, str) else device
@@ -143,7 +143,7 @@ class SimulatedBoard:
         person: Person | Hand | None = None,
         hand: Intent | None = None,
         values: Mapping[str, float] | None = None,
-        motion: Motion | None = None,
+        motion: JointMotion | None = None,
     ) -> None:
         """What somebody does at the machine meanwhile; everything goes on from where it is.
 
