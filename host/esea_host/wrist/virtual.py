@@ -6,18 +6,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from esea_host.people.hand import MovingHand, Pointer, shape
+from esea_host.people.hand import Hand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant
 from esea_host.people.rig import compile_rig
 from esea_host.people.source import PersonSource, VirtualPeople
 from esea_host.study.folder import StudyFolder
 from esea_host.study.many import run_everybody
 from esea_host.study.protocol import Protocol, parse_protocol
-from esea_host.study.scene import Scene
-from esea_host.study.task import Inputs, Row, Situation, StudyTask
+from esea_host.study.task import Row, Situation, StudyTask
 from esea_host.study.watching import Gauge
-from esea_host.wrist.actor import WristActor
-from esea_host.wrist.rig import NAMES, Rig, impaired_device
+from esea_host.wrist.actor import Arm, WristActor
+from esea_host.wrist.rig import HANDLE_KGM2, NAMES, Rig, impaired_device
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
 
@@ -28,7 +27,7 @@ class VirtualPerson(PersonSource):
     def __init__(self, who: VirtualParticipant, pointer: Pointer | None = None) -> None:
         super().__init__(who, pointer)
         self.rig = Rig(who.limbs)
-        self.aims = [0.0, 0.0]
+        self.arm = Arm(who, HANDLE_KGM2)
 
     def ready(self) -> Mapping[str, Any]:
         """The torque at rest, as the board senses it."""
@@ -44,32 +43,9 @@ class VirtualPerson(PersonSource):
             for name, tau_Nm in zip(NAMES, self.rig.tau_Nm, strict=True)
         )
 
-    def hand(self, task: StudyTask, situation: Situation, number: int) -> MovingHand:
+    def hand(self, task: StudyTask, situation: Situation, number: int) -> Hand:
         """The person, told what to do."""
-        return _Learner(self.who, self.rig, task.name, self.aims, situation)
-
-
-class _Learner(WristActor):
-    """Learns by what it sees of the target, and of its own gain."""
-
-    def __init__(
-        self, who: VirtualParticipant, rig: Rig, task: str, aims: list[float], situation: Situation
-    ) -> None:
-        super().__init__(who, rig, task, aims)
-        self.moves = not getattr(situation.parameters, "stationary", True)
-        self.learnt = False
-
-    def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
-        # Once a target: half a second after the hand has set off, it was seen to run or stand.
-        seen_s = (self.appeared_s or 0.0) + self.who.model.reaction_s + 0.5
-        if self.appeared_s is not None and not self.learnt and self.time_s > seen_s:
-            self.who.learn(self.moves)
-            self.learnt = True
-        # In the other tasks the cursor is the hand itself, or nothing.
-        cursor = shape(scene, "cursor")
-        if cursor and self.task not in ("wrist.neutral", "wrist.range", "wrist.velocity"):
-            self.feel((cursor.x, cursor.y))
-        return super().react(scene, requests)
+        return WristActor(self.who, self.rig, self.arm, task.name, situation.parameters)
 
 
 def wrist_protocol(seed: int, method: str = "rbf") -> Protocol:
