@@ -143,7 +143,12 @@ def _estimator(a: Array, c: Array, process: Array, noise: float) -> Array:
 
 @lru_cache(maxsize=1024)
 def gains(
-    load: Load, bits_s: float, runs_1_s: float, delays: tuple[int, int], noise: float, contracted: Load
+    load: Load,
+    bits_s: float,
+    runs_1_s: float,
+    delays: tuple[int, int],
+    noise: float,
+    contracted: Load,
 ) -> Gains:
     """Solve for the controller and both estimators, once a combination.
 
@@ -305,7 +310,10 @@ class AxisController:
             self._moments += np.outer(told, told)
             if self._moments[0, 0] >= LEARN_FRAMES:
                 self._get_used()
-        before, noisy = self._muscle_Nm, command * (1.0 + m.command_noise * float(self._rng.normal()))
+        before, noisy = (
+            self._muscle_Nm,
+            command * (1.0 + m.command_noise * float(self._rng.normal())),
+        )
         kept, share = MUSCLE_KEPT, FRAME_S / MUSCLE_S
         above = self._drive_Nm - noisy
         self._muscle_Nm = noisy + kept * (before - noisy + share * above)
