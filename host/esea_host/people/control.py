@@ -36,6 +36,7 @@ Array = npt.NDArray[np.float64]
 FRAME_S = 0.01
 MUSCLE_S = 0.04  # each of two lags in series [1]
 MUSCLE_KEPT = math.exp(-FRAME_S / MUSCLE_S)
+MUSCLE_SMOOTHS = 0.2575  # deviation of its torque over that of a drive that is drawn anew each frame
 RESISTS_NMS_RAD = 0.05  # steps in which a device's damping is reckoned with: fewer gains to solve
 # Squared speed, summed over these, below which they tell little of what resists; assumed.
 FEW_RAD2_S2 = 4.0
@@ -215,6 +216,7 @@ class AxisController:
         stiff = model.contracted_Nm_rad
         damping = 2 * model.damping_ratio * math.sqrt(stiff * self._inertia_kgm2)
         self._contracted = (stiff, damping)
+        self._command_noise = model.torque_noise / MUSCLE_SMOOTHS
         self._felt_frames = round(model.felt_s / FRAME_S)
         self.seen_frames = round((model.delay_s - MUSCLE_S) / FRAME_S)
         self._estimate = np.zeros(5 + self._felt_frames)
@@ -222,7 +224,7 @@ class AxisController:
         self._past = deque([(0.0, 0.0)] * self.seen_frames, self.seen_frames)
         self._muscle_Nm = self._drive_Nm = 0.0
         self._prey: Array | None = None
-        self._moments = np.zeros((4, 4))
+        self._sums = [0.0] * 5
         self.goal_rad = self.goal_rad_s = 0.0
         self._state, self.resists_Nms_rad = False, {False: 0.0, True: 0.0}
         self.expect(0.0)
@@ -245,22 +247,22 @@ class AxisController:
             load.stiffness_Nm_rad + self._contracted[0],
             load.damping_Nms_rad + self._contracted[1],
         )
-        m, noise = self.model, self.model.command_noise
-        self._gains = gains(load, m.bits_s, self._runs_1_s, delays, noise, stiffer)
+        args = (self.model.bits_s, self._runs_1_s, delays, self._command_noise, stiffer)
+        self._gains = gains(load, *args)
 
     def enter(self, state: bool) -> None:
         """Recall a state of the device, of which one target is not known yet."""
         self._state = state
-        self._moments[:] = 0.0
+        self._sums = [0.0] * 5
         self.expect(0.0)
 
     def _get_used(self) -> None:
         # Of the torque from outside, what goes with the speed is damping of the device.
-        moments = self._moments[:3, :3] + FEW_RAD2_S2 * np.diag([1e-6, 1e-6, 1.0])
-        outside = np.linalg.solve(moments, self._moments[:3, 3])
-        more = -self.model.gain_rate * float(outside[2])
+        n, turned, torque, turned2, against = self._sums
+        turned2 += FEW_RAD2_S2 - turned * turned / n
+        more = -self.model.gain_rate * (against - turned * torque / n) / turned2
         self.resists_Nms_rad[self._state] = max(self.resists_Nms_rad[self._state] + more, 0.0)
-        self._moments[:] = 0.0
+        self._sums = [0.0] * 5
         self._tune()
 
     @property
@@ -301,11 +303,11 @@ class AxisController:
         command = min(max(command, -m.effort_Nm), m.effort_Nm)
         self._estimate = g.hand @ x + g.drive * command + g.felt * (self._felt[0] - x[-1])
         if self._limb.low_rad + END_RAD < angle < self._limb.high_rad - END_RAD:
-            told = np.array([1.0, angle, speed, outside])
-            self._moments += np.outer(told, told)
-            if self._moments[0, 0] >= LEARN_FRAMES:
+            told = (1.0, speed, outside, speed * speed, speed * outside)
+            self._sums = [a + b for a, b in zip(self._sums, told, strict=True)]
+            if self._sums[0] >= LEARN_FRAMES:
                 self._get_used()
-        before, noisy = self._muscle_Nm, command * (1.0 + m.command_noise * float(self._rng.normal()))
+        before, noisy = self._muscle_Nm, command * (1.0 + self._command_noise * float(self._rng.normal()))
         kept, share = MUSCLE_KEPT, FRAME_S / MUSCLE_S
         above = self._drive_Nm - noisy
         self._muscle_Nm = noisy + kept * (before - noisy + share * above)

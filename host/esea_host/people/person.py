@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-END_NM_RAD = 40.0
+END_NM_RAD, END_NMS_RAD = 40.0, 0.6
 NO_TORQUE = (0.0, 0.0)
 
 
@@ -77,9 +77,9 @@ class Limb:
         own = most if own > most else -most if own < -most else own
         passive = -self.stiffness_Nm_rad * (theta - self.rest_rad) - self.damping_Nms_rad * omega
         if theta < self.low_rad:
-            passive -= END_NM_RAD * (theta - self.low_rad)
+            passive -= END_NM_RAD * (theta - self.low_rad) + END_NMS_RAD * omega
         elif theta > self.high_rad:
-            passive -= END_NM_RAD * (theta - self.high_rad)
+            passive -= END_NM_RAD * (theta - self.high_rad) + END_NMS_RAD * omega
         return own + passive
 
 
@@ -130,7 +130,7 @@ class PersonModel:
     inertia_kgm2: float = 0.003
     felt_s: float = 0.05
     bits_s: float = 4.1
-    command_noise: float = 0.5
+    torque_noise: float = 0.03
     sense_noise: float = 1.0
     contracted_Nm_rad: float = 1.0
     comfortable_deg_s: tuple[float, float] = (42.0, 26.0)
@@ -209,7 +209,7 @@ def person(rng: np.random.Generator, model: PersonModel) -> VirtualParticipant:
         inertia_kgm2=about(model.inertia_kgm2),
         comfortable_deg_s=(pace * model.comfortable_deg_s[0], pace * model.comfortable_deg_s[1]),
         bits_s=model.bits_s * factors[0],
-        command_noise=model.command_noise * factors[1],
+        torque_noise=model.torque_noise * factors[1],
         contracted_Nm_rad=model.contracted_Nm_rad * factors[2],
     )
     ends = ((-flexion, extension), (-ulnar, radial))
