@@ -16,6 +16,10 @@ References
 [3] R. Balakrishnan, I. MacKenzie, CHI 1997: 4.1 bits a second with the wrist.
 [4] E. Crossman, P. Goodeve, Quarterly J. Experimental Psychology 35A, 1983: Fitts' law of a linear
     feedback; N. Qian et al., Neural Computation 25, 2013: of infinite-horizon optimal control.
+[5] R. Shadmehr, F. Mussa-Ivaldi, J. Neuroscience 14, 1994: with practice, movements in a field of
+    force become again what they were.
+[6] R. van Beers, A. Sittig, J. Denier van der Gon, Experimental Brain Research 122, 1998: about 1
+    deg; here each sample, independently.
 """
 
 from __future__ import annotations
@@ -36,17 +40,18 @@ Array = npt.NDArray[np.float64]
 FRAME_S = 0.01
 MUSCLE_S = 0.04  # each of two lags in series [1]
 MUSCLE_KEPT = math.exp(-FRAME_S / MUSCLE_S)
-MUSCLE_SMOOTHS = 0.2575  # deviation of its torque over that of a drive that is drawn anew each frame
-RESISTS_NMS_RAD = 0.05  # steps in which a device's damping is reckoned with: fewer gains to solve
+# Deviation of the muscle's torque over that of a command that is drawn anew each frame.
+MUSCLE_SMOOTHS = 0.2494
+RESISTS_NMS_RAD = 0.05  # steps of a device's reckoned damping: fewer gains to solve
 # Squared speed, summed over these, below which they tell little of what resists; assumed.
 FEW_RAD2_S2 = 4.0
 LEARN_FRAMES = 50  # between two corrections of what is known of the device; assumed
 END_RAD = math.radians(5.0)  # nearer to the end of the own range, nothing is learnt of a device
 DISCOUNT_S = 2.0  # assumed
 # Assumed: torque from outside and speed of a target drift by so much in the root of a second.
-DRIFT_NM, DRIFT_RAD_S = 0.1, math.radians(10.0)
-# Of one sample of 10 ms: felt angle, and seen distance; assumed.
-FELT_RAD, SEEN_RAD = math.radians(0.1), math.radians(0.2)
+DRIFT_NM, DRIFT_RAD_S = 0.05, math.radians(10.0)
+# Of one sample of 10 ms: felt angle [6], and seen distance; the latter assumed.
+FELT_RAD, SEEN_RAD = math.radians(1.0), math.radians(0.2)
 TYPICAL_NM = 0.2  # command whose noise the estimator expects; assumed
 
 
@@ -92,7 +97,7 @@ def _chase(load: Load, runs_1_s: float) -> tuple[Array, Array]:
     return _discrete(a, np.array([0.0, 0.0, 0.0, 1 / t, 0.0]))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def effort_weight(load: Load, bits_s: float) -> float:
     """Weight of the command, rad²/Nm², at which a resting target takes 1/bits_s a bit."""
     a, b = (x[:4, ...] for x in _chase(load, 0.0))
@@ -110,8 +115,8 @@ def effort_weight(load: Load, bits_s: float) -> float:
 class Gains:
     """Of one load and one kind of target.
 
-    command: of the chase's state.  hand, drive, felt: the hand's estimator.  prey, pushed, seen: the
-    target's; ahead, moved: from its delayed state and the hand's speeds since, to now.
+    command: of the chase's state.  hand, drive, felt: the hand's estimator.  prey, pushed, seen:
+    the target's; ahead, moved: from its delayed state and the hand's speeds since, to now.
     """
 
     load: Load
@@ -144,7 +149,12 @@ def _estimator(a: Array, c: Array, process: Array, noise: float) -> Array:
 
 @lru_cache(maxsize=1024)
 def gains(
-    load: Load, bits_s: float, runs_1_s: float, delays: tuple[int, int], noise: float, contracted: Load
+    load: Load,
+    bits_s: float,
+    runs_1_s: float,
+    delays: tuple[int, int],
+    noise: float,
+    contracted: Load,
 ) -> Gains:
     """Solve for the controller and both estimators, once a combination.
 
@@ -307,7 +317,8 @@ class AxisController:
             self._sums = [a + b for a, b in zip(self._sums, told, strict=True)]
             if self._sums[0] >= LEARN_FRAMES:
                 self._get_used()
-        before, noisy = self._muscle_Nm, command * (1.0 + self._command_noise * float(self._rng.normal()))
+        before = self._muscle_Nm
+        noisy = command * (1.0 + self._command_noise * float(self._rng.normal()))
         kept, share = MUSCLE_KEPT, FRAME_S / MUSCLE_S
         above = self._drive_Nm - noisy
         self._muscle_Nm = noisy + kept * (before - noisy + share * above)

@@ -1,7 +1,8 @@
-"""A virtual participant: sees the scene late, moves in submovements, is noisy, adapts.  Simulated.
+"""A virtual participant: numbers of a person, who learns.  Simulated.
 
-The numbers were fixed from the literature before the first study was run, and none was set by a
-published median of chapter 6 or 7.
+The wrist study moves by optimal feedback control (:mod:`esea_host.people.control`), the interaction
+study in submovements.  The numbers come from the literature, rounded; none was set by a published
+median of chapter 6 or 7.
 
 References
 ----------
@@ -16,6 +17,13 @@ References
 [6] J. Ryu et al., J. Hand Surgery 16A, 1991: range of the wrist, 40 people.
 [7] D. Formica et al., J. Neurophysiology 108, 2012: passive stiffness of the wrist.
 [8] S. Delp, A. Grinspan, R. Buchanan, J. Biomechanics 29, 1996: moments of 7 to 12 Nm at most.
+[9] R. Balakrishnan, I. MacKenzie, CHI 1997: 4.1 bits a second with the wrist.
+[10] A. Hamilton, K. Jones, D. Wolpert, Experimental Brain Research 157, 2004: torque varies in
+    proportion to its mean, by some per cent.
+[11] W. Marras, R. Schoenmarklin, Ergonomics 36, 1993: mean speeds of the wrist in work with the
+    hands.
+[12] D. Hoffman, P. Strick, J. Neuroscience 6, 1986: a wrist's movements of any size last as long.
+[13] F. Crevecoeur, D. Munoz, S. Scott, J. Neuroscience 36, 2016: 50 ms until a limb is felt.
 """
 
 from __future__ import annotations
@@ -95,8 +103,6 @@ class PersonModel:
         To a target that appears; a simple choice takes about 0.25 s.
     submovement_s, every_s : float
         Length of a submovement of a few degrees, and least time between two [2].
-    sweep_s : float
-        From end to end, comfortably; assumed.
     noise : float
         Standard deviation of a submovement's size over its size [4].
     retain, learn : tuple of float
@@ -111,6 +117,18 @@ class PersonModel:
         Between people: coefficient of variation of each of these; assumed.
     range_deg : tuple of float
         Flexion, extension, ulnar, radial [6].
+    felt_s : float
+        From a motion to a reaction to what is felt of it [13].
+    bits_s : float
+        Accuracy gained in a second of a movement [9].
+    torque_noise : float
+        Standard deviation of a steady torque over its mean [10].
+    sense_noise : float
+        Share of the noise of the senses that is there.
+    contracted_Nm_rad : float
+        Stiffness that contracted muscles add about where the hand is taken to be; assumed.
+    comfortable_deg_s : tuple of float
+        Mean speed from end to end of FE and RU [11]; shorter ways take as long [12].
     """
 
     delay_s: float = 0.16
