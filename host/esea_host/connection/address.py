@@ -127,11 +127,18 @@ class SimulatedProcess(SocketTransport):
 
     def push(self, *pushes_rad: float) -> None:
         """Push each axis so far; see :class:`esea_host.simulated.SimulatedBoard`."""
+        self.hand("push", *pushes_rad)
+
+    def lead(self, *angles_rad: float) -> None:
+        """Lead the hand to these angles of each axis; it no longer moves by itself."""
+        self.hand("lead", *angles_rad)
+
+    def hand(self, word: str, *numbers: float) -> None:
+        """Do something at the virtual machine; see :class:`esea_host.simulated.server.Hands`."""
         line = self._process.stdin
         assert line is not None
         try:
-            numbers = " ".join(f"{p:.4f}" for p in pushes_rad)
-            line.write(f"push {numbers}\n".encode())
+            line.write(f"{word} {' '.join(f'{n:.6f}' for n in numbers)}\n".encode())
             line.flush()
         except OSError:
             raise LinkError("the simulated board has ended") from None

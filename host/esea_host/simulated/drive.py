@@ -5,6 +5,7 @@ Everything that it gives is simulated.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 
@@ -20,6 +21,7 @@ from esea_gen.twin.stepped import EMPTY, SteppedPlant
 from esea_gen.verify.sim import SimBoard
 from esea_host.connection.identity import SIMULATED_BOARDS
 from esea_host.recording.replay import loaded_device
+from esea_host.simulated.elements import with_spring
 from esea_host.simulated.joint import MovedJoint
 from esea_host.simulated.motion import JointMotion, make_motion
 
@@ -54,9 +56,11 @@ class SimulatedBoard:
     motion : JointMotion or str, optional
         Of a passive joint: ``person``, ``therapist``, or a table's file.  A motion that is an
         object goes on where it is after a restart.
+    spring_Nm_rad : float
+        Of a spring in place of the elastomer, in a drive of one axis; 0: the elastomer.
 
     ``plant`` has the truth: ``board.plant.truth()``.  ``pushes_rad`` is how far somebody pushes
-    each axis away from what the person intends.
+    each axis away from what the person intends; ``led``: the person intends nothing else.
     """
 
     def __init__(
@@ -67,6 +71,7 @@ class SimulatedBoard:
         seed: int = 0,
         board: str = "sim",
         motion: JointMotion | str | None = None,
+        spring_Nm_rad: float = 0.0,
     ) -> None:
         given = loaded_device(device) if isinstance(device, str) else device
         self.device = board_device(given)
@@ -76,7 +81,8 @@ class SimulatedBoard:
         self.passive = not self.device.laws
         self._person: Person | Hand = EMPTY
         if self.passive:
-            if unfit := [n for n, v in {"plant": plant, "person": person}.items() if v]:
+            of_drive = {"plant": plant, "person": person, "spring": spring_Nm_rad}
+            if unfit := [n for n, v in of_drive.items() if v]:
                 raise UserError(
                     f"{given.name} has no drive: {' and '.join(unfit)} cannot be chosen.",
                     "Say how it is moved: --motion person, therapist or a table's file.",
@@ -92,14 +98,15 @@ class SimulatedBoard:
             plant, person = _known("plant", plant or PLANT, PLANT_NAMES), person or PERSON
             self._person, self._clamped = self._named(person), person == CLAMPED
             if len(self.axes) == 1:
-                self._first = SteppedPlant(plant_variant(self.device, plant, "ideal", seed))
+                self._variant = plant_variant(self.device, plant, "ideal", seed)
+                self._first = self._plant_with(spring_Nm_rad)
             else:
                 self._first = SteppedHand(hand_variant(self.device, plant, "ideal", seed))
-        self._first_person = self._person, self._clamped
+        self.first_person = self._person, self._clamped
         self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
         self._counts = [n for n in self.board.inputs if n.startswith("count_")]
-        self.pushes_rad = [0.0] * len(self.axes)
+        self.pushes_rad, self.led = [0.0] * len(self.axes), False
         self._start()
 
     def _named(self, person: str) -> Person | Hand:
@@ -109,6 +116,20 @@ class SimulatedBoard:
         if person in (EMPTY_JOINT, CLAMPED):
             return EMPTY
         return random_person(self._seed) if person == "random" else PEOPLE[person]
+
+    def _plant_with(self, spring_Nm_rad: float) -> SteppedPlant:
+        device = with_spring(self.device, spring_Nm_rad) if spring_Nm_rad else self.device
+        return SteppedPlant(dataclasses.replace(self._variant, device=device))
+
+    def build_in(self, spring_Nm_rad: float) -> None:
+        """Exchange the unloaded element of a drive of one axis; the board is not told.
+
+        spring_Nm_rad: of a linear spring; 0: the device's own elastomer.
+        """
+        at_rad = float(self.plant.truth()["theta_l_rad"])
+        self.plant = self._first = self._plant_with(spring_Nm_rad)
+        assert isinstance(self._person, Person)
+        self.board.show(self.plant.start(at_rad, clamped=self._clamped, person=self._person))
 
     def _moved_joint(self) -> MovedJoint:
         named = self._motion
@@ -149,7 +170,7 @@ class SimulatedBoard:
 
     def _start(self) -> None:
         self.plant, self._intent = self._first, None
-        self._person, self._clamped = self._first_person
+        self._person, self._clamped = self.first_person
         self._pushed_rad = [0.0] * len(self.axes)
         self._noise = np.random.default_rng([self._seed, 3])
         self._draw()
@@ -185,7 +206,7 @@ class SimulatedBoard:
             self.board.show(counts[n] for n in self._counts)
         else:
             # Zeroed once, it moves whatever the board does.
-            moves = self._moved_ticks > 0 or self.board.state_now == "READY"
+            moves = not self.led and (self._moved_ticks > 0 or self.board.state_now == "READY")
             self._moved_ticks += moves
             self._push()
             self.board.show(plant.step(moves, self._pushed_rad))
@@ -211,7 +232,7 @@ class SimulatedBoard:
         at = self.ticks % NOISE_TICKS
         if at == 0:
             self._draw()
-        moves = self.board.state_now == "ACTIVE"
+        moves = self.board.state_now == "ACTIVE" and not self.led
         self._moved_ticks += moves
         paths = []
         for axis, pushed in enumerate(self._push()):

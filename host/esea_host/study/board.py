@@ -281,6 +281,7 @@ class BoardSource(InputSource):
     def over(self, number: int, state: str) -> None:
         """What was wanted holds no longer than its deadline."""
         self._asked, self._held = {}, None
+        self.say("link", trial=number, **self.device.health())
         self._event("trial_end", number=number, state=state)
         self.say("link", trial=number, **self.device.health())
 
@@ -316,6 +317,8 @@ class BoardSource(InputSource):
             When the board is lost, or no longer holds the trial's condition.
         """
         try:
+            if self._recording is not None and self._recording.error is not None:
+                raise UserError(f"The recording failed: {self._recording.error}", "")
             self.want(requests)
             self.pull()
             if self._rows.began_again:
