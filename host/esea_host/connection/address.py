@@ -127,11 +127,18 @@ class SimulatedProcess(SocketTransport):
 
     def push(self, *pushes_rad: float) -> None:
         """Push each axis so far; see :class:`esea_host.simulated.SimulatedBoard`."""
+        self._say("push", pushes_rad)
+
+    def lead(self, *angles_rad: float) -> None:
+        """Lead the hand to these angles of each axis; it no longer moves by itself."""
+        self._say("lead", angles_rad)
+
+    def _say(self, word: str, values: tuple[float, ...]) -> None:
         line = self._process.stdin
         assert line is not None
         try:
-            numbers = " ".join(f"{p:.4f}" for p in pushes_rad)
-            line.write(f"push {numbers}\n".encode())
+            numbers = " ".join(f"{v:.4f}" for v in values)
+            line.write(f"{word} {numbers}\n".encode())
             line.flush()
         except OSError:
             raise LinkError("the simulated board has ended") from None

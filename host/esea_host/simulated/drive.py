@@ -56,7 +56,7 @@ class SimulatedBoard:
         object goes on where it is after a restart.
 
     ``plant`` has the truth: ``board.plant.truth()``.  ``pushes_rad`` is how far somebody pushes
-    each axis away from what the person intends.
+    each axis away from what the person intends; ``led``: the person intends nothing else.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class SimulatedBoard:
         self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
         self._counts = [n for n in self.board.inputs if n.startswith("count_")]
-        self.pushes_rad = [0.0] * len(self.axes)
+        self.pushes_rad, self.led = [0.0] * len(self.axes), False
         self._start()
 
     def _named(self, person: str) -> Person | Hand:
@@ -185,7 +185,7 @@ class SimulatedBoard:
             self.board.show(counts[n] for n in self._counts)
         else:
             # Zeroed once, it moves whatever the board does.
-            moves = self._moved_ticks > 0 or self.board.state_now == "READY"
+            moves = not self.led and (self._moved_ticks > 0 or self.board.state_now == "READY")
             self._moved_ticks += moves
             self._push()
             self.board.show(plant.step(moves, self._pushed_rad))
@@ -211,7 +211,7 @@ class SimulatedBoard:
         at = self.ticks % NOISE_TICKS
         if at == 0:
             self._draw()
-        moves = self.board.state_now == "ACTIVE"
+        moves = self.board.state_now == "ACTIVE" and not self.led
         self._moved_ticks += moves
         paths = []
         for axis, pushed in enumerate(self._push()):

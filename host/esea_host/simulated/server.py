@@ -155,8 +155,8 @@ def serve(
     board: ``sim``, or ``sim-q31``.
     zeroed: its encoders are zeroed before, while everything rests.
     once: end when the first host has gone.
-    hands: where lines ``push RAD ...`` come from, a number an axis, a file's number: somebody
-        pushes the virtual arm.
+    hands: where lines ``push RAD ...`` and ``lead RAD ...`` come from, a number an axis, a file's
+        number: somebody pushes the virtual arm, or leads it.
     """
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
@@ -220,8 +220,12 @@ class Hands:
             except ValueError:
                 continue
             fits = len(pushes_rad) == len(drive.pushes_rad)
-            if word == "push" and fits and all(abs(p) <= MOST_PUSH_RAD for p in pushes_rad):
-                drive.pushes_rad = pushes_rad
+            if word in ("push", "lead") and fits and all(map(_near, pushes_rad)):
+                drive.pushes_rad, drive.led = pushes_rad, word == "lead"
+
+
+def _near(push_rad: float) -> bool:
+    return abs(push_rad) <= MOST_PUSH_RAD
 
 
 def serve_hosts(
