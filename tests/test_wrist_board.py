@@ -21,7 +21,6 @@ from esea_host.study.log import read_log
 from esea_host.study.plan import generator
 from esea_host.study.session import COMPLETED, FAILED, replay
 from esea_host.study.task import Situation, task_named
-from esea_host.wrist.tasks import WALL_IN_FLEXION
 from esea_host.wrist.virtual import VirtualPerson
 
 from .conftest import require_tool
@@ -108,7 +107,6 @@ def test_conditions_are_confirmed_and_logged_with_their_tick(begun):
     assert [c["asked"] for c in found] == [{"constrained": x} for x in (0.0, 1.0, 1.0)]
     assert [set(c["acts"].values()) for c in found] == [{0.0}, {1.0}, {1.0}]
     assert found[0]["tick"] < found[1]["tick"] < found[2]["tick"]
-    assert logged(session, "ready")[0]["settings"] == WALL_IN_FLEXION
     assert 4.0 < session.state.past[2]["end_deg"] < 35.0  # run into at 5 deg; 50 without it
     assert all(same for *_, same in replay(session.log.path))
     assert {g.name for g in source.gauges()} == {
@@ -130,7 +128,6 @@ def test_after_a_loss_of_power_the_trial_fails_and_the_session_goes_on(begun):
     assert "not armed" in session.state.reasons[2]
     _, again = logged(session, "ready")
     assert again["state"] == "ARMED"
-    assert again["settings"] == WALL_IN_FLEXION
     assert [c["trial"] for c in logged(session, "condition")] == [1, 2, 3]
 
 
@@ -195,9 +192,7 @@ def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path):
         thread.start()
         cable = Proxy(listener.getsockname()[1])
         with esea_host.open_device(cable.address) as device:
-            source = BoardSource(
-                device, study.log_of("P01", 0).parent, drive=True, settings=WALL_IN_FLEXION
-            )
+            source = BoardSource(device, study.log_of("P01", 0).parent, drive=True)
             session = study.session("P01", 0, source)
             steps = iter(range(100_000))
 

@@ -22,7 +22,6 @@ from esea_host.people.person import Limb, VirtualParticipant
 from esea_host.simulated import LockstepDevice, SimulatedBoard
 from esea_host.study.board import WORKING, BoardSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
-from esea_host.wrist.tasks import WALL_IN_FLEXION
 
 HANDLE_KGM2 = 0.006
 RESTS_S = 2.0  # of a rest so much is waited for; the hand lies still
@@ -130,7 +129,7 @@ class WornWrist(BoardSource):
         self.board = SimulatedBoard(device or wrist_drive(), person="nobody")
         self.muscles = Muscles(self.board, who.limbs)
         link = LockstepDevice(self.board)
-        super().__init__(link, folder, True, link.advance, WALL_IN_FLEXION)
+        super().__init__(link, folder, True, link.advance)
         self._moved, self._skipped_s = False, 0.0
 
     @abstractmethod
