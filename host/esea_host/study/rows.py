@@ -13,6 +13,8 @@ from esea_host.connection.receiver import Batch
 from esea_host.recording.layout import Array
 from esea_host.study.fitting import Tap
 
+CLOCK_ROUNDS = 8
+
 
 class LatestRows:
     """What a board told last, in whichever of its streams a signal is.
@@ -57,9 +59,16 @@ class LatestRows:
         self._waiting, self._last_tick, self.began_again = {}, {}, False
 
     def compare_clocks(self) -> None:
-        """Once the board's ticks go on: they begin again when it is zeroed."""
-        if self._device.address is not None:  # else somebody moves its clock by hand
-            self._offset_ns = self._device.time_sync().offset_ns
+        """Compare the board's ticks with the host's clock; they begin again when it is zeroed."""
+        if self._device.address is None:  # somebody moves its clock by hand
+            return
+        found = []
+        for _ in range(CLOCK_ROUNDS):
+            asked_ns = time.monotonic_ns()
+            tick_ns = self._device.clock()["tick"] * self._device.receiver.tick_ns
+            answered_ns = time.monotonic_ns()
+            found.append((answered_ns - asked_ns, tick_ns - (asked_ns + answered_ns) // 2))
+        self._offset_ns = min(found)[1]  # of the question that was answered fastest
 
     def take(self, timeout_s: float, due_ns: int) -> None:
         """Take in what has come, and go on to its end where that is at or after a time."""
