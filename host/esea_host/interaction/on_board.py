@@ -112,7 +112,7 @@ class ElementBoard(InputSource):
         self.known = known or (SIMULATED_LOAD if hands is not None else None)
         self.middle_rad = math.nan
         self._aims = [0.0]
-        self._confirmed = ""
+        self._confirmed = self._state = ""
 
     def ready(self) -> Mapping[str, Any]:
         """As the board's."""
@@ -135,6 +135,7 @@ class ElementBoard(InputSource):
             return str(error)
         finally:
             self.waits("")
+            self._state = ""
         return ""
 
     # -- the element -------------------------------------------------------------------------------
@@ -161,7 +162,7 @@ class ElementBoard(InputSource):
         self.say("element", trial=number, simulated=device.simulated, **finding.to_dict())
         if finding.problem:
             return finding.problem
-        ready = dict(inner.ready())
+        self._state, ready = "", dict(inner.ready())
         self.say("ready", **ready)
         return str(ready.get("problem", ""))
 
@@ -169,10 +170,11 @@ class ElementBoard(InputSource):
         device, until_s = self.inner.device, self.inner.now_s() + 5.0
         if device.state() in WORKING:
             device.disarm()
-        while device.state() in WORKING:
+        while (state := device.state()) in WORKING:
             if self.inner.now_s() > until_s:
-                raise UserError(f"The board stays {device.state()}.", "Switch the motor off.")
+                raise UserError(f"The board stays {state}.", "Switch the motor off.")
             self.inner.pull()
+        self._state = state
 
     def _until_it_tells(self) -> None:
         # Another plant is compiled meanwhile.
@@ -194,7 +196,7 @@ class ElementBoard(InputSource):
         mass = f"{known.mass_kg:g} kg at {known.arm_m:g} m"
         try:
             for k, phase in enumerate(PHASES):
-                act = f"hang {mass} on it, {phase}" if signs[k] else "take the mass off"
+                act = f"hang {mass} on it, {phase}" if signs[k] else "leave it unloaded"
                 self.waits(
                     f"Element, {k + 1} of {len(PHASES)}: nobody in the joint, hold the motor "
                     f"side, {act}; it is read when it is still."
@@ -284,8 +286,8 @@ class ElementBoard(InputSource):
         return self.inner.now_s()
 
     def status(self) -> str:
-        """As the board's."""
-        return self.inner.status()
+        """As the board's, the motor off while the element is loaded."""
+        return self._state or self.inner.status()
 
     def broken(self) -> str:
         """As the board's."""
