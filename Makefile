@@ -17,9 +17,12 @@ run: setup
 	@$(BIN)/esea-gen build $(OUT)/hdrb/hdrb.toml --out $(OUT)/hdrb/generated
 	@$(BIN)/esea-gen report $(OUT)/hdrb/hdrb.toml --recording tests/data/hdrb/hdrb.toml --out $(OUT)/report.html --json $(OUT)/report.json
 	@$(BIN)/esea-gen report elbow --recording tests/data/hdrb/hdrb.toml --out $(OUT)/elbow.html --json $(OUT)/elbow.json
+	@rm -f $(OUT)/demo.png $(OUT)/demo.mcap $(OUT)/wrist.png $(OUT)/wrist.mcap $(OUT)/wrist.toml
 	@$(BIN)/esea-host demo --headless --seconds 8 --report $(OUT)/demo.png
+	@$(BIN)/esea-host wrist sim:wrist_drive --headless --record $(OUT)/wrist.mcap --calibration $(OUT)/wrist.toml --screenshot $(OUT)/wrist.png
 	@echo "Open $(OUT)/report.html (the recorded rubber), $(OUT)/elbow.html (the published elbow) and"
-	@echo "$(OUT)/demo.png (the controlled elbow on a simulated board, recorded in $(OUT)/demo.mcap and replayed to the bit)."
+	@echo "$(OUT)/demo.png (the controlled elbow on a simulated board, recorded in $(OUT)/demo.mcap and replayed to the bit),"
+	@echo "$(OUT)/wrist.png (the display of a simulated wrist, constrained and normalised, recorded in $(OUT)/wrist.mcap)."
 
 test: setup
 	@$(MAKE) --no-print-directory -j 2 style check

@@ -23,6 +23,7 @@ GROUPS = {
         "sim": "live",
         "bridge": "bridge",
         "demo": "demo",
+        "wrist": "wrist_display",
         "pair": "pairing",
         "unpair": "pairing",
     },

@@ -151,7 +151,6 @@ class ElementBoard(InputSource):
         if self.hands is not None:
             self.waits(f"The simulated attendant builds in the {element} ...")
             self.hands.build_in(spring_Nm_rad(device.identity.device, element, stiffness_Nm_deg))
-            self._until_it_tells()
         means = self._phases(self.known)
         if self.hands is not None:
             self.hands.let_go()
@@ -176,13 +175,14 @@ class ElementBoard(InputSource):
             self.inner.pull()
         self._state = state
 
-    def _until_it_tells(self) -> None:
-        # Another plant is compiled meanwhile.
-        for left_s in range(round(SILENT_S), 0, -1):
+    def _pull(self) -> None:
+        # Of a simulated board another plant may be compiled meanwhile.
+        tries = round(SILENT_S) if self.hands is not None else 1
+        for left in range(tries, 0, -1):
             try:
                 self.inner.pull()
             except UserError:
-                if left_s == 1 or self.ask():
+                if left == 1 or self.ask():
                     raise
             else:
                 return
@@ -215,7 +215,7 @@ class ElementBoard(InputSource):
         count = 2 * math.pi / 2 ** round(file.encoder.resolution_bits.value)
         until_s, latest = self.inner.now_s() + LONGEST_S, deque[float](maxlen=round(1e3 * STILL_S))
         while not self.ask():
-            self.inner.pull()
+            self._pull()
             for batch in queue.take(0.0):
                 latest.extend(batch.rows[column].tolist())
             there = np.array(latest)

@@ -23,7 +23,7 @@ from esea_host.connection.identity import SIMULATED_BOARDS
 from esea_host.recording.replay import loaded_device
 from esea_host.simulated.elements import with_spring
 from esea_host.simulated.joint import MovedJoint
-from esea_host.simulated.motion import Motion, make_motion
+from esea_host.simulated.motion import JointMotion, make_motion
 
 EMPTY_JOINT, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (EMPTY_JOINT, *PERSON_NAMES)
@@ -53,14 +53,14 @@ class SimulatedBoard:
         Of the plant, of the person, and of all noise.
     board : str
         ``sim``, which computes in f32, or ``sim-q31``.
-    motion : Motion or str, optional
+    motion : JointMotion or str, optional
         Of a passive joint: ``person``, ``therapist``, or a table's file.  A motion that is an
         object goes on where it is after a restart.
     spring_Nm_rad : float
         Of a spring in place of the elastomer, in a drive of one axis; 0: the elastomer.
 
     ``plant`` has the truth: ``board.plant.truth()``.  ``pushes_rad`` is how far somebody pushes
-    each axis away from what the person intends.
+    each axis away from what the person intends; ``led``: the person intends nothing else.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class SimulatedBoard:
         person: str | None = None,
         seed: int = 0,
         board: str = "sim",
-        motion: Motion | str | None = None,
+        motion: JointMotion | str | None = None,
         spring_Nm_rad: float = 0.0,
     ) -> None:
         given = loaded_device(device) if isinstance(device, str) else device
@@ -106,7 +106,7 @@ class SimulatedBoard:
         self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
         self._counts = [n for n in self.board.inputs if n.startswith("count_")]
-        self.pushes_rad = [0.0] * len(self.axes)
+        self.pushes_rad, self.led = [0.0] * len(self.axes), False
         self._start()
 
     def _named(self, person: str) -> Person | Hand:
@@ -143,7 +143,7 @@ class SimulatedBoard:
         person: Person | Hand | None = None,
         hand: Intent | None = None,
         values: Mapping[str, float] | None = None,
-        motion: Motion | None = None,
+        motion: JointMotion | None = None,
     ) -> None:
         """What somebody does at the machine meanwhile; everything goes on from where it is.
 
@@ -206,7 +206,7 @@ class SimulatedBoard:
             self.board.show(counts[n] for n in self._counts)
         else:
             # Zeroed once, it moves whatever the board does.
-            moves = self._moved_ticks > 0 or self.board.state_now == "READY"
+            moves = not self.led and (self._moved_ticks > 0 or self.board.state_now == "READY")
             self._moved_ticks += moves
             self._push()
             self.board.show(plant.step(moves, self._pushed_rad))
@@ -232,7 +232,7 @@ class SimulatedBoard:
         at = self.ticks % NOISE_TICKS
         if at == 0:
             self._draw()
-        moves = self.board.state_now == "ACTIVE"
+        moves = self.board.state_now == "ACTIVE" and not self.led
         self._moved_ticks += moves
         paths = []
         for axis, pushed in enumerate(self._push()):

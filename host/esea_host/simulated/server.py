@@ -199,7 +199,8 @@ def _zero(drive: SimulatedBoard) -> None:
 class Hands:
     """What somebody does at the virtual machine: lines of text, read without waiting.
 
-    ``push RAD``, ``aim RAD``: the arm; ``hang NM``: a mass on it, the motor held; ``let-go 0``:
+    ``push RAD ...``, ``lead RAD ...``: a number an axis; ``aim RAD``: the arm; ``hang NM``: a mass
+    on it, the motor held; ``let-go 0``:
     the mass is taken off; ``spring NM_RAD``: built in in place of the elastomer, 0: the elastomer.
 
     source: the file's number; None: nobody.
@@ -230,8 +231,8 @@ class Hands:
 
     def _do(self, drive: SimulatedBoard, word: str, numbers: list[float]) -> None:
         fits = len(numbers) == len(drive.pushes_rad)
-        if word == "push" and fits and all(abs(p) <= MOST_PUSH_RAD for p in numbers):
-            drive.pushes_rad = numbers
+        if word in ("push", "lead") and fits and all(abs(p) <= MOST_PUSH_RAD for p in numbers):
+            drive.pushes_rad, drive.led = numbers, word == "lead"
         if len(numbers) != 1 or len(drive.axes) != 1 or drive.passive:
             return
         self._attendant = self._attendant or Attendant(drive)

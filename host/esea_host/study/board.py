@@ -110,7 +110,6 @@ class BoardSource(InputSource):
             found["settings"] = self._set()
             if self.drive:
                 self._arm()
-            self._rows.compare_clocks()
             self._pass(SETTLE_S)
             self._state = state = self.device.state()
         except (LinkError, UserError) as error:

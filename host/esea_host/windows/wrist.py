@@ -1,0 +1,490 @@
+"""The wrist display: both cursors, ranges and scaling factors, a guided calibration."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable
+from functools import partial
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
+from PySide6.QtGui import QAction, QCloseEvent, QKeyEvent, QKeySequence, QMouseEvent
+from PySide6.QtWidgets import (
+    QApplication,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QMainWindow,
+    QPushButton,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
+
+from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
+from esea_host.windows.counting import take_many
+from esea_host.windows.feed import LiveFeed
+from esea_host.windows.meanings import link_text, state_text
+from esea_host.windows.plots import dress
+from esea_host.windows.study.scene_view import SceneView, square_in
+from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme, plain_label
+from esea_host.wrist.constraint import WORKING, ConstraintKeeper
+from esea_host.wrist.display import AxisView, DisplayPicture, WristDisplay
+from esea_host.wrist.guide import CalibrationGuide
+from esea_host.wrist.hand import WanderingHand
+from esea_host.wrist.past import AXES
+from esea_host.wrist.stored import (
+    WristCalibration,
+    calibration_of,
+    save_calibration,
+)
+
+take_many()
+FRAME_MS, TOLD_EVERY = 16, 6  # words change every so many frames
+UNCONFIRMED_S = 1.0
+SAVED = Path("wrist-calibration.toml")
+STOP_KEYS = (Qt.Key.Key_Space, Qt.Key.Key_Escape)
+UNZEROED = ("UNKNOWN", "UNREFERENCED", "ZEROING")
+ALARMING = ("FAULT", "STOPPED")
+NAMES = {"FE": "flexion - / extension +", "RU": "ulnar - / radial +"}
+
+
+class _Pane(SceneView):
+    # A scene in which a mouse may drag the simulated hand.
+
+    dragged = Signal(object)
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        middle, half = square_in(self.width(), self.height())
+        off, scale = event.position() - middle, self.scene.half_width / half
+        self.dragged.emit((off.x() * scale, -off.y() * scale))
+
+    mousePressEvent = mouseMoveEvent
+
+    def mouseReleaseEvent(self, _: QMouseEvent) -> None:
+        self.dragged.emit(None)
+
+
+class _FactorPlot:
+    # Scaling factor over the angle of one axis, with its nodes and the present angle.
+
+    def __init__(self, area: Any, row: int, axis: str) -> None:
+        self.item = area.addPlot(row=row, col=0)
+        self.item.setMenuEnabled(False)
+        self.item.hideButtons()
+        self.item.setMouseEnabled(x=False, y=False)
+        self.item.getAxis("left").setWidth(48)
+        self.axis = axis
+        self._range = pg.LinearRegionItem(movable=False)
+        self._curve, self._nodes = self.item.plot(antialias=True), self.item.plot()
+        self._now, self._here = pg.InfiniteLine(angle=90), self.item.plot()
+        self.item.addItem(self._range)
+        self.item.addItem(self._now)
+
+    def show(self, display: WristDisplay, theme: Theme) -> None:
+        """With this calibration, in these colours."""
+        dress(self.item, theme)
+        found = display.curves.get(self.axis)
+        for part in (self._range, self._curve, self._nodes):
+            part.setVisible(found is not None)
+        half = display.half_width_deg
+        self.item.setXRange(-half, half, padding=0)
+        top = 2.0
+        if found is not None:
+            self._curve.setData(found.theta_deg, found.factor)
+            self._nodes.setData(found.nodes_deg, found.at_nodes)
+            self._range.setRegion((found.low_deg, found.high_deg))
+            top = max(top, 1.15 * float(found.factor.max()))
+        self.item.setYRange(0, top, padding=0)
+        self._curve.setPen(pg.mkPen(theme.wanted, width=3))
+        self._nodes.setPen(None)
+        self._nodes.setSymbol("o")
+        self._nodes.setSymbolSize(9)
+        self._nodes.setSymbolBrush(theme.ground)
+        self._nodes.setSymbolPen(pg.mkPen(theme.wanted, width=2))
+        shade = pg.mkColor(theme.wanted)
+        shade.setAlpha(28)
+        self._range.setBrush(shade)
+        for line in self._range.lines:
+            line.setPen(pg.mkPen(theme.limit, width=2))
+        self._now.setPen(pg.mkPen(theme.measured, width=2))
+        self._here.setPen(None)
+        self._here.setSymbol("o")
+        self._here.setSymbolSize(15)
+        self._here.setSymbolBrush(theme.measured)
+        self._here.setSymbolPen(pg.mkPen(theme.ink, width=1))
+        self.item.setLabel("left", "scaling factor", color=theme.ink)
+        title = f"<b>{self.axis}</b> ({NAMES[self.axis]}) from neutral [deg]"
+        self.item.setTitle(title, color=theme.ink, size="10pt")
+
+    def draw(self, now: AxisView) -> None:
+        """The present angle."""
+        self._now.setValue(now.theta_deg)
+        self._here.setData([now.theta_deg], [now.factor])
+
+
+class WristWindow(QMainWindow):
+    """A window on a :class:`WristDisplay`.
+
+    Parameters
+    ----------
+    feed : LiveFeed
+        Of the board: state, faults, stop.
+    display : WristDisplay
+        What is shown.
+    keeper : ConstraintKeeper
+        Asks for the constraint.
+    dark : bool
+        Colours.
+    lead : callable, optional
+        Leads a simulated hand to angles in deg.
+    save_to : Path
+        Where a calibration goes as soon as it is complete; no file is overwritten.
+    guide : callable
+        Makes a guide.
+    """
+
+    def __init__(
+        self,
+        feed: LiveFeed,
+        display: WristDisplay,
+        keeper: ConstraintKeeper,
+        dark: bool = False,
+        lead: Callable[[float, float], None] | None = None,
+        save_to: Path = SAVED,
+        guide: Callable[[bool], CalibrationGuide] = CalibrationGuide,
+    ) -> None:
+        super().__init__()
+        self.feed, self.display, self.keeper = feed, display, keeper
+        self._lead, self._save_to, self._guide = lead, save_to, guide
+        self.hand = WanderingHand()
+        self.said, self._asked_s, self._frames = "", 0.0, 0
+        self._rows = feed.device.subscribe(list(display.streams))
+        identity = feed.device.identity
+        mark = "SIMULATED" if feed.device.simulated else ""
+        who = f"{identity.device.name} on {identity.board}"
+        self._who = f"<b>{mark}</b> {escape(who)}"
+        self.setWindowTitle(f"{mark} {who}: wrist display - esea-host".strip())
+        self._build()
+        self._actions()
+        self.set_theme(DARK if dark else LIGHT)
+        application = QApplication.instance()
+        assert application is not None
+        application.installEventFilter(self)
+        self._timer = QTimer(self)
+        self._timer.timeout.connect(self.turn)
+        self.draw()
+
+    def start(self) -> None:
+        """Draw by itself from now on."""
+        self._timer.start(FRAME_MS)
+
+    # -- what there is -----------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        self.state, self.words, self.note = QLabel(), QLabel(), plain_label()
+        self.words.setWordWrap(True)
+        self.note.setWordWrap(True)
+        self.note.setMinimumHeight(40)
+        stop = QPushButton("STOP  (Space)")
+        stop.setStyleSheet(STOP_STYLE)
+        stop.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        stop.pressed.connect(self.stop)  # when it goes down
+        self.stop_button = stop
+        top, left = QHBoxLayout(), QVBoxLayout()
+        left.addWidget(self.state)
+        left.addWidget(self.words)
+        top.addLayout(left, 1)
+        top.addWidget(stop)
+        raw = _Pane()
+        self.panes: dict[str, SceneView] = {"raw": raw, "normalised": SceneView()}
+        self.heads = {n: QLabel() for n in self.panes}
+        self.readouts = {n: QLabel() for n in self.panes}
+        for label in (*self.heads.values(), *self.readouts.values()):
+            # No text widens its column.
+            label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
+        grid = QGridLayout()
+        for column, name in enumerate(self.panes):
+            for row, part in enumerate((self.heads[name], self.panes[name], self.readouts[name])):
+                grid.addWidget(part, row, column)
+            grid.setColumnStretch(column, 5)
+        self._area = pg.GraphicsLayoutWidget()
+        self._plots = [_FactorPlot(self._area, row, axis) for row, axis in enumerate(AXES)]
+        grid.addWidget(self._area, 0, 2, 3, 1)
+        grid.setColumnStretch(2, 5)
+        grid.setRowStretch(1, 1)
+        column_ = QVBoxLayout()
+        column_.addLayout(top)
+        column_.addLayout(self._bar())
+        column_.addLayout(grid, 1)
+        column_.addWidget(self.note)
+        middle = QWidget()
+        middle.setLayout(column_)
+        self.setCentralWidget(middle)
+        if self._lead is not None:
+            raw.dragged.connect(self._dragged)
+
+    def _bar(self) -> QHBoxLayout:
+        bar, device = QHBoxLayout(), self.feed.device
+        self.buttons: dict[str, QPushButton] = {}
+        jobs: dict[str, Callable[[], object]] = {
+            "Release": partial(self.feed.do, "release", device.release),
+            "Zero": partial(self.feed.do, "zero", device.zero),
+            "Arm": partial(self.feed.do, "arm", device.arm),
+            "Healthy": partial(self.constrain, False),
+            "Constrained": partial(self.constrain, True),
+            "Calibrate": self.calibrate,
+            "Repeat step": self.back,
+        }
+        for name, job in jobs.items():
+            button = QPushButton(name)
+            button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+            button.clicked.connect(partial(self._asked, job))
+            button.setCheckable(name in ("Healthy", "Constrained"))
+            needs_motor = name in ("Arm", "Healthy", "Constrained")
+            button.setVisible(self.keeper.there or not needs_motor)
+            bar.addWidget(button)
+            self.buttons[name] = button
+        self.confirmed = QLabel()
+        bar.addWidget(self.confirmed, 1)
+        return bar
+
+    def _asked(self, job: Callable[[], object], _checked: bool = False) -> None:
+        job()
+
+    def _actions(self) -> None:
+        device, menu = self.feed.device, self.menuBar().addMenu("&Board")
+        for name, keys, job in (
+            ("STOP: Space or Escape", "F12", self.stop),
+            ("Disarm", "Ctrl+D", partial(self.feed.do, "disarm", device.disarm)),
+            ("Acknowledge fault", "Ctrl+L", partial(self.feed.do, "acknowledge", device.clear)),
+            ("Dark, light", "T", self.toggle_theme),
+        ):
+            action = QAction(name, self)
+            action.setShortcut(QKeySequence(keys))
+            action.triggered.connect(partial(self._asked, job))
+            menu.addAction(action)
+
+    # -- asking ------------------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """Stop the motors, and a calibration that runs."""
+        self.feed.stop()
+        self.keeper.wanted = False
+        self._asked_s = time.monotonic()
+        self._end_guide("The calibration was stopped.")
+
+    def eventFilter(self, _: QObject, event: QEvent) -> bool:
+        """Space and Escape stop, whatever has the focus."""
+        stops = event.key() in STOP_KEYS if isinstance(event, QKeyEvent) else False
+        if stops and event.type() == QEvent.Type.KeyPress:
+            self.stop()
+        return stops
+
+    def constrain(self, wanted: bool) -> None:
+        """Ask for the constraint, or for none."""
+        if self.display.guide is None:
+            self.keeper.wanted = wanted
+
+    def calibrate(self) -> None:
+        """Begin a guided calibration, or end the one that runs."""
+        if self.display.guide is not None:
+            self._end_guide("The calibration was ended.")
+        elif self._off:
+            self.said = "Arm the motors first: a healthy wrist is one that they follow with 0 Nm."
+        else:
+            self.display.guide, self.said = self._guide(self.display.can_constrain), ""
+
+    @property
+    def _off(self) -> bool:
+        # No state in which a calibration means anything.
+        state = self.feed.news.state
+        return state in ALARMING or (self.keeper.there and state not in WORKING)
+
+    def back(self) -> None:
+        """Repeat the calibration's last step."""
+        if self.display.guide is not None:
+            self.display.guide.back()
+
+    def _end_guide(self, said: str) -> None:
+        if self.display.guide is not None:
+            self.display.guide, self.said = None, said
+            self.keeper.wanted = False
+
+    def _complete(self, guide: CalibrationGuide) -> None:
+        identity = self.feed.device.identity
+        self._end_guide("")
+        try:
+            made = calibration_of(
+                guide.past,
+                identity.device.name,
+                identity.content_hash,
+                self.feed.device.simulated,
+            )
+            self.use(made)
+            self.said = f"Saved to {save_calibration(self._save_to, made)}."
+        except UserError as error:
+            self.said = f"No calibration: {error}"
+
+    def use(self, calibration: WristCalibration) -> None:
+        """Normalise with this calibration."""
+        self.display.calibrate(calibration)
+        self.set_theme(self.theme)
+
+    def _dragged(self, place: tuple[float, float] | None) -> None:
+        self.hand.dragged_deg = place
+
+    # -- looking -----------------------------------------------------------------------------------
+
+    def turn(self) -> None:
+        """Take what has come, and draw it."""
+        self.take()
+        self.draw()
+
+    def take(self) -> None:
+        """Take what has come; the guide and the simulated hand go on."""
+        with contextlib.suppress(LinkError):  # the feed has it, and shows it
+            self.display.receive(self._rows.take(0.0))
+            self._go_on()
+
+    def _go_on(self) -> None:
+        guide = self.display.guide
+        if guide is not None and guide.current is None:
+            self._complete(guide)
+        elif guide is not None and self._off:
+            self._end_guide(f"The board is {self.feed.news.state}: the calibration was ended.")
+        elif guide is not None and guide.current is not None:
+            self.keeper.wanted = guide.current.constrained
+        guide = self.display.guide
+        # A simulated hand rests at its zero until the board knows where that is.
+        if self._lead is not None and self.feed.news.state not in UNZEROED:
+            scene = None if guide is None else guide.scene
+            given = self.display.time_s, scene, self.display.angles_deg
+            self._lead(*self.hand.aim(*given))
+
+    def draw(self) -> None:
+        """One picture of what there is now."""
+        picture, guide = self.display.picture(), self.display.guide
+        self.panes["raw"].show_scene(picture.raw if guide is None else guide.scene)
+        self.panes["normalised"].show_scene(picture.normalised)
+        for plot, axis in zip(self._plots, picture.axes, strict=True):
+            plot.draw(axis)
+        self._frames += 1
+        if self._frames % TOLD_EVERY == 1:
+            self._tell(picture)
+
+    def _tell(self, picture: DisplayPicture) -> None:
+        theme, news, guide = self.theme, self.feed.news, self.display.guide
+        colour = theme.alarm if news.state in ALARMING else theme.good
+        colour = theme.measured if news.state in WORKING else colour
+        self.state.setText(
+            f'<span style="font-size:18px"><b style="color:{colour}">{escape(news.state)}</b>'
+            f" &nbsp; {self._who}</span>"
+        )
+        alarm = self._alarm()
+        self.words.setStyleSheet(f"color: {theme.alarm if alarm else theme.ink}")
+        dialect = self.feed.device.session.dialect
+        self.words.setTextFormat(Qt.TextFormat.PlainText)
+        self.words.setText(alarm or f"{state_text(dialect, news.state)}  {link_text(news.health)}")
+        self.confirmed.setText(self._constraint(picture.acts))
+        for name, wanted in (("Healthy", False), ("Constrained", True)):
+            self.buttons[name].setChecked(self.keeper.wanted is wanted)
+            self.buttons[name].setEnabled(guide is None)
+        self.buttons["Calibrate"].setText("Calibrate" if guide is None else "End calibration")
+        self.buttons["Release"].setVisible(news.state == "STOPPED")
+        self.buttons["Repeat step"].setVisible(guide is not None)
+        self._heads(picture)
+        self.note.setText(self._note())
+
+    def _heads(self, picture: DisplayPicture) -> None:
+        guide = self.display.guide
+        left, right = "Raw: the wrist's angle", "Normalised"
+        if guide is not None and guide.current is not None:
+            left = f"Step {len(guide.past) + 1} of {len(guide.steps)}, {guide.current.title}"
+        if self.display.maps is None:
+            right += ": not calibrated" if self.display.can_constrain else ": healthy only"
+        elif not picture.applied:
+            right += ": healthy, factor 1"
+        for name, text in (("raw", left), ("normalised", right)):
+            self.heads[name].setText(f'<span style="font-size:17px"><b>{text}</b></span>')
+        for name, values in (
+            ("raw", [a.theta_deg for a in picture.axes]),
+            ("normalised", [a.cursor_deg for a in picture.axes]),
+        ):
+            told = " &nbsp; ".join(
+                f"{a} <b>{round(v) + 0.0:+.0f}°</b>" for a, v in zip(AXES, values, strict=True)
+            )
+            self.readouts[name].setText(f'<span style="font-size:32px">{told}</span>')
+
+    def _constraint(self, acts: bool | None) -> str:
+        if acts is None:
+            return "This board has no constraint."
+        if acts == self.keeper.wanted:
+            return "Constraint confirmed: " + ("acts on both axes" if acts else "off")
+        why = "" if self.feed.news.state in WORKING else " (arm the motors first)"
+        return f"Constraint {'asked for' if self.keeper.wanted else 'is to end'}, not yet{why}"
+
+    def _alarm(self) -> str:
+        news, lines = self.feed.news, []
+        if self._asked_s and news.state == "STOPPED":
+            self._asked_s = 0.0
+        elif self._asked_s and time.monotonic() - self._asked_s > UNCONFIRMED_S:
+            lines.append("STOP was sent, and the board has not confirmed it: switch its power off.")
+        if self.feed.silent:
+            lines.append("Nothing comes from the board: the picture is old.")
+        if news.fault is not None:
+            f = news.fault
+            lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")
+        return "  ".join([*lines, *filter(None, (news.error, self.keeper.said))])
+
+    def _note(self) -> str:
+        guide, used = self.display.guide, self.display.calibration
+        if guide is not None:
+            return guide.advice
+        parts = [self.said] if self.said else []
+        if used is not None:
+            mark = "SIMULATED calibration" if used.simulated else "Calibration"
+            parts.append(f"{mark} of {used.made}, {used.device}, sha256 {used.sha256[:12]}")
+        else:
+            parts.append("Calibrate takes about five minutes.")
+        if self._lead is not None:
+            parts.append("Drag the raw cursor to move the simulated hand.")
+        news = self.feed.news
+        parts += [news.said] if news.said and news.state not in WORKING else []
+        return "  |  ".join(parts)
+
+    def toggle_theme(self) -> None:
+        """Dark or light."""
+        self.set_theme(LIGHT if self.theme is DARK else DARK)
+
+    def set_theme(self, theme: Theme) -> None:
+        """All in these colours."""
+        self.theme = theme
+        self.setPalette(theme.palette())
+        self._area.setBackground(theme.ground)
+        style = (
+            f"QPushButton {{background: {theme.ground}; color: {theme.ink};"
+            f" border: 1px solid {theme.soft}; border-radius: 4px; padding: 4px 14px;}}"
+            f"QPushButton:checked {{background: {theme.wanted}; color: {theme.ground};}}"
+            f"QPushButton:disabled:!checked {{color: {theme.soft};}}"
+        )
+        for button in self.buttons.values():
+            button.setStyleSheet(style)
+        for pane in self.panes.values():
+            pane.set_dark(theme is DARK)
+        for plot in self._plots:
+            plot.show(self.display, theme)
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """The connection is not the window's to end."""
+        self._timer.stop()
+        self.feed.device.receiver.unsubscribe(self._rows)
+        application = QApplication.instance()
+        if application is not None:
+            application.removeEventFilter(self)
+        super().closeEvent(event)

@@ -1,0 +1,83 @@
+"""Asks a board for its constraint, again and again, while its motors are on."""
+
+from __future__ import annotations
+
+import math
+import threading
+
+from esea_gen.emit.roles import board_roles
+from esea_gen.link.transport import LinkError
+from esea_host.connection import ConnectedDevice
+from esea_host.wrist.tasks import WALL_IN_FLEXION
+
+WORKING = ("ARMED", "ACTIVE", "LETTING_GO")
+TORQUE_MODE, DEADLINE_MS = 1.0, 500
+TURN_S, ZERO_S = 0.05, 0.5
+
+
+class ConstraintKeeper:
+    """Keeps 0 Nm and the constraint asked for; a stop, a fault or a closed link ends it.
+
+    Parameters
+    ----------
+    device : ConnectedDevice
+        One without ``constrained`` is asked for nothing.
+    arms : bool
+        Zero it, and arm it once: only done to simulated boards, which nobody stands beside.
+    threaded : bool
+        Ask by itself; otherwise by :meth:`turn`.
+
+    Attributes
+    ----------
+    wanted : bool
+        Whether the constraint is wanted.
+    """
+
+    def __init__(self, device: ConnectedDevice, arms: bool, threaded: bool = True) -> None:
+        roles = board_roles(device.identity.device.system)
+        self.there = roles.drive and "constrained" in roles.wanted_names
+        self.wanted, self.said = False, ""
+        self._device, self._arms = device, arms and device.simulated
+        self._zeroed_s = -math.inf
+        self._closed = threading.Event()
+        self._thread: threading.Thread | None = None
+        if threaded and (self.there or self._arms):
+            self._thread = threading.Thread(target=self._run, name="esea-constraint", daemon=True)
+            self._thread.start()
+
+    def prepare(self) -> None:
+        """Set the constraint up as the study has it: a wall in flexion, none in deviation."""
+        for name, value in WALL_IN_FLEXION.items() if self.there else ():
+            self._device.set(name, value)
+
+    def turn(self, now_s: float) -> None:
+        """One request; ``now_s`` rises from turn to turn."""
+        state = self._device.state()
+        if state in WORKING and self.there:
+            constrained = float(self.wanted)
+            self._device.want(DEADLINE_MS, mode=TORQUE_MODE, constrained=constrained)
+        if state in (*WORKING, "STOPPED", "FAULT"):
+            self._arms = False
+        elif self._arms and state == "READY" and self.there:
+            self._device.arm()
+        elif self._arms and state == "UNREFERENCED" and now_s > self._zeroed_s + ZERO_S:
+            # A hand that moves is not zeroed: again, until it is.
+            self._zeroed_s = now_s
+            self._device.zero()
+
+    def _run(self) -> None:
+        turns = 0
+        while not self._closed.wait(TURN_S):
+            turns += 1
+            try:
+                self.turn(turns * TURN_S)
+            except LinkError as error:
+                self.said = str(error)
+                if self._device.receiver.error is not None:
+                    return
+
+    def close(self) -> None:
+        """End asking."""
+        self._closed.set()
+        if self._thread is not None:
+            self._thread.join(3.0)

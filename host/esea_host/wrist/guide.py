@@ -1,0 +1,169 @@
+"""A guided calibration: the study's tasks one after another, without a session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from esea_gen.errors import UserError
+from esea_host.study.scene import Scene, Text
+from esea_host.study.task import Inputs, Situation, task_named
+from esea_host.wrist.normalisation import NodeSpeeds, check_nodes
+from esea_host.wrist.past import AXES, calibrated
+from esea_host.wrist.tasks import dot
+
+RANGE_S, MOVEMENTS = 6.0, 5
+CURSOR_SHARE = 0.05  # of half the width
+TITLES = {
+    "wrist.neutral": "neutral position",
+    "wrist.range": "range",
+    "wrist.velocity": "sweeps",
+}
+
+
+@dataclass(frozen=True)
+class GuideStep:
+    """One trial of the calibration.
+
+    parameters: of the task; ``impairment`` is the constraint.
+    """
+
+    task: str
+    parameters: Mapping[str, Any]
+
+    @property
+    def constrained(self) -> bool:
+        """Whether the constraint must act."""
+        return bool(self.parameters["impairment"])
+
+    @property
+    def title(self) -> str:
+        """For the operator."""
+        axis = f", {self.parameters['axis']}" if "axis" in self.parameters else ""
+        return f"{'constrained' if self.constrained else 'healthy'}: {TITLES[self.task]}{axis}"
+
+
+def guide_steps(constraint: bool, range_s: float, movements: int) -> tuple[GuideStep, ...]:
+    """Steps of a calibration, healthy first."""
+    steps = []
+    for impairment in (False, True) if constraint else (False,):
+        state = {"impairment": impairment}
+        steps.append(GuideStep("wrist.neutral", state))
+        steps += [
+            GuideStep("wrist.range", state | {"axis": a, "way": way, "seconds": range_s})
+            for a in AXES
+            for way in (1, -1)
+        ]
+        sweep = {"movements": movements}
+        steps += [GuideStep("wrist.velocity", state | sweep | {"axis": a}) for a in AXES]
+    return tuple(steps)
+
+
+class CalibrationGuide:
+    """Leads through a calibration, frame by frame.
+
+    Parameters
+    ----------
+    constraint : bool
+        Whether the board has a constraint: then both states are calibrated.
+    range_s : float
+        Time for each end of a range.
+    movements : int
+        Of each sweep, from end to end.
+
+    Attributes
+    ----------
+    past : list of rows
+        Of the steps that are done.
+    advice : str
+        Why the last step is repeated, or what could be better.
+    scene : Scene
+        What the participant sees.
+    """
+
+    def __init__(
+        self, constraint: bool, range_s: float = RANGE_S, movements: int = MOVEMENTS
+    ) -> None:
+        self._constraint = constraint
+        self.steps = guide_steps(constraint, range_s, movements)
+        self.past: list[dict[str, Any]] = []
+        self.advice, self.scene = "", Scene()
+        self._state: Any = None
+        self._begun_s = 0.0
+
+    @property
+    def current(self) -> GuideStep | None:
+        """The step that runs; None at the end."""
+        at = len(self.past)
+        return self.steps[at] if at < len(self.steps) else None
+
+    def back(self) -> None:
+        """Repeat the step before this one; at the end, the last one."""
+        self._repeat(1)
+
+    def _repeat(self, steps: int) -> None:
+        del self.past[max(0, len(self.past) - steps) :]
+        self._state = None
+
+    def step(self, time_s: float, inputs: Inputs, acts: bool) -> None:
+        """One frame.
+
+        Parameters
+        ----------
+        time_s : float
+            By the board's clock.
+        inputs : mapping
+            ``fe_deg`` and ``ru_deg``.
+        acts : bool
+            Whether the constraint acts, as the board reports.
+        """
+        step = self.current
+        if step is None:
+            return
+        if self._constraint and acts != step.constrained:
+            # Switched where the wrist rests; a step that has begun starts again.
+            here = dot("cursor", inputs["fe_deg"], inputs["ru_deg"])
+            self._state, self.scene = None, _readable(Scene((here,), (Text("wait"),), 90.0))
+            return
+        task = task_named(step.task, "calibration")
+        if self._state is None:
+            parameters = task.Parameters(**step.parameters)
+            self._state = task.begin(Situation(parameters, "", tuple(self.past), 0))
+            self._begun_s = time_s
+        done = task.step(self._state, round(time_s - self._begun_s, 6), inputs)
+        self._state, self.scene = done.state, _readable(done.scene)
+        if done.outcome is None:
+            return
+        self._state, self.advice = None, done.outcome.reason
+        if done.outcome.row is not None:
+            self.past.append({"task": step.task, **done.outcome.row})
+            self.advice = " ".join(done.outcome.row.get("complaints", ()))
+            self._check(step)
+
+    def _check(self, step: GuideStep) -> None:
+        # What no cursor map could be made of is measured again at once.
+        p = step.parameters
+        if "axis" not in p or p.get("way") == 1:
+            return
+        found = calibrated(self.past, step.constrained)
+        try:
+            if step.task == "wrist.range":
+                low, high = found.range_of(p["axis"])
+                nodes = found.nodes(p["axis"])
+                speeds = NodeSpeeds(low, high, tuple(nodes), (1.0,) * len(nodes))
+            else:
+                speeds = found.speeds(p["axis"])
+            check_nodes(step.title, speeds)
+        except UserError as error:
+            self.advice = str(error)
+            self._repeat(2 if step.task == "wrist.range" else 1)
+
+
+def _readable(scene: Scene) -> Scene:
+    # The cursor at least as large as can be seen from two metres.
+    least = CURSOR_SHARE * scene.half_width
+    shapes = (
+        replace(s, size=max(s.size, least)) if s.role == "cursor" else s for s in scene.shapes
+    )
+    return replace(scene, shapes=tuple(shapes))

@@ -1,0 +1,266 @@
+"""The calibration file: what a wrist calibration measured, with its hash."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from itertools import chain, count
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from esea_gen.errors import UserError
+from esea_gen.files import read_whole, write_whole
+from esea_gen.toml_file import Problem, checked, parse_toml
+from esea_host.wrist.normalisation import (
+    CursorMap,
+    NodeSpeeds,
+    check_nodes,
+    node_places,
+    normalise,
+)
+from esea_host.wrist.past import AXES, Calibrated, calibrated
+
+SEE = "docs/wrist-display.md"
+MAKE = "Give a file that esea-host wrist saved, or calibrate again."
+MOST_BYTES = 1 << 20
+MOST_NODES = 36  # a full turn
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class StoredAxis(_Table):
+    """Range of motion of one axis from the neutral position, and mean speeds at its nodes."""
+
+    low_deg: float = Field(ge=-180, le=180)
+    high_deg: float = Field(ge=-180, le=180)
+    nodes_deg: tuple[float, ...] = Field(max_length=MOST_NODES)
+    speeds_deg_s: tuple[float, ...] = Field(max_length=MOST_NODES)
+
+    @property
+    def range_deg(self) -> tuple[float, float]:
+        """Its ends."""
+        return self.low_deg, self.high_deg
+
+    @property
+    def speeds(self) -> NodeSpeeds:
+        """For the normalisation."""
+        return NodeSpeeds(self.low_deg, self.high_deg, self.nodes_deg, self.speeds_deg_s)
+
+
+class StoredState(_Table):
+    """A calibration in one state: healthy, or with the constraint."""
+
+    neutral_fe_deg: float = Field(ge=-180, le=180)
+    neutral_ru_deg: float = Field(ge=-180, le=180)
+    FE: StoredAxis
+    RU: StoredAxis
+
+    @property
+    def neutral_deg(self) -> tuple[float, float]:
+        """Both axes."""
+        return self.neutral_fe_deg, self.neutral_ru_deg
+
+    def axis(self, name: str) -> StoredAxis:
+        """FE or RU."""
+        return self.FE if name == "FE" else self.RU
+
+
+class WristCalibration(_Table):
+    """Both states of a wrist; without a constraint only the healthy one.
+
+    sha256: of all other values.  It detects accidental edits, not deliberate fraud.
+    """
+
+    schema_: Literal["esea-wrist-calibration-1"] = Field(
+        "esea-wrist-calibration-1", alias="schema", description="of this file"
+    )
+    made: str = Field(max_length=40, description="when, UTC")
+    device: str = Field(max_length=80, description="name of the device")
+    content_hash: str = Field(max_length=80, description="of the device's firmware")
+    simulated: bool = Field(description="whether hand or board were simulated")
+    sha256: str = Field("", max_length=64, description="of all other values")
+    healthy: StoredState
+    constrained: StoredState | None = None
+
+    def state(self, constrained: bool) -> StoredState | None:
+        """One of its states."""
+        return self.constrained if constrained else self.healthy
+
+    def maps(self) -> dict[str, CursorMap] | None:
+        """Cursor maps by axis; None without a constrained state."""
+        if self.constrained is None:
+            return None
+        return {
+            a: normalise(self.healthy.axis(a).speeds, self.constrained.axis(a).speeds) for a in AXES
+        }
+
+    def digest(self) -> str:
+        """Hash of all values but the hash itself."""
+        content = self.model_dump(mode="json", by_alias=True, exclude={"sha256"})
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def text(self) -> str:
+        """As a file."""
+        content = self.model_dump(mode="json", by_alias=True, exclude_none=True)
+        mark = "SIMULATED: " if self.simulated else ""
+        lines = [f"# {mark}calibration of a wrist by esea-host wrist."]
+        for name, value in content.items():
+            lines += _table(name, value) if isinstance(value, dict) else [_line(name, value)]
+        return "\n".join(lines) + "\n"
+
+
+def _line(name: str, value: Any) -> str:
+    return f"{name} = {json.dumps(value, ensure_ascii=False)}"
+
+
+def _table(name: str, content: Mapping[str, Any]) -> list[str]:
+    lines = ["", f"[{name}]"]
+    lines += [_line(k, v) for k, v in content.items() if not isinstance(v, dict)]
+    for k, v in content.items():
+        lines += _table(f"{name}.{k}", v) if isinstance(v, dict) else []
+    return lines
+
+
+def calibration_of(
+    past: Sequence[Mapping[str, Any]], device: str, content_hash: str, simulated: bool
+) -> WristCalibration:
+    """Calibration from the rows of the study's calibration tasks.
+
+    Parameters
+    ----------
+    past : sequence of rows
+        Of ``wrist.neutral``, ``wrist.range`` and ``wrist.velocity``.
+    device, content_hash : str
+        The board.
+    simulated : bool
+        Whether hand or board were simulated.
+
+    Returns
+    -------
+    WristCalibration
+        Complete, with its hash.
+
+    Raises
+    ------
+    UserError
+        When the movements give no cursor map.
+    """
+    healthy, constrained = calibrated(past, False), calibrated(past, True)
+    if constrained.complete:
+        constrained = replace(constrained, ends=_within(constrained, healthy))
+    made = WristCalibration(
+        made=datetime.now(UTC).isoformat(timespec="seconds"),
+        device=device,
+        content_hash=content_hash,
+        simulated=simulated,
+        healthy=_state("healthy", healthy),
+        constrained=_state("constrained", constrained) if constrained.complete else None,
+    )
+    made.maps()
+    return made.model_copy(update={"sha256": made.digest()})
+
+
+def _within(constrained: Calibrated, healthy: Calibrated) -> dict[str, tuple[float, float]]:
+    # An axis that the constraint leaves free may come out a little wider than healthy.
+    ends = {}
+    for axis in AXES:
+        (low, high), (a, b) = constrained.range_of(axis), healthy.range_of(axis)
+        middle, half = (low + high) / 2, min(high - low, b - a) / 2
+        ends[axis] = middle - half, middle + half
+    return ends
+
+
+def _state(name: str, found: Calibrated) -> StoredState:
+    axes = {}
+    for axis in AXES:
+        s = found.speeds(axis)
+        check_nodes(f"{name} {axis}", s)
+        speeds = tuple(v for v in s.speeds_deg_s if v is not None)
+        axes[axis] = StoredAxis(
+            low_deg=s.low_deg, high_deg=s.high_deg, nodes_deg=s.nodes_deg, speeds_deg_s=speeds
+        )
+    fe, ru = found.neutral
+    return StoredState(neutral_fe_deg=fe, neutral_ru_deg=ru, **axes)
+
+
+def save_calibration(path: Path, calibration: WristCalibration) -> Path:
+    """Write a calibration file, completely or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        If it exists, the next free name is taken: ``wrist-2.toml``.
+    calibration : WristCalibration
+        What to write.
+
+    Returns
+    -------
+    Path
+        Where it is.
+    """
+    names = (path.with_stem(f"{path.stem}-{n}") for n in count(2))
+    free = next(p for p in chain([path], names) if not p.exists())
+    write_whole(free, calibration.text())
+    return free
+
+
+def load_calibration(path: Path) -> WristCalibration:
+    """Read and check a calibration file.
+
+    Parameters
+    ----------
+    path : Path
+        As :func:`save_calibration` wrote it.
+
+    Returns
+    -------
+    WristCalibration
+        Its cursor maps are monotone.
+
+    Raises
+    ------
+    UserError
+        For any other file: what is wrong, where, and what to do.
+    """
+    data = read_whole(path, MAKE, MOST_BYTES)
+    try:
+        text = data.decode()
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: cannot be read as text ({error}).", MAKE) from None
+    document = parse_toml(text, str(path), SEE)
+    found = checked(WristCalibration, document, str(path), _fix, text)
+    if found.digest() != found.sha256:
+        raise UserError(
+            f"{path}: the values do not match the file's sha256: it was edited or damaged.", MAKE
+        )
+    try:
+        for name, state in (("healthy", found.healthy), ("constrained", found.constrained)):
+            if state is not None:
+                for axis in AXES:
+                    _check_axis(f"{name}.{axis}", state.axis(axis))
+        found.maps()
+    except UserError as error:
+        raise UserError(f"{path}: {error.what}", MAKE) from None
+    return found
+
+
+def _fix(_: Problem) -> str:
+    return MAKE
+
+
+def _check_axis(where: str, axis: StoredAxis) -> None:
+    # What the fit takes for granted.
+    if not axis.low_deg < axis.high_deg:
+        raise UserError(f"{where}: low_deg is not below high_deg.", "")
+    if [*axis.nodes_deg] != node_places(axis.low_deg, axis.high_deg):
+        raise UserError(f"{where}: nodes_deg are not the nodes of its range.", "")
+    if len(axis.nodes_deg) != len(axis.speeds_deg_s):
+        raise UserError(f"{where}: nodes_deg and speeds_deg_s differ in number.", "")
+    check_nodes(where, axis.speeds)
