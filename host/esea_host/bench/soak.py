@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.files import write_json
 from esea_host.connection import open_device
 from esea_host.connection.receiver import KEY
 from esea_host.interaction.on_board import ElementBoard
@@ -44,13 +43,6 @@ APPLICATIONS: dict[str, tuple[str, tuple[str, ...]]] = {
         (
             'task = "interaction.tracking"\ntrials = [{ parameters = { seconds = 60.0 } }]',
             'task = "interaction.pong"\ntrials = [{ parameters = { seconds = 60.0 } }]',
-        ),
-    ),
-    "wrist": (
-        "wrist_drive",
-        (
-            'task = "wrist.neutral"\ntrials = [{ repeat = 3 }]',
-            'task = "wrist.flexion"\ntrials = [{ repeat = 4 }]',
         ),
     ),
 }
@@ -237,9 +229,6 @@ def _recorded(path: Path) -> dict[str, Any]:
 
 def main() -> None:
     """Command line."""
-    from esea_host.cli.options import know_shipped_tasks
-
-    know_shipped_tasks()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("application", choices=APPLICATIONS)
     parser.add_argument("--minutes", type=float, default=30.0, help="of the board's time")
@@ -247,7 +236,6 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--accident", choices=("unplug", "power-off"), default="")
     parser.add_argument("--most-minutes", type=float, default=60.0, help="by the clock")
-    parser.add_argument("--json", type=Path, default=None)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
@@ -256,7 +244,6 @@ def main() -> None:
             given.most_minutes,
         )  # fmt: skip
     print(json.dumps(found, indent=1))
-    write_json(given.json, "host-soak", found)
 
 
 if __name__ == "__main__":
