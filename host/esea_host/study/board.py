@@ -149,14 +149,20 @@ class BoardSource(InputSource):
             name = self.signals.device.name
             raise UserError(f"{name} has no motor to arm.", "Leave --arm out.")
         deadline_s = self.now_s() + READY_S
-        while (state := self.device.state()) not in WORKING:
+        # A board that was active when it was lost is about to let go.
+        while (state := self.device.state()) != "ARMED":
             if state in ("FAULT", "STOPPED"):
                 raise UserError(self._trouble(state), "See to it, then go on with study resume.")
             if state == "UNREFERENCED":
                 self.device.zero()
             elif state == "READY":
                 self.device.arm()
+<<<<<<< HEAD
             self._state = state
+=======
+            elif state in WORKING:
+                self.device.disarm()
+>>>>>>> b_interaction
             if self.now_s() > deadline_s or self.ask():
                 raise UserError(f"The board stays {state}.", "Rest the joint, unloaded.")
             self._pass(0.4)
