@@ -157,12 +157,9 @@ class BoardSource(InputSource):
                 self.device.zero()
             elif state == "READY":
                 self.device.arm()
-<<<<<<< HEAD
-            self._state = state
-=======
             elif state in WORKING:
                 self.device.disarm()
->>>>>>> b_interaction
+            self._state = state
             if self.now_s() > deadline_s or self.ask():
                 raise UserError(f"The board stays {state}.", "Rest the joint, unloaded.")
             self._pass(0.4)
