@@ -39,7 +39,7 @@ def bench_of(simulated_elbow):
     def made(zeroed: bool = True, **wrong):
         drive = simulated_elbow
         first, variant = drive._first, plant_variant(drive.device, "ideal", "ideal", 0)
-        drive._first = SteppedPlant(variant, **wrong), False, first[2]
+        drive._first = SteppedPlant(variant, **wrong)
         drive.restart()
         drive._first = first
         bench = simulated_bench(drive)

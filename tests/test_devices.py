@@ -41,8 +41,9 @@ from .conftest import ROOT, require_tool
 from .test_cli import refused, run
 from .test_emit import STRICT
 
-NAMES = ("elbow", "knee", "knee_printed", "wrist")  # those that measure
-DRIVES = ("elbow_drive", "elbow_mpc")
+BOARDS = ("elbow_board", "knee_board", "wrist_board")  # from counts of encoders
+NAMES = ("elbow", "knee", "knee_printed", "wrist", *BOARDS)  # those that measure
+DRIVES = ("elbow_drive", "elbow_mpc", "wrist_drive")
 
 # Thesis table 8.2, typed from spec/8-assessment.md; kv and eps2 as printed.
 TABLE = {

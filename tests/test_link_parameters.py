@@ -9,7 +9,7 @@ import casadi as ca
 import pytest
 
 from esea_gen.emit.parameters import fnv1a, link_parameters, parameter_metadata
-from esea_gen.emit.roles import board_roles
+from esea_gen.emit.roles import MotorAxis, board_roles
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
@@ -153,19 +153,32 @@ def sensing(drive: bool, flags: tuple[str, ...] = ("INPUT_INVALID",), count: int
     if drive:
 
         def latch(_c, _s, u, _guard, _label):
-            return {}, {"u_Nm": u.stop * u.rearm * 0.5}
+            return {}, {"u_Nm": u.stop * u.rearm * 0.5, "tau_set_Nm": u.wish_Nm, "fault": 1}
 
         blocks["limits"] = Block.define(
             "limits",
             "Limits",
             period_s=0.001,
             state=(),
-            inputs=(Port("stop", 0, 1, "stop"), Port("rearm", 0, 255, "rearm")),
-            outputs=(Port("u_Nm", -200.0, 200.0, "command"),),
+            inputs=(
+                Port("stop", 0, 1, "stop"),
+                Port("rearm", 0, 255, "rearm"),
+                Port("wish_Nm", -9.0, 9.0, "wish"),
+            ),
+            outputs=(
+                Port("u_Nm", -200.0, 200.0, "command"),
+                Port("tau_set_Nm", -9.0, 9.0, "wish"),
+                Port("fault", 0, 1, "why"),
+            ),
             step=latch,
         )
-        inputs |= {"stop": ("limits.stop",), "rearm": ("limits.rearm",)}
-        outputs["u_Nm"] = "limits.u_Nm"
+        inputs |= {n: (f"limits.{n}",) for n in ("stop", "rearm")}
+        inputs["tau_desired_bend_Nm"] = ("limits.wish_Nm",)
+        outputs |= {
+            "u_bend_Nm": "limits.u_Nm",
+            "tau_set_bend_Nm": "limits.tau_set_Nm",
+            "fault_bend": "limits.fault",
+        }
     return System("any", 0.001, blocks, (Task("sense", tuple(blocks)),), {}, inputs, outputs)
 
 
@@ -173,15 +186,17 @@ def test_with_a_motor_all_but_counts_and_frames_is_wanted():
     roles = board_roles(sensing(True))
     assert roles.drive
     assert [x.name for x in roles.measured] == ["count_motor", "frame_error_motor"]
-    assert roles.wanted_names == ("theta_0_rad", "stop", "rearm")
+    assert roles.wanted_names == ("theta_0_rad", "stop", "rearm", "tau_desired_bend_Nm")
+    assert roles.axes == (
+        MotorAxis("sense", "u_bend_Nm", "tau_set_bend_Nm", "fault_bend", "tau_desired_bend_Nm", ()),
+    )
     (zeroed,) = roles.encoders
     assert (zeroed.instance, zeroed.block, zeroed.theta, zeroed.status) == (
         "encoder_motor", "encoder", "theta_motor_rad", "motor_status",
     )  # fmt: skip
-    assert roles.first == "sense"
     plain = board_roles(sensing(False))
     assert not plain.drive
-    assert (plain.wanted, plain.encoders) == ((), ())
+    assert (plain.wanted, plain.encoders) == ((), roles.encoders)
     assert [x.name for x in plain.measured] == ["count_motor", "frame_error_motor", "theta_0_rad"]
 
 
@@ -270,4 +285,3 @@ def test_without_a_motor_all_but_a_stop_is_measured():
 def test_only_a_calibration_sets_a_zero():
     fixed = {p.name: p.fixed for p in link_parameters(sensing(True))}
     assert fixed == {"encoder_motor.zero_rad": True, "encoder_motor.zeroed": True}
-    assert not any(p.fixed for p in link_parameters(sensing(False)))

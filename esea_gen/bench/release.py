@@ -82,7 +82,7 @@ def task_times(device: Device, board: Board, cycles: float | None = None) -> Tas
     """Bounds of a device's tasks on a board, and when they end.
 
     cycles: an instruction's; the processor's assumed ones when not given.
-    return: a task's end with those that run more often in between, as often as they can.
+    return: a task's end with those that run as often or more in between, as often as they can.
     """
     each = board.processor.cycles_per_instruction if cycles is None else cycles
     if not (math.isfinite(each) and each > 0):
@@ -112,12 +112,12 @@ def task_times(device: Device, board: Board, cycles: float | None = None) -> Tas
 
 
 def _end(task: Task, tasks: tuple[Task, ...], busy: dict[str, float], tick_s: float) -> float:
-    # Response time under fixed priorities: the faster tasks run first, each as often as it can.
-    faster = [t for t in tasks if t.every < task.every]
-    end = busy[task.name] + sum(busy[t.name] for t in faster)
+    # Response time under fixed priorities: tasks as fast or faster run first, as often as they can.
+    others = [t for t in tasks if t is not task and t.every <= task.every]
+    end = busy[task.name] + sum(busy[t.name] for t in others)
     while True:
         more = busy[task.name] + sum(
-            math.ceil(end / (t.every * tick_s) - 1e-9) * busy[t.name] for t in faster
+            math.ceil(end / (t.every * tick_s) - 1e-9) * busy[t.name] for t in others
         )
         if more > task.every * tick_s * MOST_LOAD:
             return math.inf

@@ -149,24 +149,28 @@ def emulate(
 def emulate_deflections(
     loaded: Device, board: str, deflections: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
-    """Build firmware and run deflection streams on the emulated board."""
-    from esea_gen.verify.emulator import run_in_emulator
+    """Build firmware and run deflection streams on the emulated board, every task of it."""
+    from esea_gen.verify.emulator import run_tasks_in_emulator
     from esea_gen.verify.firmware import build_firmware
     from esea_gen.verify.streams import deflection_inputs
 
-    results = {}
+    results: dict[str, dict[str, Any]] = {}
+    tasks = loaded.system.tasks
     with tempfile.TemporaryDirectory() as scratch:
         image = build_firmware(loaded, board, Path(scratch) / "image")
         with progress_bar() as p:
             for name, theta in deflections.items():
-                task = p.add_task(name, total=len(theta))
-                result = run_in_emulator(
+                bar = p.add_task(name, total=len(theta) * len(tasks))
+                found = run_tasks_in_emulator(
                     loaded,
                     image,
-                    deflection_inputs(loaded.system, theta),
-                    progress=lambda done, _, t=task: p.update(t, completed=done),  # type: ignore[misc]
+                    {t.name: deflection_inputs(loaded.system, theta, t) for t in tasks},
+                    progress=lambda done, _, bar=bar: p.update(bar, completed=done),  # type: ignore[misc]
                 )
-                results[name] = result.to_dict()
+                results |= {
+                    f"{name}, {task}" if len(tasks) > 1 else name: result.to_dict()
+                    for task, result in found.items()
+                }
     return results
 
 

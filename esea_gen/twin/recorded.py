@@ -13,7 +13,7 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.twin.case import TORQUE
-from esea_gen.twin.closed_loop import PATH, ClosedLoop, ClosedLoopRun
+from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.run import plant_variant, told
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory, tuning
@@ -46,9 +46,12 @@ def _tuning_case(device: Device, ticks: int) -> Trajectory:
 
 
 def tuning_signals(device: Device, loop: ClosedLoop, ticks: int) -> dict[str, Array]:
-    """What a controller is told in the tuning case: off at first, armed, then torque control."""
-    signals = told(device, loop, _tuning_case(device, ticks), TORQUE)
-    return {k: v[:ticks] for k, v in signals.items() if k in loop.signals or k in PATH}
+    """What a controller is told in the tuning case: off at first, armed, then torque control.
+
+    Of several axes the first is, and of the others no torque is wanted.
+    """
+    signals = told(device, loop, _tuning_case(device, ticks), TORQUE, device.axes[0])
+    return {k: v[:ticks] for k, v in signals.items() if k in loop.signals or k in loop.intent}
 
 
 def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:

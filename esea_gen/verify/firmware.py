@@ -19,10 +19,10 @@ from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 from esea_gen.hostlib.compiler import compiler_version, find_compiler
+from esea_gen.model.sensing import measures_counts
 from esea_gen.targets import (
     APP_FLAGS,
     ARM_GCC,
@@ -139,7 +139,7 @@ def build_firmware(
     needs_Hz: slowest clock that a drive fits at; slower, it is not armed. Default: the board's.
     """
     chosen = find_board(board)
-    if drivers is None and board_roles(device.system).encoders:
+    if drivers is None and measures_counts(device):
         _can_be_read(device, chosen)
     toolchain = chosen.processor.toolchain
     gcc = find_compiler(*toolchain.gcc)

@@ -20,7 +20,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import SPECIAL, Stream, single
-from esea_gen.language.system import System, Task
+from esea_gen.language.system import External, System, Task
 
 
 def _shape(port: Port, steps: int) -> tuple[int, ...]:
@@ -267,13 +267,23 @@ def recorded_stream(device: Device, theta_rad: Array, name: str = "recorded") ->
     return found
 
 
-def deflection_inputs(system: System, theta_rad: npt.ArrayLike) -> dict[str, Array]:
-    """One deflection for every axis of a measuring System.
+def deflection_inputs(
+    system: System, theta_rad: npt.ArrayLike, task: Task | None = None
+) -> dict[str, Array]:
+    """One deflection for every axis of a task of a measuring System; default: its first task.
 
-    theta_rad: deflection at the sensing rate, shape (steps,).
+    theta_rad: deflection at the sensing rate, shape (steps,); where encoders are read, that on
+        the motor side moves by it.
     """
     theta = single(theta_rad)
-    return {x.name: theta for x in system.task_inputs(system.tasks[0])}
+
+    def given(x: External) -> Array:
+        if x.name.startswith("count_motor"):
+            full = x.port.high + 1
+            return single(np.floor(np.float64(theta) / (2 * np.pi) * full) % full)
+        return 0 * theta if x.name.startswith(("count_", "frame_error_")) else theta
+
+    return {x.name: given(x) for x in system.task_inputs(task or system.tasks[0])}
 
 
 def first_axis(system: System, outputs: Mapping[str, Array]) -> dict[str, Array]:

@@ -249,9 +249,19 @@ void esea_app_end_zeroing(esea_app_t *app)
 {
     app->clock.runs = false;
     if (app->state == ESEA_STATE_ZEROING) { /* else stopped meanwhile */
+        static const float turn_rad = 6.2831853f;
+        const uint32_t encoders = ESEA_LINK_ENCODERS; /* a variable, for a device may have none */
         float zeros_rad[ESEA_LINK_ENCODERS + 1u];
+        uint32_t i;
 
         esea_link_angles(app->out, zeros_rad);
+        /* They show the turn next to the joint's range, whose middle is not 0; a zero is within half a turn of 0. */
+        for (i = 0u; i < encoders; ++i) {
+            if (zeros_rad[i] > 0.5f * turn_rad)
+                zeros_rad[i] -= turn_rad;
+            else if (zeros_rad[i] < -0.5f * turn_rad)
+                zeros_rad[i] += turn_rad;
+        }
         app->referenced = app->motion.stood_still && esea_link_put_zeros(&app->control, zeros_rad);
         (void)esea_app_ask(app, app->referenced ? ESEA_EVENT_ZEROED : ESEA_EVENT_NOT_ZEROED);
     }

@@ -18,6 +18,7 @@ int main(void)
     while (EITHER()) {
         const esea_guards_t guards = {
             .drive = EITHER(), /* assumed */
+            .encoders = EITHER(), /* assumed */
             .referenced = EITHER(), /* assumed */
             .stop_clear = EITHER(), /* assumed */
             .link_live = EITHER(), /* assumed */

@@ -124,7 +124,7 @@ static bool hw_adc(uint32_t channel, uint32_t *counts)
 
 static const esea_hardware_t hardware = { hw_spi, hw_put_pin, hw_get_pin, hw_pwm, hw_adc };
 
-/* The build names the bits that the device counts with. */
+/* The build names the bits that the device counts with; one that wants an angle finds none. */
 #if ESEA_LINK_MOTOR_ENCODERS > 0
 #if ESEA_ENCODER_BITS > 14
 #error "the device counts with more bits than these encoders have"
@@ -152,7 +152,6 @@ static void read_sides(float *measured)
         read_side(&sides[axis][1], load_sides[axis], &measured[load[axis]]);
     }
 }
-#endif
 
 #if ESEA_LINK_GEAR_ENCODERS > 0
 #if ESEA_GEAR_BITS > 24
@@ -177,16 +176,13 @@ static void read_gears(float *measured)
 
 static void port_sample(float *measured)
 {
-    /* A device that wants an angle finds none. */
-#if ESEA_LINK_MOTOR_ENCODERS > 0
     read_sides(measured);
-#endif
 #if ESEA_LINK_GEAR_ENCODERS > 0
     read_gears(measured);
 #endif
-    (void)measured;
     esea_stop_line_look(&stop_line, &stop_config, &hardware);
 }
+#endif
 
 static void port_motor(const float *u_Nm, bool enable)
 {

@@ -11,6 +11,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_json
+from esea_host.assess.board import FRAME_S, KneeBoard
 from esea_host.assess.hypotheses import NONE, disorder_of
 from esea_host.assess.patients import (
     DEG,
@@ -41,6 +42,7 @@ from esea_host.assess.responses import (
     nearest,
     passage,
 )
+from esea_host.assess.segments import Segment, Verdict, judge
 from esea_host.assess.session import WORDS, Assessment, take
 from esea_host.typed import read_number
 
@@ -51,6 +53,8 @@ HELP = (
     "skip | undo | set S3=0.5 D2=0.3 (your own probabilities) | show | done",
 )
 MOVE_HELP = "move: the simulated patient's leg is moved."
+BOARD_HELP = "move: make the movement at the board, then keep or repeat it; zero: zero the board."
+TRIES, PATIENCE_S = 3, 60.0  # of one movement that nobody is asked about
 READ_MOST = 60  # readings of a whole recording
 
 
@@ -128,6 +132,8 @@ class ClinicDesk:
         Of the simulated hands.
     measure : str
         By which movements are chosen: ``expected``, ``thesis`` or ``inherent``.
+    board : KneeBoard, optional
+        That measures the leg.
     """
 
     def __init__(
@@ -140,8 +146,12 @@ class ClinicDesk:
         file: Path | None = None,
         seed: int = 1,
         measure: str = MEASURES[0],
+        board: KneeBoard | None = None,
     ) -> None:
         check_body(height_m, mass_kg)
+        self.board = board
+        self.attempt: Verdict | None = None  # that is to be kept or repeated
+        self._source: dict[str, float | str] = {}
         self.session, self._comfort, self.measure = session, comfort or Comfort(), measure
         self.height_m, self.mass_kg = height_m, mass_kg
         self.patient, self.file, self.seed = patient, file, seed
@@ -154,9 +164,17 @@ class ClinicDesk:
 
     def _keep(self) -> None:
         self._value = self._proposed = None
-        about = {"simulated": self.patient is not None, "measure": self.measure}
+        self.attempt = None
+        about: dict[str, object] = {"simulated": self.simulated, "measure": self.measure}
         about |= {"height_m": self.height_m, "mass_kg": self.mass_kg}
+        if self.board is not None:
+            about["recording"] = self.board.recorded
         write_json(self.file, "host-assess-run", about | self.session.to_dict())
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the patient, or the board that measures, is simulated."""
+        return self.patient is not None or (self.board is not None and self.board.simulated)
 
     @property
     def comfort(self) -> Comfort:
@@ -167,6 +185,8 @@ class ClinicDesk:
     def comfort(self, limits: Comfort) -> None:
         plans(self.session.hypotheses, limits)
         self._comfort = limits
+        if self.board is not None:
+            self.board.watch.comfort = limits
         self._keep()
 
     @property
@@ -216,14 +236,66 @@ class ClinicDesk:
         wanted, self._count = self.proposed, self._count + 1
         (passed,) = probed([self.patient], [wanted], [[self.seed, 9, self._count]])
         self.moved = wanted, passed
+        since = len(self.session.trail)
         hit = take(self.session, passed, wanted.location)
         self._keep()
-        entry = next(e for e in reversed(self.session.trail) if e.what != "missed")
-        if entry.what != "measured":
-            return "Simulated: the hands were not strong enough; nothing could be read."
-        told = f"Simulated: {entry.details['readings']} places read, "
-        told += f"{entry.details['response_Nm']:.1f} Nm at {entry.details['location']}"
-        return told if hit else f"{told}; the place that was asked for was missed"
+        return f"Simulated: {self._read(since, hit)}"
+
+    # -- from a board ------------------------------------------------------------------------------
+
+    def ask_therapist(self) -> str:
+        """Have a simulated therapist make the movement proposed."""
+        assert self.board is not None
+        self.board.show(self.proposed)
+        return "Simulated: the therapist takes the leg to the start, and makes the movement."
+
+    def judge(self, segment: Segment) -> Verdict:
+        """Compare what the board measured with the movement proposed; an attempt waits."""
+        verdict = judge(segment, self.proposed, self.height_m, self.mass_kg)
+        if verdict.tried and self.board is not None:
+            self.attempt = verdict
+            self._source = {"begin_s": segment.begin_s, "end_s": segment.end_s}
+            if self.board.recorded is not None:
+                self._source["recording"] = self.board.recorded
+            facts = {"asked": self.proposed.location.text(), "passed": verdict.passed}
+            self.board.note("movement", said=verdict.text, **self._source, **facts)
+        return verdict
+
+    def keep(self) -> str:
+        """Take in the attempt; what of it can be used, even where it missed."""
+        verdict, wanted = self._attempted(), self.proposed
+        since = len(self.session.trail)
+        if verdict.passage is None:
+            self.session.missed(wanted.location)
+        else:
+            self.moved = wanted, verdict.passage
+            take(self.session, verdict.passage, wanted.location, self._source)
+        self._keep()
+        return self._read(since, verdict.passed)
+
+    def repeat(self) -> str:
+        """Forget the attempt; the recording has it."""
+        self._attempted()
+        self.attempt = None
+        return "Repeat the movement."
+
+    def broken(self, reason: str) -> str:
+        """A movement ended before its end; the trail tells why."""
+        self.skip(f"the movement was cut off: {reason}")
+        return f"The movement was cut off: {reason.rstrip('.')}. Repeat it."
+
+    def _attempted(self) -> Verdict:
+        if self.attempt is None:
+            raise UserError("There is no movement to keep or repeat.", "Make the movement first.")
+        return self.attempt
+
+    def _read(self, since: int, passed: bool) -> str:
+        made = [e.details for e in self.session.trail[since:] if e.what == "measured"]
+        if not made:
+            return "nothing could be read: your hands were at the limit of their pull"
+        d = made[0]
+        told = f"{d['readings']} places read, {d['response_Nm']:.1f} Nm at {d['location']}"
+        return told if passed else f"{told}; the place that was asked for was missed"
 
     def recording(self, recording: LegRecording, name: str) -> str:
         """A recorded movement, read from the most informative place that it passed."""
@@ -262,7 +334,7 @@ class ClinicDesk:
 
     def about(self, who: str) -> str:
         """Whose page it is; nobody is to take a simulated one for a person's."""
-        return f"SIMULATED PATIENT {who}".strip() if self.patient else who
+        return f"SIMULATED PATIENT {who}".strip() if self.simulated else who
 
     def now(self) -> str:
         """The most probable answer in a line."""
@@ -282,7 +354,8 @@ def describe(m: ProbingMovement) -> str:
 
 def converse(desk: ClinicDesk, lines: TextIO, say: Callable[[str], None]) -> None:
     """Propose, ask, take in, until done or the lines end."""
-    for line in HELP + ((MOVE_HELP,) if desk.patient else ()):
+    help_ = (BOARD_HELP,) if desk.board else (MOVE_HELP,) if desk.patient else ()
+    for line in HELP + help_:
         say(line)
     while True:
         say("")
@@ -299,10 +372,73 @@ def converse(desk: ClinicDesk, lines: TextIO, say: Callable[[str], None]) -> Non
         say(line)
 
 
+def attempted(
+    desk: ClinicDesk, board: KneeBoard, say: Callable[[str], None], patience_s: float = PATIENCE_S
+) -> str:
+    """Wait for one attempt at the movement proposed; what came of it."""
+    if trouble := board.trouble():
+        raise UserError(trouble, "Write zero, or skip.")
+    board.start_anew()
+    board.show(desk.proposed)
+    until_s = board.clock_s() + patience_s
+    while board.clock_s() < until_s:
+        for event in board.poll(FRAME_S):
+            if event.kind == "warning":
+                say(f"\a{event.text}")
+            elif event.kind == "broken":
+                return desk.broken(event.text)
+            elif event.segment is not None:
+                verdict = desk.judge(event.segment)
+                if verdict.tried:
+                    return verdict.text
+        if board.problem:
+            return board.problem
+    return f"The movement did not come within {patience_s:g} s."
+
+
+def assess_unattended(desk: ClinicDesk, movements: int, say: Callable[[str], None]) -> None:
+    """Keep what passes, repeat what misses, until probabilities settle or so many movements."""
+    assert desk.board is not None
+    for _ in range(movements):
+        say("")
+        say(describe(desk.proposed))
+        for tried in range(TRIES):
+            if desk.attempt is not None:
+                desk.repeat()
+            say(attempted(desk, desk.board, say))
+            if desk.board.problem:
+                raise UserError(desk.board.problem, "The session so far is in its file.")
+            if desk.attempt is not None and (desk.attempt.passed or tried == TRIES - 1):
+                say(desk.keep())
+                break
+        else:
+            desk.leave_out()
+        say(desk.now())
+        if desk.session.settled:
+            break
+    say("")
+    for line in conclusion(desk.session):
+        say(line)
+
+
 def _take(desk: ClinicDesk, typed: str, say: Callable[[str], None]) -> None:
     head, _, rest = typed.partition(" ")
     if typed in WORDS:
         desk.word(typed)
+    elif head == "move" and desk.board is not None:
+        say(attempted(desk, desk.board, say))
+        say("keep | repeat" if desk.attempt else "")
+        return
+    elif head == "keep":
+        say(desk.keep())
+    elif head == "repeat" and desk.board is not None:
+        say(desk.repeat())
+        say(attempted(desk, desk.board, say))
+        return
+    elif head == "zero" and desk.board is not None:
+        desk.board.zero()
+        say("The board is zeroed: the straight leg is 0°.")
+        return
     elif head == "move":
         say(desk.move())
     elif head == "skip":

@@ -263,7 +263,6 @@ class Knees:
         self.weight = mass * GRAVITY_M_S2 * LEG_CENTRE * length
         self.size = np.array([p.size for p in patients])
         self.pull_Nm = PULL_N * np.asarray(shank_length_m(c["height_m"]))
-        self.late = np.rint(c["delay_s"] / STEP_S).astype(int)
 
     def reflex_Nm(self, angle: Array, rate: Array) -> Array:
         """Reflex drive of extensors and flexors, shape (2, patients), both positive."""
@@ -332,32 +331,65 @@ class Knees:
         path_rate: Array | None,
         seeds: Sequence[Sequence[int]],
     ) -> KneeMotion:
-        n, h = len(self.patients), STEP_S
+        n = len(self.patients)
         tone, tremor = self._tone(steps, seeds)
         angle, rate = np.empty((steps, n)), np.empty((steps, n))
         torque = np.zeros((steps, n))
-        x, v = np.array(start, dtype=np.float64), np.zeros(n)
-        first = second = np.zeros((2, n))
-        who = np.arange(n)
-        lag = -np.expm1(-h / self.columns["activation_s"])
+        legs = MovedLegs(self, start)
         most = self.pull_Nm
         for k in range(steps):
+            x, v = legs.angle_rad, legs.rate_rad_s
             angle[k], rate[k] = x, v
-            then = np.maximum(k - self.late, 0)
-            drive = self.size * self.reflex_Nm(angle[then, who], rate[then, who])
-            first = first + lag * (drive - first)
-            second = second + lag * (first - second)
-            reflex = second[1] * stretched(-v) - second[0] * stretched(v)
-            own = self.still_Nm(x, v, tone[k]) + reflex + tremor[k]
+            own = legs.own_Nm(tone[k]) + tremor[k]
             if path is not None and path_rate is not None:
                 # Hands carry what the leg weighs, as far as they are strong enough.
                 wanted = HANDS_Nm_rad * (path[k] - x) + HANDS_Nms_rad * (path_rate[k] - v)
                 held = np.clip(wanted - self.weight * np.cos(x), -most, most)
                 torque[k] = held
                 own = own + held
-            v = v + h / self.inertia * own
-            x = x + h * v
-        return KneeMotion(np.asarray(np.arange(steps) * h, dtype=np.float64), angle, rate, torque)
+            legs.move(own)
+        time_s = np.asarray(np.arange(steps) * STEP_S, dtype=np.float64)
+        return KneeMotion(time_s, angle, rate, torque)
+
+
+class MovedLegs:
+    """Several legs and their reflexes, a step at a time; angles and rates have shape (patients,).
+
+    Each step: :meth:`own_Nm`, then :meth:`move`.
+    """
+
+    def __init__(self, knees: Knees, start_rad: Array, step_s: float = STEP_S) -> None:
+        self._knees, self._step_s = knees, step_s
+        late = np.rint(knees.columns["delay_s"] / step_s).astype(int)
+        self._late, self._who = late, np.arange(len(late))
+        self._lag = -np.expm1(-step_s / knees.columns["activation_s"])
+        self._size = int(late.max(initial=0)) + 1
+        self.angle_rad = np.array(start_rad, dtype=np.float64)
+        self.rate_rad_s = np.zeros(len(late))
+        self._seen = np.stack([np.repeat(x[None], self._size, 0) for x in self._now])
+        self._first = self._second = np.zeros((2, len(late)))
+        self._steps = 0
+
+    @property
+    def _now(self) -> tuple[Array, Array]:
+        return self.angle_rad, self.rate_rad_s
+
+    def own_Nm(self, tone: Array | float = 1.0) -> Array:
+        """Torque on the leg of all but hands, positive towards flexion; the reflex goes on."""
+        x, v = self._now
+        self._seen[:, self._steps % self._size] = x, v
+        then = np.maximum(self._steps - self._late, 0) % self._size
+        drive = self._knees.size * self._knees.reflex_Nm(*self._seen[:, then, self._who])
+        self._first = self._first + self._lag * (drive - self._first)
+        self._second = self._second + self._lag * (self._first - self._second)
+        reflex = self._second[1] * stretched(-v) - self._second[0] * stretched(v)
+        return np.asarray(self._knees.still_Nm(x, v, tone) + reflex)
+
+    def move(self, torque_Nm: Array) -> None:
+        """On by a step under all torques."""
+        self._steps += 1
+        self.rate_rad_s = self.rate_rad_s + self._step_s / self._knees.inertia * torque_Nm
+        self.angle_rad = self.angle_rad + self._step_s * self.rate_rad_s
 
 
 def sweep(duration_s: float = 36.0, top_Hz: float = 0.3) -> tuple[Array, Array]:

@@ -187,12 +187,17 @@ class Assessment:
         taken = self.evidence.add(where, response_Nm, spread_Nm)
         return self._taken(taken, "measured", where, {"response_Nm": round(float(response_Nm), 3)})
 
-    def observe_movement(self, readings: MovementReadings) -> bool:
-        """All that one movement passed; False where the map does not reach."""
+    def observe_movement(
+        self, readings: MovementReadings, source: Mapping[str, Any] | None = None
+    ) -> bool:
+        """All that one movement passed; False where the map does not reach.
+
+        source: where it is recorded, for the trail.
+        """
         where, first = readings.locations[0], float(readings.responses_Nm[0])
         about = {"response_Nm": round(first, 3), "readings": len(readings.locations)}
         taken = self.evidence.add_movement(readings)
-        return self._taken(taken, "measured", where, about)
+        return self._taken(taken, "measured", where, about | dict(source or {}))
 
     def _taken(self, taken: bool, what: str, where: Location, about: Mapping[str, Any]) -> bool:
         self._step(what, read=taken)
@@ -330,13 +335,18 @@ class Assessment:
         }
 
 
-def take(session: Assessment, passed: Passage, wanted: Location) -> bool:
+def take(
+    session: Assessment,
+    passed: Passage,
+    wanted: Location,
+    source: Mapping[str, Any] | None = None,
+) -> bool:
     """Take in a movement that was to pass a location; False where it missed it.
 
     A missed location is not asked for again; what was passed instead counts all the same.
     """
     found = along(passed, wanted)
-    counted = found is not None and session.observe_movement(found)
+    counted = found is not None and session.observe_movement(found, source)
     if found is not None and counted and found.passed:
         return True
     session.missed(wanted)

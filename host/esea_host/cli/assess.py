@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,7 +17,14 @@ from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
 from esea_host.cli.app import app, out, told
+from esea_host.cli.options import KeyOption
 from esea_host.cli.view import need_a_screen
+
+if TYPE_CHECKING:
+    from esea_host.assess.board import KneeBoard
+    from esea_host.assess.patients import KneePatient
+    from esea_host.assess.probing import Comfort
+    from esea_host.connection import ConnectedDevice
 
 assess = typer.Typer(
     cls=WholeSentences,
@@ -37,7 +46,26 @@ PageOption = Annotated[
         "--page", metavar="FILE", callback=writable, help="Write a page (.html, .png, .pdf)."
     ),
 ]
+BoardOption = Annotated[
+    str | None,
+    typer.Option(
+        "--device",
+        metavar="ADDRESS",
+        help="Measure with a board: sim:knee, tcp:host:port, serial:/dev/..., pty:...",
+    ),
+]
+ZeroOption = Annotated[
+    bool,
+    typer.Option("--zero", help="Zero the board first: straight leg at rest, hands off."),
+]
+PatientOption = Annotated[
+    str | None,
+    typer.Option("--patient", help="simulated:S3, simulated:S2+D4, simulated:rigid, or :any."),
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Of the simulated patient.")]
 HeightOption = Annotated[float, typer.Option("--height-m", help="Body height, 1.0 to 2.3.")]
+LowOption = Annotated[float, typer.Option("--from-deg", help="Reach: least bending.")]
+HighOption = Annotated[float, typer.Option("--to-deg", help="Reach: most bending.")]
 MassOption = Annotated[float, typer.Option("--mass-kg", help="Body mass, 15 to 250.")]
 
 
@@ -125,19 +153,26 @@ def run(
         list[Path] | None,
         typer.Option("--recording", metavar="FILE", help="Read a movement; repeatable."),
     ] = None,
-    patient: Annotated[
-        str | None,
-        typer.Option("--patient", help="simulated:S3, simulated:S2+D4, simulated:rigid, or :any."),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the simulated patient.")] = 1,
+    device: BoardOption = None,
+    key: KeyOption = None,
+    headless: Annotated[
+        bool,
+        typer.Option("--headless", help="With a board: keep what passes, repeat what misses."),
+    ] = False,
+    zero: ZeroOption = False,
+    movements: Annotated[
+        int, typer.Option("--movements", min=1, help="Headless: at most so many.")
+    ] = 12,
+    patient: PatientOption = None,
+    seed: SeedOption = 1,
     window: Annotated[bool, typer.Option("--window", help="The clinician's window.")] = False,
     dark: Annotated[
         bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
     ] = None,
     height_m: HeightOption = 1.70,
     mass_kg: MassOption = 70.0,
-    low_deg: Annotated[float, typer.Option("--from-deg", help="Reach: least bending.")] = 0.0,
-    high_deg: Annotated[float, typer.Option("--to-deg", help="Reach: most bending.")] = 130.0,
+    low_deg: LowOption = 0.0,
+    high_deg: HighOption = 130.0,
     fastest: Annotated[
         float, typer.Option("--fastest-deg-s", help="Fastest comfortable speed.")
     ] = 120.0,
@@ -154,11 +189,12 @@ def run(
     page: PageOption = None,
     database: DataOption = None,
 ) -> None:
-    """Assess one leg: a movement is proposed; type what it gave, or read recordings.
+    """Assess one leg: a movement is proposed; measure it, type what it gave, or read recordings.
 
-    Works without a sensor: say in a word how the leg resists, or skip.
+    A board measures with --device, and its recording goes beside the session (--json).  Works
+    without a sensor: say in a word how the leg resists, or skip.
     """
-    from esea_host.assess.desk import ClinicDesk, converse
+    from esea_host.assess.desk import ClinicDesk, assess_unattended, converse
     from esea_host.assess.files import read_recording
     from esea_host.assess.patients import DEG
     from esea_host.assess.probing import Comfort
@@ -173,22 +209,32 @@ def run(
         checked_name(page)
     check_body(height_m, mass_kg)
     comfort = Comfort(low_deg * DEG, high_deg * DEG, fastest * DEG)
-    somebody = None if patient is None else _patient(patient, height_m, mass_kg, seed)
+    if headless and (device is None or window):
+        raise UserError("--headless", "Give --device, and leave --window out.")
+    somebody = _patient(patient, device, (height_m, mass_kg), seed)
     recordings = [read_recording(p, height_m, mass_kg) for p in recording or []]
     session = Assessment(_data(database), summary, mixed)
-    desk = ClinicDesk(session, comfort, height_m, mass_kg, somebody, json_file, seed, measure)
-    out.print(session.data.notice)
-    if somebody is not None:
-        out.print("The patient is simulated.")
-    for path, r in zip(recording or [], recordings, strict=True):
-        _said(r.read)
-        out.print(desk.recording(r, path.name))
-    if window:
-        from esea_host.windows.assess import run_assess
+    with _board(device, key, somebody, comfort, json_file, seed, paced=not headless) as board:
+        given = somebody, json_file, seed, measure, board
+        desk = ClinicDesk(session, comfort, height_m, mass_kg, *given)
+        out.print(session.data.notice)
+        if somebody is not None:
+            out.print("The patient is simulated.")
+        for path, r in zip(recording or [], recordings, strict=True):
+            _said(r.read)
+            out.print(desk.recording(r, path.name))
+        if board is not None and (headless or zero):
+            from esea_host.assess.board import be_ready
 
-        run_assess(desk, who, dark)
-    else:
-        converse(desk, sys.stdin if not recording else io.StringIO(), out.print)
+            be_ready(board, out.print, zero)
+        if window:
+            from esea_host.windows.assess import run_assess
+
+            run_assess(desk, who, dark)
+        elif headless:
+            assess_unattended(desk, movements, out.print)
+        else:
+            converse(desk, sys.stdin if not recording else io.StringIO(), out.print)
     if somebody is not None:
         out.print(f"The simulated patient was: {somebody.category}")
     if page is not None:
@@ -197,30 +243,136 @@ def run(
         write_session_page(page, session, desk.about(who), desk.comfort, measure)
 
 
-def _patient(text: str, height_m: float, mass_kg: float, seed: int) -> Any:
+def _here(address: str | None) -> str | None:
+    # The device of a board that is simulated in this process.
+    kind, _, name = (address or "").partition(":")
+    return name if kind == "sim" and name and "?" not in name else None
+
+
+def _patient(
+    text: str | None, address: str | None, body: tuple[float, float], seed: int
+) -> KneePatient | None:
+    if text is None:
+        if _here(address) is None:
+            return None
+        text = "simulated:any"
     from esea_host.assess.simulated import patient_named
 
     kind, _, name = text.partition(":")
     if kind != "simulated":
         raise UserError(f"--patient {text}.", "Give simulated:S3, simulated:any; others are real.")
-    return patient_named(name or "any", (height_m, mass_kg), seed)
+    if address is not None and _here(address) is None:
+        raise UserError(
+            f"--patient {text} cannot be put on the board behind {address}.",
+            "Leave it out, or take --device sim:knee.",
+        )
+    return patient_named(name or "any", body, seed)
+
+
+@contextmanager
+def _board(
+    address: str | None,
+    key: Path | None,
+    patient: KneePatient | None,
+    comfort: Comfort,
+    json_file: Path | None,
+    seed: int,
+    *,
+    paced: bool,
+    kept_s: float = 30.0,
+) -> Iterator[KneeBoard | None]:
+    """Connect the board; for ``sim:knee`` with the simulated patient on it."""
+    if address is None:
+        yield None
+        return
+    from esea_host.assess.board import KneeBoard, await_state
+
+    given: dict[str, Any] = {"kept_s": kept_s}
+    name = _here(address)
+    if name is not None and patient is not None:
+        from esea_gen.device import board_device
+        from esea_host.assess.moved import MovedKnee
+        from esea_host.recording.replay import loaded_device
+        from esea_host.simulated import LockstepDevice, SimulatedBoard
+
+        made = board_device(loaded_device(name))
+        knee = MovedKnee(patient, made, seed)
+        simulated = LockstepDevice(SimulatedBoard(made, seed=seed, motion=knee))
+        given |= {"advance": simulated.advance, "paced": paced, "therapist": knee}
+        connected: ConnectedDevice = simulated
+    else:
+        from esea_host.connection import open_device
+
+        connected = open_device(address, None, key)
+    with connected:
+        board = KneeBoard(connected, comfort, json_file, **given)
+        try:
+            about = "simulated " if board.simulated else ""
+            out.print(f"{about}{connected.identity.device.name} on {connected.identity.board}")
+            out.print(
+                f"Recorded in {board.recorded}."
+                if board.recorded
+                else "Not recorded: give --json FILE, and the recording goes beside it."
+            )
+            await_state(board)
+            yield board
+        finally:
+            board.close()
+
+
+def _one_of(recording: Path | None, device: str | None) -> None:
+    if (recording is None) == (device is None):
+        raise UserError("A recording or a board.", "Give FILE, or --device ADDRESS.")
+
+
+def _simulated(board: KneeBoard) -> Any:
+    if board.simulated:
+        out.print("SIMULATED")
+    return board.therapist
 
 
 @assess.command(epilog=MEASURED_NOTICE)
 def pendulum(
     recording: Annotated[
-        Path, typer.Argument(help="Table or MCAP: time_s, and angle_deg or _rad.")
-    ],
+        Path | None, typer.Argument(help="Table or MCAP: time_s, and angle_deg or _rad.")
+    ] = None,
+    device: BoardOption = None,
+    key: KeyOption = None,
+    zero: ZeroOption = False,
+    patient: PatientOption = None,
+    seed: SeedOption = 1,
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=4, max=600, help="Wait so long for a fall.")
+    ] = 60.0,
     json_file: JsonOption = None,
 ) -> None:
     """Wartenberg's pendulum test: relaxation index, damping, first swing."""
     from esea_host.assess.files import angle_columns
     from esea_host.assess.passive_tests import pendulum_test
+    from esea_host.assess.patients import MEAN_HEIGHT_M, MEAN_MASS_KG
+    from esea_host.assess.probing import Comfort
 
-    time_s, angle, table = angle_columns(recording)
+    _one_of(recording, device)
+    somebody = _patient(patient, device, (MEAN_HEIGHT_M, MEAN_MASS_KG), seed)
+    if recording is not None:
+        time_s, angle, table = angle_columns(recording)
+        said = table.read
+    else:
+        # A leg that falls is faster than any comfort.
+        free, said = Comfort(0.0, 2.7, 5.0), ""
+        with _board(device, key, somebody, free, json_file, seed, paced=False) as board:
+            from esea_host.assess.board import await_fall, be_ready
+
+            assert board is not None
+            be_ready(board, out.print, zero)
+            if hands := _simulated(board):
+                hands.let_fall()
+            out.print("Hold the leg straight, keep still, and let go.")
+            fall = await_fall(board, out.print, seconds)
+            time_s, angle = fall.time_s, fall.angle_rad
     found = pendulum_test(time_s, angle)
     out.print(MEASURED_NOTICE)
-    _said(table.read)
+    _said(said)
     for line in found.sentences():
         out.print(line)
     write_json(json_file, "host-assess-pendulum", {"notice": MEASURED_NOTICE} | vars(found))
@@ -228,9 +380,21 @@ def pendulum(
 
 @assess.command("range", epilog=MEASURED_NOTICE)
 def range_(
-    recording: Annotated[Path, typer.Argument(help="Table or MCAP: time_s, angle_deg, torque_Nm.")],
+    recording: Annotated[
+        Path | None, typer.Argument(help="Table or MCAP: time_s, angle_deg, torque_Nm.")
+    ] = None,
+    device: BoardOption = None,
+    key: KeyOption = None,
+    zero: ZeroOption = False,
+    patient: PatientOption = None,
+    seed: SeedOption = 1,
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=10, max=600, help="From the first movement on.")
+    ] = 48.0,
     height_m: HeightOption = 1.70,
     mass_kg: MassOption = 70.0,
+    low_deg: LowOption = 0.0,
+    high_deg: HighOption = 130.0,
     json_file: JsonOption = None,
     figure: Annotated[
         Path | None,
@@ -240,11 +404,30 @@ def range_(
     """Passive range of motion: how far, how stiff, and what the loop of torque loses."""
     from esea_host.assess.files import read_recording
     from esea_host.assess.pages import FIGURES, checked_name, loop_picture
-    from esea_host.assess.passive_tests import motion_range
+    from esea_host.assess.passive_tests import SLOW_rad_s, motion_range
+    from esea_host.assess.patients import DEG
+    from esea_host.assess.probing import Comfort
+    from esea_host.assess.responses import check_body
 
     if figure is not None:
         checked_name(figure, FIGURES)
-    leg = read_recording(recording, height_m, mass_kg)
+    _one_of(recording, device)
+    check_body(height_m, mass_kg)
+    somebody = _patient(patient, device, (height_m, mass_kg), seed)
+    if recording is not None:
+        leg = read_recording(recording, height_m, mass_kg)
+    else:
+        slow = Comfort(low_deg * DEG, high_deg * DEG, SLOW_rad_s)
+        given = device, key, somebody, slow, json_file, seed
+        with _board(*given, paced=False, kept_s=seconds + 10) as board:
+            from esea_host.assess.board import await_cycles, be_ready
+
+            assert board is not None
+            be_ready(board, out.print, zero)
+            if hands := _simulated(board):
+                hands.sweep(slow.low_rad, slow.high_rad, 20.0)
+            out.print("Bend and straighten the leg slowly, from one end to the other.")
+            leg = await_cycles(board, out.print, seconds, height_m, mass_kg)
     found = motion_range(leg)
     out.print(MEASURED_NOTICE)
     _said(leg.read)

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.device import board_device
 from esea_gen.errors import UserError
 from esea_gen.studies.torque_check.check import RECORD_S, SETTLE_S
 from esea_gen.studies.torque_check.load import KnownLoad
@@ -28,12 +29,17 @@ from esea_host.commissioning import (
     guide,
     run_step,
     simulated_bench,
+    steps_of,
 )
 from esea_host.connection import open_device
 from esea_host.connection.address import parse_address
+from esea_host.recording.replay import loaded_device
 from esea_host.simulated import SimulatedBoard
 
 NAMES = ", ".join(s.name for s in STEPS)
+AxisOption = Annotated[
+    str | None, typer.Option("--axis", help="Of a device with several; default: the first.")
+]
 
 
 @app.command()
@@ -44,8 +50,10 @@ def commission(
     step: Annotated[
         list[str] | None, typer.Option("--step", help=f"{NAMES}; again for more; default: all.")
     ] = None,
+    axis: AxisOption = None,
     folder: Annotated[
-        Path | None, typer.Option("--record", metavar="DIR", help="Default: commissioning/DEVICE.")
+        Path | None,
+        typer.Option("--record", metavar="DIR", help="Default: commissioning/DEVICE-AXIS."),
     ] = None,
     terminal: Annotated[
         bool,
@@ -58,16 +66,19 @@ def commission(
     judge: Annotated[float, typer.Option("--judge", help="Of each load, s.")] = RECORD_S,
     repeats: Annotated[int, typer.Option("--repeats", help="Loads in each direction.")] = REPEATS,
 ) -> None:
-    """Zero, encoders, motor sign, friction, known mass: pass or fail, a picture, a record."""
+    """Zero, encoders, motor sign, friction, known mass: pass or fail, a picture, a record.
+
+    Without a motor: zero, encoders, known mass.
+    """
     if (mass is None) != (arm is None):
         raise UserError("Mass and arm belong together.", "Give --mass KG and --arm M.")
     known = None if mass is None or arm is None else KnownLoad(mass, arm, math.radians(angle))
     options = StepOptions(known, settle, judge, repeats)
-    chosen = _chosen(step, options)
-    with _bench(address, device, key) as bench:
-        record = CommissioningRecord(
-            folder or Path("commissioning") / bench.board.name, bench.board.name
-        )
+    _check(step or [], options)
+    with _bench(address, device, key, axis) as bench:
+        chosen = _chosen(step or [], bench)
+        machine = f"{bench.board.name}-{bench.axis}".rstrip("-")
+        record = CommissioningRecord(folder or Path("commissioning") / machine, machine)
         if not terminal:
             need_a_screen("--terminal")
             from esea_host.windows.commission import run_commissioning
@@ -76,7 +87,8 @@ def commission(
             passed = all(_passed(record, s, bench) for s in chosen)
         else:
             passed = _in_terminal(bench, chosen, options, record)
-    for line in record.summary(tuple((s.name, s.title) for s in STEPS), bench.board.digest):
+    all_steps = tuple((s.name, s.title) for s in steps_of(bench.board))
+    for line in record.summary(all_steps, bench.board.digest):
         out.print(line)
     out.print(f"record: {record.folder}")
     if not passed:
@@ -90,18 +102,29 @@ def _passed(
     return bool(entry and entry["passed"])
 
 
-def _chosen(names: list[str] | None, options: StepOptions) -> tuple[CommissioningStep, ...]:
-    known = {s.name: s for s in STEPS}
-    wrong = [n for n in names or () if n not in known]
+def _check(names: list[str], options: StepOptions) -> None:
+    wrong = [n for n in names if n not in (s.name for s in STEPS)]
     if wrong:
         raise UserError(f"There is no step '{wrong[0]}'.", f"Steps: {NAMES}.")
-    if "torque" in (names or ()) and options.known is None:
+    if "torque" in names and options.known is None:
         raise UserError("The torque check needs a known mass.", "Give --mass KG and --arm M.")
-    return tuple(s for s in STEPS if names is None or s.name in names)
+
+
+def _chosen(names: list[str], bench: CommissioningBench) -> tuple[CommissioningStep, ...]:
+    steps = steps_of(bench.board)
+    known = [s.name for s in steps]
+    if wrong := [n for n in names if n not in known]:
+        raise UserError(
+            f"{bench.board.name} has no motor: there is no step '{wrong[0]}'.",
+            f"Steps: {', '.join(known)}.",
+        )
+    return tuple(s for s in steps if not names or s.name in names)
 
 
 @contextmanager
-def _bench(address: str, device: str | None, key: Path | None) -> Iterator[CommissioningBench]:
+def _bench(
+    address: str, device: str | None, key: Path | None, axis: str | None
+) -> Iterator[CommissioningBench]:
     place = parse_address(address)
     if place.kind == "file":
         raise UserError("A file cannot be commissioned.", "Give the address of a board.")
@@ -118,14 +141,17 @@ def _bench(address: str, device: str | None, key: Path | None) -> Iterator[Commi
         if not given.get("seed", "0").isdigit():
             raise UserError(f"seed={given['seed']} is no whole number.", "Write seed=3.")
         seed = int(given.get("seed", 0))
-        drive = SimulatedBoard(name, plant=given.get("plant", "ideal"), person="nobody", seed=seed)
+        drives = bool(board_device(loaded_device(name)).laws)
+        of_drive = {"plant": "ideal", "person": "nobody"} if drives else {}
+        of_drive |= {n: v for n, v in given.items() if n == "plant"}
+        drive = SimulatedBoard(name, seed=seed, **of_drive)
         try:
-            yield simulated_bench(drive, out.print)
+            yield simulated_bench(drive, out.print, axis)
         finally:
             drive.close()
         return
     with open_device(address, device, key) as board:
-        yield CommissioningBench(board, _person, out.print)
+        yield CommissioningBench(board, _person, out.print, axis=axis)
 
 
 def _person(act: HandAct) -> None:

@@ -9,7 +9,14 @@ from esea_host.commissioning.bench import CommissioningBench, CommissioningEnded
 from esea_host.commissioning.record import CommissioningRecord
 from esea_host.commissioning.result import StepResult
 from esea_host.commissioning.simulated import SimulatedHands, simulated_bench
-from esea_host.commissioning.steps import STEPS, CommissioningStep, StepOptions, guide, run_step
+from esea_host.commissioning.steps import (
+    STEPS,
+    CommissioningStep,
+    StepOptions,
+    guide,
+    run_step,
+    steps_of,
+)
 
 __all__ = [
     "STEPS",
@@ -24,4 +31,5 @@ __all__ = [
     "guide",
     "run_step",
     "simulated_bench",
+    "steps_of",
 ]

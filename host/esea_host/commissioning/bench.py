@@ -14,13 +14,12 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.identify.bringup.motions import GearPath
-from esea_gen.identify.bringup.procedures import require_drive
 from esea_gen.identify.bringup.watch import DriveRecording
 from esea_gen.link.transport import LinkError
+from esea_gen.model.sensing import of_axis
 from esea_host.connection import Batch, ConnectedDevice, Subscription
 from esea_host.recording.layout import Array
 
-IN, OUT = "sense_in", "sense_out"
 TURN_S = 0.02  # from one command to the next
 DEADLINE_MS = 500
 HEARTBEAT_S = 1.5
@@ -52,12 +51,13 @@ class HandAct:
 class Capture:
     """Rows of the sensing task, what it was given and what it gave, tick by tick.
 
-    given, told: structured, shape (n,).
+    given, told: structured, shape (n,); of several axes the values of ``axis`` are looked up.
     """
 
     tick_s: float
     given: Array
     told: Array
+    axis: str = ""
 
     def __len__(self) -> int:
         return len(self.told)
@@ -68,7 +68,9 @@ class Capture:
         return np.asarray((self.told["sequence"] - self.told["sequence"][0]) * self.tick_s)
 
     def __getitem__(self, name: str) -> Array:
-        rows = self.told if name in (self.told.dtype.names or ()) else self.given
+        own = of_axis(name, self.axis)
+        rows = self.told if own in (self.told.dtype.names or ()) else self.given
+        name = own if own in (rows.dtype.names or ()) else name
         return np.asarray(rows[name], np.float64)
 
 
@@ -76,6 +78,7 @@ class CommissioningBench:
     """A connected board, and somebody who does what is asked.
 
     device: listened to.
+    axis: of a device with several.
     hands: does an act, and returns when it is done.
     pass_time: lets seconds go by; default: the computer's own.
     hands_free: whether nobody has to do anything: all is simulated, time too.
@@ -88,22 +91,25 @@ class CommissioningBench:
         say: Callable[[str], None] = lambda _: None,
         pass_time: Callable[[float], None] = time.sleep,
         hands_free: bool = False,
+        axis: str | None = None,
     ) -> None:
         self.board = device.identity.device
-        require_drive(self.board)
-        missing = [n for n in (IN, OUT) if n not in device.streams]
+        self.drives = bool(self.board.laws)
+        self.axis = self.board.axes[0] if axis is None else axis
+        if self.axis not in self.board.axes:
+            named = ", ".join(filter(None, self.board.axes)) or "one without a name"
+            raise UserError(f"{self.board.name} has no axis '{axis}'.", f"It has {named}.")
+        task = of_axis("sense", self.axis)
+        self._streams = f"{task}_in", f"{task}_out"
+        missing = [n for n in self._streams if n not in device.streams]
         if missing:
             raise UserError(
                 f"{self.board.name} has no stream {missing[0]}.",
-                "Commissioning needs a drive whose sensing task is called sense.",
+                f"Commissioning needs a sensing task that is called {task}.",
             )
         self.device, self.say = device, say
         self._hands, self._pass_time, self.hands_free = hands, pass_time, hands_free
         self._cancelled = threading.Event()
-        a = self.board.file.actuator
-        assert a is not None
-        self._full = 1 << round(a.encoder_bits.value)
-        self._gear_rad = 2 * math.pi / a.gear_ratio.value / self._full
 
     def change_hands(self, hands: Callable[[HandAct], None]) -> None:
         """Somebody else does what is asked."""
@@ -145,8 +151,8 @@ class CommissioningBench:
 
         each: called with the time, some times a second; False ends it early.
         """
-        self.device.listen([IN, OUT])
-        queue = self.device.subscribe([IN, OUT])
+        self.device.listen(self._streams)
+        queue = self.device.subscribe(self._streams)
         try:
             found = self._captured(queue, seconds, each)
         finally:
@@ -156,13 +162,13 @@ class CommissioningBench:
             raise UserError(f"Rows are missing: {holes[0]}.", "Look at the link, and do it again.")
         rows = {
             name: [b.rows for b in found if b.layout.name == name and len(b.rows)]
-            for name in (IN, OUT)
+            for name in self._streams
         }
         if not all(rows.values()):
             raise LinkError("the board told of no run", "Does it run?")
-        given, told = (np.concatenate(rows[n]) for n in (IN, OUT))
+        given, told = (np.concatenate(rows[n]) for n in self._streams)
         _, i, j = np.intersect1d(given["sequence"], told["sequence"], return_indices=True)
-        return Capture(self.device.identity.tick_us * 1e-6, given[i], told[j])
+        return Capture(self.device.identity.tick_us * 1e-6, given[i], told[j], self.axis)
 
     def _captured(
         self, queue: Subscription, seconds: float, each: Callable[[float], bool | None] | None
@@ -180,9 +186,16 @@ class CommissioningBench:
         """A capture as :mod:`esea_gen.identify.bringup` takes it.
 
         The shaft's turns count from the first row, where both sides of the cable stand together.
+        Without a motor the motor side stands for its shaft.
         """
-        gear = np.unwrap(c["count_gear"], period=self._full) * self._gear_rad
         motor, load = c["theta_motor_rad"], c["theta_load_rad"]
+        if not self.drives:
+            return DriveRecording(c.tick_s, np.zeros(len(c)), motor, motor, load)
+        a = self.board.file.actuator
+        assert a is not None
+        full = 1 << round(a.encoder_bits.value)
+        gear_rad = 2 * math.pi / a.gear_ratio.value / full
+        gear = np.unwrap(c["count_gear"], period=full) * gear_rad
         return DriveRecording(c.tick_s, c["u_Nm"], gear - gear[0] + motor[0], motor, load)
 
     # -- what the board is asked -----------------------------------------------------------------
@@ -224,7 +237,7 @@ class CommissioningBench:
 
     def driven(self, seconds: float, wanted_Nm: Callable[[float], float]) -> Capture:
         """Torque mode, armed for as long; motor off afterwards, stopped where something failed."""
-        device = self.device
+        device, name = self.device, of_axis("tau_desired_Nm", self.axis)
         self._arm()
         moved = False
 
@@ -235,7 +248,7 @@ class CommissioningBench:
             # What the last heartbeat said may be of before it was armed.
             if not on and (moved or at_s > HEARTBEAT_S):
                 return False
-            device.want(DEADLINE_MS, mode=1.0, tau_desired_Nm=wanted_Nm(at_s))
+            device.want(DEADLINE_MS, mode=1.0, **{name: wanted_Nm(at_s)})
             return True
 
         try:

@@ -159,6 +159,58 @@ def judged_encoders(device: Device, c: Capture, r: DriveRecording) -> JudgedEnco
     return JudgedEncoders(tuple(checks), None, found, middle, {"motor": error})
 
 
+def judged_sides(r: DriveRecording, tau_Nm: Array) -> JudgedEncoders:
+    """Direction of both encoders of a joint without a motor, and each against the other."""
+    moved = [
+        float(x[np.argmax(np.abs(r.load_rad - r.load_rad[0]))] - x[0])
+        for x in (r.motor_rad, r.load_rad)
+    ]
+    found: dict[str, Any] = dict(zip(("moved_motor_rad", "moved_load_rad"), moved, strict=True))
+    seen = (
+        f"while both sides were turned together the motor side's encoder moved by {moved[0]:+.3f} "
+        f"rad, the load side's by {moved[1]:+.3f} rad"
+    )
+    fix = ""
+    if max(map(abs, moved)) < LEAST_TURN_RAD:
+        fix = f"Turn both by at least {LEAST_TURN_RAD:g} rad, positive direction first."
+    elif min(map(abs, moved)) < 0.5 * LEAST_TURN_RAD:
+        fix = "Look at the magnet and the cable of the one that hardly moved; turn both sides."
+    elif min(moved) < 0:
+        names = [n for n, v in zip(("motor", "load"), moved, strict=True) if v < 0]
+        fix = (
+            f"If the joint was turned in the positive direction, set the direction of "
+            f"encoder.{' and encoder.'.join(names)} to its opposite and zero again."
+        )
+    if fix:
+        return JudgedEncoders((), (seen, fix), found, np.zeros(0), {})
+    ratio = _ratio(r, r.load_rad, tau_Nm)
+    low, high = np.percentile(r.motor_rad, [2, 98])
+    edges = np.linspace(float(low), float(high), CELLS + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    error = _error(
+        DriveRecording(r.tick_s, r.u_Nm, r.motor_rad, r.load_rad, r.load_rad), tau_Nm, edges
+    )
+    known = np.isfinite(error)
+    if known.sum() < CELLS / 2:
+        what = f"only {known.sum()} of {CELLS} parts of the travel were gone through evenly"
+        return JudgedEncoders((), (what, "Turn it slowly and evenly, twice."), found, middle, {})
+    error -= np.polyval(np.polyfit(middle[known], error[known], 1), middle)
+    worst = float(np.max(np.abs(error[known])))
+    found |= {"ratio": ratio, "difference_rad": worst}
+    checks = (
+        StartupCheck(
+            "encoders", "motion of the load side over the motor side's, off 1",
+            100 * abs(ratio - 1), 100 * RATIO_OFF, "%",
+            "Turn both sides together; look at both magnets, and at encoder.resolution_bits.",
+        ),
+        StartupCheck(
+            "encoders", "largest difference of the sides over the travel", worst, 2 * ERROR_RAD,
+            "rad", "Centre the magnets; which of the two is off cannot be told from this.",
+        ),
+    )  # fmt: skip
+    return JudgedEncoders(checks, None, found, middle, {"load": error}, 2 * ERROR_RAD)
+
+
 def _correction(device: Device, c: Capture, side: str, at: Array, error: Array) -> list[float]:
     # What is to be added to the raw angle at equal steps of the encoder's turn, on top of what is
     # added already; 0 where the joint never was.

@@ -26,6 +26,7 @@ from esea_host.commissioning.drive import (
     AGAIN,
     commanded_work,
     judged_encoders,
+    judged_sides,
     motor_sign,
     turned_friction,
 )
@@ -37,6 +38,7 @@ REST_RAD = 0.02  # about a degree: a joint that is held still by hand
 TURN_RAD_S, FRICTION_RAD_S = 0.5, (0.4, 0.8, 1.4)
 REACH_SHARE = 0.8  # of the travel that is left towards positive angles
 PUSH_NM_SHARE = 0.12  # of full scale: enough to wind the rubber up, and nobody is in the joint
+PULL_SHARE = 0.1  # of full scale
 COUNT_TRIES = 3  # to record a phase in which no count changes half way
 TIME = "time, s"
 
@@ -126,38 +128,51 @@ def _limit_Nm(bench: CommissioningBench, criterion: str) -> float:
 
 
 def _reach_rad(device: Device) -> float:
-    return REACH_SHARE * travel(device)[1]
+    if device.laws:
+        return REACH_SHARE * travel(device)[1]
+    joint = device.file.joint
+    assert joint is not None  # a board's device has one
+    return REACH_SHARE * joint.theta_max_rad.value
 
 
 def _turned(bench: CommissioningBench, how: str, speeds: tuple[float, ...]) -> Capture:
     bench.make_ready()
     reach = _reach_rad(bench.board)
+    # Without a motor play in the coupling is taken up, so that it does not look like an error.
+    pull_Nm = 0.0 if bench.drives else PULL_SHARE * bench.board.tau_full_scale_Nm
     legs = [(end, v) for v in speeds for end in (reach, 0.0)]
     path = GearPath.through(legs, bench.device.identity.tick_us * 1e-6)
     lasts_s = len(path) * bench.device.identity.tick_us * 1e-6 + 1.0
+    what = "The motor stays off. From now on, for {0:.0f} s, turn the joint by hand at its output"
+    if not bench.drives:
+        what = (
+            "From now on, for {0:.0f} s, with a light steady pull on the load side, turn both "
+            "sides of the coupling together by hand"
+        )
     text = (
-        f"The motor stays off. From now on, for {lasts_s:.0f} s, turn the joint by hand at its "
-        f"output, to {math.degrees(reach):.0f} deg in the positive direction, then back: {how}"
+        f"{what.format(lasts_s)}, to {math.degrees(reach):.0f} deg in the positive direction, then "
+        f"back: {how}"
     )
-    bench.ask(HandAct("turn", text, path=path))
+    bench.ask(HandAct("turn", text, pull_Nm, path))
     return bench.capture(lasts_s)
 
 
 def _encoders(bench: CommissioningBench, _: StepOptions) -> StepResult:
     c = _turned(bench, "slowly, twice.", (TURN_RAD_S, TURN_RAD_S))
-    judged = judged_encoders(bench.board, c, bench.recording(c))
-    figure, (above, below) = new_picture("joint turned by hand", bench.device.simulated, 2)
     r = bench.recording(c)
-    sides = [
-        ("motor's encoder", r.gear_rad),
-        ("motor side", r.motor_rad),
-        ("load side", r.load_rad),
-    ]
+    figure, (above, below) = new_picture("joint turned by hand", bench.device.simulated, 2)
+    sides = [("motor side", r.motor_rad), ("load side", r.load_rad)]
+    if bench.drives:
+        judged = judged_encoders(bench.board, c, r)
+        sides.insert(0, ("motor's encoder", r.gear_rad))
+    else:
+        judged = judged_sides(r, c["tau_Nm"])
     over(above, c.time_s, sides, TIME, "joint, rad")
     errors = [(f"{side} side", 1e3 * e) for side, e in judged.errors.items()]
     if errors:
         limit = 1e3 * judged.limit_rad
-        over(below, judged.at_rad, errors, "joint, rad", "off the motor's encoder, mrad", limit)
+        other = "encoder" if bench.drives else "side"
+        over(below, judged.at_rad, errors, "joint, rad", f"off the motor's {other}, mrad", limit)
     return StepResult(
         "encoders", ENCODERS, figure, judged.checks, judged.problem, judged.found
     )  # fmt: skip
@@ -265,7 +280,8 @@ def _torque(bench: CommissioningBench, options: StepOptions) -> StepResult:
         sign = {"zero": 0, "plus": 1, "minus": -1}[step.kind]
         number = f"{len(check.measurements) + 1} of {len(check.steps)}"
         text = "Leave it as it is." if again[-1:] == [step.label] else step.text
-        text = f"{number}. Hold the motor still. {text} Then wait {needed_s:.0f} s."
+        held = "motor" if bench.drives else "motor side"
+        text = f"{number}. Hold the {held} still. {text} Then wait {needed_s:.0f} s."
         bench.ask(HandAct("load", text, torque_Nm=sign * check.known.torque_Nm))
         c = bench.capture(needed_s)
         # What hangs on the joint and what the rubber does to the joint are in balance.
@@ -329,13 +345,29 @@ STEPS = (
 )  # fmt: skip
 
 
+# Without a motor.
+SENSOR_STEPS = (
+    STEPS[0],
+    CommissioningStep(
+        "encoders", "Encoders: direction, difference",
+        "which way each encoder counts, and how far the two differ over the travel", _encoders,
+    ),
+    STEPS[-1],
+)  # fmt: skip
+
+
+def steps_of(device: Device) -> tuple[CommissioningStep, ...]:
+    """What there is to do with a device: without a motor, what a sensor has."""
+    return STEPS if device.laws else SENSOR_STEPS
+
+
 def guide(device: Device) -> list[str]:
     """What there is to do, as lines of text."""
     reach = math.degrees(_reach_rad(device))
     lines = [
         f"Commissioning of {device.name} ({device.title}); joint free from 0 to {reach:.0f} deg.",
     ]
-    for k, step in enumerate(STEPS, 1):
+    for k, step in enumerate(steps_of(device), 1):
         motor = "; THE MOTOR MOVES" if step.motor else ""
         lines.append(f"{k}. {step.name}: {step.finds}{motor}.")
     return lines

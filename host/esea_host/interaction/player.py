@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
 
-from esea_host.interaction.rig import HANDLE_KGM2, ElementRig
+from esea_host.interaction.rig import HANDLE_KGM2
 from esea_host.interaction.tasks import (
     DAMPING_NMS_RAD,
     PADDLE_X,
@@ -26,6 +27,13 @@ LEAST_TIME_S = 0.5
 LOST_S = 3.0
 
 
+class MovedRig(Protocol):
+    """What a player's hand moves."""
+
+    def advance(self, muscle: Sequence[float]) -> list[float]:
+        """A frame; the angle that is read meanwhile."""
+
+
 class RigPlayer(MovingHand):
     """A person on the rig, for one trial.
 
@@ -33,7 +41,7 @@ class RigPlayer(MovingHand):
     ----------
     who : VirtualParticipant
         Learns how far the hand goes for what it was told.
-    rig : ElementRig
+    rig : MovedRig
         The device.
     aims : list of float
         Where the hand is held, deg; goes on from trial to trial.
@@ -51,7 +59,7 @@ class RigPlayer(MovingHand):
     def __init__(
         self,
         who: VirtualParticipant,
-        rig: ElementRig,
+        rig: MovedRig,
         aims: list[float],
         situation: Situation,
         paused: Callable[[], bool] = lambda: False,

@@ -22,11 +22,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 END_NM_RAD = 40.0
+NO_TORQUE = (0.0, 0.0)
+
+
+class Muscle(NamedTuple):
+    """What an axis' muscles do in a frame, on any plant.
+
+    An impedance about a path that is even from ``start_rad`` to ``end_rad``, and a torque that goes
+    evenly from ``torque_start_Nm`` to ``torque_end_Nm`` beside it; both together at most most_Nm.
+    """
+
+    stiffness_Nm_rad: float
+    damping_Nms_rad: float
+    start_rad: float
+    end_rad: float
+    most_Nm: float
+    torque_start_Nm: float = 0.0
+    torque_end_Nm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -49,12 +67,13 @@ class Limb:
     ) -> float:
         """Of muscles and passive wrist, at a share of a frame.
 
-        muscle: stiffness and damping, Nm/rad and Nms/rad, the aim at the frame's start and end,
-        rad, and the largest torque, Nm.
+        muscle: as :class:`Muscle`; without the torque where there is none.
         """
-        stiffness, damping, start, end, most = muscle
+        stiffness, damping, start, end, most = muscle[:5]
+        first, last = muscle[5:] or NO_TORQUE
         rate = (end - start) / frame_s
-        own = stiffness * (start + share * (end - start) - theta) + damping * (rate - omega)
+        own = first + share * (last - first)
+        own += stiffness * (start + share * (end - start) - theta) + damping * (rate - omega)
         own = most if own > most else -most if own < -most else own
         passive = -self.stiffness_Nm_rad * (theta - self.rest_rad) - self.damping_Nms_rad * omega
         if theta < self.low_rad:
@@ -98,7 +117,6 @@ class PersonModel:
     reaction_s: float = 0.25
     submovement_s: float = 0.40
     every_s: float = 0.35
-    sweep_s: float = 0.9
     noise: float = 0.08
     retain: tuple[float, float] = (0.59, 0.992)
     learn: tuple[float, float] = (0.21, 0.02)
@@ -110,6 +128,12 @@ class PersonModel:
     range_deg: tuple[float, float, float, float] = (79.0, 59.0, 38.0, 21.0)
     passive_Nm_rad: tuple[float, float] = (0.8, 1.7)  # [7], FE and RU
     inertia_kgm2: float = 0.003
+    felt_s: float = 0.05
+    bits_s: float = 4.1
+    command_noise: float = 0.5
+    sense_noise: float = 1.0
+    contracted_Nm_rad: float = 1.0
+    comfortable_deg_s: tuple[float, float] = (42.0, 26.0)
 
 
 @dataclass
@@ -163,23 +187,30 @@ def person(rng: np.random.Generator, model: PersonModel) -> VirtualParticipant:
     def about(value: float) -> float:
         return value * (1.0 + model.spread * float(np.clip(rng.normal(), -2, 2)))
 
+    # By themselves, so that a further number changes nobody's others.
+    more = np.clip(rng.spawn(1)[0].normal(size=3), -2, 2)
+    factors = (1.0 + model.spread * more).tolist()
     flexion, extension, ulnar, radial = (about(x) for x in model.range_deg)
-    one = PersonModel(
-        delay_s=about(model.delay_s),
-        reaction_s=about(model.reaction_s),
-        submovement_s=about(model.submovement_s),
-        every_s=about(model.every_s),
-        sweep_s=about(model.sweep_s),
-        noise=about(model.noise),
-        retain=model.retain,
+    delay_s, reaction_s = about(model.delay_s), about(model.reaction_s)
+    submovement_s, every_s = about(model.submovement_s), about(model.every_s)
+    pace, noise = about(1.0), about(model.noise)
+    one = replace(
+        model,
+        delay_s=delay_s,
+        reaction_s=reaction_s,
+        submovement_s=submovement_s,
+        every_s=every_s,
+        noise=noise,
         learn=(about(model.learn[0]), about(model.learn[1])),
         stiffness_Nm_rad=about(model.stiffness_Nm_rad),
         damping_ratio=about(model.damping_ratio),
         effort_Nm=about(model.effort_Nm),
-        gain_rate=model.gain_rate,
-        spread=model.spread,
         range_deg=(flexion, extension, ulnar, radial),
         inertia_kgm2=about(model.inertia_kgm2),
+        comfortable_deg_s=(pace * model.comfortable_deg_s[0], pace * model.comfortable_deg_s[1]),
+        bits_s=model.bits_s * factors[0],
+        command_noise=model.command_noise * factors[1],
+        contracted_Nm_rad=model.contracted_Nm_rad * factors[2],
     )
     ends = ((-flexion, extension), (-ulnar, radial))
     limbs = []
@@ -194,3 +225,9 @@ def minimum_jerk(share: float) -> float:
     """Way of a minimum-jerk movement over its time [1]."""
     s = min(max(share, 0.0), 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+
+
+def minimum_jerk_speed(share: float) -> float:
+    """Its rate over that share."""
+    s = min(max(share, 0.0), 1.0)
+    return 30.0 * (s * (1.0 - s)) ** 2

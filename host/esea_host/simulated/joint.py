@@ -9,7 +9,7 @@ import numpy as np
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.twin.passive import ENCODER_NOISE_RAD
-from esea_host.simulated.motion import Motion
+from esea_host.simulated.motion import JointMotion
 
 NOISE_TICKS = 1000
 TURN_RAD = 2 * math.pi
@@ -21,8 +21,8 @@ class MovedJoint:
     Encoders that the device file gives no zero start anywhere in a turn.
     """
 
-    def __init__(self, device: DeviceData, motion: Motion, seed: int) -> None:
-        self.axes, self._motion, self._seed = device.axes, motion, seed
+    def __init__(self, device: DeviceData, motion: JointMotion, seed: int) -> None:
+        self.axes, self.motion, self._seed = device.axes, motion, seed
         encoders = device.file.encoder
         self._steps = 2 ** int(encoders.resolution_bits.value)
         rng = np.random.default_rng([seed, 4])
@@ -39,13 +39,13 @@ class MovedJoint:
         """Where the motion begins."""
         self._noise = np.random.default_rng([self._seed, 3])
         self._ticks = 0
-        self._moved = self._motion.step()
+        self._moved = self.motion.step()
         return self._counts((0.0,) * len(self.axes))
 
     def step(self, moves: bool, pushes_rad: Sequence[float]) -> list[int]:
         """A tick on, in which the motion goes on or rests; somebody pushes each joint so far."""
         if moves:
-            self._moved = self._motion.step()
+            self._moved = self.motion.step()
         return self._counts(pushes_rad)
 
     def truth(self) -> dict[str, tuple[float, float]]:

@@ -8,7 +8,7 @@ from typing import Any
 from esea_host.study.edge import number, of_task
 from esea_host.study.plan import generator
 from esea_host.study.scene import Scene
-from esea_host.study.session import InputSource
+from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 
 

@@ -20,7 +20,7 @@ from esea_host.connection.recording import LiveRecording
 from esea_host.study.fitting import ACTS, CONSTRAINED, DEG, TORQUE, DeviceSignals, Tap
 from esea_host.study.rows import LatestRows
 from esea_host.study.scene import Scene
-from esea_host.study.session import InputSource
+from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 from esea_host.study.watching import Gauge
 
@@ -213,8 +213,15 @@ class BoardSource(InputSource):
         return (self.board_ns - (self._first_ns or self.board_ns)) * 1e-9
 
     def rest(self, seconds: float) -> None:
-        """Wait as long, by the board's clock; nothing is asked of the motor."""
-        self._pass(seconds)
+        """Wait as long, by the board's clock, backdriven where it is armed."""
+        end_ns = self.board_ns + round(seconds * 1e9)
+        while self.board_ns < end_ns and not self.ask():
+            try:
+                self.want({})
+                self.pull()
+            except (LinkError, UserError) as error:
+                self._broken = str(error)
+                return
 
     # -- trials ------------------------------------------------------------------------------------
 
@@ -236,6 +243,8 @@ class BoardSource(InputSource):
         self._taps, self._asked = self.signals.taps(task), self.signals.wanted(conditions)
         self._rows.need(self._taps.values())
         self._event("trial", number=number, task=task.name)
+        if self.drive and self.device.state() == "READY":  # it was let go of in a pause
+            self._arm()
         self._armed = self.device.state() in WORKING
         if CONSTRAINED in self._asked:
             try:
@@ -272,7 +281,9 @@ class BoardSource(InputSource):
     def over(self, number: int, state: str) -> None:
         """What was wanted holds no longer than its deadline."""
         self._asked, self._held = {}, None
+        self.say("link", trial=number, **self.device.health())
         self._event("trial_end", number=number, state=state)
+        self.say("link", trial=number, **self.device.health())
 
     def _event(self, topic: str, **content: Any) -> None:
         if self._recording is not None:
@@ -306,6 +317,8 @@ class BoardSource(InputSource):
             When the board is lost, or no longer holds the trial's condition.
         """
         try:
+            if self._recording is not None and self._recording.error is not None:
+                raise UserError(f"The recording failed: {self._recording.error}", "")
             self.want(requests)
             self.pull()
             if self._rows.began_again:
@@ -324,12 +337,13 @@ class BoardSource(InputSource):
 
     def _lost(self, error: Exception) -> None:
         # Why, as far as it can be told: who has no power says nothing.
-        fix = "Look at cable and power." if isinstance(error, LinkError) else ""
-        what = str(error)
+        what, fix = str(error), "Look at cable and power."
+        state = self.device.state()
         if self.device.receiver.away:
             what = f"The link to the board broke. {what}"
-        elif self._rows.began_again:
+        elif self._rows.began_again or (self._armed and state == "UNREFERENCED"):
             what = "The board began again, healthy and not armed: it lost its power, or was zeroed."
+        elif not isinstance(error, LinkError):
             fix = ""
         self._broken = what
         raise UserError(what, fix) from None

@@ -20,7 +20,8 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.operated import PIECE_S, OperatedSource
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
-from esea_host.study.session import ABORTED, PENDING, RUNNING, InputSource, StudySession
+from esea_host.study.session import ABORTED, PENDING, RUNNING, StudySession
+from esea_host.study.source import InputSource
 from esea_host.study.task import TaskStep, task_named
 from esea_host.study.watching import SessionWatcher, TrialOnly
 

@@ -23,7 +23,8 @@ from esea_gen.toml_file import read_text
 from esea_host.study.log import EventLog, LoggedEvent, read_log
 from esea_host.study.plan import build_plan, generator, group_of
 from esea_host.study.protocol import Protocol, parse_protocol
-from esea_host.study.session import InputSource, StudySession, read_session, state_of
+from esea_host.study.session import StudySession, read_session, state_of
+from esea_host.study.source import InputSource
 from esea_host.study.task import Row
 from esea_host.study.trust import inside, read_code
 

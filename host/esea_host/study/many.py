@@ -17,7 +17,7 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import generator
 from esea_host.study.protocol import Protocol
-from esea_host.study.session import InputSource
+from esea_host.study.source import InputSource
 from esea_host.study.trust import allow
 
 # From the participant's number to what gives the source of each session, told the days between.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,16 +13,22 @@ from esea_host.study.edge import checked_step, finite, of_task
 from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log, well_formed
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
 from esea_host.study.scene import Scene
-from esea_host.study.task import Actor, Situation, StudyTask, TaskBrokenError, TaskStep, task_named
+from esea_host.study.source import InputSource
+from esea_host.study.task import (
+    Inputs,
+    Situation,
+    StudyTask,
+    TaskBrokenError,
+    TaskStep,
+    task_named,
+)
 from esea_host.study.watching import (
-    Gauge,
     SessionWatcher,
     Show,
     Stop,
     TrialOnly,
     not_stopped,
     shown_nowhere,
-    told_nobody,
 )
 
 PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
@@ -32,68 +37,6 @@ ABORTED, FAILED = "aborted", "failed"
 ABOUT = {"trial", "session", "block", "task", "condition", "catch", "familiarisation"}
 # So many samples go to disk together; an event, and the end of a trial, takes them along at once.
 CHUNK = 50
-
-
-class InputSource(ABC):
-    """Where a session's inputs come from: a board, or simulated people.
-
-    ask: while something is waited for, why to stop waiting; the session sets it, as the next two.
-    waits: told what is waited for, in words for the operator; nothing any more: empty.
-    say: writes an event into the session's log.
-    paused: whether the task is held, for a device's own recording.
-    """
-
-    ask: Stop = staticmethod(not_stopped)
-    waits: Callable[[str], None] = staticmethod(told_nobody)
-    say: Callable[..., None] = staticmethod(told_nobody)
-    paused: bool = False
-
-    def listen_to(self, other: InputSource) -> None:
-        """Ask and tell whom another source asks and tells."""
-        self.ask, self.waits, self.say = other.ask, other.waits, other.say
-
-    @abstractmethod
-    def ready(self) -> Mapping[str, Any]:
-        """Check zero and limits before the first trial and after every break; what was found.
-
-        A key ``problem`` with words keeps the session from starting.
-        """
-
-    @abstractmethod
-    def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
-        """Who acts in the coming trial."""
-
-    def over(self, number: int, state: str) -> None:
-        """The trial has ended, completed or not: the device's own recording ends with it."""
-        return
-
-    @abstractmethod
-    def rest(self, seconds: float) -> None:
-        """Wait as long."""
-
-    def close(self) -> None:
-        """Let go of what it holds."""
-        return
-
-    @abstractmethod
-    def now_s(self) -> float:
-        """Time since the session's start."""
-
-    def status(self) -> str:
-        """In which state the device is, in a word."""
-        return ""
-
-    def broken(self) -> str:
-        """Why it has to be made ready again before the next trial; empty while it has not."""
-        return ""
-
-    def tick_s(self) -> float | None:
-        """When the newest sample was taken, by the monotonic clock; None where nobody knows."""
-        return None
-
-    def gauges(self) -> tuple[Gauge, ...]:
-        """What an operator sees of the device, beside its limits."""
-        return ()
 
 
 @dataclass(frozen=True)
@@ -275,6 +218,10 @@ class StudySession:
         self.say("ready", **ready)
         return str(ready.get("problem", ""))
 
+    def _mended(self, watcher: SessionWatcher) -> str:
+        # A source that was lost is made ready again, or the reason why it cannot be.
+        return (watcher.turn() or self._make_ready()) if self.source.broken() else ""
+
     def _reread(self) -> None:
         self.state = read_session(self.log.path)
 
@@ -289,18 +236,20 @@ class StudySession:
                 past = [*self.earlier, *self.state.past]
             if not todo:
                 return ""
-            if self.source.broken() and (why := watcher.turn() or self._make_ready()):
+            if why := self._mended(watcher):
                 return why
             trial = todo[0]
             if trial.rest_before_s:
                 self.say("rest", seconds=trial.rest_before_s)
                 watcher.rests(trial.rest_before_s)
                 self.source.rest(trial.rest_before_s)
-                if why := watcher.turn():
+                if why := watcher.turn() or self._mended(watcher):
                     return why
             # By the session's own clock: a break between start and resume counts as no time.
             if self._offset_s + self.source.now_s() > 60 * rules["longest_min"]:
                 return f"longer than {rules['longest_min']:g} min"
+            if why := self.source.before(trial):
+                return why
             ended, row, reason = self._trial(trial, tuple(past), watcher)
             if ended == COMPLETED and row is not None:
                 past.append(row)
@@ -460,7 +409,9 @@ class _Frames:
 
 
 def replay(
-    path: Path, earlier: Sequence[Mapping[str, Any]] = ()
+    path: Path,
+    earlier: Sequence[Mapping[str, Any]] = (),
+    told: Callable[[int, StudyTask, float], Inputs] | None = None,
 ) -> Iterator[tuple[int, Scene, bool]]:
     """Replay a session: the scenes that its log makes again.
 
@@ -470,6 +421,8 @@ def replay(
         The log.
     earlier : sequence of mapping
         Rows of the participant's earlier sessions, as at the time.
+    told : callable, optional
+        Inputs in place of the log's, of the trial begun as number n, from 0, at a time in it.
 
     Yields
     ------
@@ -477,18 +430,23 @@ def replay(
         ``same`` is False where the scenes up to there are not, bit for bit, those that were shown.
     """
     with well_formed(path):
-        yield from _replay(read_log(path).sound(path).entries, path, earlier)
+        yield from _replay(read_log(path).sound(path).entries, path, earlier, told)
 
 
 def _replay(
-    entries: Sequence[LoggedEvent], path: Path, earlier: Sequence[Mapping[str, Any]]
+    entries: Sequence[LoggedEvent],
+    path: Path,
+    earlier: Sequence[Mapping[str, Any]],
+    told: Callable[[int, StudyTask, float], Inputs] | None,
 ) -> Iterator[tuple[int, Scene, bool]]:
     plan = plan_from(entries[0].data["plan"])
     past: list[
         Mapping[str, Any]
     ] = []  # of this session: only its own rows are repeated or corrected
+    attempt = -1
     for e in entries:
         if e.kind == "trial":
+            attempt += 1
             trial = plan.trials[e.data["trial"] - 1]
             task, state, digest = task_named(trial.task, path.name), None, hashlib.sha256()
         elif e.kind == "frames":
@@ -496,6 +454,7 @@ def _replay(
                 state = task.begin(situation_of(trial, (*earlier, *past)))
             for k, sample in enumerate(e.data["samples"], 1):
                 inputs = dict(zip(e.data["names"], sample[1:], strict=True))
+                inputs |= told(attempt, task, sample[0]) if told is not None else {}
                 step = task.step(state, sample[0], inputs)
                 state = step.state
                 digest.update(step.scene.digest())

@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
     QMainWindow,
     QScrollArea,
     QSplitter,
+    QTabWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -34,6 +35,7 @@ from esea_host.assess.pages import step_text, write_session_page
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
 from esea_host.assess.tasks import PAUSE_S, leg_scene
+from esea_host.windows.assess_board import BoardPanel
 from esea_host.windows.assess_controls import ClinicControls
 from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
 from esea_host.windows.counting import take_many
@@ -52,7 +54,7 @@ class AssessWindow(QMainWindow):
     def __init__(self, desk: ClinicDesk, who: str = "", dark: bool = False) -> None:
         super().__init__()
         self.desk, self.who, self.theme = desk, who, DARK if dark else LIGHT
-        simulated = "SIMULATED PATIENT - " if desk.patient else ""
+        simulated = "SIMULATED PATIENT - " if desk.simulated else ""
         self.setWindowTitle(f"{simulated}Knee: assessment - esea-host")
         self._began_s = time.monotonic()
         self._build()
@@ -98,9 +100,10 @@ class AssessWindow(QMainWindow):
         controls = QScrollArea()
         controls.setWidget(self.controls)
         controls.setWidgetResizable(True)
-        for part in (self.history.view, controls, self.trail):
+        self.panel = None if self.desk.board is None else BoardPanel(self.desk.board)
+        for part in (self._upper(), controls, self.trail):
             right.addWidget(part)
-        right.setSizes([205, 395, 110])
+        right.setSizes([205, 395, 110] if self.panel is None else [340, 260, 110])
         both = QSplitter()
         both.addWidget(left)
         both.addWidget(right)
@@ -120,6 +123,18 @@ class AssessWindow(QMainWindow):
         middle.setLayout(column)
         self.setCentralWidget(middle)
 
+    def _upper(self) -> QWidget:
+        history: QWidget = self.history.view
+        if self.panel is None:
+            return history
+        self.panel.kept.connect(lambda: self._step(self.desk.keep))
+        self.panel.repeated.connect(lambda: self._step(self.desk.repeat))
+        self.panel.zeroed.connect(lambda: self._step(self.panel.board.zero))
+        tabs = QTabWidget()
+        tabs.addTab(self.panel, "At the board")
+        tabs.addTab(history, "How it came to that")
+        return tabs
+
     def _actions(self) -> None:
         menu = self.menuBar().addMenu("&Assessment")
         jobs: list[tuple[str, str, Callable[[], object]]] = [
@@ -131,6 +146,9 @@ class AssessWindow(QMainWindow):
         ]
         if self.desk.patient is not None:
             jobs.insert(0, ("Move the simulated leg", "Ctrl+M", self.move_leg))
+        if self.panel is not None:
+            jobs.insert(0, ("Keep the movement", "Space", self.panel.kept.emit))
+            jobs.insert(1, ("Repeat the movement", "R", self.panel.repeated.emit))
         for name, keys, job in jobs:
             action = QAction(name, self)
             action.setShortcut(QKeySequence(keys))
@@ -158,7 +176,7 @@ class AssessWindow(QMainWindow):
 
     def move_leg(self) -> None:
         """Make the proposed movement with the simulated patient, and show how the leg went."""
-        self._step(self.desk.move)
+        self._step(self.desk.ask_therapist if self.desk.board else self.desk.move)
         self._began_s = time.monotonic()
 
     def undo(self) -> None:
@@ -201,7 +219,7 @@ class AssessWindow(QMainWindow):
     def refresh(self) -> None:
         """All as it is known now."""
         session, theme = self.desk.session, self.theme
-        simulated = "<b>SIMULATED PATIENT.</b> " if self.desk.patient else ""
+        simulated = "<b>SIMULATED PATIENT.</b> " if self.desk.simulated else ""
         self.now.setText(simulated + escape(" ".join(conclusion(session)[:3])))
         settled = session.settled
         change = "have stopped changing" if settled else "are still changing"
@@ -218,12 +236,25 @@ class AssessWindow(QMainWindow):
         self.trail.scrollToBottom()
         self.animate()
 
+    def _take_board(self, panel: BoardPanel) -> float | None:
+        # What came since the last frame; where the leg is now.
+        for event in panel.board.poll():
+            panel.take(event)
+            if event.kind == "broken":
+                self._step(partial(self.desk.broken, event.text))
+            elif event.segment is not None and self.desk.attempt is None:
+                self.desk.judge(event.segment)
+        panel.draw(self.desk.attempt)
+        return panel.board.rows[-1][1] if panel.board.rows and panel.board.valid else None
+
     def animate(self) -> None:
-        """The moving target, and for its first showing the leg as it has been moved."""
+        """The moving target, and the leg: as it is, or once more as it has been moved."""
         move, moved = self.desk.proposed, self.desk.moved
         since_s = time.monotonic() - self._began_s
         key, angle, target = "knee_watch", None, move
-        if moved is not None:
+        if self.panel is not None:
+            angle = self._take_board(self.panel)
+        elif moved is not None:
             end_s = float(moved[1].time_s[-1])
             if since_s < end_s:
                 key, target = "knee_moved", moved[0]
@@ -247,6 +278,8 @@ class AssessWindow(QMainWindow):
         self.leg.set_dark(theme is DARK)
         for part in (self.map, self.bars, self.history):
             part.show(theme)
+        if self.panel is not None:
+            self.panel.show_theme(theme)
 
 
 def run_assess(desk: ClinicDesk, who: str = "", dark: bool | None = None) -> None:

@@ -103,6 +103,41 @@ class InformationMap(_Plot):
         self.item.setTitle(title, color=self._theme.ink, size="9pt")
 
 
+class LoopPlot(_Plot):
+    """Torque over angle of the movement under way, or of the last one, and the comfort range."""
+
+    def __init__(self) -> None:
+        super().__init__("This movement", "bending of the knee [°]", "torque [Nm]")
+        self._limits = [pg.InfiniteLine(angle=90) for _ in range(2)]
+        for line in self._limits:
+            self.item.addItem(line, ignoreBounds=True)
+        self._curve = self.item.plot()
+        self._now = self.item.plot(pen=None, symbol="o", symbolSize=9)
+        self.item.setMouseEnabled(x=False, y=False)
+
+    def show(self, theme: Theme) -> None:
+        """In these colours."""
+        super().show(theme)
+        for line in self._limits:
+            line.setPen(pg.mkPen(theme.limit, width=2, style=Qt.PenStyle.DashLine))
+        self._curve.setPen(pg.mkPen(theme.measured, width=2))
+        self._now.setSymbolBrush(theme.ink)
+        self._now.setSymbolPen(None)
+
+    def draw(
+        self, angle_deg: Floats, torque_Nm: Floats, now: tuple[float, float], comfort: Comfort
+    ) -> None:
+        """Draw what came since the movement began."""
+        ends = comfort.low_rad / DEG, comfort.high_rad / DEG
+        for line, at in zip(self._limits, ends, strict=True):
+            line.setValue(at)
+        self._curve.setData(angle_deg, torque_Nm)
+        self._now.setData(*([x] if np.isfinite(x) else [] for x in now))
+        self.item.setXRange(ends[0] - 10, ends[1] + 10, padding=0)
+        most = float(np.max(np.abs(torque_Nm), initial=15.0))
+        self.item.setYRange(-most, most, padding=0.05)
+
+
 class ProbabilityBars(_Plot):
     """What is known now."""
 

@@ -158,6 +158,10 @@ class WornWrist(BoardSource):
         self._moved = True
         return self.frame(requests)
 
+    def angles_deg(self) -> list[float]:
+        """Of both axes, as the board told them last."""
+        return [gauge.value for gauge in self.gauges() if gauge.unit == "deg"]
+
     def pull(self) -> None:
         """As of a board, with the hand in it."""
         if not self._moved:

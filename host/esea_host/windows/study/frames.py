@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+Lists = tuple[list[float], list[float], list[float]]
+
 
 def summary(
-    intervals_s: Sequence[float], delays_s: Sequence[float], refresh_Hz: float
+    intervals_s: Sequence[float],
+    delays_s: Sequence[float],
+    refresh_Hz: float,
+    ages_s: Sequence[float] = (),
 ) -> dict[str, Any]:
     """Intervals between frames in numbers.
 
@@ -21,6 +27,8 @@ def summary(
         From the step that made something appear to its painting.
     refresh_Hz : float
         Of the screen.
+    ages_s : sequence of float
+        Of each sample that was painted first then: from the device's tick to its painting.
 
     Returns
     -------
@@ -31,7 +39,8 @@ def summary(
     found: dict[str, Any] = {"refresh_Hz": refresh_Hz, "intervals": len(intervals_s)}
     refreshes = np.round(np.asarray(intervals_s, np.float64) * refresh_Hz)
     found["dropped"] = int(np.sum(np.maximum(refreshes - 1, 0)))
-    for name, values in (("interval", intervals_s), ("onset_delay", delays_s)):
+    kinds = {"interval": intervals_s, "onset_delay": delays_s, "tick_to_frame": ages_s}
+    for name, values in kinds.items():
         for share in (50, 95, 99, 100):
             ms = float(np.percentile(values, share)) * 1e3 if len(values) else None
             found[f"{name}_p{share}_ms"] = ms if ms is None else round(ms, 3)
@@ -51,13 +60,19 @@ class FrameTimes:
         self.refresh_Hz = refresh_Hz
         self.facts: dict[str, Any] = {}
         self._last_s: float | None = None
-        self._onsets = 0
-        self._trial: tuple[list[float], list[float]] = ([], [])
-        self._all: tuple[list[float], list[float]] = ([], [])
+        self._onsets, self._tick_s = 0, -math.inf
+        self._trial: Lists = ([], [], [])
+        self._all: Lists = ([], [], [])
 
-    def painted(self, at_s: float, onsets: int, made_s: float) -> bool:
-        """A frame was painted; whether something appeared with it."""
-        intervals, delays = self._trial
+    def painted(self, at_s: float, onsets: int, made_s: float, tick_s: float | None = None) -> bool:
+        """A frame was painted; whether something appeared with it.
+
+        tick_s: when the device took the sample that it shows.
+        """
+        intervals, delays, ages = self._trial
+        if tick_s is not None and tick_s > self._tick_s:
+            ages.append(at_s - tick_s)
+            self._tick_s = tick_s
         if self._last_s is not None:
             intervals.append(at_s - self._last_s)
         self._last_s = at_s
@@ -70,12 +85,16 @@ class FrameTimes:
     def take(self, whole: bool) -> dict[str, Any]:
         """Numbers since the last taking, or (whole) of every trial taken so far."""
         if whole:
-            return summary(*self._all, self.refresh_Hz) | self.facts
-        taken, self._trial = self._trial, ([], [])
+            return self._summary(self._all) | self.facts
+        taken, self._trial = self._trial, ([], [], [])
         for kept, new in zip(self._all, taken, strict=True):
             kept.extend(new)
-        return summary(*taken, self.refresh_Hz)
+        return self._summary(taken)
+
+    def _summary(self, lists: Lists) -> dict[str, Any]:
+        intervals, delays, ages = lists
+        return summary(intervals, delays, self.refresh_Hz, ages)
 
     def drop(self) -> None:
         """Forget what was painted between trials."""
-        self._trial, self._last_s = ([], []), None
+        self._trial, self._last_s = ([], [], []), None

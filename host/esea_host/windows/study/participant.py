@@ -78,7 +78,8 @@ class ParticipantWindow(SceneView):
 
     def painted(self, painter: QPainter) -> None:
         """The patch; then the time of this frame is known."""
-        new = self.frames.painted(time.monotonic(), self._now.onsets, self._now.made_s)
+        now = self._now
+        new = self.frames.painted(time.monotonic(), now.onsets, now.made_s, now.tick_s)
         if self.patch == "off":
             return
         self.lit = self.lit != (new or self.patch == "frame")
