@@ -7,6 +7,7 @@ the motion and feed it.  What is workable, and passive, is here.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -36,6 +37,14 @@ if TYPE_CHECKING:
 # Switching on or off is for a wrist that rests, and is not in the wall.
 REST_RAD_S = 0.1
 
+# Gains of thesis section 7.2.4: 2 Nm/deg, 0.1 and 0.02 Nms/deg.
+PUBLISHED = {
+    "Kp_Nm_rad": math.degrees(2.0),
+    "Kd_Nms_rad": math.degrees(0.1),
+    "Kv_Nms_rad": math.degrees(0.02),
+}
+OF_WALL = ("Kp_Nm_rad", "Kd_Nms_rad")
+
 THETA, OMEGA, WALL = sp.symbols("theta omega theta_w", real=True)
 KP, KD, KV = sp.symbols("K_p K_d K_v", nonnegative=True)
 TAU_MAX = sp.Symbol("tau_max", positive=True)
@@ -44,7 +53,13 @@ PUSH = sp.Max(KP * (THETA - WALL) + KD * OMEGA, 0)
 RESISTANCE = -KV * OMEGA
 
 
-def impairment(device: DeviceData) -> Block:
+def has_wall(device: DeviceData, axis: str) -> bool:
+    """Whether the impairment of an axis has a wall, or resistance to speed only."""
+    section = device.file.impairment
+    return section is not None and (not section.wall_axes or axis in section.wall_axes)
+
+
+def impairment(device: DeviceData, *, wall: bool = True) -> Block:
     """Torque of a simulated impairment of one axis.
 
     Parameters
@@ -52,6 +67,8 @@ def impairment(device: DeviceData) -> Block:
     device : DeviceData
         Its sensing period, its largest rate, its section ``[impairment]``, and its full-scale
         torque as the allowed one.
+    wall : bool
+        Whether the gains of the wall are those of the device by default, or 0.
 
     Returns
     -------
@@ -76,10 +93,10 @@ def impairment(device: DeviceData) -> Block:
     ----------
     Thesis equations 7.1 and 7.2, with the sign of the damping put right.
     """
-    law = _Impairment(device)
+    law = _Impairment(device, wall)
     return Block.define(
-        "impairment",
-        "Simulated impairment: wall and resistance",
+        "impairment" if wall else "resistance",
+        f"Simulated impairment: {'wall and ' if wall else ''}resistance",
         period_s=device.period_s,
         tunables=law.tunables(),
         coefficients=law.coefficients(),
@@ -98,13 +115,13 @@ class _Impairment:
 
     names = ("wall_rad", "Kp_Nm_rad", "Kd_Nms_rad", "Kv_Nms_rad", "tau_max_Nm")
 
-    def __init__(self, device: DeviceData) -> None:
+    def __init__(self, device: DeviceData, wall: bool) -> None:
         if device.file.impairment is None:
             raise UserError(
                 f"{device.origin}: section [impairment] is missing.",
                 "Add it; wrist_drive.toml shows the form.",
             )
-        self.section = device.file.impairment
+        self.section, self.wall = device.file.impairment, wall
         self.theta = threshold(JOINT_RAD)
         self.omega = threshold(device.file.limits.omega_rad_s.value)
         self.tau = threshold(device.tau_full_scale_Nm)
@@ -112,7 +129,12 @@ class _Impairment:
     def tunables(self) -> tuple[Tunable, ...]:
         def given(name: str, low: float, high: float, meaning: str) -> Tunable:
             number = getattr(self.section, name)
-            return Tunable(name, number.value, low, high, meaning, number.source, number.status)
+            value, source, status = number.value, number.source, number.status
+            if self.section.wall == "published" and name in PUBLISHED:
+                value, source, status = PUBLISHED[name], "thesis section 7.2.4", "published"
+            if not self.wall and name != "Kv_Nms_rad":
+                value, source = 0.0 if name in OF_WALL else self.theta, "no wall on this axis"
+            return Tunable(name, value, low, high, meaning, source, status)
 
         return (
             given("wall_rad", -self.theta, self.theta, "where the wall begins"),

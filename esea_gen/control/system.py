@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from esea_gen.control.adaptation import adaptation
-from esea_gen.control.impairment import impairment
+from esea_gen.control.impairment import has_wall, impairment
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits import command_stamp, limits
@@ -350,8 +350,13 @@ def _of_axes(device: DeviceData, one: _Axis) -> System:
     wires: dict[str, str] = {}
     inputs: dict[str, tuple[str, ...]] = {}
     outputs: dict[str, str] = {}
+    every_block = {**one.sense, **one.control}
+    open_axes = [a for a in device.axes if "impairment" in every_block and not has_wall(device, a)]
+    open_block = impairment(device, wall=False) if open_axes else None
     for axis in device.axes:
-        blocks |= {instance(n, axis): b for n, b in {**one.sense, **one.control}.items()}
+        blocks |= {instance(n, axis): b for n, b in every_block.items()}
+        if axis in open_axes and open_block is not None:
+            blocks[instance("impairment", axis)] = open_block
         wires |= {end(r, axis): end(w, axis) for r, w in one.wires.items()}
         for name, sinks in one.inputs.items():
             outer = name if name in SHARED else of_axis(name, axis)

@@ -114,6 +114,12 @@ def _check_relations(file: DeviceFile) -> Iterator[UserError]:
         )
     if len(set(file.axes)) != len(file.axes):
         yield UserError(f"axes = {list(file.axes)} names an axis twice.", "Give each its own name.")
+    walls = file.impairment.wall_axes if file.impairment else ()
+    if unknown := [a for a in walls if a not in file.axes]:
+        yield UserError(
+            f"impairment.wall_axes names '{unknown[0]}', which is not an axis.",
+            f"Choose from {', '.join(file.axes)}." if file.axes else "Leave it out: there is one.",
+        )
     for key in ("velocity.bandwidth_Hz", "impairment.bandwidth_Hz"):
         if key in values and values[key].value > 0.1 * rate:
             yield UserError(

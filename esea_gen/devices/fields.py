@@ -328,6 +328,14 @@ class SimulatedImpairment(Section):
     Kd_Nms_rad: Quantity = number(0, 20, "Damping in the wall.")
     Kv_Nms_rad: Quantity = number(0, 5, "Resistance to speed everywhere.")
     bandwidth_Hz: Quantity = number(2, 100, "Bandwidth of the estimate of the joint's rate.")
+    wall: Literal["given", "published"] = Field(
+        "given",
+        description="given: gains as above; published: those of thesis section 7.2.4 in their "
+        "place, which swing on the virtual drive.",
+    )
+    wall_axes: tuple[str, ...] = Field(
+        (), description="Axes that have a wall; empty: all.  The others have resistance only."
+    )
 
 
 class Cable(Section):

@@ -54,6 +54,9 @@ def render_toml(file: DeviceFile) -> str:
                 lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
             elif isinstance(value, BaseModel):
                 subsections.append((f"{name}.{key}", value, True, False))
+            elif isinstance(value, tuple) and any(isinstance(v, str) for v in value):
+                lines.extend([f"# {f.description}"] if first else [])
+                lines.append(f"{key} = {json.dumps(list(value))}")
             elif isinstance(value, tuple):
                 subsections += [(f"{name}.{key}", v, not i, True) for i, v in enumerate(value)]
         for sub in subsections:

@@ -103,7 +103,8 @@ def told(
     n = len(path.tau_desired_Nm)
     t = np.arange(n) / RATE_HZ
     slow_s = device.system.tasks[-1].every * device.period_s
-    signals = {of_axis(k, axis): v for k, v in path.signals().items()} | {
+    given = path.signals()
+    signals = {k if k in loop.signals else of_axis(k, axis): v for k, v in given.items()} | {
         "mode": np.where(t < max(ON_S, ON_PERIODS * slow_s), OFF, mode).astype(float),
         "rearm": (t >= max(ARM_S, ARM_PERIODS * slow_s)).astype(float),
     }

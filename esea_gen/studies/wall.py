@@ -1,0 +1,120 @@
+"""The simulated impairment's wall: what a hand feels that pushes against it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.language.ports import Array
+from esea_gen.studies.outcome import Simulation
+from esea_gen.studies.simulation import ClosedLoopStudy
+from esea_gen.twin.case import Case
+from esea_gen.twin.closed_loop import ClosedLoopRun
+from esea_gen.twin.trajectories import RATE_HZ, Trajectory
+
+PUSH_NM = (0.5, 1.0, 2.0, 3.0, 4.0)
+HANDS_NM_RAD = (0.0, 2.0, 8.0, 20.0, 60.0)
+LIGHTEST_KGM2, RATIO = 0.006, 0.3  # damping of the intent, of a hand that light
+# Where a hand goes that is to push with its muscles and not with its stiffness.
+WALL_RAD, WALL_NM_RAD = 0.0873, 10.0
+RISE_S, PUSH_S, JUDGED_S, END_S = 0.5, 1.0, 4.5, 6.5
+
+
+@dataclass(frozen=True)
+class Pushed(Trajectory):
+    """A hand that goes to the wall and pushes, and a board that is asked for the impairment."""
+
+    tau_muscle_Nm: Array | None = None
+
+    def signals(self) -> dict[str, Array]:
+        """As of the base class, with the muscle torque and the request."""
+        assert self.tau_muscle_Nm is not None
+        asked = np.ones(len(self.tau_muscle_Nm))
+        return super().signals() | {"tau_muscle_Nm": self.tau_muscle_Nm, "constrained": asked}
+
+
+def _ramp(t: Array, start_s: float) -> tuple[Array, Array, Array]:
+    # From 0 to 1 in a second, of least jerk, with speed and acceleration.
+    x = np.clip(t - start_s, 0, 1)
+    return (
+        x**3 * (10 - 15 * x + 6 * x**2),
+        30 * x**2 * (1 - x) ** 2,
+        60 * x * (1 - x) * (1 - 2 * x),
+    )
+
+
+def push_case(push_Nm: float, hand_Nm_rad: float) -> Case:
+    """A hand of this stiffness that goes as deep as the torque takes it, and pushes there."""
+    place_rad = WALL_RAD + push_Nm / WALL_NM_RAD
+    n = round(END_S * RATE_HZ)
+    t = np.arange(n) / RATE_HZ
+    theta, omega, alpha = (place_rad * x for x in _ramp(t, RISE_S))
+    muscle = push_Nm * _ramp(t, PUSH_S)[0]
+    start = round(JUDGED_S * RATE_HZ)
+    path = Pushed("wall", theta, omega, alpha, np.zeros(n), start, n, tau_muscle_Nm=muscle)
+    damping = 2 * RATIO * math.sqrt(hand_Nm_rad * LIGHTEST_KGM2)
+    person = {"spring_Nm_rad": hand_Nm_rad, "damping_Nms_rad": damping, "torque_noise_Nm": 0.0}
+    return Case(f"{push_Nm:g} Nm, hand of {hand_Nm_rad:g} Nm/rad", path, plant=person)
+
+
+class Wall(ClosedLoopStudy):
+    """A hand, limp to stiff, pushes with 0.5 to 4 Nm against the simulated impairment's wall."""
+
+    name = "wall"
+    title = "Pushing against the impairment's wall"
+    person = True
+
+    def cases(self) -> list[Case]:
+        """One a torque and a hand."""
+        return [push_case(push, hand) for push in PUSH_NM for hand in HANDS_NM_RAD]
+
+    def measure(self, case: Case, run: ClosedLoopRun, device: Device) -> dict[str, float]:
+        """Ripple of the true torque about its own slow course, its mean, and how the run ended."""
+        if "acts" not in run.controller:
+            raise UserError(
+                f"{device.origin}: no section [impairment], or several axes without --axis.",
+                "Give --controller wrist_drive.",
+            )
+        w = case.trajectory.window
+        tau = run.plant["tau_e_Nm"][w]
+        t = np.linspace(-1, 1, len(tau))
+        ripple = tau - np.polyval(np.polyfit(t, tau, 2), t)
+        fault = run.controller["fault"][round(0.1 * RATE_HZ) :]
+        return {
+            "rms_true_Nm": float(np.sqrt(np.mean(ripple**2))),
+            "max_true_Nm": float(np.max(np.abs(ripple))),
+            "mean_Nm": float(np.mean(tau)),
+            "depth_rad": float(np.mean(run.plant["theta_l_rad"][w])),
+            "unstable": 0.0,
+            "tripped": float(np.max(run.plant["tripped"]) > 0),
+            "fault": float(np.max(fault) > 0),
+        }
+
+    def table(self, done: Simulation) -> list[str]:
+        """A line a case: of all seeds the median and the largest ripple, mean torque and angle."""
+        s = done.setting
+        lines = [
+            f"{self.title}, simulated: {s.controller}, {s.axis}, plant {s.plant}, hand {s.person}, "
+            f"{len(done.seeds)} runs a case",
+            f"{'case':32}{'ripple':>10}{'largest':>10}{'torque':>10}{'angle, deg':>12}",
+        ]
+        by_name: dict[str, list[dict[str, Any]]] = {}
+        for e in done.cases():
+            by_name.setdefault(e["name"], []).append(e)
+        largest = 0.0
+        for name, entries in by_name.items():
+            good = [e for e in entries if e["max_true_Nm"] is not None]
+            ripple = [e["max_true_Nm"] for e in good]
+            largest = max(largest, *ripple, 0.0)
+            lines.append(
+                f"{name:32}{np.median(ripple):10.3f}{max(ripple):10.3f}"
+                f"{np.median([e['mean_Nm'] for e in good]):10.2f}"
+                f"{math.degrees(np.median([e['depth_rad'] for e in good])):12.1f}"
+            )
+        ended = f"; {len(done.ended())} runs ended early" if done.ended() else ""
+        return [*lines, f"Peak of the ripple in Nm, the last 2 s; largest {largest:.3f}{ended}."]
