@@ -33,7 +33,6 @@ class Shown:
         self.board.led = True
         self.device = LockstepDevice(self.board)
         self.keeper = ConstraintKeeper(self.device, arms=True, threaded=False)
-        self.keeper.prepare()
         self.feed = LiveFeed(self.device, threaded=False)
         self.display = WristDisplay(self.device.identity.device)
         given = self.feed, self.display, self.keeper, False, self.lead

@@ -8,7 +8,6 @@ import threading
 from esea_gen.emit.roles import board_roles
 from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
-from esea_host.wrist.tasks import WALL_IN_FLEXION
 
 WORKING = ("ARMED", "ACTIVE", "LETTING_GO")
 TORQUE_MODE, DEADLINE_MS = 1.0, 500
@@ -44,11 +43,6 @@ class ConstraintKeeper:
         if threaded and (self.there or self._arms):
             self._thread = threading.Thread(target=self._run, name="esea-constraint", daemon=True)
             self._thread.start()
-
-    def prepare(self) -> None:
-        """Set the constraint up as the study has it: a wall in flexion, none in deviation."""
-        for name, value in WALL_IN_FLEXION.items() if self.there else ():
-            self._device.set(name, value)
 
     def turn(self, now_s: float) -> None:
         """One request; ``now_s`` rises from turn to turn."""
