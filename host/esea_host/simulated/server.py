@@ -200,7 +200,8 @@ class Hands:
     """What somebody does at the virtual machine: lines of text, read without waiting.
 
     ``push RAD ...``, ``lead RAD ...``: a number an axis; ``aim RAD``: the arm; ``hang NM``: a mass
-    on it, the motor held; ``let-go 0``: the mass is taken off; ``spring NM_RAD``: built in in place of the elastomer, 0: the elastomer.
+    on it, the motor held; ``let-go 0``: the mass is taken off; ``spring NM_RAD``: built in in
+    place of the elastomer, 0: the elastomer.
 
     source: the file's number; None: nobody.
     """
