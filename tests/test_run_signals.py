@@ -11,7 +11,7 @@ from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.twin import run as module
 from esea_gen.twin.case import IMPEDANCE, TORQUE, Case, Setting
-from esea_gen.twin.closed_loop import ClosedLoopRun
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.parameters import plant_tunables
 from esea_gen.twin.people import PEOPLE, real_plant
 from esea_gen.twin.run import plant_variant, previews, run_on, told

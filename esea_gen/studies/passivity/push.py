@@ -11,8 +11,8 @@ import numpy as np
 from esea_gen.analysis.passivity import Hand, energy_balance
 from esea_gen.device import Device
 from esea_gen.twin.case import IMPEDANCE, Case, Setting
-from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
+from esea_gen.twin.loop_run import ClosedLoopRun, RanAwayError
 from esea_gen.twin.run import ON_S, run_case
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 
