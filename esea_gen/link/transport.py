@@ -54,8 +54,8 @@ class SocketTransport:
 
     def read(self, timeout_s: float) -> bytes:
         """See :class:`Transport`."""
-        self._link.settimeout(timeout_s)
         try:
+            self._link.settimeout(timeout_s)
             data = self._link.recv(RECEIVE_CHUNK_BYTES)
         except (TimeoutError, BlockingIOError):
             return b""
@@ -67,8 +67,8 @@ class SocketTransport:
 
     def write(self, data: bytes, timeout_s: float) -> None:
         """See :class:`Transport`."""
-        self._link.settimeout(timeout_s)
         try:
+            self._link.settimeout(timeout_s)  # another thread may have closed it
             self._link.sendall(data)
         except OSError as error:
             what = f"the board does not take data ({error})"
@@ -201,14 +201,14 @@ class PtyTransport:
         left = memoryview(data)
         while left:
             wait_s = end_s - time.monotonic()
-            if wait_s <= 0 or not select.select([], [self._handle], [], wait_s)[1]:
-                raise LinkError(f"the board did not take data within {timeout_s:g} s")
             try:
+                if wait_s <= 0 or not select.select([], [self._handle], [], wait_s)[1]:
+                    raise LinkError(f"the board did not take data within {timeout_s:g} s")
                 left = left[os.write(self._handle, left) :]
             except BlockingIOError:
                 continue
-            except OSError as error:
-                raise LinkError(f"the link broke ({error.strerror})") from None
+            except (OSError, ValueError) as error:  # another thread may have closed it
+                raise LinkError(f"the link broke ({error})") from None
 
     def close(self) -> None:
         """See :class:`Transport`."""
