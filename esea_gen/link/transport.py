@@ -68,7 +68,7 @@ class SocketTransport:
     def write(self, data: bytes, timeout_s: float) -> None:
         """See :class:`Transport`."""
         try:
-            self._link.settimeout(timeout_s)  # another thread may have closed it
+            self._link.settimeout(timeout_s)  # closed meanwhile: an error as well
             self._link.sendall(data)
         except OSError as error:
             what = f"the board does not take data ({error})"
@@ -182,15 +182,15 @@ class PtyTransport:
 
     def read(self, timeout_s: float) -> bytes:
         """See :class:`Transport`."""
-        ready, _, _ = select.select([self._handle], [], [], timeout_s)
-        if not ready:
-            return b""
         try:
+            ready, _, _ = select.select([self._handle], [], [], timeout_s)
+            if not ready:
+                return b""
             data = os.read(self._handle, RECEIVE_CHUNK_BYTES)
         except BlockingIOError:
             return b""
-        except OSError as error:
-            raise LinkError(f"the link broke ({error.strerror})") from None
+        except (OSError, ValueError) as error:  # ValueError: closed by another thread
+            raise LinkError(f"the link broke ({error})") from None
         if not data:
             raise LinkError("the other end has closed the link")
         return data
@@ -207,7 +207,7 @@ class PtyTransport:
                 left = left[os.write(self._handle, left) :]
             except BlockingIOError:
                 continue
-            except (OSError, ValueError) as error:  # another thread may have closed it
+            except (OSError, ValueError) as error:
                 raise LinkError(f"the link broke ({error})") from None
 
     def close(self) -> None:

@@ -129,6 +129,7 @@ class ConnectedDevice:
         return transport
 
     def _tell_again(self) -> None:
+        self.session.heartbeat = None  # of before: its state is not known until the next one
         command = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL
         for name, interval_us in self._told.items():
             number = float(self._ids[name])

@@ -9,7 +9,7 @@ import numpy as np
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.twin.passive import ENCODER_NOISE_RAD
-from esea_host.simulated.motion import Motion
+from esea_host.simulated.motion import JointMotion
 
 NOISE_TICKS = 1000
 TURN_RAD = 2 * math.pi
@@ -21,7 +21,7 @@ class MovedJoint:
     Encoders that the device file gives no zero start anywhere in a turn.
     """
 
-    def __init__(self, device: DeviceData, motion: Motion, seed: int) -> None:
+    def __init__(self, device: DeviceData, motion: JointMotion, seed: int) -> None:
         self.axes, self.motion, self._seed = device.axes, motion, seed
         encoders = device.file.encoder
         self._steps = 2 ** int(encoders.resolution_bits.value)

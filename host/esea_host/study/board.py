@@ -161,6 +161,8 @@ class BoardSource(InputSource):
                 self.device.zero()
             elif state == "READY":
                 self.device.arm()
+            elif state in WORKING:
+                self.device.disarm()
             self._state = state
             if self.now_s() > deadline_s or self.ask():
                 raise UserError(f"The board stays {state}.", "Rest the joint, unloaded.")
@@ -280,6 +282,7 @@ class BoardSource(InputSource):
     def over(self, number: int, state: str) -> None:
         """What was wanted holds no longer than its deadline."""
         self._asked, self._held = {}, None
+        self.say("link", trial=number, **self.device.health())
         self._event("trial_end", number=number, state=state)
         self.say("link", trial=number, **self.device.health())
 
@@ -315,6 +318,8 @@ class BoardSource(InputSource):
             When the board is lost, or no longer holds the trial's condition.
         """
         try:
+            if self._recording is not None and self._recording.error is not None:
+                raise UserError(f"The recording failed: {self._recording.error}", "")
             self.want(requests)
             self.pull()
             if self.device.receiver.reconnects != self._reconnects:
