@@ -204,7 +204,7 @@ def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path):
             reasons = session.state.reasons
             assert [session.state.states[n] for n in (1, 2)] == [FAILED, COMPLETED], reasons
             assert "Look at cable and power" in reasons[1]
-            assert [d["state"] for d in logged(session, "ready")] == ["ARMED", "ARMED"]
+            assert logged(session, "ready")[1]["state"] in ("ARMED", "ACTIVE")
             assert not logged(session, "ready")[1]["restarted"]
             assert logged(session, "link")[-1]["reconnects"] == 1
             source.close()

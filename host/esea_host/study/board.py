@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from esea_gen.control.faults import FAULT_CODES
+from esea_gen.emit.states import BOARD_FAULTS, STATES
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
@@ -24,10 +26,13 @@ from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 from esea_host.study.watching import Gauge
 
-TORQUE_MODE, DEADLINE_MS = 1.0, 200
+TORQUE_MODE, DEADLINE_MS = 1.0, 500
 FRAME_S, SILENT_S, READY_S, SETTLE_S = 0.01, 1.0, 8.0, 0.2
 AWAY_S, SWITCH_S = 60.0, 30.0
-WORKING = ("ARMED", "ACTIVE", "LETTING_GO")
+WORKING = ("ARMED", "ACTIVE")  # who lets go does not come back, and is armed again
+STATE_NAMES = {s.value: s.name for s in STATES}
+FAULTS = [c for c in (*FAULT_CODES, *BOARD_FAULTS) if c.value]
+FAULT_NAMES = {c.value: f"{c.name.lower().replace('_', ' ')} (fault {c.value})" for c in FAULTS}
 REST_SHARE = 0.1  # of the largest torque: more at rest is a zero that is not one; assumed
 
 
@@ -68,7 +73,7 @@ class BoardSource(InputSource):
         self._broken = ""
         self._asked: dict[str, float] = {}
         self._held: float | None = None
-        self._armed = False
+        self._armed, self._reconnects = False, 0
         self._first_ns: int | None = None
 
     @property
@@ -105,7 +110,7 @@ class BoardSource(InputSource):
             if self.drive:
                 self._arm()
             self._pass(SETTLE_S)
-            self._state = state = self.device.state()
+            self._state = state = self._state_now()
         except (LinkError, UserError) as error:
             return found | {"problem": str(error)}
         self._broken, self._rows.began_again = "", False
@@ -156,8 +161,7 @@ class BoardSource(InputSource):
             name = self.signals.device.name
             raise UserError(f"{name} has no motor to arm.", "Leave --arm out.")
         deadline_s = self.now_s() + READY_S
-        # A board that was active when it was lost is about to let go.
-        while (state := self.device.state()) != "ARMED":
+        while (state := self._state_now()) not in WORKING or self.device.state() not in WORKING:
             if state in ("FAULT", "STOPPED"):
                 raise UserError(self._trouble(state), "See to it, then go on with study resume.")
             if state == "UNREFERENCED":
@@ -173,9 +177,13 @@ class BoardSource(InputSource):
                 raise UserError(f"The board stays {state}.", "Rest the joint, unloaded.")
             self._pass(0.4)
 
+    def _state_now(self) -> str:
+        # Asked: the last that was told may be of before a pause, or a broken link.
+        return STATE_NAMES.get(self.device.clock()["state"], "UNKNOWN")
+
     def _trouble(self, state: str) -> str:
-        number = self.device.fault()
-        return f"the board is in {state}" + (f", fault {number}" if number else "")
+        fault = FAULT_NAMES.get(self.device.fault(), "")
+        return f"the board is in {state}" + (f": {fault}" if fault else "")
 
     # -- time --------------------------------------------------------------------------------------
 
@@ -243,9 +251,11 @@ class BoardSource(InputSource):
         self._taps, self._asked = self.signals.taps(task), self.signals.wanted(conditions)
         self._rows.need(self._taps.values())
         self._event("trial", number=number, task=task.name)
-        if self.drive and self.device.state() == "READY":  # it was let go of in a pause
+        state = self._state_now()
+        if self.drive and state in ("READY", "LETTING_GO"):  # nobody has asked in a pause
             self._arm()
-        self._armed = self.device.state() in WORKING
+            state = self._state_now()
+        self._armed, self._reconnects = state in WORKING, self.device.receiver.reconnects
         if CONSTRAINED in self._asked:
             try:
                 self._establish(number)
@@ -321,6 +331,8 @@ class BoardSource(InputSource):
                 raise UserError(f"The recording failed: {self._recording.error}", "")
             self.want(requests)
             self.pull()
+            if self.device.receiver.reconnects != self._reconnects:
+                raise LinkError("the link broke for a while")
             if self._rows.began_again:
                 raise UserError("The board's clock began again.", "")
             if self._held is not None:
