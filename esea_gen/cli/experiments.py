@@ -192,6 +192,7 @@ def passivity(
     sliding: Annotated[
         bool, typer.Option("--sliding/--no-sliding", help="Also check the sliding condition.")
     ] = True,
+    axis: AxisOption = "",
     jobs: JobsOption = -1,
     cluster: ClusterOption = None,
     json_file: JsonOption = None,
@@ -208,6 +209,7 @@ def passivity(
             push_rad_s=push,
             seed=seed,
             wall_Nm_rad=wall,
+            axis=axis,
             sliding=sliding,
             workers=Workers(jobs, cluster),
             progress=tell,

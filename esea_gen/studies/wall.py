@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.analysis.passivity import energy_balance
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
@@ -89,6 +90,9 @@ class Wall(ClosedLoopStudy):
             "rms_true_Nm": float(np.sqrt(np.mean(ripple**2))),
             "max_true_Nm": float(np.max(np.abs(ripple))),
             "mean_Nm": float(np.mean(tau)),
+            "generated_J": energy_balance(
+                run.plant["theta_l_rad"], run.plant["tau_e_Nm"]
+            ).generated_J,
             "depth_rad": float(np.mean(run.plant["theta_l_rad"][w])),
             "unstable": 0.0,
             "tripped": float(np.max(run.plant["tripped"]) > 0),
@@ -106,15 +110,20 @@ class Wall(ClosedLoopStudy):
         by_name: dict[str, list[dict[str, Any]]] = {}
         for e in done.cases():
             by_name.setdefault(e["name"], []).append(e)
-        largest = 0.0
+        largest = generated = 0.0
         for name, entries in by_name.items():
             good = [e for e in entries if e["max_true_Nm"] is not None]
             ripple = [e["max_true_Nm"] for e in good]
-            largest = max(largest, *ripple, 0.0)
+            largest = max(largest, *ripple)
+            generated = max(generated, *(e["generated_J"] for e in good))
             lines.append(
                 f"{name:32}{np.median(ripple):10.3f}{max(ripple):10.3f}"
                 f"{np.median([e['mean_Nm'] for e in good]):10.2f}"
                 f"{math.degrees(np.median([e['depth_rad'] for e in good])):12.1f}"
             )
         ended = f"; {len(done.ended())} runs ended early" if done.ended() else ""
-        return [*lines, f"Peak of the ripple in Nm, the last 2 s; largest {largest:.3f}{ended}."]
+        return [
+            *lines,
+            f"Peak of the ripple in Nm, the last 2 s; largest {largest:.3f}. Energy that the wrist "
+            f"was given beyond what it had put in: at most {1e3 * generated:.1f} mJ{ended}.",
+        ]

@@ -73,8 +73,9 @@ def push_case(
     push_rad_s: speed that the push would give the hand alone: the push is its inertia times that.
     wall_Nm_rad: stiffness of a wall without any loss, :data:`WALL_RAD` ahead; 0 for none.
     """
-    safety = device.file.safety
+    safety, joint = device.file.safety, device.file.joint
     assert safety is not None
+    assert joint is not None
     n = round(DURATION_S * RATE_HZ)
     t, rest = np.arange(n) / RATE_HZ, np.zeros(n)
     # A quarter up the range of motion, or down it where a wall throws the hand back: what the push
@@ -109,6 +110,10 @@ def push_case(
             "feedforward": 1.0,
             "gravity_Nm": 0.0,
             "torque_noise_Nm": 0.0,
+            # Of a hand on two axes: only what this one has, all along the device's travel.
+            "passive_Nm_rad": 0.0,
+            "joint_min_rad": joint.theta_min_rad.value,
+            "joint_max_rad": joint.theta_max_rad.value,
         }
         | (wall if wall_Nm_rad else {}),
     )
@@ -153,13 +158,15 @@ def run_push(
     push_rad_s: float,
     seed: int,
     wall_Nm_rad: float = 0.0,
+    axis: str = "",
 ) -> dict[str, float]:
     """Run and judge one push: what a worker does."""
     device = controller_device(controller)
     who = Hand(**hand)
+    setting = Setting(controller, plant, "ideal", axis=axis)
     case = push_case(device, who, kp_Nm_rad, kd_Nms_rad, push_rad_s, wall_Nm_rad=wall_Nm_rad)
     try:
-        run = run_case(case, Setting(controller, plant, "ideal"), seed)
+        run = run_case(case, setting, seed)
     except RanAwayError:
         return asdict(PushRun(ran_away=1.0))
     return asdict(judge_push(run, who, kp_Nm_rad, largest_torque_Nm(device), wall_Nm_rad))

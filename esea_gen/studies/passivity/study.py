@@ -27,8 +27,9 @@ from esea_gen.studies.passivity.push import GAIN_TUNABLES, PUSH_RAD_S, PushRun, 
 from esea_gen.studies.passivity.region import PushMap, push_map
 from esea_gen.studies.passivity.sliding import SlidingCheck, check_sliding
 from esea_gen.studies.registry import Study
+from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device, controller_system
-from esea_gen.twin.run import PLANT_NAMES
+from esea_gen.twin.run import PLANT_NAMES, axis_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 # From fingers to a whole forearm with its load side; limp and tense; let go, holding on by little
 # and by more, and leaning on something firm.
 HANDS = hand_family((0.05, 0.1, 0.2, 0.4), (0.0, 0.5), (0.0, 10.0, 30.0, 100.0, 1000.0))
+# Of a wrist: a finger's touch on the handle to a heavy hand, relaxed to tense.
+WRIST_HANDS = hand_family((0.006, 0.009, 0.015, 0.03), (0.0, 0.05), (0.0, 2.0, 8.0, 20.0, 60.0))
 MOST_PUSH_RAD_S = 0.6
 MOST_WALL_NM_RAD = 1e4  # a light hand is thrown back within 7 ms; a plant's step is 0.2 ms
 POINTS, FEWEST_POINTS, MOST_POINTS = 9, 2, 41
@@ -181,7 +184,8 @@ def gain_axis(tunable: Tunable, points: int) -> Array:
 
 
 def _gains(controller: str) -> tuple[Tunable, Tunable]:
-    block = controller_system(controller).blocks.get("reference")
+    blocks = controller_system(controller).blocks
+    block = next((b for n, b in blocks.items() if n.partition("_")[0] == "reference"), None)
     known = {t.name: t for t in block.tunables} if block else {}
     if any(n not in known for n in GAIN_TUNABLES):
         raise UserError(
@@ -196,18 +200,21 @@ def study_interaction(
     plant: str = "real",
     *,
     points: int = POINTS,
-    hands: Sequence[Hand] = HANDS,
+    hands: Sequence[Hand] | None = None,
     push_rad_s: float = PUSH_RAD_S,
     seed: int = 0,
     wall_Nm_rad: float = 0.0,
     sliding: bool = True,
+    axis: str = "",
     workers: int | Workers = 1,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> InteractionStudy:
     """Passivity of the rendered impedance over its gains, by runs of the compiled controller.
 
     seed: of the gear disturbance, and of the plant where it is random.
+    hands: default: :data:`HANDS`, of a device with several axes :data:`WRIST_HANDS`.
     wall_Nm_rad: of a wall without any loss, just ahead of the hand: contact and release; 0: none.
+    axis: of several, the one that is pushed; default: the first.
     progress: ``progress(done, total, failed)``.
     """
     choose("plant", plant, PLANT_NAMES)
@@ -229,6 +236,9 @@ def study_interaction(
             f"Give 0, for none, to {MOST_WALL_NM_RAD:g} Nm/rad.",
         )
     device = controller_device(controller)
+    axis = axis_of(device, Setting(axis=axis))
+    if hands is None:
+        hands = HANDS if len(device.axes) == 1 else WRIST_HANDS
     kp, kd = (gain_axis(t, points) for t in _gains(controller))
     marks = [g for g in GAINS if g[0] <= kp[-1] and g[1] <= kd[-1]]
     pairs = dict.fromkeys([*product(kp.tolist(), kd.tolist()), *marks])
@@ -239,7 +249,7 @@ def study_interaction(
         }
     )
     fixed = {"controller": controller, "plant": plant, "push_rad_s": push_rad_s, "seed": seed}
-    fixed |= {"wall_Nm_rad": wall_Nm_rad}
+    fixed |= {"wall_Nm_rad": wall_Nm_rad, **({"axis": axis} if axis else {})}
     cases = [
         {"kp_Nm_rad": p, "kd_Nms_rad": d, "hand": asdict(h)} | fixed
         for p, d in pairs

@@ -70,7 +70,7 @@ def bound_ticks(device: Device, fault: BoardFault) -> int | None:
         fault.place.startswith("frame_error") and fault.kind == "jump" and fault.amount > 0
     )
     if fault.place.startswith(("count_", "frame_error_")) and unreadable:
-        gear = fault.place.endswith("_gear")
+        gear = "_gear" in fault.place
         return HELD_MAX + (across if gear else 0)
     if fault.kind == "NaN":
         return WANTED_EVERY  # in the step that reads it

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -11,6 +12,8 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
+from esea_gen.model.sensing import of_axis
+from esea_gen.twin.hand import SteppedHand, hand_variant
 from esea_gen.twin.people import PEOPLE, real_plant
 from esea_gen.twin.stepped import SteppedPlant
 from esea_gen.verify.faults.kinds import BoardFault, Distortion, measured_and_wanted, ranges
@@ -22,6 +25,7 @@ EARLIEST, LATEST = 900, 1700  # of the fault: in motion, in any phase
 AFTER = 800  # ticks
 TORQUE, IMPEDANCE = 1.0, 2.0
 AMPLITUDE_RAD, HERTZ = 0.5, 0.5
+REST = 0.3  # what a second axis moves of that: deviation has a third of flexion's range
 
 
 @dataclass(frozen=True)
@@ -59,14 +63,53 @@ def intended(k: int) -> dict[str, float]:
     }
 
 
+class RigPlant:
+    """Plant and person, of one axis or of two: counts in the order of the board's encoders."""
+
+    def __init__(self, device: Device, scene: FaultScene, seed: int, counts: Sequence[str]) -> None:
+        self.axes, self.names = device.axes, counts
+        self.clamped = scene.person == "none"
+        if len(self.axes) == 1:
+            self.one: SteppedPlant | None = SteppedPlant(real_plant(device, seed=seed))
+            self.person = PEOPLE[scene.person]
+        else:
+            self.one = None
+            self.two = SteppedHand(hand_variant(device, "real", scene.person, seed))
+
+    def start(self) -> Sequence[int]:
+        """Counts at rest."""
+        if self.one is not None:
+            return self.one.start(0.0, clamped=self.clamped, person=self.person)
+        return self._ordered(self.two.start([0.0] * len(self.axes)))
+
+    def step(self, u_Nm: Sequence[float], path: Mapping[str, float]) -> Sequence[int]:
+        """One tick, every axis moved alike; the counts at its end."""
+        if self.one is not None:
+            self.one.intend(path)
+            return self.one.step(*u_Nm)
+        share = [dict(path)] + [{n: REST * x for n, x in path.items()} for _ in self.axes[1:]]
+        self.two.intend(share)
+        return self._ordered(self.two.step(u_Nm))
+
+    def felt(self) -> list[tuple[float, float]]:
+        """Torque on the limb and its speed, of each axis."""
+        if self.one is not None:
+            return [self.one.torque_and_speed()]
+        truth, names = self.two.truth(), ("tau_e_Nm", "omega_l_rad_s")
+        return [(truth[of_axis(names[0], a)], truth[of_axis(names[1], a)]) for a in self.axes]
+
+    def _ordered(self, counts: Mapping[str, int]) -> list[int]:
+        return [counts[n] for n in self.names]
+
+
 @dataclass(frozen=True)
 class Felt:
     """What one fault did.
 
     found_ticks: from the fault until the motor followed no more; None: it went on following.
     reason: number of the latched fault then; 0 where none is (stopped, let go).
-    torque_then_Nm: largest true torque on the limb from the fault until then; never found, to the
-        end.
+    torque_then_Nm: largest true torque on the limb, on any axis, from the fault until then; never
+        found, to the end.
     peak_torque_Nm, energy_J: largest true torque, and most net work done on the limb from any
         moment on, both from the fault to the end of the run: the drive's run-out is in them.
     """
@@ -104,15 +147,14 @@ class FaultRig:
         """
         board = self.board
         board.restart()
-        person = PEOPLE[scene.person]
-        plant = SteppedPlant(real_plant(self.device, seed=seed))
-        counts = plant.start(0.0, clamped=scene.person == "none", person=person)
+        plant = RigPlant(self.device, scene, seed, [self.measured[k] for k in self._encoders])
+        counts = plant.start()
         noise = np.random.default_rng([seed, 3]).standard_normal(at + AFTER)
         noise[:ACTIVE_AT] = 0.0  # a joint that is zeroed stands still
         wrong = self._distortion(fault)
         of_link = fault is not None and fault.place in self.wanted
         cut, found, reason = False, None, 0
-        tau, omega = [], []
+        tau, power = [], []
         for k in range(at + AFTER):
             now = fault is not None and k >= at
             cut = now and fault is not None and fault.place == "link"
@@ -128,13 +170,12 @@ class FaultRig:
             if not cut:
                 self._tell(scene, k, wrong if of_link else None, fault, at)
             self._tick(fault if now else None, k - at)
-            on, u_Nm = board.motor
-            plant.intend(intended(k) | {"noise": float(noise[k])})
-            counts = plant.step(u_Nm if on else 0.0)
+            u_Nm = board.motors_Nm if board.motor_on else (0.0,) * len(self.device.axes)
+            counts = plant.step(u_Nm, intended(k) | {"noise": float(noise[k])})
             if k >= at:
-                truth = plant.torque_and_speed()
-                tau.append(truth[0])
-                omega.append(truth[1])
+                truth = plant.felt()
+                tau.append(max(abs(torque) for torque, _ in truth))
+                power.append(sum(torque * speed for torque, speed in truth))
                 if found is None and board.state_now not in ("ACTIVE", "ARMED"):
                     found, reason = k - at, int(board.lib.sim_fault())
             elif k == at - 1 and board.state_now != "ACTIVE":
@@ -143,12 +184,12 @@ class FaultRig:
                     "A sound run must be able to go on; see esea-gen simulate.",
                 )
         board.pending()
-        work = np.concatenate([[0.0], np.cumsum(np.array(tau) * np.array(omega)) * 1e-3])
+        work = np.concatenate([[0.0], np.cumsum(power) * 1e-3])
         return Felt(
             found,
             reason,
-            float(np.max(np.abs(tau[: None if found is None else found + 1]))),
-            float(np.max(np.abs(tau))),
+            float(np.max(tau[: None if found is None else found + 1])),
+            float(np.max(tau)),
             float(np.max(work - np.minimum.accumulate(work))),
         )
 
@@ -175,7 +216,8 @@ class FaultRig:
         elif k >= ACTIVE_AT and (k - ACTIVE_AT) % WANTED_EVERY == 0:
             t = (k - ACTIVE_AT) * 1e-3
             torque = scene.torque_Nm * 0.5 * (1 - math.cos(2 * math.pi * 0.6 * t))
-            wanted: dict[str, Any] = {"mode": scene.mode, "tau_desired_Nm": torque}
+            wanted: dict[str, Any] = {"mode": scene.mode}
+            wanted |= {of_axis("tau_desired_Nm", a): torque for a in self.device.axes}
             if wrong is not None and fault is not None:
                 place = fault.place
                 wanted[place] = self._given(wrong, wanted.get(place, 0.0), k, at)

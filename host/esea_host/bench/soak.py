@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.files import write_json
 from esea_host.connection import open_device
 from esea_host.connection.receiver import KEY
 from esea_host.interaction.on_board import ElementBoard
@@ -44,13 +43,6 @@ APPLICATIONS: dict[str, tuple[str, tuple[str, ...]]] = {
         (
             'task = "interaction.tracking"\ntrials = [{ parameters = { seconds = 60.0 } }]',
             'task = "interaction.pong"\ntrials = [{ parameters = { seconds = 60.0 } }]',
-        ),
-    ),
-    "wrist": (
-        "wrist_drive",
-        (
-            'task = "wrist.neutral"\ntrials = [{ repeat = 3 }]',
-            'task = "wrist.flexion"\ntrials = [{ repeat = 4 }]',
         ),
     ),
 }
@@ -124,14 +116,17 @@ class BoardProcess:
 class _Watcher(SessionWatcher):
     # Counts frames and delays, ends the session in time, and has something happen within a trial.
 
-    def __init__(self, source: InputSource, until_s: float, accident: Callable[[], None]) -> None:
+    def __init__(
+        self, source: InputSource, until_s: float, most_s: float, accident: Callable[[], None]
+    ) -> None:
         super().__init__()
         self.source, self.until_s, self._accident = source, until_s, accident
+        self._end_s = time.monotonic() + most_s
         self.frames, self.delays_s, self.at_s = 0, list[float](), list[float]()
         self._done = False
 
     def between(self) -> None:
-        if self.source.now_s() > self.until_s:
+        if self.source.now_s() > self.until_s or time.monotonic() > self._end_s:
             self._stop = lambda: "the time is up"
 
     def steps(self, time_s: float, step: TaskStep) -> None:
@@ -154,10 +149,17 @@ def _protocol(tasks: tuple[str, ...], minutes: float) -> str:
 
 
 def soak(
-    application: str, minutes: float, folder: Path, pty: bool, speed: float, accident: str = ""
+    application: str,
+    minutes: float,
+    folder: Path,
+    pty: bool,
+    speed: float,
+    accident: str = "",
+    most_minutes: float = 60.0,
 ) -> dict[str, Any]:
     """Run an application for so long of the board's time.
 
+    most_minutes: by the computer's clock, after which no trial begins.
     accident: ``unplug`` or ``power-off``, once, two seconds into the first trial.
     """
     name, tasks = APPLICATIONS[application]
@@ -176,7 +178,7 @@ def soak(
                 "unplug": device.receiver.transport.close,
                 "power-off": lambda: process.power_off(2.0),
             }[accident]
-            watcher = _Watcher(source, 60 * minutes, happens)
+            watcher = _Watcher(source, 60 * minutes, 60 * most_minutes, happens)
             session = study.session("P01", 0, source)
             reason = session.run(watcher=watcher)
             clock, health = device.clock(), device.health()
@@ -188,7 +190,7 @@ def soak(
     told = [e.data["state"] for e in read_log(path).entries if e.kind == "trial_end"]
     same = [same for _, _, same in replay(path, (), BoardInputs(path))]
     ms = 1e3 * np.percentile(watcher.delays_s or [np.nan], [50, 99])
-    steps_ms = 1e3 * np.diff(watcher.at_s)
+    steps_ms = 1e3 * np.diff(watcher.at_s) if watcher.frames > 1 else np.array([np.nan])
     return {
         "application": application, "device": name, "over": "pty" if pty else "tcp",
         "speed": speed, "accident": accident, "simulated": True, "ended": reason,
@@ -209,10 +211,11 @@ def _recorded(path: Path) -> dict[str, Any]:
         for stream in log.streams:
             if stream == KEY:
                 continue
-            board_ns = log[stream].board_ns
-            every = int(np.median(np.diff(board_ns)))
-            expected = round((board_ns[-1] - board_ns[0]) / every) + 1
-            streams[stream] = {"rows": len(board_ns), "missing": expected - len(board_ns)}
+            steps = np.diff(log[stream].tick.astype(np.int64))
+            every = int(np.median(steps))
+            # Where ticks go back the board was zeroed, or had lost its power.
+            missing = int(np.sum(np.round(steps[steps > 0] / every) - 1))
+            streams[stream] = {"rows": len(steps) + 1, "missing": missing}
         gaps = Counter[str]()
         for gap in log.gaps:
             gaps[gap.reason] += max(gap.missing, 0)
@@ -226,24 +229,21 @@ def _recorded(path: Path) -> dict[str, Any]:
 
 def main() -> None:
     """Command line."""
-    from esea_host.cli.options import know_shipped_tasks
-
-    know_shipped_tasks()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("application", choices=APPLICATIONS)
     parser.add_argument("--minutes", type=float, default=30.0, help="of the board's time")
     parser.add_argument("--pty", action="store_true")
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--accident", choices=("unplug", "power-off"), default="")
-    parser.add_argument("--json", type=Path, default=None)
+    parser.add_argument("--most-minutes", type=float, default=60.0, help="by the clock")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         found = soak(
-            given.application, given.minutes, place, given.pty, given.speed, given.accident
-        )
+            given.application, given.minutes, place, given.pty, given.speed, given.accident,
+            given.most_minutes,
+        )  # fmt: skip
     print(json.dumps(found, indent=1))
-    write_json(given.json, "host-soak", found)
 
 
 if __name__ == "__main__":

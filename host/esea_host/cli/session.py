@@ -300,7 +300,7 @@ def _source(
     from esea_host.cli.study import device_at
     from esea_host.connection import open_device
     from esea_host.study.board import BoardSource
-    from esea_host.study.fitting import DeviceSignals, settings_of, uses_of
+    from esea_host.study.fitting import DeviceSignals, uses_of
 
     uses, simulated = uses_of(study.protocol), asked.device.startswith("sim:")
     if simulated:
@@ -312,7 +312,7 @@ def _source(
             return source, None
     board = held.enter_context(open_device(asked.device, key=asked.key))
     DeviceSignals(board.identity.device).must_fit(uses)
-    source = BoardSource(board, folder, asked.arm, settings=settings_of(study.protocol))
+    source = BoardSource(board, folder, asked.arm)
     held.callback(source.close)
     if all(task.name.startswith(INTERACTION) for task, _ in uses):
         return _of_element(source, study, code, asked), board

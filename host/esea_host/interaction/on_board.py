@@ -112,7 +112,7 @@ class ElementBoard(InputSource):
         self.known = known or (SIMULATED_LOAD if hands is not None else None)
         self.middle_rad = math.nan
         self._aims = [0.0]
-        self._confirmed = ""
+        self._confirmed = self._state = ""
 
     def ready(self) -> Mapping[str, Any]:
         """As the board's."""
@@ -135,6 +135,7 @@ class ElementBoard(InputSource):
             return str(error)
         finally:
             self.waits("")
+            self._state = ""
         return ""
 
     # -- the element -------------------------------------------------------------------------------
@@ -150,7 +151,6 @@ class ElementBoard(InputSource):
         if self.hands is not None:
             self.waits(f"The simulated attendant builds in the {element} ...")
             self.hands.build_in(spring_Nm_rad(device.identity.device, element, stiffness_Nm_deg))
-            self._until_it_tells()
         means = self._phases(self.known)
         if self.hands is not None:
             self.hands.let_go()
@@ -161,7 +161,7 @@ class ElementBoard(InputSource):
         self.say("element", trial=number, simulated=device.simulated, **finding.to_dict())
         if finding.problem:
             return finding.problem
-        ready = dict(inner.ready())
+        self._state, ready = "", dict(inner.ready())
         self.say("ready", **ready)
         return str(ready.get("problem", ""))
 
@@ -169,18 +169,20 @@ class ElementBoard(InputSource):
         device, until_s = self.inner.device, self.inner.now_s() + 5.0
         if device.state() in WORKING:
             device.disarm()
-        while device.state() in WORKING:
+        while (state := device.state()) in WORKING:
             if self.inner.now_s() > until_s:
-                raise UserError(f"The board stays {device.state()}.", "Switch the motor off.")
+                raise UserError(f"The board stays {state}.", "Switch the motor off.")
             self.inner.pull()
+        self._state = state
 
-    def _until_it_tells(self) -> None:
-        # Another plant is compiled meanwhile.
-        for left_s in range(round(SILENT_S), 0, -1):
+    def _pull(self) -> None:
+        # Of a simulated board another plant may be compiled meanwhile.
+        tries = round(SILENT_S) if self.hands is not None else 1
+        for left in range(tries, 0, -1):
             try:
                 self.inner.pull()
             except UserError:
-                if left_s == 1 or self.ask():
+                if left == 1 or self.ask():
                     raise
             else:
                 return
@@ -194,7 +196,7 @@ class ElementBoard(InputSource):
         mass = f"{known.mass_kg:g} kg at {known.arm_m:g} m"
         try:
             for k, phase in enumerate(PHASES):
-                act = f"hang {mass} on it, {phase}" if signs[k] else "take the mass off"
+                act = f"hang {mass} on it, {phase}" if signs[k] else "leave it unloaded"
                 self.waits(
                     f"Element, {k + 1} of {len(PHASES)}: nobody in the joint, hold the motor "
                     f"side, {act}; it is read when it is still."
@@ -213,7 +215,7 @@ class ElementBoard(InputSource):
         count = 2 * math.pi / 2 ** round(file.encoder.resolution_bits.value)
         until_s, latest = self.inner.now_s() + LONGEST_S, deque[float](maxlen=round(1e3 * STILL_S))
         while not self.ask():
-            self.inner.pull()
+            self._pull()
             for batch in queue.take(0.0):
                 latest.extend(batch.rows[column].tolist())
             there = np.array(latest)
@@ -284,8 +286,8 @@ class ElementBoard(InputSource):
         return self.inner.now_s()
 
     def status(self) -> str:
-        """As the board's."""
-        return self.inner.status()
+        """As the board's, the motor off while the element is loaded."""
+        return self._state or self.inner.status()
 
     def broken(self) -> str:
         """As the board's."""

@@ -52,7 +52,7 @@ class RigPlayer(MovingHand):
 
     Attributes
     ----------
-    read, held : list
+    read, waited : list
         What the encoder read, each millisecond, and whether the task was held then.
     """
 
@@ -67,7 +67,7 @@ class RigPlayer(MovingHand):
         super().__init__(who, aims, HANDLE_KGM2)
         self.rig, self.asked = rig, situation.parameters
         self.read: list[float] = []
-        self.held: list[bool] = []
+        self.waited: list[bool] = []
         self._paused = paused
         self._lost_since_s: float | None = None
 
@@ -75,7 +75,7 @@ class RigPlayer(MovingHand):
         """A frame of the rig; the encoder's milliseconds are kept."""
         new = self.rig.advance(muscles[0])
         self.read += new
-        self.held += [self._paused()] * len(new)
+        self.waited += [self._paused()] * len(new)
         long = self._lost_since_s is not None and self.time_s - self._lost_since_s > LOST_S
         return {"theta_rad": self.read[-1], "recentre": float(long)}
 

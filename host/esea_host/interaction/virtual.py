@@ -86,7 +86,7 @@ class RigSource(PersonSource):
     def over(self, number: int, state: str) -> None:
         """Keep the recording of a trial that was completed."""
         if state == COMPLETED and self._player is not None:
-            read, held = self._player.read, self._player.held
+            read, held = self._player.read, self._player.waited
             time_s = np.arange(1, len(read) + 1) / 1000
             write_recording(self.folder / recording_name(number), time_s, read, held, True)
 

@@ -16,6 +16,10 @@ References
 [3] R. Balakrishnan, I. MacKenzie, CHI 1997: 4.1 bits a second with the wrist.
 [4] E. Crossman, P. Goodeve, Quarterly J. Experimental Psychology 35A, 1983: Fitts' law of a linear
     feedback; N. Qian et al., Neural Computation 25, 2013: of infinite-horizon optimal control.
+[5] R. Shadmehr, F. Mussa-Ivaldi, J. Neuroscience 14, 1994: with practice, movements in a field of
+    force become again what they were.
+[6] R. van Beers, A. Sittig, J. Denier van der Gon, Experimental Brain Research 122, 1998: about 1
+    deg; here each sample, independently.
 """
 
 from __future__ import annotations
@@ -36,16 +40,18 @@ Array = npt.NDArray[np.float64]
 FRAME_S = 0.01
 MUSCLE_S = 0.04  # each of two lags in series [1]
 MUSCLE_KEPT = math.exp(-FRAME_S / MUSCLE_S)
-RESISTS_NMS_RAD = 0.05  # steps in which a device's damping is reckoned with: fewer gains to solve
+# Deviation of the muscle's torque over that of a command that is drawn anew each frame.
+MUSCLE_SMOOTHS = 0.2494
+RESISTS_NMS_RAD = 0.05  # steps of a device's reckoned damping: fewer gains to solve
 # Squared speed, summed over these, below which they tell little of what resists; assumed.
 FEW_RAD2_S2 = 4.0
 LEARN_FRAMES = 50  # between two corrections of what is known of the device; assumed
 END_RAD = math.radians(5.0)  # nearer to the end of the own range, nothing is learnt of a device
 DISCOUNT_S = 2.0  # assumed
 # Assumed: torque from outside and speed of a target drift by so much in the root of a second.
-DRIFT_NM, DRIFT_RAD_S = 0.1, math.radians(10.0)
-# Of one sample of 10 ms: felt angle, and seen distance; assumed.
-FELT_RAD, SEEN_RAD = math.radians(0.1), math.radians(0.2)
+DRIFT_NM, DRIFT_RAD_S = 0.05, math.radians(10.0)
+# Of one sample of 10 ms: felt angle [6], and seen distance; the latter assumed.
+FELT_RAD, SEEN_RAD = math.radians(1.0), math.radians(0.2)
 TYPICAL_NM = 0.2  # command whose noise the estimator expects; assumed
 
 
@@ -91,7 +97,7 @@ def _chase(load: Load, runs_1_s: float) -> tuple[Array, Array]:
     return _discrete(a, np.array([0.0, 0.0, 0.0, 1 / t, 0.0]))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def effort_weight(load: Load, bits_s: float) -> float:
     """Weight of the command, rad²/Nm², at which a resting target takes 1/bits_s a bit."""
     a, b = (x[:4, ...] for x in _chase(load, 0.0))
@@ -109,8 +115,8 @@ def effort_weight(load: Load, bits_s: float) -> float:
 class Gains:
     """Of one load and one kind of target.
 
-    command: of the chase's state.  hand, drive, felt: the hand's estimator.  prey, pushed, seen: the
-    target's; ahead, moved: from its delayed state and the hand's speeds since, to now.
+    command: of the chase's state.  hand, drive, felt: the hand's estimator.  prey, pushed, seen:
+    the target's; ahead, moved: from its delayed state and the hand's speeds since, to now.
     """
 
     load: Load
@@ -220,6 +226,7 @@ class AxisController:
         stiff = model.contracted_Nm_rad
         damping = 2 * model.damping_ratio * math.sqrt(stiff * self._inertia_kgm2)
         self._contracted = (stiff, damping)
+        self._command_noise = model.torque_noise / MUSCLE_SMOOTHS
         self._felt_frames = round(model.felt_s / FRAME_S)
         self.seen_frames = round((model.delay_s - MUSCLE_S) / FRAME_S)
         self._estimate = np.zeros(5 + self._felt_frames)
@@ -227,7 +234,7 @@ class AxisController:
         self._past = deque([(0.0, 0.0)] * self.seen_frames, self.seen_frames)
         self._muscle_Nm = self._drive_Nm = 0.0
         self._prey: Array | None = None
-        self._moments = np.zeros((4, 4))
+        self._sums = [0.0] * 5
         self.goal_rad = self.goal_rad_s = 0.0
         self._state, self.resists_Nms_rad = False, {False: 0.0, True: 0.0}
         self.expect(0.0)
@@ -250,22 +257,22 @@ class AxisController:
             load.stiffness_Nm_rad + self._contracted[0],
             load.damping_Nms_rad + self._contracted[1],
         )
-        m, noise = self.model, self.model.command_noise
-        self._gains = gains(load, m.bits_s, self._runs_1_s, delays, noise, stiffer)
+        args = (self.model.bits_s, self._runs_1_s, delays, self._command_noise, stiffer)
+        self._gains = gains(load, *args)
 
     def enter(self, state: bool) -> None:
         """Recall a state of the device, of which one target is not known yet."""
         self._state = state
-        self._moments[:] = 0.0
+        self._sums = [0.0] * 5
         self.expect(0.0)
 
     def _get_used(self) -> None:
         # Of the torque from outside, what goes with the speed is damping of the device.
-        moments = self._moments[:3, :3] + FEW_RAD2_S2 * np.diag([1e-6, 1e-6, 1.0])
-        outside = np.linalg.solve(moments, self._moments[:3, 3])
-        more = -self.model.gain_rate * float(outside[2])
+        n, turned, torque, turned2, against = self._sums
+        turned2 += FEW_RAD2_S2 - turned * turned / n
+        more = -self.model.gain_rate * (against - turned * torque / n) / turned2
         self.resists_Nms_rad[self._state] = max(self.resists_Nms_rad[self._state] + more, 0.0)
-        self._moments[:] = 0.0
+        self._sums = [0.0] * 5
         self._tune()
 
     @property
@@ -306,14 +313,12 @@ class AxisController:
         command = min(max(command, -m.effort_Nm), m.effort_Nm)
         self._estimate = g.hand @ x + g.drive * command + g.felt * (self._felt[0] - x[-1])
         if self._limb.low_rad + END_RAD < angle < self._limb.high_rad - END_RAD:
-            told = np.array([1.0, angle, speed, outside])
-            self._moments += np.outer(told, told)
-            if self._moments[0, 0] >= LEARN_FRAMES:
+            told = (1.0, speed, outside, speed * speed, speed * outside)
+            self._sums = [a + b for a, b in zip(self._sums, told, strict=True)]
+            if self._sums[0] >= LEARN_FRAMES:
                 self._get_used()
-        before, noisy = (
-            self._muscle_Nm,
-            command * (1.0 + m.command_noise * float(self._rng.normal())),
-        )
+        before = self._muscle_Nm
+        noisy = command * (1.0 + self._command_noise * float(self._rng.normal()))
         kept, share = MUSCLE_KEPT, FRAME_S / MUSCLE_S
         above = self._drive_Nm - noisy
         self._muscle_Nm = noisy + kept * (before - noisy + share * above)

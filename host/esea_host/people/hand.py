@@ -1,4 +1,4 @@
-"""A hand in a device, and one that moves in submovements; what it does is the study's.  Simulated."""
+"""A hand in a device, and one that moves in submovements; what for is the study's.  Simulated."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""A virtual participant: sees the scene late, moves in submovements, is noisy, adapts.  Simulated.
+"""A virtual participant: numbers of a person, who learns.  Simulated.
 
-The numbers were fixed from the literature before the first study was run, and none was set by a
-published median of chapter 6 or 7.
+The wrist study moves by optimal feedback control (:mod:`esea_host.people.control`), the interaction
+study in submovements.  The numbers come from the literature, rounded; none was set by a published
+median of chapter 6 or 7.
 
 References
 ----------
@@ -16,6 +17,13 @@ References
 [6] J. Ryu et al., J. Hand Surgery 16A, 1991: range of the wrist, 40 people.
 [7] D. Formica et al., J. Neurophysiology 108, 2012: passive stiffness of the wrist.
 [8] S. Delp, A. Grinspan, R. Buchanan, J. Biomechanics 29, 1996: moments of 7 to 12 Nm at most.
+[9] R. Balakrishnan, I. MacKenzie, CHI 1997: 4.1 bits a second with the wrist.
+[10] A. Hamilton, K. Jones, D. Wolpert, Experimental Brain Research 157, 2004: torque varies in
+    proportion to its mean, by some per cent.
+[11] W. Marras, R. Schoenmarklin, Ergonomics 36, 1993: mean speeds of the wrist in work with the
+    hands.
+[12] D. Hoffman, P. Strick, J. Neuroscience 6, 1986: a wrist's movements of any size last as long.
+[13] F. Crevecoeur, D. Munoz, S. Scott, J. Neuroscience 36, 2016: 50 ms until a limb is felt.
 """
 
 from __future__ import annotations
@@ -27,7 +35,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-END_NM_RAD = 40.0
+END_NM_RAD, END_NMS_RAD = 40.0, 0.6
 NO_TORQUE = (0.0, 0.0)
 
 
@@ -77,9 +85,9 @@ class Limb:
         own = most if own > most else -most if own < -most else own
         passive = -self.stiffness_Nm_rad * (theta - self.rest_rad) - self.damping_Nms_rad * omega
         if theta < self.low_rad:
-            passive -= END_NM_RAD * (theta - self.low_rad)
+            passive -= END_NM_RAD * (theta - self.low_rad) + END_NMS_RAD * omega
         elif theta > self.high_rad:
-            passive -= END_NM_RAD * (theta - self.high_rad)
+            passive -= END_NM_RAD * (theta - self.high_rad) + END_NMS_RAD * omega
         return own + passive
 
 
@@ -95,8 +103,6 @@ class PersonModel:
         To a target that appears; a simple choice takes about 0.25 s.
     submovement_s, every_s : float
         Length of a submovement of a few degrees, and least time between two [2].
-    sweep_s : float
-        From end to end, comfortably; assumed.
     noise : float
         Standard deviation of a submovement's size over its size [4].
     retain, learn : tuple of float
@@ -111,6 +117,18 @@ class PersonModel:
         Between people: coefficient of variation of each of these; assumed.
     range_deg : tuple of float
         Flexion, extension, ulnar, radial [6].
+    felt_s : float
+        From a motion to a reaction to what is felt of it [13].
+    bits_s : float
+        Accuracy gained in a second of a movement [9].
+    torque_noise : float
+        Standard deviation of a steady torque over its mean [10].
+    sense_noise : float
+        Share of the noise of the senses that is there.
+    contracted_Nm_rad : float
+        Stiffness that contracted muscles add about where the hand is taken to be; assumed.
+    comfortable_deg_s : tuple of float
+        Mean speed from end to end of FE and RU [11]; shorter ways take as long [12].
     """
 
     delay_s: float = 0.16
@@ -130,7 +148,7 @@ class PersonModel:
     inertia_kgm2: float = 0.003
     felt_s: float = 0.05
     bits_s: float = 4.1
-    command_noise: float = 0.5
+    torque_noise: float = 0.03
     sense_noise: float = 1.0
     contracted_Nm_rad: float = 1.0
     comfortable_deg_s: tuple[float, float] = (42.0, 26.0)
@@ -209,7 +227,7 @@ def person(rng: np.random.Generator, model: PersonModel) -> VirtualParticipant:
         inertia_kgm2=about(model.inertia_kgm2),
         comfortable_deg_s=(pace * model.comfortable_deg_s[0], pace * model.comfortable_deg_s[1]),
         bits_s=model.bits_s * factors[0],
-        command_noise=model.command_noise * factors[1],
+        torque_noise=model.torque_noise * factors[1],
         contracted_Nm_rad=model.contracted_Nm_rad * factors[2],
     )
     ends = ((-flexion, extension), (-ulnar, radial))

@@ -223,7 +223,7 @@ def make_motion(name: str, device: DeviceData) -> JointMotion:
         return SwingingPerson(device)
     if name == "therapist":
         return TherapistHand(device)
-    if Path(name).suffix or Path(name).exists():
+    if Path(name).suffix or Path(name).is_file():
         return RecordedMotion(device, Path(name))
     raise UserError(
         f"There is no motion '{name}'.",

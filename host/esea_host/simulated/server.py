@@ -199,9 +199,9 @@ def _zero(drive: SimulatedBoard) -> None:
 class Hands:
     """What somebody does at the virtual machine: lines of text, read without waiting.
 
-    ``push RAD ...``, ``lead RAD ...``: a number an axis; ``aim RAD``: the arm; ``hang NM``: a mass
-    on it, the motor held; ``let-go 0``: the mass is taken off; ``spring NM_RAD``: built in in
-    place of the elastomer, 0: the elastomer.
+    ``push RAD ...``, ``lead RAD ...``: the joint, a number an axis; ``aim RAD``: the arm;
+    ``hang NM``: a mass on it, the motor held; ``let-go 0``: the mass is taken off; ``spring
+    NM_RAD``: built in in place of the elastomer, 0: the elastomer.
 
     source: the file's number; None: nobody.
     """

@@ -44,8 +44,6 @@ class BoardSource(InputSource):
         Zero and arm it before the first trial, and after it was lost.
     advance : callable, optional
         Moves the clock of a board whose clock stands still.
-    settings : mapping of str to float
-        Parameters that are to differ from the device's own; those that it has not are left out.
     """
 
     def __init__(
@@ -54,7 +52,6 @@ class BoardSource(InputSource):
         folder: Path | None,
         drive: bool = False,
         advance: Callable[[float], None] | None = None,
-        settings: Mapping[str, float] | None = None,
     ) -> None:
         self.device, self.folder, self.drive, self.advance = device, folder, drive, advance
         self.signals = DeviceSignals(device.identity.device)
@@ -63,7 +60,6 @@ class BoardSource(InputSource):
         self._acts = self.signals.of_axes(ACTS)
         self._taps: Mapping[str, Tap] = {}
         self._limits = device.parameters()
-        self._settings = {n: x for n, x in (settings or {}).items() if n in self._limits}
         self._recording: LiveRecording | None = None
         always = [*self._torques.values(), *self._angles.values(), *self._acts.values()]
         self._rows = LatestRows(device, always)
@@ -107,7 +103,6 @@ class BoardSource(InputSource):
             self.device.listen(self._rows.streams if self._recording is None else None)
             self._rows.start()
             self.pull()
-            found["settings"] = self._set()
             if self.drive:
                 self._arm()
             self._pass(SETTLE_S)
@@ -133,14 +128,6 @@ class BoardSource(InputSource):
             )
         return found
 
-    def _set(self) -> Mapping[str, float]:
-        # A board that lost its power has its own again; one that is armed takes none.
-        now = self.device.parameters() if self._settings else {}
-        for name, value in self._settings.items():
-            if abs(now[name] - value) > 1e-6 * max(1.0, abs(value)):
-                now[name] = self.device.set(name, value)
-        return {name: now[name] for name in self._settings}
-
     def _wait_for_link(self) -> None:
         until_s = time.monotonic() + AWAY_S
         while self.device.receiver.away and self.device.receiver.error is None:
@@ -162,13 +149,17 @@ class BoardSource(InputSource):
             name = self.signals.device.name
             raise UserError(f"{name} has no motor to arm.", "Leave --arm out.")
         deadline_s = self.now_s() + READY_S
-        while (state := self.device.state()) not in WORKING:
+        # A board that was active when it was lost is about to let go.
+        while (state := self.device.state()) != "ARMED":
             if state in ("FAULT", "STOPPED"):
                 raise UserError(self._trouble(state), "See to it, then go on with study resume.")
             if state == "UNREFERENCED":
                 self.device.zero()
             elif state == "READY":
                 self.device.arm()
+            elif state in WORKING:
+                self.device.disarm()
+            self._state = state
             if self.now_s() > deadline_s or self.ask():
                 raise UserError(f"The board stays {state}.", "Rest the joint, unloaded.")
             self._pass(0.4)

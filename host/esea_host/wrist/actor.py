@@ -127,7 +127,8 @@ class WristActor(Hand):
             self._role = goal.role
             caught = self.task == "wrist.catch" and goal.role == "target"
             for x in self.arm.axes:
-                x.expect(TASK_RATE_1_S * self.who.known if caught else 0.0)
+                # In twentieths: fewer gains to solve.
+                x.expect(TASK_RATE_1_S * round(20 * self.who.known) / 20 if caught else 0.0)
         away = (goal.x - cursor.x, goal.y - cursor.y)
         for x, distance, gain in zip(self.arm.axes, away, self.who.gain, strict=True):
             x.see(math.radians(distance) / gain)
