@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from esea_host.people.hand import Hand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant, person
 from esea_host.study.plan import generator
-from esea_host.study.session import InputSource
+from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Situation, StudyTask
 
 
@@ -57,7 +57,7 @@ class VirtualPeople(ABC):
     model: PersonModel
 
     @abstractmethod
-    def source(self, who: VirtualParticipant, index: int, session: int) -> PersonSource:
+    def source(self, who: VirtualParticipant, index: int, session: int) -> InputSource:
         """Where a participant's inputs of a session come from."""
 
     def __call__(self, index: int) -> Callable[[int, float], InputSource]:
