@@ -135,7 +135,6 @@ class ElementBoard(InputSource):
             return str(error)
         finally:
             self.waits("")
-            self._state = ""
         return ""
 
     # -- the element -------------------------------------------------------------------------------
