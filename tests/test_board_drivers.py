@@ -109,8 +109,8 @@ DECLARED = """
 uint32_t start_board(volatile uint32_t *(*given)(uint32_t)); void at_168_MHz(void);
 const char *notice(void);
 void start(volatile uint32_t *(*given)(uint32_t)); void sample(float *measured);
-void motor_to(float u_Nm, float second_Nm, bool enable); bool stop_open(void); bool has_drivers(void);
-bool drives(void);
+void motor_to(float u_Nm, float second_Nm, bool enable); bool stop_open(void);
+bool has_drivers(void); bool drives(void);
 uint32_t trouble(void); void feed(void);
 void flash_read(uint32_t area, uint32_t at, void *to, size_t n); bool flash_erase(uint32_t area);
 bool flash_write(uint32_t area, uint32_t at, const void *from, size_t n);

@@ -158,7 +158,7 @@ def completed(line: str) -> list[str]:
     [
         ("esea-gen simulate back", ["backdriven"]),
         ("esea-gen simulate bread --controller sliding", ["sliding_mode"]),
-        ("esea-gen build knee_", ["knee_printed"]),
+        ("esea-gen build knee_p", ["knee_printed"]),
         ("esea-gen simulate bread --plant ra", ["random"]),
         ("esea-gen verify elbow_drive --block lim", ["limits"]),
     ],

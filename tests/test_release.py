@@ -152,6 +152,17 @@ def test_predictive_control_fits_with_2_ms_and_not_with_1_on_the_m4f(at_1_ms, mo
     assert "take a board of 17" in str(found.value.fix)
 
 
+def test_tasks_of_one_rate_wait_for_each_other(monkeypatch):
+    wrist = load_device("wrist_drive")
+    counts = {t.name: 30_000 if t.every == 1 else 40_000 for t in wrist.system.tasks}
+    monkeypatch.setattr(releases, "task_bounds", lambda *_: counts)
+    ended = task_times(wrist, M4F, cycles=1.0).ended_s
+    # Both of control, and both of sensing in each tick that begins before they have ended.
+    assert ended["control_flexion"] == ended["control_deviation"]
+    assert ended["control_flexion"] == pytest.approx((2 * 40_000 + 2 * 30_000) / 168e6)
+    assert ended["sense_flexion"] == pytest.approx(60_000 / 168e6)
+
+
 def test_a_board_without_a_clock_says_so():
     with pytest.raises(UserError, match="Linux\\) has no clock"):
         task_times(load_device("elbow_drive"), BOARDS["myrio"])

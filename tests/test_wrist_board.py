@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import socket
+import threading
+
 import numpy as np
 import pytest
 
+import esea_host
 from esea_gen.device import load_device, parse_device
 from esea_gen.errors import UserError
 from esea_host.people.person import PersonModel, person
+from esea_host.simulated import SimulatedBoard
+from esea_host.simulated.server import serve_hosts
+from esea_host.study.board import BoardSource
 from esea_host.study.fitting import DeviceSignals
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import generator
 from esea_host.study.session import COMPLETED, FAILED, replay
 from esea_host.study.task import Situation, task_named
-from esea_host.wrist.tasks import WALL_IN_FLEXION
 from esea_host.wrist.virtual import VirtualPerson
 
 from .conftest import require_tool
+from .test_host_link import Proxy
 from .test_study_windows import of_tasks
 
 NEUTRAL = (
@@ -100,7 +107,6 @@ def test_conditions_are_confirmed_and_logged_with_their_tick(begun):
     assert [c["asked"] for c in found] == [{"constrained": x} for x in (0.0, 1.0, 1.0)]
     assert [set(c["acts"].values()) for c in found] == [{0.0}, {1.0}, {1.0}]
     assert found[0]["tick"] < found[1]["tick"] < found[2]["tick"]
-    assert logged(session, "ready")[0]["settings"] == WALL_IN_FLEXION
     assert 4.0 < session.state.past[2]["end_deg"] < 35.0  # run into at 5 deg; 50 without it
     assert all(same for *_, same in replay(session.log.path))
     assert {g.name for g in source.gauges()} == {
@@ -122,7 +128,6 @@ def test_after_a_loss_of_power_the_trial_fails_and_the_session_goes_on(begun):
     assert "not armed" in session.state.reasons[2]
     _, again = logged(session, "ready")
     assert again["state"] == "ARMED"
-    assert again["settings"] == WALL_IN_FLEXION
     assert [c["trial"] for c in logged(session, "condition")] == [1, 2, 3]
 
 
@@ -172,3 +177,41 @@ def test_a_device_that_does_not_fit_is_refused_beforehand(device, words):
     uses = [(task, task.conditions(task.Parameters(impairment=True)))]
     with pytest.raises(UserError, match=words):
         DeviceSignals(device()).must_fit(uses)
+
+
+def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path):
+    """Over TCP: the board switches its motor off; connected again it is armed, and told so."""
+    require_tool("gcc")
+    study = StudyFolder.create(
+        tmp_path / "s", of_tasks(*(RANGE % ("FE", HEALTHY),) * 2), simulated=True
+    )
+    study.enrol("P01", True)
+    board = SimulatedBoard("wrist_drive", person="nobody")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=serve_hosts, args=(board, listener, 1.0, False))
+        thread.start()
+        cable = Proxy(listener.getsockname()[1])
+        with esea_host.open_device(cable.address) as device:
+            source = BoardSource(device, study.log_of("P01", 0).parent, drive=True)
+            session = study.session("P01", 0, source)
+            steps = iter(range(100_000))
+
+            def show(_):
+                if next(steps) == 20:
+                    cable.pull()
+
+            assert session.run(show=show) == ""
+            reasons = session.state.reasons
+            assert [session.state.states[n] for n in (1, 2)] == [FAILED, COMPLETED], reasons
+            assert "Look at cable and power" in reasons[1]
+            assert logged(session, "ready")[1]["state"] in ("ARMED", "ACTIVE")
+            assert not logged(session, "ready")[1]["restarted"]
+            assert logged(session, "link")[-1]["reconnects"] == 1
+            source.close()
+            session.close()
+            assert all(same for *_, same in replay(session.log.path))
+        cable.close()
+        listener.close()
+        thread.join(10.0)
+    board.close()
+    assert not thread.is_alive()

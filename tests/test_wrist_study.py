@@ -377,7 +377,7 @@ trials = [{trials}]
                 (
                     "wrist.range",
                     ", ".join(
-                        f'{{ parameters = {{ axis = "{a}", way = {w}, seconds = 2.0 }} }}'
+                        f'{{ parameters = {{ axis = "{a}", way = {w}, seconds = 4.0 }} }}'
                         for a in ("FE", "RU")
                         for w in (1, -1)
                     ),

@@ -33,12 +33,10 @@ class Shown:
         self.board.led = True
         self.device = LockstepDevice(self.board)
         self.keeper = ConstraintKeeper(self.device, arms=True, threaded=False)
-        self.keeper.prepare()
         self.feed = LiveFeed(self.device, threaded=False)
         self.display = WristDisplay(self.device.identity.device)
-        self.window = WristWindow(
-            self.feed, self.display, self.keeper, save_to=folder / "wrist.toml"
-        )
+        given = self.feed, self.display, self.keeper, False, self.lead
+        self.window = WristWindow(*given, save_to=folder / "wrist.toml")
         self.window.resize(1366, 768)
         self.window.show()
         self.turns = 0
@@ -55,6 +53,9 @@ class Shown:
             if until():
                 return True
         return False
+
+    def lead(self, *angles_deg):
+        self.board.pushes_rad = np.radians(angles_deg).tolist()
 
     def draw(self):
         for _ in range(6):  # words change less often than pictures
@@ -115,15 +116,25 @@ def test_stop_stops_the_motors_the_constraint_and_the_calibration(shown):
     assert s.board.board.motors_Nm == (0.0, 0.0)
 
 
-def test_a_passive_board_is_read_only(shown):
+def test_a_passive_board_has_no_constraint_and_a_mouse_leads_its_hand(shown):
+    from PySide6.QtCore import QPoint, Qt
+    from PySide6.QtTest import QTest
+
     s = shown("wrist_board")
     assert s.run(10, lambda: s.feed.news.state == "READY")
     s.draw()
     assert not any(s.window.buttons[n].isVisible() for n in ("Arm", "Healthy", "Constrained"))
     assert s.window.stop_button.isVisible()
-    s.board.pushes_rad = [0.5, -0.2]
+    # Who presses the mouse takes the simulated hand along: right is extension, down is ulnar.
+    pane = s.window.panes["raw"]
+    scale = pane.scene.half_width / (min(pane.width(), pane.height()) / 2)
+    place = pane.rect().center() + QPoint(round(30 / scale), round(10 / scale))
+    QTest.mousePress(pane, Qt.MouseButton.LeftButton, pos=place)
     s.run(2)
-    assert s.display.angles_deg == pytest.approx(np.degrees([0.5, -0.2]), abs=1.0)
+    assert s.display.angles_deg == pytest.approx([30.0, -10.0], abs=1.0)
+    QTest.mouseRelease(pane, Qt.MouseButton.LeftButton, pos=place)
+    s.run(2)
+    assert s.display.angles_deg != pytest.approx([30.0, -10.0], abs=1.0)
 
 
 def run(*words):

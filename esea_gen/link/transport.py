@@ -54,8 +54,8 @@ class SocketTransport:
 
     def read(self, timeout_s: float) -> bytes:
         """See :class:`Transport`."""
-        self._link.settimeout(timeout_s)
         try:
+            self._link.settimeout(timeout_s)
             data = self._link.recv(RECEIVE_CHUNK_BYTES)
         except (TimeoutError, BlockingIOError):
             return b""
@@ -67,8 +67,8 @@ class SocketTransport:
 
     def write(self, data: bytes, timeout_s: float) -> None:
         """See :class:`Transport`."""
-        self._link.settimeout(timeout_s)
         try:
+            self._link.settimeout(timeout_s)  # closed meanwhile: an error as well
             self._link.sendall(data)
         except OSError as error:
             what = f"the board does not take data ({error})"
@@ -182,15 +182,15 @@ class PtyTransport:
 
     def read(self, timeout_s: float) -> bytes:
         """See :class:`Transport`."""
-        ready, _, _ = select.select([self._handle], [], [], timeout_s)
-        if not ready:
-            return b""
         try:
+            ready, _, _ = select.select([self._handle], [], [], timeout_s)
+            if not ready:
+                return b""
             data = os.read(self._handle, RECEIVE_CHUNK_BYTES)
         except BlockingIOError:
             return b""
-        except OSError as error:
-            raise LinkError(f"the link broke ({error.strerror})") from None
+        except (OSError, ValueError) as error:  # ValueError: closed by another thread
+            raise LinkError(f"the link broke ({error})") from None
         if not data:
             raise LinkError("the other end has closed the link")
         return data
@@ -201,14 +201,14 @@ class PtyTransport:
         left = memoryview(data)
         while left:
             wait_s = end_s - time.monotonic()
-            if wait_s <= 0 or not select.select([], [self._handle], [], wait_s)[1]:
-                raise LinkError(f"the board did not take data within {timeout_s:g} s")
             try:
+                if wait_s <= 0 or not select.select([], [self._handle], [], wait_s)[1]:
+                    raise LinkError(f"the board did not take data within {timeout_s:g} s")
                 left = left[os.write(self._handle, left) :]
             except BlockingIOError:
                 continue
-            except OSError as error:
-                raise LinkError(f"the link broke ({error.strerror})") from None
+            except (OSError, ValueError) as error:
+                raise LinkError(f"the link broke ({error})") from None
 
     def close(self) -> None:
         """See :class:`Transport`."""

@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, TypeVar
 
+import casadi as ca
+
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
@@ -77,14 +79,13 @@ def _view(values: SimpleNamespace, names: tuple[str, ...], axis: str) -> SimpleN
 
 
 class _Named(Labels):
-    """Labels that carry the name of an axis."""
+    """Labels that carry the axis."""
 
-    def __init__(self, label: Labels, axis: str) -> None:
-        super().__init__()
-        self.label, self.axis = label, axis
+    def __init__(self, inner: Labels, axis: str) -> None:
+        self._inner, self._axis = inner, axis
 
-    def __call__(self, name: str, *more: Any) -> Any:
-        return self.label(of_axis(name, self.axis), *more)
+    def __call__(self, name: str, value: ca.SX, comment: str = "") -> ca.SX:
+        return self._inner(of_axis(name, self._axis), value, comment)
 
 
 Parts = tuple[SimpleNamespace, SimpleNamespace, SimpleNamespace]  # c, s and u of one axis

@@ -48,9 +48,9 @@ _A64_DOUBLE = re.compile(r"\bf\w+\s+[^\n]*\bd\d+[^\n]*")
 _HOST_DOUBLE = _A64_DOUBLE if platform.machine() in ("aarch64", "arm64") else _X86_DOUBLE
 
 # Of 8 kB on the smallest board, of which the rest of the firmware has taken 1.8 kB at most.  A
-# device with torque control wires 13 Blocks in its sensing task; a program's parts call each other,
+# device with torque control wires 20 Blocks in its sensing task; a program's parts call each other,
 # and its inputs are wide.
-CONTROL_STACK_BYTES = 256
+CONTROL_STACK_BYTES = 384
 PROGRAM_STACK_BYTES = 448
 
 TARGETS = {p.name: p for p in PROCESSORS.values() if p.stack_limit_bytes is not None}

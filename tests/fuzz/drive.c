@@ -62,8 +62,8 @@ static float number(void)
 static void checked_tick(uint32_t ticks, bool slower)
 {
     sim_tick(ticks, slower);
-    must(motor_Nm == motor_Nm && motor_Nm <= LIMIT_NM && motor_Nm >= -LIMIT_NM);
-    must(motor_on ? esea_state_drives(app.state) : motor_Nm == 0.0f);
+    must(motors_Nm[0] >= -LIMIT_NM && motors_Nm[0] <= LIMIT_NM); /* a number, too */
+    must(motor_on ? esea_state_drives(app.state) : motors_Nm[0] == 0.0f);
     must(!motor_on || (!stop_line_open && app.fault == ESEA_FAULT_NONE));
 }
 
@@ -242,7 +242,7 @@ static void start_driven(void)
     pass(20u);
     want(1.0f, 0.5f);
     pass(20u);
-    must(app.state == ESEA_STATE_ACTIVE && motor_on && motor_Nm != 0.0f);
+    must(app.state == ESEA_STATE_ACTIVE && motor_on && motors_Nm[0] != 0.0f);
 }
 
 static void keep(beginning_t *beginning)
@@ -253,7 +253,7 @@ static void keep(beginning_t *beginning)
     beginning->blackbox = blackbox;
     beginning->now = now;
     memcpy(beginning->measured, measured, sizeof measured);
-    beginning->motor_Nm = motor_Nm;
+    beginning->motor_Nm = motors_Nm[0];
     beginning->motor_on = motor_on;
     memcpy(beginning->cells, cells, sizeof cells);
 }
@@ -276,7 +276,7 @@ static void begin(bool driven)
     blackbox = beginning->blackbox;
     now = beginning->now;
     memcpy(measured, beginning->measured, sizeof measured);
-    motor_Nm = beginning->motor_Nm;
+    motors_Nm[0] = beginning->motor_Nm;
     motor_on = beginning->motor_on;
     memcpy(cells, beginning->cells, sizeof cells);
     received.taken = received.count = sent.taken = sent.count = 0u;

@@ -233,10 +233,12 @@ def _new_file(session_file: Path) -> Path:
 
 
 def await_state(board: KneeBoard) -> None:
-    """Until the board's first heartbeat has come."""
+    """Until the board's first heartbeat and samples have come."""
     until_s = board.clock_s() + KNOWN_S
-    while board.state() == "UNKNOWN" and board.clock_s() < until_s:
+    while board.clock_s() < until_s and (board.state() == "UNKNOWN" or board.trouble()):
         board.poll(FRAME_S)
+        if board.state() in USELESS:
+            break
 
 
 def be_ready(board: KneeBoard, say: Say, zero: bool = False) -> None:

@@ -282,7 +282,7 @@ class ClinicDesk:
     def broken(self, reason: str) -> str:
         """A movement ended before its end; the trail tells why."""
         self.skip(f"the movement was cut off: {reason}")
-        return f"The movement was cut off: {reason}. Repeat it."
+        return f"The movement was cut off: {reason.rstrip('.')}. Repeat it."
 
     def _attempted(self) -> Verdict:
         if self.attempt is None:

@@ -26,7 +26,7 @@ from esea_host.assess.patients import (
 from esea_host.assess.probing import ProbingMovement
 from esea_host.assess.responses import ERROR_STAYS_S, SENSOR_ERROR_NM, Location
 from esea_host.assess.simulated import as_made
-from esea_host.simulated.motion import TICK_S, Coupling
+from esea_host.simulated.motion import TICK_S, SteppedCoupling
 
 WAY_rad_s, READY_S = 40 * DEG, 1.0  # the way to a start, and how long the leg is held there
 GRIP_S = 0.1  # in which hands take the leg over from its support, and let go of it; assumed
@@ -47,7 +47,7 @@ class MovedKnee:
         self.patient = patient
         self._knees = Knees([patient])
         self._legs = MovedLegs(self._knees, np.zeros(1), TICK_S)
-        self._coupling = Coupling(device)
+        self._coupling = SteppedCoupling(device)
         self._rng = np.random.default_rng([seed, 12])
         self._tone = _Wandering(TONE_SPREAD, TONE_S, self._rng)
         self._error = _Wandering(SENSOR_ERROR_NM if error else 0.0, ERROR_STAYS_S, self._rng)
@@ -94,7 +94,7 @@ class MovedKnee:
     # -- time --------------------------------------------------------------------------------------
 
     def step(self) -> Mapping[str, tuple[float, float]]:
-        """See :class:`esea_host.simulated.motion.Motion`."""
+        """See :class:`esea_host.simulated.motion.JointMotion`."""
         if self._wishes is None:
             return {"": self._moved}
         self._wish = next(self._wishes, self._wish and (self._wish[0], 0.0))

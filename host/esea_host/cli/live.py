@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -289,6 +290,10 @@ def sim(
     seed: Annotated[int, typer.Option("--seed")] = 0,
     speed: Annotated[float, typer.Option("--speed", help="1: real time; 0: as it is read.")] = 1.0,
     board: Annotated[str, typer.Option("--board", help="sim (f32) or sim-q31.")] = "sim",
+    spring: Annotated[
+        float,
+        typer.Option("--spring", min=0.0, help="Nm/deg of a spring in the elastomer's place."),
+    ] = 0.0,
     zeroed: Annotated[
         bool, typer.Option("--zeroed", help="Its encoders are zeroed before it is served.")
     ] = False,
@@ -301,7 +306,8 @@ def sim(
     port = None if pty else (tcp or 0)
     try:
         serve(device, port, plant=plant, person=person, motion=motion, seed=seed, speed=speed,
-              board=board, zeroed=zeroed, say=_tell)  # fmt: skip
+              board=board, zeroed=zeroed, say=_tell,
+              spring_Nm_rad=math.degrees(spring))  # fmt: skip
     except KeyboardInterrupt:
         return
 

@@ -31,11 +31,13 @@ if TYPE_CHECKING:
     from esea_host.connection import ConnectedDevice
     from esea_host.people.hand import Pointer
     from esea_host.people.person import VirtualParticipant
+    from esea_host.study.board import BoardSource
     from esea_host.study.folder import StudyFolder
     from esea_host.study.session import SessionState
     from esea_host.study.source import InputSource
     from esea_host.wrist.virtual import VirtualPerson
 
+INTERACTION = "interaction."
 SIMULATED, VIRTUAL, POINTER = "simulated", "virtual", "pointer"
 
 
@@ -82,6 +84,13 @@ HoldOption = Annotated[
 EarlyOption = Annotated[
     str, typer.Option("--early", help="Why the session comes before its washout is over.")
 ]
+MassOption = Annotated[
+    float | None,
+    typer.Option("--mass", min=0.01, help="kg, by which the element of a board is confirmed."),
+]
+LeverOption = Annotated[
+    float | None, typer.Option("--lever", min=0.01, help="m, from the joint to where it hangs.")
+]
 
 
 @dataclass(frozen=True)
@@ -100,6 +109,8 @@ class _Asked:
     close: bool
     hold: bool
     early: str
+    mass: float | None
+    lever: float | None
 
 
 @study_app.command("run")
@@ -119,6 +130,8 @@ def run(
     close: CloseOption = False,
     hold: HoldOption = False,
     early: EarlyOption = "",
+    mass: MassOption = None,
+    lever: LeverOption = None,
     trust: TrustOption = None,
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
@@ -129,8 +142,9 @@ def run(
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",
         )
     asked = _Asked(
-        device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early
-    )
+        device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
+        mass, lever,
+    )  # fmt: skip
     _run(study, code, session, asked)
 
 
@@ -151,6 +165,8 @@ def resume(
     close: CloseOption = False,
     hold: HoldOption = False,
     early: EarlyOption = "",
+    mass: MassOption = None,
+    lever: LeverOption = None,
     trust: TrustOption = None,
 ) -> None:
     """Show what an interrupted session holds, and go on with it in the planned order."""
@@ -171,8 +187,9 @@ def resume(
     out.print(f"Remaining, as planned: {order}{', ...' if len(state.remaining) > 12 else ''}")
     if state.remaining:
         asked = _Asked(
-            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early
-        )
+            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
+            mass, lever,
+        )  # fmt: skip
         _run(study, code, session, asked)
 
 
@@ -283,7 +300,7 @@ def _source(
     from esea_host.cli.study import device_at
     from esea_host.connection import open_device
     from esea_host.study.board import BoardSource
-    from esea_host.study.fitting import DeviceSignals, settings_of, uses_of
+    from esea_host.study.fitting import DeviceSignals, uses_of
 
     uses, simulated = uses_of(study.protocol), asked.device.startswith("sim:")
     if simulated:
@@ -295,9 +312,28 @@ def _source(
             return source, None
     board = held.enter_context(open_device(asked.device, key=asked.key))
     DeviceSignals(board.identity.device).must_fit(uses)
-    source = BoardSource(board, folder, asked.arm, settings=settings_of(study.protocol))
+    source = BoardSource(board, folder, asked.arm)
     held.callback(source.close)
+    if all(task.name.startswith(INTERACTION) for task, _ in uses):
+        return _of_element(source, study, code, asked), board
     return source, board
+
+
+def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Asked) -> InputSource:
+    from esea_gen.studies.torque_check.load import KnownLoad
+    from esea_host.interaction.on_board import ElementBoard, ProcessHands
+
+    if (asked.mass is None) != (asked.lever is None):
+        raise UserError("A known load is a mass on a lever.", "Give both --mass and --lever.")
+    known = None
+    if asked.mass is not None and asked.lever is not None:
+        known = KnownLoad(asked.mass, asked.lever)
+    address = source.device.address
+    if address is None or address.kind != "sim":
+        return ElementBoard(source, known)
+    return ElementBoard(
+        source, known, ProcessHands(source.device), _person(study, code, asked.seed)
+    )
 
 
 def _virtual(
@@ -308,7 +344,7 @@ def _virtual(
     tasks = {b.task for s in study.protocol.file.session for b in s.block}
     made: dict[str, Callable[[], InputSource]] = {
         "wrist.": lambda: _worn(study, code, folder, seed, pointer),
-        "interaction.": lambda: RigSource(_person(study, code, seed), folder, pointer),
+        INTERACTION: lambda: RigSource(_person(study, code, seed), folder, pointer),
     }
     for prefix, make in made.items():
         if all(t.startswith(prefix) for t in tasks):

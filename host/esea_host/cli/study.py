@@ -89,7 +89,7 @@ def device_at(address: str, key: Path | None = None) -> Device:
 
     place = parse_address(address)
     if place.kind == "sim":
-        return board_device(place.place)
+        return board_device(place.place.partition("?")[0])
     with open_device(address, key=key) as board:
         return board.identity.device
 
@@ -178,20 +178,32 @@ def replay_command(
     session: SessionOption = 1,
     trust: TrustOption = None,
 ) -> None:
-    """Make every scene of a session again from its log, and say whether they are the same."""
+    """Make every scene of a session again, and say whether they are the same.
+
+    From its log, and from what the board recorded, where it was run with one.
+    """
+    from esea_host.study.recorded import BoardInputs
     from esea_host.study.session import replay
 
     study = opened(folder, trust)
     path = study.log_of(code, session - 1)
     if not path.exists():
         raise UserError(f"{code} has not begun session {session}.", "Name one that was begun.")
-    scenes, other = 0, set()
-    for trial, _, same in replay(path, study.rows(code, session - 1)):
-        scenes += 1
-        other |= set() if same else {trial}
-    out.print(f"{scenes} scenes; {'the same, bit for bit' if not other else 'NOT the same'}")
-    if other:
-        raise UserError(f"Trials with other scenes: {sorted(other)}.", "Was a task changed since?")
+    sources: dict[str, BoardInputs | None] = {"log": None}
+    if any(path.parent.glob("device-*.mcap")):
+        sources["board's recording"] = BoardInputs(path)
+    for source, told in sources.items():
+        scenes, other = 0, set()
+        for trial, _, same in replay(path, study.rows(code, session - 1), told):
+            scenes += 1
+            other |= set() if same else {trial}
+        words = "the same, bit for bit" if not other else "NOT the same"
+        out.print(f"{scenes} scenes from the {source}; {words}")
+        if other:
+            raise UserError(
+                f"Trials with other scenes: {sorted(other)}.",
+                "Was a task changed since, or a recording exchanged?",
+            )
 
 
 @study_app.command("audit")

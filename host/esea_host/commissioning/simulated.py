@@ -13,17 +13,13 @@ from esea_gen.twin.published import Person
 from esea_gen.twin.stepped import EMPTY
 from esea_host.commissioning.bench import CommissioningBench, HandAct
 from esea_host.simulated import LockstepDevice, SimulatedBoard
-from esea_host.simulated.motion import Coupling
+from esea_host.simulated.attendant import HANGING, LAID_ON_TICKS, LOCKED
+from esea_host.simulated.motion import SteppedCoupling
 
-# A firm grip; a mass that hangs pulls with the same torque wherever the joint is.
+# A firm grip.
 GRIP = dataclasses.replace(EMPTY, spring_Nm_rad=60.0, damping_Nms_rad=6.0, gravity_Nm=0.0)
-HANGING = dataclasses.replace(
-    EMPTY, spring_Nm_rad=1.0, own_damping_Nms_rad=2.0, damping_Nms_rad=0.0, gravity_Nm=0.0
-)
 AT_REST = dataclasses.replace(EMPTY, own_damping_Nms_rad=2.0, gravity_Nm=0.0)
-LOCKED = {"fc_Nm": 100.0, "coulomb_width_rad_s": 2e-3, "fv_Nms_rad": 100.0, "J_kgm2": 100.0}
 ANYWHERE_RAD = (-3.0, 3.0)  # the ends of a hand's range play no part
-LAID_ON_TICKS = 100
 RETURN_RAD = 5e-4  # a tick, to the joint's zero
 Path = Mapping[str, float]
 
@@ -35,7 +31,7 @@ class HandledJoint:
         joint = device.file.joint
         assert joint is not None  # a board's device has one
         self._rest, self._axis = dict.fromkeys(device.axes, (0.0, 0.0)), axis
-        self._coupling = Coupling(device, joint.Jh_kgm2.value)
+        self._coupling = SteppedCoupling(device, joint.Jh_kgm2.value)
         self._path: Iterator[float] = iter(())
         self._at_rad = self._load_Nm = self._pull_Nm = 0.0
         self._returns = True
@@ -49,7 +45,7 @@ class HandledJoint:
         self._path = iter([at + angle for angle in path])
 
     def step(self) -> Mapping[str, tuple[float, float]]:
-        """See :class:`esea_host.simulated.motion.Motion`."""
+        """See :class:`esea_host.simulated.motion.JointMotion`."""
         held = self._at_rad
         if self._returns:
             held -= min(max(held, -RETURN_RAD), RETURN_RAD)

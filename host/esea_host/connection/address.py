@@ -127,18 +127,18 @@ class SimulatedProcess(SocketTransport):
 
     def push(self, *pushes_rad: float) -> None:
         """Push each axis so far; see :class:`esea_host.simulated.SimulatedBoard`."""
-        self._say("push", pushes_rad)
+        self.hand("push", *pushes_rad)
 
     def lead(self, *angles_rad: float) -> None:
         """Lead the hand to these angles of each axis; it no longer moves by itself."""
-        self._say("lead", angles_rad)
+        self.hand("lead", *angles_rad)
 
-    def _say(self, word: str, values: tuple[float, ...]) -> None:
+    def hand(self, word: str, *numbers: float) -> None:
+        """Do something at the virtual machine; see :class:`esea_host.simulated.server.Hands`."""
         line = self._process.stdin
         assert line is not None
         try:
-            numbers = " ".join(f"{v:.4f}" for v in values)
-            line.write(f"{word} {numbers}\n".encode())
+            line.write(f"{word} {' '.join(f'{n:.6f}' for n in numbers)}\n".encode())
             line.flush()
         except OSError:
             raise LinkError("the simulated board has ended") from None

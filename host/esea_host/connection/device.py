@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
-from esea_gen.link.session import Session, TimeSync
+from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.address import BoardAddress, open_patiently
 from esea_host.connection.decoder import TICK, TelemetryDecoder
@@ -129,6 +129,7 @@ class ConnectedDevice:
         return transport
 
     def _tell_again(self) -> None:
+        self.session.heartbeat = None  # of before: its state is not known until the next one
         command = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL
         for name, interval_us in self._told.items():
             number = float(self._ids[name])
@@ -227,17 +228,6 @@ class ConnectedDevice:
         """
         with self._lock:
             return self.session.boot_number()
-
-    def time_sync(self) -> TimeSync:
-        """The board's clock against this computer's.
-
-        Returns
-        -------
-        TimeSync
-            Of some questions the one that was answered fastest.
-        """
-        with self._lock:
-            return self.session.time_sync()
 
     def _stream_of(self, name: str) -> str:
         """A stream by its own name, or by that of one of its columns."""

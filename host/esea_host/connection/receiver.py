@@ -78,6 +78,13 @@ class Subscription:
             self._batches.append(batch)
             self._changed.notify()
 
+    def lost(self) -> tuple[Gap, ...]:
+        """What was dropped since, of streams of which nothing has come after it."""
+        with self._changed:
+            found = tuple(self._lost.values())
+            self._lost.clear()
+            return found
+
     def fail(self, error: Exception) -> None:
         """Nothing more will come: the reader hears why."""
         with self._changed:
@@ -309,6 +316,8 @@ class Receiver:
         self.away = False
         self.reconnects += 1
         self.decoder.forget()
+        with self._changed:
+            self._others.clear()  # the board's state of before
         self._clock.broken()
         if self.on_reconnect is not None:
             self.on_reconnect()

@@ -17,7 +17,7 @@ from esea_host.recording.gaps import Gap
 from esea_host.recording.writer import Recorder
 
 MOST_ROWS = 120_000
-CLOCK_S = 1.0
+CLOCK_S, CLOSE_S = 1.0, 60.0
 
 
 class LiveRecording:
@@ -112,21 +112,29 @@ class LiveRecording:
 
     def close(self) -> None:
         """End the file; more than once does no harm."""
+        self._receiver.unsubscribe(self.subscription)  # else a slow disk is never done
         self._stopped.set()
         if self._thread is not None:
-            self._thread.join(5.0)
+            self._thread.join(CLOSE_S)
+            if self._thread.is_alive():
+                self.error = UserError(
+                    f"{self.recorder.path}: not written to its end within {CLOSE_S:g} s.",
+                    "Record onto a faster disk, or fewer streams.",
+                )
         away = self._receiver.away and not self.recorder.closed
         try:
             if self.error is None:
                 self.drain(0.0)
         except Exception as error:
             self.error = error
-        self._receiver.unsubscribe(self.subscription)
         self._ended(self)
         try:
             with self._lock:
                 for stream, (tick, ns) in self._last.items() if away else ():
                     self.recorder.gap(Gap(stream, tick, -1, -1, "disconnected", ns))
+                for gap in () if self.recorder.closed else self.subscription.lost():
+                    self.recorder.gap(gap)
+                    self.gaps += 1
                 self.recorder.close()
         except UserError as error:
             self.error = self.error or error

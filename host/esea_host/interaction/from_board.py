@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,14 +11,13 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_host.interaction.recordings import recording_name, write_recording
-from esea_host.recording.integrity import warn_unless_complete
-from esea_host.recording.log import Log, open_log
-from esea_host.recording.replay import device_of
 from esea_host.study.exchange import TrialTrace, traces
-from esea_host.study.fitting import DeviceSignals
 from esea_host.study.folder import StudyFolder
+from esea_host.study.recorded import BoardRecordings
 from esea_host.study.session import COMPLETED
 from esea_host.study.task import task_named
+
+TICK_NS = 1_000_000  # of the sensing task
 
 
 def cut_trials(study: StudyFolder) -> int:
@@ -35,51 +35,43 @@ def cut_trials(study: StudyFolder) -> int:
     """
     written = 0
     for _, _, path in study.sessions():
-        recorded = sorted(path.parent.glob("device-*.mcap"))
-        for trace in traces(path) if recorded else []:
+        recordings = BoardRecordings(path.parent)
+        for trace in traces(path) if recordings.paths else []:
             target = path.parent / recording_name(trace.trial.number)
             if trace.trial.task.startswith("interaction.") and not target.exists():
-                _cut(trace, recorded, target)
-                written += 1
+                written += _cut(trace, recordings, target)
+        recordings.close()
     return written
 
 
-def _cut(trace: TrialTrace, recorded: Sequence[Path], target: Path) -> None:
+def _cut(trace: TrialTrace, recordings: BoardRecordings, target: Path) -> bool:
     number = trace.trial.number
-    # The last one that was completed: a repeated trial may stand in two files.
-    for path in reversed(recorded):
-        with open_log(path) as log:
-            warn_unless_complete(path, log.integrity)
-            stretch = _stretch(log, number)
-            if stretch is None:
-                continue
-            # A sample of a run belongs to the end of its millisecond.
-            (tap,) = (
-                DeviceSignals(device_of(log)).taps(task_named(trace.trial.task, path.name)).values()
-            )
-            table = log[tap.stream].between(stretch[0] + 5e-4, stretch[1] + 5e-4)
-            time_s = table.time_s - stretch[0]
-            paused = paused_at(time_s, trace.events)
-            simulated = bool(log.facts.get("simulated", False))
-            write_recording(target, time_s, table[tap.column].astype(np.float64), paused, simulated)
-            return
-    raise UserError(
-        f"Trial {number} is in none of {', '.join(p.name for p in recorded)}.",
-        "Put the recording of that session back beside its log.",
-    )
-
-
-def _stretch(log: Log, number: int) -> tuple[float, float] | None:
-    begins = [e["board_ns"] for e in log.events("trial") if e["number"] == number]
-    ends = [
-        e["board_ns"]
-        for e in log.events("trial_end")
-        if e["number"] == number and e["state"] == COMPLETED
-    ]
-    if not ends:
-        return None
-    begun = max(b for b in begins if b < ends[-1])
-    return begun * 1e-9, ends[-1] * 1e-9
+    done = [a for a in recordings.attempts if a.number == number and a.state == COMPLETED]
+    if not done:
+        raise UserError(
+            f"Trial {number} is in none of {', '.join(p.name for p in recordings.paths)}.",
+            "Put the recording of that session back beside its log.",
+        )
+    attempt = done[-1]  # a repeated trial counts as it was done last
+    assert attempt.ended_ns is not None
+    task = task_named(trace.trial.task, target.name)
+    (tap,) = recordings.signals(attempt).taps(task).values()
+    table = recordings.table(attempt, tap.stream)
+    # A sample belongs to the end of its millisecond.
+    of_trial = (table.board_ns > attempt.begun_ns) & (table.board_ns <= attempt.ended_ns)
+    time_s = (table.board_ns[of_trial] - attempt.begun_ns) * 1e-9
+    ticks = round((attempt.ended_ns - attempt.begun_ns) / TICK_NS)
+    if len(time_s) != ticks:
+        warnings.warn(
+            f"{attempt.path}: trial {number} has {len(time_s)} of {ticks} rows.  Its recording is "
+            "left out.",
+            stacklevel=2,
+        )
+        return False
+    paused, angle = paused_at(time_s, trace.events), table[tap.column][of_trial]
+    given = time_s, angle.astype(np.float64), paused, recordings.simulated(attempt)
+    write_recording(target, *given)
+    return True
 
 
 def paused_at(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
 
-from esea_host.interaction.rig import HANDLE_KGM2, ElementRig
+from esea_host.interaction.rig import HANDLE_KGM2
 from esea_host.interaction.tasks import (
     DAMPING_NMS_RAD,
     PADDLE_X,
@@ -26,6 +27,13 @@ LEAST_TIME_S = 0.5
 LOST_S = 3.0
 
 
+class MovedRig(Protocol):
+    """What a player's hand moves."""
+
+    def advance(self, muscle: Sequence[float]) -> list[float]:
+        """A frame; the angle that is read meanwhile."""
+
+
 class RigPlayer(MovingHand):
     """A person on the rig, for one trial.
 
@@ -33,7 +41,7 @@ class RigPlayer(MovingHand):
     ----------
     who : VirtualParticipant
         Learns how far the hand goes for what it was told.
-    rig : ElementRig
+    rig : MovedRig
         The device.
     aims : list of float
         Where the hand is held, deg; goes on from trial to trial.
@@ -44,14 +52,14 @@ class RigPlayer(MovingHand):
 
     Attributes
     ----------
-    read, held : list
+    read, waited : list
         What the encoder read, each millisecond, and whether the task was held then.
     """
 
     def __init__(
         self,
         who: VirtualParticipant,
-        rig: ElementRig,
+        rig: MovedRig,
         aims: list[float],
         situation: Situation,
         paused: Callable[[], bool] = lambda: False,
@@ -59,7 +67,7 @@ class RigPlayer(MovingHand):
         super().__init__(who, aims, HANDLE_KGM2)
         self.rig, self.asked = rig, situation.parameters
         self.read: list[float] = []
-        self.held: list[bool] = []
+        self.waited: list[bool] = []
         self._paused = paused
         self._lost_since_s: float | None = None
 
@@ -67,7 +75,7 @@ class RigPlayer(MovingHand):
         """A frame of the rig; the encoder's milliseconds are kept."""
         new = self.rig.advance(muscles[0])
         self.read += new
-        self.held += [self._paused()] * len(new)
+        self.waited += [self._paused()] * len(new)
         long = self._lost_since_s is not None and self.time_s - self._lost_since_s > LOST_S
         return {"theta_rad": self.read[-1], "recentre": float(long)}
 

@@ -47,6 +47,11 @@ class WithElement(TaskParameters):
     element: Literal["spring", "elastomer", "equal"] = Field(
         "spring", description="the element in the rig: spring, elastomer or equal"
     )
+    stiffness_Nm_deg: float = Field(
+        0.0,
+        ge=0,
+        description="of a spring; 0: beside the elastomer of the device as published",
+    )
     seconds: float = Field(75.0, ge=1, le=600, description="how long, pauses left out")
 
 

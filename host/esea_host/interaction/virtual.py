@@ -54,6 +54,7 @@ class RigSource(PersonSource):
         self.folder = folder
         self.aims = [0.0]
         self._rigs: dict[str, ElementRig] = {}
+        self._rig: ElementRig | None = None
         self._player: RigPlayer | None = None
 
     def ready(self) -> Mapping[str, Any]:
@@ -62,7 +63,7 @@ class RigSource(PersonSource):
 
     def gauges(self) -> tuple[Gauge, ...]:
         """Torque of the element beside its full scale, and its angle as far as its law goes."""
-        rig = self._player.rig if self._player is not None else None
+        rig = self._rig
         most_rad, most_Nm = law_ends(rig.element if rig is not None else SPRING)
         theta_deg = math.degrees(rig.theta_rad) if rig is not None else 0.0
         most_deg = math.degrees(most_rad)
@@ -77,7 +78,7 @@ class RigSource(PersonSource):
         element = situation.parameters.element
         if element not in self._rigs:
             self._rigs[element] = ElementRig(element, self.who.limbs[0])
-        rig = self._rigs[element]
+        rig = self._rig = self._rigs[element]
         rig.start()
         self._player = RigPlayer(self.who, rig, self.aims, situation, lambda: self.paused)
         return self._player
@@ -85,7 +86,7 @@ class RigSource(PersonSource):
     def over(self, number: int, state: str) -> None:
         """Keep the recording of a trial that was completed."""
         if state == COMPLETED and self._player is not None:
-            read, held = self._player.read, self._player.held
+            read, held = self._player.read, self._player.waited
             time_s = np.arange(1, len(read) + 1) / 1000
             write_recording(self.folder / recording_name(number), time_s, read, held, True)
 

@@ -1,4 +1,4 @@
-"""A hand that sees late and moves in submovements; where it goes is the study's own.  Simulated."""
+"""A hand in a device, and one that moves in submovements; what for is the study's.  Simulated."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from esea_host.people.person import VirtualParticipant, minimum_jerk
+from esea_host.people.person import Muscle, VirtualParticipant, minimum_jerk
 from esea_host.study.scene import Scene, Shape
 from esea_host.study.task import Actor, Inputs
 
@@ -40,8 +40,8 @@ def shape(scene: Scene, role: str) -> Shape | None:
     return next((s for s in scene.shapes if s.role == role), None)
 
 
-class MovingHand(Actor):
-    """A person with a hand in a device, for one trial.
+class Hand(Actor):
+    """A person with a hand in a device, for one trial; frames of 10 ms.
 
     Parameters
     ----------
@@ -55,39 +55,42 @@ class MovingHand(Actor):
 
     def __init__(self, who: VirtualParticipant, aims: list[float], handle_kgm2: float) -> None:
         self.who, self.aims, self._handle_kgm2 = who, aims, handle_kgm2
-        self.base = list(aims)
         self.time_s = 0.0
-        self.running: list[Submovement] = []
-        self.next_s = [0.0] * len(aims)
-        self.seen: deque[tuple[float, Scene, tuple[float, ...]]] = deque()
         self.pointer: Pointer | None = None
         self._first: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
     @abstractmethod
-    def plan(self, axis: int, scene: Scene, aims_then: tuple[float, ...]) -> None:
-        """Whether to move, from what is seen by now and the aims at the time of that."""
+    def look(self, scene: Scene) -> None:
+        """Take a scene in."""
 
     @abstractmethod
-    def move(self, muscles: Sequence[Sequence[float]], requests: Mapping[str, float]) -> Inputs:
+    def act(self, requests: Mapping[str, float]) -> Sequence[Muscle]:
+        """What the muscles of each axis do in this frame."""
+
+    @abstractmethod
+    def move(self, muscles: Sequence[Muscle], requests: Mapping[str, float]) -> Inputs:
         """A frame of the device with the hand in it."""
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
         """One frame."""
         self.time_s = round(self.time_s + FRAME_S, 6)
         self.look(scene)
-        before = list(self.aims)
-        if self.pointer is not None:
-            self._follow_pointer(scene, *self.pointer())
+        if self.pointer is None:
+            muscles = self.act(requests)
         else:
-            self._aim()
+            muscles = self._follow_pointer(scene, *self.pointer())
+        return self.time_s, self.move(muscles, requests)
+
+    def held(self, before_deg: Sequence[float]) -> list[Muscle]:
+        """Muscles that hold the hand on its aims, which were elsewhere before."""
         m = self.who.model
         muscles = []
-        for k, limb in enumerate(self.who.limbs[: len(before)]):
+        for k, limb in enumerate(self.who.limbs[: len(self.aims)]):
             inertia = limb.inertia_kgm2 + self._handle_kgm2
             damping = 2 * m.damping_ratio * math.sqrt(m.stiffness_Nm_rad * inertia)
-            ends = (math.radians(before[k]), math.radians(self.aims[k]))
-            muscles.append((m.stiffness_Nm_rad, damping, *ends, m.effort_Nm))
-        return self.time_s, self.move(muscles, requests)
+            ends = (math.radians(before_deg[k]), math.radians(self.aims[k]))
+            muscles.append(Muscle(m.stiffness_Nm_rad, damping, *ends, m.effort_Nm))
+        return muscles
 
     def pointed_deg(self, scene: Scene, across: float, up: float) -> tuple[float, ...]:
         """Where the hand is to be when somebody points there; a scene in degrees is taken as it is.
@@ -101,10 +104,46 @@ class MovingHand(Actor):
         """
         return across * scene.half_width, up * scene.half_width
 
-    def _follow_pointer(self, scene: Scene, across: float, up: float) -> None:
-        most = POINTED_DEG_S * FRAME_S
+    def _follow_pointer(self, scene: Scene, across: float, up: float) -> list[Muscle]:
+        before, most = list(self.aims), POINTED_DEG_S * FRAME_S
         for k, goal in enumerate(self.pointed_deg(scene, across, up)[: len(self.aims)]):
             self.aims[k] += min(max(goal - self.aims[k], -most), most)
+        return self.held(before)
+
+    def feel(self, shown_deg: Sequence[float]) -> None:
+        """How far the cursor goes for what the hand was told, once that is far enough to tell."""
+        hand = self.aims
+        if self._first is None:
+            self._first = tuple(shown_deg), tuple(hand)
+            return
+        for k, shown in enumerate(shown_deg):
+            moved = hand[k] - self._first[1][k]
+            if abs(moved) > 3.0:
+                ratio = (shown - self._first[0][k]) / moved
+                rate = self.who.model.gain_rate * 0.01 / 0.5
+                self.who.gain[k] += rate * (min(max(ratio, 0.3), 6.0) - self.who.gain[k])
+                self.who.gain[k] = max(self.who.gain[k], 0.3)
+
+
+class MovingHand(Hand):
+    """A hand that moves in submovements on what it sees late."""
+
+    def __init__(self, who: VirtualParticipant, aims: list[float], handle_kgm2: float) -> None:
+        super().__init__(who, aims, handle_kgm2)
+        self.base = list(aims)
+        self.running: list[Submovement] = []
+        self.next_s = [0.0] * len(aims)
+        self.seen: deque[tuple[float, Scene, tuple[float, ...]]] = deque()
+
+    @abstractmethod
+    def plan(self, axis: int, scene: Scene, aims_then: tuple[float, ...]) -> None:
+        """Whether to move, from what is seen by now and the aims at the time of that."""
+
+    def act(self, requests: Mapping[str, float]) -> Sequence[Muscle]:
+        """Held on the sum of the submovements."""
+        before = list(self.aims)
+        self._aim()
+        return self.held(before)
 
     def look(self, scene: Scene) -> None:
         """Take a scene in."""
@@ -156,17 +195,3 @@ class MovingHand(Actor):
         if a is None or b is None or t1 <= t0:
             return 0.0, 0.0
         return (b.x - a.x) / (t1 - t0), (b.y - a.y) / (t1 - t0)
-
-    def feel(self, shown_deg: Sequence[float]) -> None:
-        """How far the cursor goes for what the hand was told, once that is far enough to tell."""
-        hand = self.aims
-        if self._first is None:
-            self._first = tuple(shown_deg), tuple(hand)
-            return
-        for k, shown in enumerate(shown_deg):
-            moved = hand[k] - self._first[1][k]
-            if abs(moved) > 3.0:
-                ratio = (shown - self._first[0][k]) / moved
-                rate = self.who.model.gain_rate * 0.01 / 0.5
-                self.who.gain[k] += rate * (min(max(ratio, 0.3), 6.0) - self.who.gain[k])
-                self.who.gain[k] = max(self.who.gain[k], 0.3)

@@ -1,7 +1,8 @@
-"""A virtual participant: sees the scene late, moves in submovements, is noisy, adapts.  Simulated.
+"""A virtual participant: numbers of a person, who learns.  Simulated.
 
-The numbers were fixed from the literature before the first study was run, and none was set by a
-published median of chapter 6 or 7.
+The wrist study moves by optimal feedback control (:mod:`esea_host.people.control`), the interaction
+study in submovements.  The numbers come from the literature, rounded; none was set by a published
+median of chapter 6 or 7.
 
 References
 ----------
@@ -16,17 +17,42 @@ References
 [6] J. Ryu et al., J. Hand Surgery 16A, 1991: range of the wrist, 40 people.
 [7] D. Formica et al., J. Neurophysiology 108, 2012: passive stiffness of the wrist.
 [8] S. Delp, A. Grinspan, R. Buchanan, J. Biomechanics 29, 1996: moments of 7 to 12 Nm at most.
+[9] R. Balakrishnan, I. MacKenzie, CHI 1997: 4.1 bits a second with the wrist.
+[10] A. Hamilton, K. Jones, D. Wolpert, Experimental Brain Research 157, 2004: torque varies in
+    proportion to its mean, by some per cent.
+[11] W. Marras, R. Schoenmarklin, Ergonomics 36, 1993: mean speeds of the wrist in work with the
+    hands.
+[12] D. Hoffman, P. Strick, J. Neuroscience 6, 1986: a wrist's movements of any size last as long.
+[13] F. Crevecoeur, D. Munoz, S. Scott, J. Neuroscience 36, 2016: 50 ms until a limb is felt.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
-END_NM_RAD = 40.0
+END_NM_RAD, END_NMS_RAD = 40.0, 0.6
+NO_TORQUE = (0.0, 0.0)
+
+
+class Muscle(NamedTuple):
+    """What an axis' muscles do in a frame, on any plant.
+
+    An impedance about a path that is even from ``start_rad`` to ``end_rad``, and a torque that goes
+    evenly from ``torque_start_Nm`` to ``torque_end_Nm`` beside it; both together at most most_Nm.
+    """
+
+    stiffness_Nm_rad: float
+    damping_Nms_rad: float
+    start_rad: float
+    end_rad: float
+    most_Nm: float
+    torque_start_Nm: float = 0.0
+    torque_end_Nm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -49,18 +75,19 @@ class Limb:
     ) -> float:
         """Of muscles and passive wrist, at a share of a frame.
 
-        muscle: stiffness and damping, Nm/rad and Nms/rad, the aim at the frame's start and end,
-        rad, and the largest torque, Nm.
+        muscle: as :class:`Muscle`; without the torque where there is none.
         """
-        stiffness, damping, start, end, most = muscle
+        stiffness, damping, start, end, most = muscle[:5]
+        first, last = muscle[5:] or NO_TORQUE
         rate = (end - start) / frame_s
-        own = stiffness * (start + share * (end - start) - theta) + damping * (rate - omega)
+        own = first + share * (last - first)
+        own += stiffness * (start + share * (end - start) - theta) + damping * (rate - omega)
         own = most if own > most else -most if own < -most else own
         passive = -self.stiffness_Nm_rad * (theta - self.rest_rad) - self.damping_Nms_rad * omega
         if theta < self.low_rad:
-            passive -= END_NM_RAD * (theta - self.low_rad)
+            passive -= END_NM_RAD * (theta - self.low_rad) + END_NMS_RAD * omega
         elif theta > self.high_rad:
-            passive -= END_NM_RAD * (theta - self.high_rad)
+            passive -= END_NM_RAD * (theta - self.high_rad) + END_NMS_RAD * omega
         return own + passive
 
 
@@ -76,8 +103,6 @@ class PersonModel:
         To a target that appears; a simple choice takes about 0.25 s.
     submovement_s, every_s : float
         Length of a submovement of a few degrees, and least time between two [2].
-    sweep_s : float
-        From end to end, comfortably; assumed.
     noise : float
         Standard deviation of a submovement's size over its size [4].
     retain, learn : tuple of float
@@ -92,13 +117,24 @@ class PersonModel:
         Between people: coefficient of variation of each of these; assumed.
     range_deg : tuple of float
         Flexion, extension, ulnar, radial [6].
+    felt_s : float
+        From a motion to a reaction to what is felt of it [13].
+    bits_s : float
+        Accuracy gained in a second of a movement [9].
+    torque_noise : float
+        Standard deviation of a steady torque over its mean [10].
+    sense_noise : float
+        Share of the noise of the senses that is there.
+    contracted_Nm_rad : float
+        Stiffness that contracted muscles add about where the hand is taken to be; assumed.
+    comfortable_deg_s : tuple of float
+        Mean speed from end to end of FE and RU [11]; shorter ways take as long [12].
     """
 
     delay_s: float = 0.16
     reaction_s: float = 0.25
     submovement_s: float = 0.40
     every_s: float = 0.35
-    sweep_s: float = 0.9
     noise: float = 0.08
     retain: tuple[float, float] = (0.59, 0.992)
     learn: tuple[float, float] = (0.21, 0.02)
@@ -110,6 +146,12 @@ class PersonModel:
     range_deg: tuple[float, float, float, float] = (79.0, 59.0, 38.0, 21.0)
     passive_Nm_rad: tuple[float, float] = (0.8, 1.7)  # [7], FE and RU
     inertia_kgm2: float = 0.003
+    felt_s: float = 0.05
+    bits_s: float = 4.1
+    torque_noise: float = 0.03
+    sense_noise: float = 1.0
+    contracted_Nm_rad: float = 1.0
+    comfortable_deg_s: tuple[float, float] = (42.0, 26.0)
 
 
 @dataclass
@@ -163,23 +205,30 @@ def person(rng: np.random.Generator, model: PersonModel) -> VirtualParticipant:
     def about(value: float) -> float:
         return value * (1.0 + model.spread * float(np.clip(rng.normal(), -2, 2)))
 
+    # By themselves, so that a further number changes nobody's others.
+    more = np.clip(rng.spawn(1)[0].normal(size=3), -2, 2)
+    factors = (1.0 + model.spread * more).tolist()
     flexion, extension, ulnar, radial = (about(x) for x in model.range_deg)
-    one = PersonModel(
-        delay_s=about(model.delay_s),
-        reaction_s=about(model.reaction_s),
-        submovement_s=about(model.submovement_s),
-        every_s=about(model.every_s),
-        sweep_s=about(model.sweep_s),
-        noise=about(model.noise),
-        retain=model.retain,
+    delay_s, reaction_s = about(model.delay_s), about(model.reaction_s)
+    submovement_s, every_s = about(model.submovement_s), about(model.every_s)
+    pace, noise = about(1.0), about(model.noise)
+    one = replace(
+        model,
+        delay_s=delay_s,
+        reaction_s=reaction_s,
+        submovement_s=submovement_s,
+        every_s=every_s,
+        noise=noise,
         learn=(about(model.learn[0]), about(model.learn[1])),
         stiffness_Nm_rad=about(model.stiffness_Nm_rad),
         damping_ratio=about(model.damping_ratio),
         effort_Nm=about(model.effort_Nm),
-        gain_rate=model.gain_rate,
-        spread=model.spread,
         range_deg=(flexion, extension, ulnar, radial),
         inertia_kgm2=about(model.inertia_kgm2),
+        comfortable_deg_s=(pace * model.comfortable_deg_s[0], pace * model.comfortable_deg_s[1]),
+        bits_s=model.bits_s * factors[0],
+        torque_noise=model.torque_noise * factors[1],
+        contracted_Nm_rad=model.contracted_Nm_rad * factors[2],
     )
     ends = ((-flexion, extension), (-ulnar, radial))
     limbs = []
@@ -194,3 +243,9 @@ def minimum_jerk(share: float) -> float:
     """Way of a minimum-jerk movement over its time [1]."""
     s = min(max(share, 0.0), 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+
+
+def minimum_jerk_speed(share: float) -> float:
+    """Its rate over that share."""
+    s = min(max(share, 0.0), 1.0)
+    return 30.0 * (s * (1.0 - s)) ** 2

@@ -6,10 +6,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from esea_host.people.hand import MovingHand, Pointer
+from esea_host.people.hand import Hand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant, person
 from esea_host.study.plan import generator
-from esea_host.study.session import InputSource
+from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Situation, StudyTask
 
 
@@ -27,10 +27,10 @@ class PersonSource(InputSource):
     def __init__(self, who: VirtualParticipant, pointer: Pointer | None = None) -> None:
         self.who, self.pointer = who, pointer
         self._past_s = 0.0
-        self._hand: MovingHand | None = None
+        self._hand: Hand | None = None
 
     @abstractmethod
-    def hand(self, task: StudyTask, situation: Situation, number: int) -> MovingHand:
+    def hand(self, task: StudyTask, situation: Situation, number: int) -> Hand:
         """The person, told what to do."""
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
@@ -57,7 +57,7 @@ class VirtualPeople(ABC):
     model: PersonModel
 
     @abstractmethod
-    def source(self, who: VirtualParticipant, index: int, session: int) -> PersonSource:
+    def source(self, who: VirtualParticipant, index: int, session: int) -> InputSource:
         """Where a participant's inputs of a session come from."""
 
     def __call__(self, index: int) -> Callable[[int, float], InputSource]:

@@ -1,6 +1,7 @@
 """``python -m esea_host.simulated DEVICE``: the server alone, as ``sim:DEVICE`` starts it."""
 
 import argparse
+import math
 import sys
 
 from esea_gen.errors import UserError
@@ -19,6 +20,7 @@ parser.add_argument("--board", default="sim")
 parser.add_argument("--zeroed", type=int, default=0)
 parser.add_argument("--seed", type=int, default=0)
 parser.add_argument("--speed", type=float, default=1.0)
+parser.add_argument("--spring", type=float, default=0.0)
 given = parser.parse_args()
 try:
     serve(
@@ -32,6 +34,7 @@ try:
         board=given.board,
         zeroed=bool(given.zeroed),
         once=given.once,
+        spring_Nm_rad=math.degrees(given.spring),
         hands=sys.stdin.fileno() if given.hands else None,
     )
 except UserError as error:

@@ -103,7 +103,7 @@ def _follow(device: LockstepDevice, seconds: float) -> None:
     device.arm()
     device.advance(TURN_S)
     for i in range(round(seconds / TURN_S)):
-        wanted_Nm = AMPLITUDE_Nm * math.sin(2 * math.pi * WANTED_HZ * i * TURN_S)
+        wanted_Nm = AMPLITUDE_Nm / len(names) * math.sin(2 * math.pi * WANTED_HZ * i * TURN_S)
         wanted: dict[str, Any] = dict.fromkeys(names, wanted_Nm)
         device.want(mode=1.0, **wanted)
         device.advance(TURN_S)

@@ -5,6 +5,7 @@ Everything that it gives is simulated.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 
@@ -20,8 +21,9 @@ from esea_gen.twin.stepped import EMPTY, SteppedPlant
 from esea_gen.verify.sim import SimBoard
 from esea_host.connection.identity import SIMULATED_BOARDS
 from esea_host.recording.replay import loaded_device
+from esea_host.simulated.elements import with_spring
 from esea_host.simulated.joint import MovedJoint
-from esea_host.simulated.motion import Motion, make_motion
+from esea_host.simulated.motion import JointMotion, make_motion
 
 EMPTY_JOINT, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (EMPTY_JOINT, *PERSON_NAMES)
@@ -51,9 +53,11 @@ class SimulatedBoard:
         Of the plant, of the person, and of all noise.
     board : str
         ``sim``, which computes in f32, or ``sim-q31``.
-    motion : Motion or str, optional
+    motion : JointMotion or str, optional
         Of a passive joint: ``person``, ``therapist``, or a table's file.  A motion that is an
         object goes on where it is after a restart.
+    spring_Nm_rad : float
+        Of a spring in place of the elastomer, in a drive of one axis; 0: the elastomer.
 
     ``plant`` has the truth: ``board.plant.truth()``.  ``pushes_rad`` is how far somebody pushes
     each axis away from what the person intends; ``led``: the person intends nothing else.
@@ -66,7 +70,8 @@ class SimulatedBoard:
         person: str | None = None,
         seed: int = 0,
         board: str = "sim",
-        motion: Motion | str | None = None,
+        motion: JointMotion | str | None = None,
+        spring_Nm_rad: float = 0.0,
     ) -> None:
         given = loaded_device(device) if isinstance(device, str) else device
         self.device = board_device(given)
@@ -75,8 +80,10 @@ class SimulatedBoard:
         self._seed, self._motion = seed, MOTION if motion is None else motion
         self.passive = not self.device.laws
         self._person: Person | Hand = EMPTY
+        self.plant: SteppedPlant | SteppedHand | MovedJoint
         if self.passive:
-            if unfit := [n for n, v in {"plant": plant, "person": person}.items() if v]:
+            of_drive = {"plant": plant, "person": person, "spring": spring_Nm_rad}
+            if unfit := [n for n, v in of_drive.items() if v]:
                 raise UserError(
                     f"{given.name} has no drive: {' and '.join(unfit)} cannot be chosen.",
                     "Say how it is moved: --motion person, therapist or a table's file.",
@@ -92,10 +99,11 @@ class SimulatedBoard:
             plant, person = _known("plant", plant or PLANT, PLANT_NAMES), person or PERSON
             self._person, self._clamped = self._named(person), person == CLAMPED
             if len(self.axes) == 1:
-                self._first = SteppedPlant(plant_variant(self.device, plant, "ideal", seed))
+                self._variant = plant_variant(self.device, plant, "ideal", seed)
+                self._first = self._plant_with(spring_Nm_rad)
             else:
                 self._first = SteppedHand(hand_variant(self.device, plant, "ideal", seed))
-        self._first_person = self._person, self._clamped
+        self.first_person = self._person, self._clamped
         self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
         self._counts = [n for n in self.board.inputs if n.startswith("count_")]
@@ -110,6 +118,22 @@ class SimulatedBoard:
             return EMPTY
         return random_person(self._seed) if person == "random" else PEOPLE[person]
 
+    def _plant_with(self, spring_Nm_rad: float) -> SteppedPlant:
+        device = with_spring(self.device, spring_Nm_rad) if spring_Nm_rad else self.device
+        return SteppedPlant(dataclasses.replace(self._variant, device=device))
+
+    def build_in(self, spring_Nm_rad: float) -> None:
+        """Exchange the unloaded element of a drive of one axis; the board is not told.
+
+        spring_Nm_rad: of a linear spring; 0: the device's own elastomer.
+        """
+        before, plant = self.plant, self._plant_with(spring_Nm_rad)
+        assert isinstance(before, SteppedPlant)
+        assert isinstance(self._person, Person)
+        at_rad = float(before.truth()["theta_l_rad"])
+        self.plant = self._first = plant
+        self.board.show(plant.start(at_rad, clamped=self._clamped, person=self._person))
+
     def _moved_joint(self) -> MovedJoint:
         named = self._motion
         motion = make_motion(named, self.device) if isinstance(named, str) else named
@@ -122,7 +146,7 @@ class SimulatedBoard:
         person: Person | Hand | None = None,
         hand: Intent | None = None,
         values: Mapping[str, float] | None = None,
-        motion: Motion | None = None,
+        motion: JointMotion | None = None,
     ) -> None:
         """What somebody does at the machine meanwhile; everything goes on from where it is.
 
@@ -149,7 +173,7 @@ class SimulatedBoard:
 
     def _start(self) -> None:
         self.plant, self._intent = self._first, None
-        self._person, self._clamped = self._first_person
+        self._person, self._clamped = self.first_person
         self._pushed_rad = [0.0] * len(self.axes)
         self._noise = np.random.default_rng([self._seed, 3])
         self._draw()

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from esea_gen.devices.file import DeviceData
+from esea_gen.model.sensing import of_axis
 from esea_gen.twin.passive import ENCODER_NOISE_RAD
-from esea_host.simulated.motion import Motion
+from esea_host.simulated.motion import JointMotion
 
 NOISE_TICKS = 1000
 TURN_RAD = 2 * math.pi
@@ -21,7 +22,7 @@ class MovedJoint:
     Encoders that the device file gives no zero start anywhere in a turn.
     """
 
-    def __init__(self, device: DeviceData, motion: Motion, seed: int) -> None:
+    def __init__(self, device: DeviceData, motion: JointMotion, seed: int) -> None:
         self.axes, self.motion, self._seed = device.axes, motion, seed
         encoders = device.file.encoder
         self._steps = 2 ** int(encoders.resolution_bits.value)
@@ -48,9 +49,11 @@ class MovedJoint:
             self._moved = self.motion.step()
         return self._counts(pushes_rad)
 
-    def truth(self) -> dict[str, tuple[float, float]]:
-        """Angles of motor side and load side of each axis."""
-        return dict(self._moved)
+    def truth(self) -> dict[str, float]:
+        """Angles of motor side and load side of each axis, by the names of a driven plant."""
+        sides = "theta_m_rad", "theta_l_rad"
+        moved = self._moved.items()
+        return {of_axis(n, a): x for a, both in moved for n, x in zip(sides, both, strict=True)}
 
     def _counts(self, pushes_rad: Sequence[float]) -> list[int]:
         at = self._ticks % NOISE_TICKS

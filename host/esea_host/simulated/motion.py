@@ -29,7 +29,7 @@ DAMPING_S = 0.1  # of a limb that is moved, times its stiffness
 MOST_GAP_S = 0.1
 
 
-class Motion(Protocol):
+class JointMotion(Protocol):
     """A simulated movement of a passive joint."""
 
     def step(self) -> Mapping[str, tuple[float, float]]:
@@ -37,7 +37,7 @@ class Motion(Protocol):
         ...
 
 
-class Coupling:
+class SteppedCoupling:
     """A coupling whose one side is moved along a path while a torque acts on the other.
 
     inertia_kgm2: of the side that the torque acts on; default: a cuff's.
@@ -86,12 +86,12 @@ class SwingingPerson:
     def __init__(self, device: DeviceData) -> None:
         joint = device.file.joint
         assert joint is not None  # a board's device has one
-        self._axes = {a: Coupling(device, joint.Jh_kgm2.value) for a in device.axes}
+        self._axes = {a: SteppedCoupling(device, joint.Jh_kgm2.value) for a in device.axes}
         self._effort_Nm = effort_Nm(device)
         self._ticks = 0
 
     def step(self) -> Mapping[str, tuple[float, float]]:
-        """See :class:`Motion`."""
+        """See :class:`JointMotion`."""
         self._ticks += 1
         t_s = self._ticks * TICK_S % (BOUT_S + REST_S) - REST_S
         grown = math.sin(math.pi * t_s / BOUT_S) ** 2 if t_s > 0 else 0.0
@@ -111,7 +111,7 @@ class TherapistHand:
     def __init__(self, device: DeviceData) -> None:
         joint = device.file.joint
         assert joint is not None  # a board's device has one
-        self._axes = {a: Coupling(device) for a in device.axes}
+        self._axes = {a: SteppedCoupling(device) for a in device.axes}
         self._inertia_kgm2 = joint.Jh_kgm2.value
         self._reach_rad = REACH * joint.theta_max_rad.value
         self._stiffness_Nm_rad = effort_Nm(device) / self._reach_rad
@@ -119,7 +119,7 @@ class TherapistHand:
         self._at, self._ticks = 0, 0
 
     def step(self) -> Mapping[str, tuple[float, float]]:
-        """See :class:`Motion`."""
+        """See :class:`JointMotion`."""
         moving, move_s = self._plan[self._at]
         turn_s = 2 * (move_s + PAUSE_S)
         self._ticks += 1
@@ -211,19 +211,19 @@ class RecordedMotion:
         self._next, self._last = 0, len(at_s) - 1
 
     def step(self) -> Mapping[str, tuple[float, float]]:
-        """See :class:`Motion`."""
+        """See :class:`JointMotion`."""
         at = self._next
         self._next = min(at + 1, self._last)
         return self._rest | {axis: path[at] for axis, path in self._axes.items()}
 
 
-def make_motion(name: str, device: DeviceData) -> Motion:
+def make_motion(name: str, device: DeviceData) -> JointMotion:
     """A motion by name, ``person`` or ``therapist``, or from a table."""
     if name == "person":
         return SwingingPerson(device)
     if name == "therapist":
         return TherapistHand(device)
-    if Path(name).suffix or Path(name).exists():
+    if Path(name).suffix or Path(name).is_file():
         return RecordedMotion(device, Path(name))
     raise UserError(
         f"There is no motion '{name}'.",
@@ -233,9 +233,9 @@ def make_motion(name: str, device: DeviceData) -> Motion:
 
 __all__ = [
     "MOTIONS",
-    "Coupling",
-    "Motion",
+    "JointMotion",
     "RecordedMotion",
+    "SteppedCoupling",
     "SwingingPerson",
     "TherapistHand",
     "make_motion",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import secrets
 import select
@@ -13,12 +14,13 @@ from functools import partial
 from typing import Protocol
 
 from esea_gen.errors import UserError
+from esea_host.simulated.attendant import Attendant
 from esea_host.simulated.drive import SimulatedBoard
 
 MOST_BACKLOG_BYTES = 1 << 18
 MOST_TICKS = 50  # between two looks at the line
 IDLE_S = 0.0005
-MOST_PUSH_RAD = 1.0
+MOST_PUSH_RAD, MOST_AIM_RAD = 1.0, 3.0
 SETTLE_TICKS, ZERO_TICKS = 300, 500
 GUEST_S, MOST_GUEST_BYTES = 1.0, 4096  # for which somebody beside the host is heard
 
@@ -147,6 +149,7 @@ def serve(
     once: bool = False,
     say: Callable[[str], None] | None = None,
     hands: int | None = None,
+    spring_Nm_rad: float = 0.0,
 ) -> None:
     """Serve a simulated board until somebody ends it.
 
@@ -155,13 +158,13 @@ def serve(
     board: ``sim``, or ``sim-q31``.
     zeroed: its encoders are zeroed before, while everything rests.
     once: end when the first host has gone.
-    hands: where lines ``push RAD ...`` and ``lead RAD ...`` come from, a number an axis, a file's
-        number: somebody pushes the virtual arm, or leads it.
+    hands: where lines for :class:`Hands` come from, a file's number.
+    spring_Nm_rad: of a spring in place of the coupling's elastomer; 0: the elastomer.
     """
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
     tell = say or (lambda text: print(text, flush=True))
-    drive = SimulatedBoard(device, plant, person, seed, board, motion)
+    drive = SimulatedBoard(device, plant, person, seed, board, motion, spring_Nm_rad)
     named = drive.device.name
     if f"{device}_board" == named:
         named += f", as {device} has no encoders of its own,"
@@ -194,13 +197,18 @@ def _zero(drive: SimulatedBoard) -> None:
 
 
 class Hands:
-    """Somebody who pushes the virtual arm: lines of text from a file that is read without waiting.
+    """What somebody does at the virtual machine: lines of text, read without waiting.
+
+    ``push RAD ...``, ``lead RAD ...``: the joint, a number an axis; ``aim RAD``: the arm;
+    ``hang NM``: a mass on it, the motor held; ``let-go 0``: the mass is taken off; ``spring
+    NM_RAD``: built in in place of the elastomer, 0: the elastomer.
 
     source: the file's number; None: nobody.
     """
 
     def __init__(self, source: int | None) -> None:
         self._source, self._rest = source, b""
+        self._attendant: Attendant | None = None
         if source is not None:
             os.set_blocking(source, False)
 
@@ -214,18 +222,30 @@ class Hands:
             return
         *lines, self._rest = self._rest.split(b"\n")
         for line in lines:
-            word, *numbers = line.decode("ascii", "replace").split(" ")
+            word, *texts = line.decode("ascii", "replace").split(" ")
             try:
-                pushes_rad = [float(n) for n in numbers]
+                numbers = [float(n) for n in texts]
             except ValueError:
                 continue
-            fits = len(pushes_rad) == len(drive.pushes_rad)
-            if word in ("push", "lead") and fits and all(map(_near, pushes_rad)):
-                drive.pushes_rad, drive.led = pushes_rad, word == "lead"
+            self._do(drive, word, numbers)
 
-
-def _near(push_rad: float) -> bool:
-    return abs(push_rad) <= MOST_PUSH_RAD
+    def _do(self, drive: SimulatedBoard, word: str, numbers: list[float]) -> None:
+        fits = len(numbers) == len(drive.pushes_rad)
+        if word in ("push", "lead") and fits and all(abs(p) <= MOST_PUSH_RAD for p in numbers):
+            drive.pushes_rad, drive.led = numbers, word == "lead"
+        if len(numbers) != 1 or len(drive.axes) != 1 or drive.passive:
+            return
+        self._attendant = self._attendant or Attendant(drive)
+        number, somebody = numbers[0], self._attendant
+        if word == "aim" and abs(number) <= MOST_AIM_RAD:
+            somebody.aim(number)
+        elif word == "hang" and abs(number) <= drive.device.tau_full_scale_Nm:
+            somebody.hang(number)
+        elif word == "let-go":
+            somebody.let_go()
+        elif word == "spring" and number >= 0:
+            with contextlib.suppress(UserError):  # one that no coupling has
+                drive.build_in(number)
 
 
 def serve_hosts(

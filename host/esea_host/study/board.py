@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from esea_gen.control.faults import FAULT_CODES
+from esea_gen.emit.states import BOARD_FAULTS, STATES
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
@@ -24,10 +26,13 @@ from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 from esea_host.study.watching import Gauge
 
-TORQUE_MODE, DEADLINE_MS = 1.0, 200
+TORQUE_MODE, DEADLINE_MS = 1.0, 500
 FRAME_S, SILENT_S, READY_S, SETTLE_S = 0.01, 1.0, 8.0, 0.2
 AWAY_S, SWITCH_S = 60.0, 30.0
-WORKING = ("ARMED", "ACTIVE", "LETTING_GO")
+WORKING = ("ARMED", "ACTIVE")  # who lets go does not come back, and is armed again
+STATE_NAMES = {s.value: s.name for s in STATES}
+FAULTS = [c for c in (*FAULT_CODES, *BOARD_FAULTS) if c.value]
+FAULT_NAMES = {c.value: f"{c.name.lower().replace('_', ' ')} (fault {c.value})" for c in FAULTS}
 REST_SHARE = 0.1  # of the largest torque: more at rest is a zero that is not one; assumed
 
 
@@ -44,8 +49,6 @@ class BoardSource(InputSource):
         Zero and arm it before the first trial, and after it was lost.
     advance : callable, optional
         Moves the clock of a board whose clock stands still.
-    settings : mapping of str to float
-        Parameters that are to differ from the device's own; those that it has not are left out.
     """
 
     def __init__(
@@ -54,7 +57,6 @@ class BoardSource(InputSource):
         folder: Path | None,
         drive: bool = False,
         advance: Callable[[float], None] | None = None,
-        settings: Mapping[str, float] | None = None,
     ) -> None:
         self.device, self.folder, self.drive, self.advance = device, folder, drive, advance
         self.signals = DeviceSignals(device.identity.device)
@@ -63,7 +65,6 @@ class BoardSource(InputSource):
         self._acts = self.signals.of_axes(ACTS)
         self._taps: Mapping[str, Tap] = {}
         self._limits = device.parameters()
-        self._settings = {n: x for n, x in (settings or {}).items() if n in self._limits}
         self._recording: LiveRecording | None = None
         always = [*self._torques.values(), *self._angles.values(), *self._acts.values()]
         self._rows = LatestRows(device, always)
@@ -72,7 +73,7 @@ class BoardSource(InputSource):
         self._broken = ""
         self._asked: dict[str, float] = {}
         self._held: float | None = None
-        self._armed = False
+        self._armed, self._reconnects = False, 0
         self._first_ns: int | None = None
 
     @property
@@ -96,8 +97,7 @@ class BoardSource(InputSource):
             "limits": {k: v for k, v in self._limits.items() if k.startswith("limits")},
         }
         try:
-            self._wait_for_link()
-            boot = self.device.boot_number()
+            boot = self._wait_for_link()
             found |= {"boot": boot, "restarted": self._boot not in (0, boot)}
             self._boot = boot
             if self._recording is None and self.folder is not None:
@@ -107,11 +107,10 @@ class BoardSource(InputSource):
             self.device.listen(self._rows.streams if self._recording is None else None)
             self._rows.start()
             self.pull()
-            found["settings"] = self._set()
             if self.drive:
                 self._arm()
             self._pass(SETTLE_S)
-            self._state = state = self.device.state()
+            self._state = state = self._state_now()
         except (LinkError, UserError) as error:
             return found | {"problem": str(error)}
         self._broken, self._rows.began_again = "", False
@@ -133,22 +132,22 @@ class BoardSource(InputSource):
             )
         return found
 
-    def _set(self) -> Mapping[str, float]:
-        # A board that lost its power has its own again; one that is armed takes none.
-        now = self.device.parameters() if self._settings else {}
-        for name, value in self._settings.items():
-            if abs(now[name] - value) > 1e-6 * max(1.0, abs(value)):
-                now[name] = self.device.set(name, value)
-        return {name: now[name] for name in self._settings}
-
-    def _wait_for_link(self) -> None:
-        until_s = time.monotonic() + AWAY_S
-        while self.device.receiver.away and self.device.receiver.error is None:
-            self.waits("The link to the board is broken: look at cable and power.")
-            if time.monotonic() > until_s or self.ask():
+    def _wait_for_link(self) -> int:
+        # The board's boot number.  Who writes may see a break before who listens.
+        until_s, receiver = time.monotonic() + AWAY_S, self.device.receiver
+        while True:
+            try:
+                if not receiver.away:
+                    boot = self.device.boot_number()
+                    self.waits("")
+                    return boot
+            except LinkError:
+                if receiver.error is not None:
+                    raise
+            if receiver.error is not None or time.monotonic() > until_s or self.ask():
                 raise UserError("The link to the board is broken.", "Look at cable and power.")
+            self.waits("The link to the board is broken: look at cable and power.")
             time.sleep(0.05)
-        self.waits("")
 
     def _new_file(self) -> Path:
         # A session that goes on has a recording more.
@@ -162,20 +161,29 @@ class BoardSource(InputSource):
             name = self.signals.device.name
             raise UserError(f"{name} has no motor to arm.", "Leave --arm out.")
         deadline_s = self.now_s() + READY_S
-        while (state := self.device.state()) not in WORKING:
+        while (state := self._state_now()) not in WORKING or self.device.state() not in WORKING:
             if state in ("FAULT", "STOPPED"):
                 raise UserError(self._trouble(state), "See to it, then go on with study resume.")
             if state == "UNREFERENCED":
                 self.device.zero()
             elif state == "READY":
-                self.device.arm()
+                # Refused while the controller has not quite let go of what was before: once more.
+                with contextlib.suppress(LinkError):
+                    self.device.arm()
+            elif state in WORKING:
+                self.device.disarm()
+            self._state = state
             if self.now_s() > deadline_s or self.ask():
                 raise UserError(f"The board stays {state}.", "Rest the joint, unloaded.")
             self._pass(0.4)
 
+    def _state_now(self) -> str:
+        # Asked: the last that was told may be of before a pause, or a broken link.
+        return STATE_NAMES.get(self.device.clock()["state"], "UNKNOWN")
+
     def _trouble(self, state: str) -> str:
-        number = self.device.fault()
-        return f"the board is in {state}" + (f", fault {number}" if number else "")
+        fault = FAULT_NAMES.get(self.device.fault(), "")
+        return f"the board is in {state}" + (f": {fault}" if fault else "")
 
     # -- time --------------------------------------------------------------------------------------
 
@@ -243,9 +251,11 @@ class BoardSource(InputSource):
         self._taps, self._asked = self.signals.taps(task), self.signals.wanted(conditions)
         self._rows.need(self._taps.values())
         self._event("trial", number=number, task=task.name)
-        if self.drive and self.device.state() == "READY":  # it was let go of in a pause
+        state = self._state_now()
+        if self.drive and state in ("READY", "LETTING_GO"):  # nobody has asked in a pause
             self._arm()
-        self._armed = self.device.state() in WORKING
+            state = self._state_now()
+        self._armed, self._reconnects = state in WORKING, self.device.receiver.reconnects
         if CONSTRAINED in self._asked:
             try:
                 self._establish(number)
@@ -281,6 +291,7 @@ class BoardSource(InputSource):
     def over(self, number: int, state: str) -> None:
         """What was wanted holds no longer than its deadline."""
         self._asked, self._held = {}, None
+        self.say("link", trial=number, **self.device.health())
         self._event("trial_end", number=number, state=state)
         self.say("link", trial=number, **self.device.health())
 
@@ -316,8 +327,12 @@ class BoardSource(InputSource):
             When the board is lost, or no longer holds the trial's condition.
         """
         try:
+            if self._recording is not None and self._recording.error is not None:
+                raise UserError(f"The recording failed: {self._recording.error}", "")
             self.want(requests)
             self.pull()
+            if self.device.receiver.reconnects != self._reconnects:
+                raise LinkError("the link broke for a while")
             if self._rows.began_again:
                 raise UserError("The board's clock began again.", "")
             if self._held is not None:

@@ -175,8 +175,3 @@ def uses_of(protocol: Protocol) -> list[tuple[StudyTask, Mapping[str, float]]]:
                 task = task_named(trial.task, "plan")
                 found.append((task, task.conditions(task.Parameters(**trial.parameters))))
     return found
-
-
-def settings_of(protocol: Protocol) -> dict[str, float]:
-    """Parameters of the device that the tasks of a protocol set."""
-    return {n: x for task, _ in uses_of(protocol) for n, x in task.settings.items()}

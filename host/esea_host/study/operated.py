@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from esea_gen.errors import UserError
+from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene
 from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
@@ -46,6 +47,10 @@ class OperatedSource(InputSource):
         """As the source inside."""
         self.inner.listen_to(self)
         return self.inner.ready()
+
+    def before(self, trial: PlannedTrial) -> str:
+        """As the source inside."""
+        return self.inner.before(trial)
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """Whoever acts, in the clock's time."""

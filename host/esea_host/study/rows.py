@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable
 
@@ -12,6 +13,8 @@ from esea_host.connection.decoder import TICK
 from esea_host.connection.receiver import Batch
 from esea_host.recording.layout import Array
 from esea_host.study.fitting import Tap
+
+ASKED = 8  # for the tick, before each trial
 
 
 class LatestRows:
@@ -36,7 +39,7 @@ class LatestRows:
         self._waiting: dict[str, list[Batch]] = {}
         self._last_tick: dict[str, int] = {}
         self._new: dict[str, Array] = {}
-        self._offset_ns: int | None = None
+        self._tick_s, self._zero_s = device.receiver.tick_ns * 1e-9, math.nan
         self.board_ns = self.tick = 0
         self.taken_s: float | None = None
         self.began_again = False
@@ -50,13 +53,24 @@ class LatestRows:
         """Read these signals as well from now on."""
         self._needed = self._always | {tap.stream for tap in taps}
         self._device.listen(sorted(self._needed))
+        if self._device.address is not None:  # else somebody moves its clock by hand
+            self._compare_clocks()
+
+    def _compare_clocks(self) -> None:
+        # Of several answers the fastest: halfway it was that tick.
+        found = []
+        for _ in range(ASKED):
+            asked_s = time.monotonic()
+            tick = self._device.clock()["tick"]
+            answered_s = time.monotonic()
+            middle_s = (asked_s + answered_s) / 2
+            found.append((answered_s - asked_s, middle_s - tick * self._tick_s))
+        self._zero_s = min(found)[1]
 
     def start(self) -> None:
-        """Forget what a board told before it was lost, and compare the clocks again."""
+        """Forget what a board told before it was lost."""
         self._queue.take(0.0)
         self._waiting, self._last_tick, self.began_again = {}, {}, False
-        if self._device.address is not None:  # else somebody moves its clock by hand
-            self._offset_ns = self._device.time_sync().offset_ns
 
     def take(self, timeout_s: float, due_ns: int) -> None:
         """Take in what has come, and go on to its end where that is at or after a time."""
@@ -72,6 +86,8 @@ class LatestRows:
 
     def _go_on(self, now_ns: int) -> None:
         for name, batches in self._waiting.items():
+            if not batches:  # a stream beside those that are needed
+                continue
             rows = np.concatenate([b.rows for b in batches])
             times = np.concatenate([b.board_ns for b in batches])
             count = int(np.searchsorted(times, now_ns, "right"))
@@ -87,9 +103,8 @@ class LatestRows:
         self.tick = max(int(self._new[s][TICK][-1]) for s in self._needed)
         if self._device.address is None:
             self.taken_s = time.monotonic()
-        elif self._offset_ns is not None:
-            ns = self.tick * self._device.receiver.tick_ns
-            self.taken_s = (ns - self._offset_ns) * 1e-9
+        elif math.isfinite(self._zero_s):
+            self.taken_s = self._zero_s + self.tick * self._tick_s
 
     def value(self, tap: Tap) -> float:
         """A signal at that moment; 0 before the first."""

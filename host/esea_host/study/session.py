@@ -14,7 +14,14 @@ from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
 from esea_host.study.scene import Scene
 from esea_host.study.source import InputSource
-from esea_host.study.task import Situation, TaskBrokenError, TaskStep, task_named
+from esea_host.study.task import (
+    Inputs,
+    Situation,
+    StudyTask,
+    TaskBrokenError,
+    TaskStep,
+    task_named,
+)
 from esea_host.study.watching import (
     SessionWatcher,
     Show,
@@ -241,6 +248,8 @@ class StudySession:
             # By the session's own clock: a break between start and resume counts as no time.
             if self._offset_s + self.source.now_s() > 60 * rules["longest_min"]:
                 return f"longer than {rules['longest_min']:g} min"
+            if why := self.source.before(trial):
+                return why
             ended, row, reason = self._trial(trial, tuple(past), watcher)
             if ended == COMPLETED and row is not None:
                 past.append(row)
@@ -400,7 +409,9 @@ class _Frames:
 
 
 def replay(
-    path: Path, earlier: Sequence[Mapping[str, Any]] = ()
+    path: Path,
+    earlier: Sequence[Mapping[str, Any]] = (),
+    told: Callable[[int, StudyTask, float], Inputs] | None = None,
 ) -> Iterator[tuple[int, Scene, bool]]:
     """Replay a session: the scenes that its log makes again.
 
@@ -410,6 +421,8 @@ def replay(
         The log.
     earlier : sequence of mapping
         Rows of the participant's earlier sessions, as at the time.
+    told : callable, optional
+        Inputs in place of the log's, of the trial begun as number n, from 0, at a time in it.
 
     Yields
     ------
@@ -417,18 +430,23 @@ def replay(
         ``same`` is False where the scenes up to there are not, bit for bit, those that were shown.
     """
     with well_formed(path):
-        yield from _replay(read_log(path).sound(path).entries, path, earlier)
+        yield from _replay(read_log(path).sound(path).entries, path, earlier, told)
 
 
 def _replay(
-    entries: Sequence[LoggedEvent], path: Path, earlier: Sequence[Mapping[str, Any]]
+    entries: Sequence[LoggedEvent],
+    path: Path,
+    earlier: Sequence[Mapping[str, Any]],
+    told: Callable[[int, StudyTask, float], Inputs] | None,
 ) -> Iterator[tuple[int, Scene, bool]]:
     plan = plan_from(entries[0].data["plan"])
     past: list[
         Mapping[str, Any]
     ] = []  # of this session: only its own rows are repeated or corrected
+    attempt = -1
     for e in entries:
         if e.kind == "trial":
+            attempt += 1
             trial = plan.trials[e.data["trial"] - 1]
             task, state, digest = task_named(trial.task, path.name), None, hashlib.sha256()
         elif e.kind == "frames":
@@ -436,6 +454,7 @@ def _replay(
                 state = task.begin(situation_of(trial, (*earlier, *past)))
             for k, sample in enumerate(e.data["samples"], 1):
                 inputs = dict(zip(e.data["names"], sample[1:], strict=True))
+                inputs |= told(attempt, task, sample[0]) if told is not None else {}
                 step = task.step(state, sample[0], inputs)
                 state = step.state
                 digest.update(step.scene.digest())

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from esea_host.study.task import Actor, Situation, StudyTask
 from esea_host.study.watching import Gauge, Stop, not_stopped, told_nobody
+
+if TYPE_CHECKING:
+    from esea_host.study.plan import PlannedTrial
 
 
 class InputSource(ABC):
@@ -34,6 +37,10 @@ class InputSource(ABC):
 
         A key ``problem`` with words keeps the session from starting.
         """
+
+    def before(self, trial: PlannedTrial) -> str:
+        """What keeps the coming trial from beginning: it stays to be done, and the session ends."""
+        return ""
 
     @abstractmethod
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:

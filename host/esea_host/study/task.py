@@ -123,8 +123,6 @@ class StudyTask(ABC):
         What it cannot do without, by the name that it has in a step.
     switches : tuple of str
         What somebody may press beside, 1 while it is pressed.
-    settings : mapping of str to float
-        Parameters of the device that differ from its own in a study with this task.
     """
 
     name: ClassVar[str]
@@ -134,7 +132,6 @@ class StudyTask(ABC):
     columns: ClassVar[tuple[DataColumn, ...]]
     inputs: ClassVar[Mapping[str, Signal]] = {}
     switches: ClassVar[tuple[str, ...]] = ()
-    settings: ClassVar[Mapping[str, float]] = {}
 
     @abstractmethod
     def longest_s(self, parameters: Any) -> float:

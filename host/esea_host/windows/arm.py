@@ -26,7 +26,7 @@ class VirtualArm(QWidget):
     def __init__(self, feed: LiveFeed, push: Callable[[], None], axis: str = "") -> None:
         super().__init__()
         (self._shown,) = AxisColumns(feed).signals((("theta_load_rad", "1", ""),), axis)
-        self._feed, self._push, self._axis = feed, push, axis
+        self._feed, self._push = feed, push
         self.push_rad = 0.0
         self._taken_rad: float | None = None
         self.setMinimumSize(200, 200)
@@ -102,9 +102,7 @@ class VirtualArm(QWidget):
         painter.setPen(ink)
         said = f"{math.degrees(angle):.0f} deg"
         said += f", pushed by {math.degrees(self.push_rad):+.0f} deg" if self.push_rad else ""
-        painter.drawText(
-            10, self.height() - 28, f"SIMULATED arm{self._axis and f', {self._axis}'}: drag it"
-        )
+        painter.drawText(10, self.height() - 28, "SIMULATED: drag it")
         painter.drawText(10, self.height() - 10, said)
 
 

@@ -41,7 +41,7 @@ class DemoOperator:
             start_s = time.monotonic()
             while not self._closed.wait(TURN_S) and self._device.state() in ("ARMED", "ACTIVE"):
                 phase = 2 * math.pi * WANTED_HZ * (time.monotonic() - start_s)
-                wanted_Nm = AMPLITUDE_Nm * math.sin(phase)
+                wanted_Nm = AMPLITUDE_Nm / len(names) * math.sin(phase)
                 self._device.want(DEADLINE_MS, mode=1.0, **dict.fromkeys(names, wanted_Nm))
         except LinkError as error:
             self.said = str(error)

@@ -35,8 +35,7 @@ def run_live(
     window = LiveWindow(feed, dark)
     if push is not None:
         add_arms(window, feed, push)
-    room = window.screen().availableSize()
-    window.resize(min(1280, room.width()), min(860, room.height()))
+    window.resize(1280, 860)
     window.show()
     if seconds is not None:
         QTimer.singleShot(int(seconds * 1000), window.close)

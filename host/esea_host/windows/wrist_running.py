@@ -52,7 +52,6 @@ def run_wrist(
         dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
     display = WristDisplay(device.identity.device, calibration)
     keeper = ConstraintKeeper(device, arms=device.simulated)
-    keeper.prepare()
     feed = LiveFeed(device, recording)
     transport = device.receiver.transport
     lead = partial(_lead, transport) if isinstance(transport, SimulatedProcess) else None
@@ -153,7 +152,6 @@ class _Film:
     def run(self, picture: Path, record: Path | None, seconds: float) -> None:
         mark = self.board.device.name
         self.say(f"simulated {mark}, simulated hand")
-        self.keeper.prepare()
         ready = WORKING if self.keeper.there else ("READY",)
         self.until("ready", READY_S, lambda: self.feed.news.state in ready)
         if self.display.calibration is None:

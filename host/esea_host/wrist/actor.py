@@ -3,23 +3,37 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping, Sequence
 
-from esea_host.people.hand import MovingHand, Submovement, shape
-from esea_host.people.person import VirtualParticipant
-from esea_host.study.scene import Scene, Shape
-from esea_host.study.task import Inputs
+from esea_host.people.control import FRAME_S, AxisController
+from esea_host.people.hand import Hand, shape
+from esea_host.people.person import Muscle, VirtualParticipant, minimum_jerk, minimum_jerk_speed
+from esea_host.study.scene import Scene
+from esea_host.study.task import Inputs, TaskParameters
 from esea_host.wrist.target import DAMPING_KG_S, MASS_KG
 from esea_host.wrist.worn import HANDLE_KGM2, WornWrist
 
+PACED = ("wrist.neutral", "wrist.range", "wrist.velocity")  # the cursor is the hand itself there
+TASK_RATE_1_S = DAMPING_KG_S / MASS_KG
+# Who has come to rest that far from where they wanted to be goes on; assumed.
+LEAST_RAD = math.radians(1.0)
+SEEN_TO_RUN_S = 0.5  # after the reaction: then it is clear whether a target runs or stands; assumed
 
-def _runs_away(length_s: float) -> float:
-    # Share of an even movement of this length by which the target of equation 7.7 has moved.
-    tau = MASS_KG / DAMPING_KG_S
-    return 1.0 - tau / length_s * (1.0 - math.exp(-length_s / tau))
+
+class Arm:
+    """A participant's wrist in a device; goes on from trial to trial.
+
+    axes: who moves each.  aims_deg, felt_deg: where each is held and was read last.
+    """
+
+    def __init__(self, who: VirtualParticipant, handle_kgm2: float) -> None:
+        self.axes = [AxisController(who.model, x, handle_kgm2, who.rng) for x in who.limbs]
+        self.aims_deg = [0.0] * len(self.axes)
+        self.felt_deg = [0.0] * len(self.axes)
 
 
-class WristActor(MovingHand):
+class WristActor(Hand):
     """A person in the virtual device, for one trial.
 
     Parameters
@@ -28,72 +42,119 @@ class WristActor(MovingHand):
         Learns by it.
     rig : WornWrist
         The device.
+    arm : Arm
+        The person's.
     task : str
         Name of the task: people are told what to do.
-    aims : list of float
-        Where the hand is held, both axes, deg; goes on from trial to trial.
+    parameters : TaskParameters
+        Whether the target runs away, which is seen in time, and the impairment acts, which is felt.
     """
 
     def __init__(
-        self, who: VirtualParticipant, rig: WornWrist, task: str, aims: list[float]
+        self,
+        who: VirtualParticipant,
+        rig: WornWrist,
+        arm: Arm,
+        task: str,
+        parameters: TaskParameters,
     ) -> None:
-        super().__init__(who, aims, HANDLE_KGM2)
-        self.rig, self.task = rig, task
+        super().__init__(who, arm.aims_deg, HANDLE_KGM2)
+        self.rig, self.arm, self.task = rig, arm, task
         self.appeared_s: float | None = None
+        self._moves, self._learnt = not getattr(parameters, "stationary", True), False
+        self._seen: deque[Scene] = deque(maxlen=arm.axes[0].seen_frames)
+        self._role = ""
+        for x in arm.axes:
+            x.enter(bool(getattr(parameters, "impairment", False)))
+        self._asked_deg = [math.nan] * len(arm.axes)
+        # Of each axis: when a movement begins, from where it goes, and to where.
+        self._paths = [(math.inf, x.goal_rad, x.goal_rad) for x in arm.axes]
 
-    def move(self, muscles: Sequence[Sequence[float]], requests: Mapping[str, float]) -> Inputs:
+    def move(self, muscles: Sequence[Muscle], requests: Mapping[str, float]) -> Inputs:
         """A frame of the device."""
         return self.rig.advance_by(muscles, requests)
 
-    def look(self, scene: Scene) -> None:
-        """A target that appears is a new one to react to."""
-        super().look(scene)
-        if self.task == "wrist.catch" and self.appeared_s is None and shape(scene, "target"):
-            self.appeared_s = self.time_s
+    def rests(self) -> Sequence[Muscle]:
+        """What the muscles do in a frame between trials."""
+        self.time_s = round(self.time_s + FRAME_S, 6)
+        self.look(Scene())
+        return self.act({})
 
-    def plan(self, axis: int, scene: Scene, aims_then: tuple[float, ...]) -> None:
-        """As the task asks."""
-        m = self.who.model
-        if self.task == "wrist.neutral":
-            self._go_home(axis)
+    def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
+        """One frame; what the device reads is what the wrist feels."""
+        time_s, inputs = super().react(scene, requests)
+        self.arm.felt_deg[:] = inputs["fe_deg"], inputs["ru_deg"]
+        return time_s, inputs
+
+    def look(self, scene: Scene) -> None:
+        """Notice a target that appears, learn how it moves, and how far the cursor goes."""
+        self._seen.append(scene)
+        cursor = shape(scene, "cursor")
+        if cursor and self.task not in PACED:
+            self.feel((cursor.x, cursor.y))
+        if self.task != "wrist.catch":
             return
-        goal, cursor = self._goal(scene), shape(scene, "cursor")
+        if self.appeared_s is None:
+            self.appeared_s = self.time_s if shape(scene, "target") else None
+        elif not self._learnt and self._reacted(SEEN_TO_RUN_S):
+            self.who.learn(self._moves)
+            self._learnt = True
+
+    def _reacted(self, more_s: float = 0.0) -> bool:
+        since = math.inf if self.appeared_s is None else self.appeared_s
+        return self.time_s > since + self.who.model.reaction_s + more_s
+
+    def act(self, requests: Mapping[str, float]) -> Sequence[Muscle]:
+        """As the task asks, on what was seen a delay ago."""
+        axes = self.arm.axes
+        blind = len(self._seen) < axes[0].seen_frames
+        if self.task in PACED:
+            for k in range(len(axes)):
+                self._pace(k, None if blind else self._seen[0])
+        elif not blind:
+            self._pursue(self._seen[0])
+        muscles = [x.frame(math.radians(a)) for x, a in zip(axes, self.arm.felt_deg, strict=True)]
+        self.aims[:] = [math.degrees(x.angle_rad) for x in axes]
+        return muscles
+
+    def _pursue(self, scene: Scene) -> None:
+        cursor, goal = shape(scene, "cursor"), shape(scene, "target")
+        if self.task == "wrist.catch" and (goal is None or not self._reacted()):
+            goal = shape(scene, "origin")
         if goal is None or cursor is None:
             return
-        length = m.submovement_s
-        at = goal.y if axis else goal.x
-        if self.task == "wrist.track":
-            at += self.speed_seen("target")[axis] * (m.delay_s + length / 2)
-            # It is their own motion: nobody expects it beyond half of their own range.
-            limb = self.who.limbs[axis]
-            half = math.degrees(limb.high_rad - limb.low_rad) / 2
-            at = min(max(at, -half), half)
-        wanted = at - (cursor.y if axis else cursor.x)
-        # What has been commanded since that was seen, and what is still to come of it.
-        gain = self.who.gain[axis]
-        wanted = wanted / gain - (self.end(axis) - aims_then[axis])
-        if self.task in ("wrist.range", "wrist.velocity"):
-            length = max(m.sweep_s * min(abs(wanted) / 60.0, 1.0), m.submovement_s)
-        if self.task == "wrist.catch" and goal.role == "target":
-            # What is known of equation 7.7: it goes on for a while, and runs from the hand.
-            tau = MASS_KG / DAMPING_KG_S
-            coasts = m.delay_s + tau * (1.0 - math.exp(-length / tau))
-            wanted += self.who.known * self.speed_seen("target")[axis] * coasts / gain
-            wanted /= 1.0 - self.who.known * _runs_away(length)
-        self.correct(axis, wanted, length)
+        if goal.role != self._role:
+            self._role = goal.role
+            caught = self.task == "wrist.catch" and goal.role == "target"
+            for x in self.arm.axes:
+                # In twentieths: fewer gains to solve.
+                x.expect(TASK_RATE_1_S * round(20 * self.who.known) / 20 if caught else 0.0)
+        away = (goal.x - cursor.x, goal.y - cursor.y)
+        for x, distance, gain in zip(self.arm.axes, away, self.who.gain, strict=True):
+            x.see(math.radians(distance) / gain)
 
-    def _go_home(self, axis: int) -> None:
-        # Felt, not seen: where the wrist rests by itself.
-        if not self.running or all(x.axis != axis for x in self.running):
-            home = math.degrees(self.who.limbs[axis].rest_rad) - self.base[axis]
-            self.running.append(Submovement(axis, self.time_s, self.who.model.sweep_s, home))
-            self.next_s[axis] = math.inf
-
-    def _goal(self, scene: Scene) -> Shape | None:
-        target = shape(scene, "target")
-        if self.task != "wrist.catch":
-            return target
-        shown = self.appeared_s is not None
-        if shown and self.time_s < (self.appeared_s or 0.0) + self.who.model.reaction_s:
-            return None
-        return target or shape(scene, "origin")
+    def _pace(self, axis: int, scene: Scene | None) -> None:
+        # At one's own pace: minimum jerk, in a time that does not depend on the distance.
+        arm, limb, m = self.arm.axes[axis], self.who.limbs[axis], self.who.model
+        begin, start, end = self._paths[axis]
+        lasts = math.degrees(limb.high_rad - limb.low_rad) / m.comfortable_deg_s[axis]
+        share = (self.time_s - begin) / lasts
+        arm.goal_rad = start + (end - start) * minimum_jerk(share)
+        arm.goal_rad_s = (end - start) * minimum_jerk_speed(share) / lasts
+        if scene is None:
+            return
+        if self.task == "wrist.neutral":  # felt, not seen
+            asked, to = 0.0, limb.rest_rad
+        else:
+            target, cursor = shape(scene, "target"), shape(scene, "cursor")
+            if target is None or cursor is None:
+                return
+            asked, seen = (target.y, cursor.y) if axis else (target.x, cursor.x)
+            to = arm.angle_seen_rad + math.radians(asked - seen)
+        short = self.time_s > begin + lasts + m.reaction_s and abs(to - end) > LEAST_RAD
+        if asked != self._asked_deg[axis] or short:
+            self._asked_deg[axis] = asked
+            most = math.radians(10.0)
+            to = min(max(to, limb.low_rad - most), limb.high_rad + most)
+            wait = m.reaction_s - arm.seen_frames * FRAME_S
+            self._paths[axis] = self.time_s + max(wait, 0.0), arm.goal_rad, to

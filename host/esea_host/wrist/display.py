@@ -176,11 +176,13 @@ class WristDisplay:
 
     @property
     def half_width_deg(self) -> float:
-        """Of both panes."""
+        """Of both panes: room for the healthy range, and for where the maps lead."""
         if self.calibration is None:
             return HALF_WIDTH_DEG
-        stored = (self.calibration.healthy.axis(a) for a in AXES)
-        return 1.2 * max(max(-s.low_deg, s.high_deg) for s in stored)
+        ends = [x for a in AXES for x in self.calibration.healthy.axis(a).range_deg]
+        for axis, curve in self.curves.items():
+            ends += (self.maps or {})[axis].position([curve.low_deg, curve.high_deg]).tolist()
+        return 1.2 * max(map(abs, ends))
 
     def picture(self) -> DisplayPicture:
         """What to draw now."""

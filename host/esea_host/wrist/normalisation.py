@@ -23,6 +23,9 @@ from esea_gen.errors import UserError
 Array = npt.NDArray[np.float64]
 LEAST_NODES = 3
 SPACING_DEG = 10.0
+# Two measurements of one range may differ by so much: RU has no wall.  M. Horger, American Journal
+# of Occupational Therapy 44, 1990: a goniometer on the wrist, about 5 deg.
+REPEATED_DEG = 5.0
 
 
 @dataclass(frozen=True)
@@ -242,7 +245,7 @@ def check_nodes(name: str, speeds: NodeSpeeds) -> None:
 
 
 def _check_range(healthy: NodeSpeeds, constrained: NodeSpeeds) -> None:
-    if _width(constrained) > _width(healthy) * (1 + 1e-9):
+    if _width(constrained) > _width(healthy) + REPEATED_DEG:
         raise UserError(
             f"The constrained range, {_width(constrained):.1f} deg, is larger than the healthy "
             f"one, {_width(healthy):.1f} deg.",

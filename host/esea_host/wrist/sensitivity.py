@@ -52,19 +52,20 @@ SPANS = (
         "J. Saunders, D. Knill, Experimental Brain Research 162, 2005: direction, distance",
     ),
     PersonSpan(
-        *("two to three submovements a second", {"every_s": 1 / 3}, {"every_s": 0.5}),
-        "R. Miall, D. Weir, J. Stein, J. Motor Behavior 25, 1993",
+        *("accuracy, 3 to 4.5 bits/s", {"bits_s": 3.0}, {"bits_s": 4.5}),
+        "R. Balakrishnan, I. MacKenzie, CHI 1997: from the finger alone to a pinch grip",
     ),
+    PersonSpan("torque's noise, 1 to 10 %", {"torque_noise": 0.01}, {"torque_noise": 0.1}, ASSUMED),
     PersonSpan(
-        *("hand's stiffness, 3 to 10 Nm/rad", {"stiffness_Nm_rad": 3.0}),
-        *({"stiffness_Nm_rad": 10.0}, "as in the model: wrists at work"),
+        *("contracted muscles, 0.3 to 2 Nm/rad", {"contracted_Nm_rad": 0.3}),
+        *({"contracted_Nm_rad": 2.0}, ASSUMED),
     ),
     PersonSpan("reaction, 200 to 350 ms", {"reaction_s": 0.2}, {"reaction_s": 0.35}, ASSUMED),
-    PersonSpan("sweep, 0.6 to 2.5 s", {"sweep_s": 0.6}, {"sweep_s": 2.5}, ASSUMED),
-    PersonSpan("noise, 0.05 to 0.15", {"noise": 0.05}, {"noise": 0.15}, ASSUMED),
     PersonSpan(
-        *("submovement, 0.25 to 0.55 s", {"submovement_s": 0.25}, {"submovement_s": 0.55}, ASSUMED)
+        *("comfortable speed, 29 and 17, or 60 and 40 deg/s", {"comfortable_deg_s": (29.0, 17.0)}),
+        *({"comfortable_deg_s": (60.0, 40.0)}, "Marras, Schoenmarklin, 1993; high end assumed"),
     ),
+    PersonSpan("effort, 2 to 4.5 Nm", {"effort_Nm": 2.0}, {"effort_Nm": 4.5}, ASSUMED),
     PersonSpan(
         *("learning, half to twice", {"learn": (0.105, 0.01)}, {"learn": (0.42, 0.04)}, ASSUMED)
     ),

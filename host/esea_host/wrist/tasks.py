@@ -34,8 +34,6 @@ Axis = Literal["FE", "RU"]
 Way = Literal[-1, 1]
 
 
-# As published; in deviation there is resistance to speed alone.
-WALL_IN_FLEXION = {f"impairment_deviation.{n}": 0.0 for n in ("Kp_Nm_rad", "Kd_Nms_rad")}
 IMPAIRMENT = DataColumn("impairment", bool, "whether the simulated impairment was asked for")
 
 
@@ -72,7 +70,6 @@ class _WristTask(StudyTask):
         "fe_deg": Signal("theta_load_rad", "flexion"),
         "ru_deg": Signal("theta_load_rad", "deviation"),
     }
-    settings: ClassVar = WALL_IN_FLEXION
 
     def conditions(self, parameters: Any) -> Mapping[str, float]:
         return requests(parameters)

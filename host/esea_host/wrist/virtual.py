@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from esea_gen.device import Device
-from esea_host.people.hand import FRAME_S, Pointer, shape
-from esea_host.people.person import PersonModel, VirtualParticipant
+from esea_host.people.hand import Pointer
+from esea_host.people.person import Muscle, PersonModel, VirtualParticipant
 from esea_host.people.source import VirtualPeople
 from esea_host.simulated import SimulatedBoard
 from esea_host.study.folder import StudyFolder
 from esea_host.study.many import run_everybody
 from esea_host.study.protocol import Protocol, parse_protocol
-from esea_host.study.scene import Scene
 from esea_host.study.source import InputSource
-from esea_host.study.task import Actor, Inputs, Row, Situation, StudyTask
-from esea_host.wrist.actor import WristActor
-from esea_host.wrist.worn import WornWrist, wrist_drive
+from esea_host.study.task import Actor, Row, Situation, StudyTask, TaskParameters
+from esea_host.wrist.actor import Arm, WristActor
+from esea_host.wrist.worn import HANDLE_KGM2, WornWrist, wrist_drive
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
-HOLDING = (8.0, 0.3)  # of a hand that nobody moves: Nm/rad and Nms/rad
-HOME_DEG_S = 40.0  # and how fast it goes home
 
 
 class VirtualPerson(WornWrist):
@@ -48,48 +44,22 @@ class VirtualPerson(WornWrist):
         device: Device | None = None,
     ) -> None:
         super().__init__(who, folder, device)
-        self.pointer, self.aims = pointer, [0.0, 0.0]
+        self.pointer, self.arm = pointer, Arm(who, HANDLE_KGM2)
+        self._resting: WristActor | None = None
 
     def hand(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """The person, told what to do."""
-        hand = _Learner(self.who, self, task.name, self.aims, situation)
+        self._resting = None
+        hand = WristActor(self.who, self, self.arm, task.name, situation.parameters)
         hand.pointer = self.pointer
         return hand
 
-    def idle(self) -> Sequence[Sequence[float]]:
-        """The hand goes home."""
-        before, most = list(self.aims), HOME_DEG_S * FRAME_S
-        self.aims[:] = [x - min(max(x, -most), most) for x in before]
-        ends = zip(before, self.aims, strict=True)
-        return [(*HOLDING, *map(math.radians, e), self.who.model.effort_Nm) for e in ends]
-
-
-class _Learner(WristActor):
-    """Learns by what it sees of the target, and of its own gain."""
-
-    def __init__(
-        self,
-        who: VirtualParticipant,
-        rig: WornWrist,
-        task: str,
-        aims: list[float],
-        situation: Situation,
-    ) -> None:
-        super().__init__(who, rig, task, aims)
-        self.moves = not getattr(situation.parameters, "stationary", True)
-        self.learnt = False
-
-    def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
-        # Once a target: half a second after the hand has set off, it was seen to run or stand.
-        seen_s = (self.appeared_s or 0.0) + self.who.model.reaction_s + 0.5
-        if self.appeared_s is not None and not self.learnt and self.time_s > seen_s:
-            self.who.learn(self.moves)
-            self.learnt = True
-        # In the other tasks the cursor is the hand itself, or nothing.
-        cursor = shape(scene, "cursor")
-        if cursor and self.task not in ("wrist.neutral", "wrist.range", "wrist.velocity"):
-            self.feel((cursor.x, cursor.y))
-        return super().react(scene, requests)
+    def idle(self) -> Sequence[Muscle]:
+        """The hand goes where it rests by itself."""
+        if self._resting is None:
+            self._resting = WristActor(self.who, self, self.arm, "wrist.neutral", TaskParameters())
+        self.arm.felt_deg[:] = self.angles_deg()
+        return self._resting.rests()
 
 
 def wrist_protocol(seed: int, method: str = "rbf") -> Protocol:

@@ -20,13 +20,13 @@ from esea_gen.twin.hand import Hand, wrist
 from esea_gen.twin.published import Person
 from esea_host.people.person import Limb, VirtualParticipant
 from esea_host.simulated import LockstepDevice, SimulatedBoard
-from esea_host.study.board import BoardSource
+from esea_host.study.board import WORKING, BoardSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
-from esea_host.wrist.tasks import WALL_IN_FLEXION
 
 HANDLE_KGM2 = 0.006
 RESTS_S = 2.0  # of a rest so much is waited for; the hand lies still
 TICKS, TICK_S = 10, 1e-3  # of a frame
+LIMP = [(0.0,) * 5] * 2  # muscles of a hand that rests, while the motors are off
 
 
 @cache
@@ -88,7 +88,7 @@ class Muscles:
         self._limbs = [replace(x, **free, **ends) for x in limbs]
         joint = "theta_l_rad", "omega_l_rad_s"
         self._names = [tuple(of_axis(n, a) for n in joint) for a in board.axes]
-        self._frame: Sequence[Sequence[float]] = [(0.0, 0.0, 0.0, 0.0, 0.0)] * len(limbs)
+        self._frame: Sequence[Sequence[float]] = LIMP
         self._tick = 0
 
     def frame(self, muscles: Sequence[Sequence[float]]) -> None:
@@ -129,7 +129,7 @@ class WornWrist(BoardSource):
         self.board = SimulatedBoard(device or wrist_drive(), person="nobody")
         self.muscles = Muscles(self.board, who.limbs)
         link = LockstepDevice(self.board)
-        super().__init__(link, folder, True, link.advance, WALL_IN_FLEXION)
+        super().__init__(link, folder, True, link.advance)
         self._moved, self._skipped_s = False, 0.0
 
     @abstractmethod
@@ -158,10 +158,14 @@ class WornWrist(BoardSource):
         self._moved = True
         return self.frame(requests)
 
+    def angles_deg(self) -> list[float]:
+        """Of both axes, as the board told them last."""
+        return [gauge.value for gauge in self.gauges() if gauge.unit == "deg"]
+
     def pull(self) -> None:
         """As of a board, with the hand in it."""
         if not self._moved:
-            self.muscles.frame(self.idle())
+            self.muscles.frame(self.idle() if self.status() in WORKING else LIMP)
         self._moved = False
         super().pull()
 

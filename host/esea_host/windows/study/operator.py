@@ -97,7 +97,8 @@ class OperatorWindow(QMainWindow):
         self.state, self.who, self.advice = QLabel(), plain_label(self._who), QLabel()
         self.now, self.timers, self.coming = QLabel(), plain_label(), plain_label()
         self.said = plain_label()
-        for label in (self.advice, self.now, self.timers, self.coming, self.said):
+        # A reason may be long: it must not widen the window.
+        for label in (self.state, self.advice, self.now, self.timers, self.coming, self.said):
             label.setWordWrap(True)
         self.stop_button = QPushButton("STOP  (Space)")
         self.stop_button.setStyleSheet(STOP_STYLE)

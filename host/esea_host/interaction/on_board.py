@@ -1,0 +1,341 @@
+"""A session of these tasks on a board: the element is confirmed first, the angle has a middle.
+
+At a simulated board a simulated attendant builds in and loads the element, and a virtual
+participant plays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
+from esea_gen.studies.torque_check.load import KnownLoad
+from esea_host.connection import ConnectedDevice
+from esea_host.connection.address import SimulatedProcess
+from esea_host.interaction.confirming import PHASES, judge, spring_Nm_rad
+from esea_host.interaction.player import RigPlayer
+from esea_host.interaction.tasks import WithElement
+from esea_host.people.person import VirtualParticipant
+from esea_host.study.board import WORKING, BoardSource
+from esea_host.study.plan import PlannedTrial
+from esea_host.study.recorded import MIDDLE
+from esea_host.study.scene import Scene
+from esea_host.study.source import InputSource
+from esea_host.study.task import Actor, Inputs, Signal, Situation, StudyTask, task_named
+from esea_host.study.watching import Gauge
+
+# Of a phase: so long it is still, and its mean is taken; nobody is waited for longer.
+STILL_S, LONGEST_S, SILENT_S = 1.5, 180.0, 120.0
+LEAST_COUNTS = 20  # of the deflection under the load
+ROOM_RAD = math.radians(15.0)  # from the middle to a limit: what the tasks ask for, and half of it
+MIDDLE_S, LED_RAD_S = 0.5, 0.5
+SIMULATED_LOAD = KnownLoad(0.5, 0.2)
+
+
+class Hands(Protocol):
+    """Who builds in an element, loads it, and leads the arm, where nobody has to be asked."""
+
+    def build_in(self, spring_Nm_rad: float) -> None:
+        """A spring, or with 0 the device's own elastomer."""
+
+    def hang(self, load_Nm: float) -> None:
+        """A mass on the joint, the motor held."""
+
+    def let_go(self) -> None:
+        """The motor, no mass on the joint."""
+
+    def aim(self, aim_rad: float) -> None:
+        """Where the arm is to be at the end of the next frame."""
+
+
+class ProcessHands:
+    """At a simulated board in a process of its own.
+
+    swaps: whether the element of the protocol is built in; else what the address says stays.
+    """
+
+    def __init__(self, board: ConnectedDevice) -> None:
+        self._board = board
+        self.swaps = board.address is None or "spring=" not in board.address.place
+
+    def _do(self, word: str, number: float) -> None:
+        process = self._board.receiver.transport
+        if isinstance(process, SimulatedProcess):  # another one while it is opened again
+            process.hand(word, number)
+
+    def build_in(self, spring_Nm_rad: float) -> None:
+        """See :class:`Hands`."""
+        if self.swaps:
+            self._do("spring", spring_Nm_rad)
+
+    def hang(self, load_Nm: float) -> None:
+        """See :class:`Hands`."""
+        self._do("hang", load_Nm)
+
+    def let_go(self) -> None:
+        """See :class:`Hands`."""
+        self._do("let-go", 0.0)
+
+    def aim(self, aim_rad: float) -> None:
+        """See :class:`Hands`."""
+        self._do("aim", aim_rad)
+
+
+class ElementBoard(InputSource):
+    """A board with one of the study's elements in its coupling.
+
+    Parameters
+    ----------
+    inner : BoardSource
+        The board.
+    known : KnownLoad, optional
+        The mass that the element is confirmed by.
+    hands : Hands, optional
+        Loads the element; default: the operator is asked to.
+    who : VirtualParticipant, optional
+        Plays, by the hands; default: whoever wears the board.
+    """
+
+    def __init__(
+        self,
+        inner: BoardSource,
+        known: KnownLoad | None = None,
+        hands: Hands | None = None,
+        who: VirtualParticipant | None = None,
+    ) -> None:
+        self.inner, self.hands, self.who = inner, hands, who
+        self.known = known or (SIMULATED_LOAD if hands is not None else None)
+        self.middle_rad = math.nan
+        self._aims = [0.0]
+        self._confirmed = self._state = ""
+
+    def ready(self) -> Mapping[str, Any]:
+        """As the board's."""
+        self.inner.listen_to(self)
+        return self.inner.ready()
+
+    def before(self, trial: PlannedTrial) -> str:
+        """Confirm the element where it is another one than in the trial before."""
+        given = task_named(trial.task, "plan").Parameters(**trial.parameters)
+        try:
+            if isinstance(given, WithElement) and given.element != self._confirmed:
+                problem = self._confirm(given.element, given.stiffness_Nm_deg, trial.number)
+                if problem:
+                    return problem
+                self._confirmed = given.element
+            if not math.isfinite(self.middle_rad):
+                self._take_middle()
+        except (LinkError, UserError) as error:
+            return str(error)
+        finally:
+            self.waits("")
+        return ""
+
+    # -- the element -------------------------------------------------------------------------------
+
+    def _confirm(self, element: str, stiffness_Nm_deg: float, number: int) -> str:
+        inner, device = self.inner, self.inner.device
+        if self.known is None:
+            raise UserError(
+                f"The {element} is confirmed by a known mass, and none is given.",
+                "Give --mass KG and --lever M, such as bend the coupling by 3 deg.",
+            )
+        self._motor_off()
+        if self.hands is not None:
+            self.waits(f"The simulated attendant builds in the {element} ...")
+            self.hands.build_in(spring_Nm_rad(device.identity.device, element, stiffness_Nm_deg))
+        means = self._phases(self.known)
+        if self.hands is not None:
+            self.hands.let_go()
+        if why := self.ask():
+            return why
+        given = device.identity.device, element, self.known, means, stiffness_Nm_deg
+        finding = judge(*given)
+        self.say("element", trial=number, simulated=device.simulated, **finding.to_dict())
+        if finding.problem:
+            return finding.problem
+        self._state, ready = "", dict(inner.ready())
+        self.say("ready", **ready)
+        return str(ready.get("problem", ""))
+
+    def _motor_off(self) -> None:
+        device, until_s = self.inner.device, self.inner.now_s() + 5.0
+        if device.state() in WORKING:
+            device.disarm()
+        while (state := device.state()) in WORKING:
+            if self.inner.now_s() > until_s:
+                raise UserError(f"The board stays {state}.", "Switch the motor off.")
+            self.inner.pull()
+        self._state = state
+
+    def _pull(self) -> None:
+        # Of a simulated board another plant may be compiled meanwhile.
+        tries = round(SILENT_S) if self.hands is not None else 1
+        for left in range(tries, 0, -1):
+            try:
+                self.inner.pull()
+            except UserError:
+                if left == 1 or self.ask():
+                    raise
+            else:
+                return
+
+    def _phases(self, known: KnownLoad) -> list[float]:
+        device = self.inner.device
+        tap = self.inner.signals.tap(Signal("theta_rad"))
+        assert tap is not None  # every board tells its deflection
+        queue = device.subscribe([tap.stream])
+        signs, means = (0, 1, 0, -1, 0), list[float]()
+        mass = f"{known.mass_kg:g} kg at {known.arm_m:g} m"
+        try:
+            for k, phase in enumerate(PHASES):
+                act = f"hang {mass} on it, {phase}" if signs[k] else "leave it unloaded"
+                self.waits(
+                    f"Element, {k + 1} of {len(PHASES)}: nobody in the joint, hold the motor "
+                    f"side, {act}; it is read when it is still."
+                )
+                if self.hands is not None:
+                    self.hands.hang(signs[k] * known.torque_Nm)
+                means.append(self._settled(queue, tap.column, phase, means))
+                if self.ask():
+                    break
+        finally:
+            device.receiver.unsubscribe(queue)
+        return means
+
+    def _settled(self, queue: Any, column: str, phase: str, means: Sequence[float]) -> float:
+        file = self.inner.device.identity.device.file
+        count = 2 * math.pi / 2 ** round(file.encoder.resolution_bits.value)
+        until_s, latest = self.inner.now_s() + LONGEST_S, deque[float](maxlen=round(1e3 * STILL_S))
+        while not self.ask():
+            self._pull()
+            for batch in queue.take(0.0):
+                latest.extend(batch.rows[column].tolist())
+            there = np.array(latest)
+            if len(there) == latest.maxlen and np.ptp(there) < 3.5 * count:
+                mean = float(np.mean(there))
+                if _is_there(mean, means, LEAST_COUNTS * count):
+                    return mean
+            if self.inner.now_s() > until_s:
+                raise UserError(
+                    f"Within {LONGEST_S:g} s the coupling was not {phase} and still.",
+                    "Load it as asked, then go on with study resume.",
+                )
+        return math.nan
+
+    # -- the angle's middle ------------------------------------------------------------------------
+
+    def _take_middle(self) -> None:
+        inner = self.inner
+        angle = next(g for g in inner.gauges() if g.name.startswith("angle"))
+        low, high = math.radians(angle.low) + ROOM_RAD, math.radians(angle.high) - ROOM_RAD
+        now = math.radians(angle.value)
+        if low > high:
+            raise UserError(
+                f"The limits leave {angle.low:.0f} to {angle.high:.0f} deg; the tasks need "
+                f"{2 * math.degrees(ROOM_RAD):.0f} deg.",
+                "Widen limits.rom_min_rad and limits.rom_max_rad, or use another joint.",
+            )
+        self.waits("Hold the joint where the middle of the screen is to be.")
+        if self.who is not None and self.hands is not None:
+            wanted = min(0.5 * (low + high), low + 2 * ROOM_RAD)
+            step = math.copysign(0.01 * LED_RAD_S, wanted - now)
+            for k in range(1, 1 + int((wanted - now) / step)):
+                self.hands.aim(now + k * step)
+                self._frame()
+        at = []
+        for _ in range(round(100 * MIDDLE_S)):
+            self._frame()
+            at.append(next(g.value for g in inner.gauges() if g.name.startswith("angle")))
+        held = math.radians(float(np.mean(at)))
+        self.middle_rad = min(max(held, low), high)
+        self.say(MIDDLE, inputs={"theta_rad": self.middle_rad}, held_rad=held)
+
+    def _frame(self) -> None:
+        self.inner.want({})
+        self.inner.pull()
+
+    # -- trials ------------------------------------------------------------------------------------
+
+    def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
+        """Whoever wears the board, or plays by the hands."""
+        actor = self.inner.trial(task, situation, number)
+        player = None
+        if self.who is not None and self.hands is not None:
+            arm = _Arm(self.hands, self.middle_rad)
+            player = RigPlayer(self.who, arm, self._aims, situation, lambda: self.paused)
+        return _Centred(actor, self.middle_rad, player)
+
+    def over(self, number: int, state: str) -> None:
+        """As the board's."""
+        self.inner.over(number, state)
+
+    def rest(self, seconds: float) -> None:
+        """As the board's."""
+        self.inner.rest(seconds)
+
+    def now_s(self) -> float:
+        """As the board's."""
+        return self.inner.now_s()
+
+    def status(self) -> str:
+        """As the board's, the motor off while the element is loaded."""
+        return self._state or self.inner.status()
+
+    def broken(self) -> str:
+        """As the board's."""
+        return self.inner.broken()
+
+    def tick_s(self) -> float | None:
+        """As the board's."""
+        return self.inner.tick_s()
+
+    def gauges(self) -> tuple[Gauge, ...]:
+        """As the board's."""
+        return self.inner.gauges()
+
+
+def _is_there(mean: float, means: Sequence[float], least: float) -> bool:
+    # The phase that follows these means: unloaded, one way, unloaded, the other way, unloaded.
+    if not means:
+        return True
+    from_zero = mean - means[0]
+    if len(means) == 1:
+        return abs(from_zero) > least
+    bent = means[1] - means[0]
+    if len(means) == 3:
+        return from_zero * bent < 0 and abs(from_zero) > least
+    return abs(from_zero) < 0.5 * abs(bent)
+
+
+class _Arm:
+    # The simulated arm, as a player's rig.
+
+    def __init__(self, hands: Hands, middle_rad: float) -> None:
+        self._hands, self._middle_rad = hands, middle_rad
+
+    def advance(self, muscle: Sequence[float]) -> list[float]:
+        self._hands.aim(self._middle_rad + muscle[3])
+        return [0.0]
+
+
+class _Centred(Actor):
+    def __init__(self, inner: Actor, middle_rad: float, player: RigPlayer | None) -> None:
+        self._inner, self._middle_rad, self._player = inner, middle_rad, player
+        self._last_s = 0.0
+
+    def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
+        """The board's angle from the middle."""
+        more = {}
+        if self._player is not None:
+            self._player.time_s = self._last_s
+            played = self._player.react(scene, requests)[1]
+            more = {"recentre": 1.0} if played["recentre"] else {}
+        self._last_s, inputs = self._inner.react(scene, requests)
+        return self._last_s, {"theta_rad": inputs["theta_rad"] - self._middle_rad, **more}

@@ -1,0 +1,141 @@
+"""The samples behind a session's scenes, out of what its board recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from esea_gen.errors import UserError
+from esea_host.recording.integrity import warn_unless_complete
+from esea_host.recording.log import Log, Table, open_log
+from esea_host.recording.replay import device_of
+from esea_host.study.fitting import DeviceSignals
+from esea_host.study.log import read_log
+from esea_host.study.task import Inputs, StudyTask
+
+CONDITION, MIDDLE = "condition", "middle"
+
+
+@dataclass(frozen=True)
+class TrialAttempt:
+    """A trial as often as it was begun; ended_ns: None where the recording ends within it."""
+
+    number: int
+    path: Path
+    begun_ns: int
+    ended_ns: int | None = None
+    state: str = ""
+
+
+class BoardRecordings:
+    """The recordings of a session, ``device-<n>.mcap`` beside its log.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the session.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        paths = folder.glob("device-*.mcap")
+        self.paths = sorted(paths, key=lambda p: (len(p.name), p.name))
+        self.attempts: list[TrialAttempt] = []
+        self._open: tuple[Path, Log, dict[str, Table]] | None = None
+        for path in self.paths:
+            log = self._log(path)
+            warn_unless_complete(path, log.integrity)
+            begins = log.events("trial")
+            for k, e in enumerate(begins):
+                until = begins[k + 1]["log_ns"] if k + 1 < len(begins) else None
+                ends = [
+                    x
+                    for x in log.events("trial_end")
+                    if x["log_ns"] >= e["log_ns"] and (until is None or x["log_ns"] <= until)
+                ]
+                end = (ends[0]["board_ns"], ends[0]["state"]) if ends else (None, "")
+                self.attempts.append(TrialAttempt(e["number"], path, e["board_ns"], *end))
+
+    def _log(self, path: Path) -> Log:
+        return self._file(path)[1]
+
+    def _file(self, path: Path) -> tuple[Path, Log, dict[str, Table]]:
+        if self._open is None or self._open[0] != path:
+            self.close()
+            self._open = path, open_log(path), {}
+        return self._open
+
+    def signals(self, attempt: TrialAttempt) -> DeviceSignals:
+        """Of the device that recorded it."""
+        return DeviceSignals(device_of(self._log(attempt.path)))
+
+    def simulated(self, attempt: TrialAttempt) -> bool:
+        """Whether it was a simulated board."""
+        return bool(self._log(attempt.path).facts.get("simulated", False))
+
+    def table(self, attempt: TrialAttempt, stream: str) -> Table:
+        """All of a stream of its recording."""
+        _, log, tables = self._file(attempt.path)
+        if stream not in tables:
+            tables[stream] = log[stream]
+        return tables[stream]
+
+    def close(self) -> None:
+        """Close what is open."""
+        if self._open is not None:
+            self._open[1].close()
+            self._open = None
+
+
+class BoardInputs:
+    """A session's inputs as the board recorded them, for :func:`esea_host.study.session.replay`.
+
+    Parameters
+    ----------
+    path : Path
+        The session's log.
+
+    Raises
+    ------
+    UserError
+        Where the recordings have other trials than the log.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.recordings = BoardRecordings(path.parent)
+        by_number: dict[int, list[TrialAttempt]] = {}
+        for attempt in self.recordings.attempts:
+            by_number.setdefault(attempt.number, []).append(attempt)
+        self._of: list[tuple[TrialAttempt | None, int, Mapping[str, float]]] = []
+        middle: Mapping[str, float] = {}
+        for e in read_log(path).sound(path).entries:
+            if e.kind == MIDDLE:
+                middle = e.data["inputs"]
+            elif e.kind == "trial":
+                waiting = by_number.get(e.data["trial"], [])
+                found = waiting.pop(0) if waiting else None
+                self._of.append((found, found.begun_ns if found else 0, middle))
+            elif e.kind == CONDITION:
+                self._of[-1] = self._of[-1][0], e.data["board_ns"], middle
+        self._now = -1
+
+    def __call__(self, attempt: int, task: StudyTask, time_s: float) -> Inputs:
+        """What was told at a time of the trial that was begun as number ``attempt``, from 0."""
+        found, begun_ns, middle = self._of[attempt]
+        if found is None:
+            raise UserError(
+                f"The recordings have no trial {task.name} that the log has.",
+                "Put the recording of that session back beside its log.",
+            )
+        if attempt != self._now:
+            self._now, self._taps = attempt, self.recordings.signals(found).taps(task)
+        at_ns = begun_ns + round(time_s * 1e6) * 1000
+        values = {}
+        for name, tap in self._taps.items():
+            table = self.recordings.table(found, tap.stream)
+            row = int(np.searchsorted(table.board_ns, at_ns, "right")) - 1
+            told = tap.factor * float(table[tap.column][row]) if row >= 0 else 0.0
+            values[name] = told - middle.get(name, 0.0)
+        return values
