@@ -81,7 +81,7 @@ class Hand(Actor):
             muscles = self._follow_pointer(scene, *self.pointer())
         return self.time_s, self.move(muscles, requests)
 
-    def held(self, before_deg: Sequence[float]) -> list[Muscle]:
+    def hold(self, before_deg: Sequence[float]) -> list[Muscle]:
         """Muscles that hold the hand on its aims, which were elsewhere before."""
         m = self.who.model
         muscles = []
@@ -108,7 +108,7 @@ class Hand(Actor):
         before, most = list(self.aims), POINTED_DEG_S * FRAME_S
         for k, goal in enumerate(self.pointed_deg(scene, across, up)[: len(self.aims)]):
             self.aims[k] += min(max(goal - self.aims[k], -most), most)
-        return self.held(before)
+        return self.hold(before)
 
     def feel(self, shown_deg: Sequence[float]) -> None:
         """How far the cursor goes for what the hand was told, once that is far enough to tell."""
@@ -143,7 +143,7 @@ class MovingHand(Hand):
         """Held on the sum of the submovements."""
         before = list(self.aims)
         self._aim()
-        return self.held(before)
+        return self.hold(before)
 
     def look(self, scene: Scene) -> None:
         """Take a scene in."""
