@@ -57,7 +57,7 @@ class VirtualPeople(ABC):
     model: PersonModel
 
     @abstractmethod
-    def source(self, who: VirtualParticipant, index: int, session: int) -> PersonSource:
+    def source(self, who: VirtualParticipant, index: int, session: int) -> InputSource:
         """Where a participant's inputs of a session come from."""
 
     def __call__(self, index: int) -> Callable[[int, float], InputSource]:
