@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from esea_host.people.hand import Hand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant, person
 from esea_host.study.plan import generator
-from esea_host.study.session import InputSource
+from esea_host.study.source import InputSource
 from esea_host.study.task import Actor, Situation, StudyTask
 
 
