@@ -21,7 +21,7 @@ from esea_gen.studies.registry import Study, load_study, studies
 from esea_gen.studies.reproduction import Reproduction
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate
 from esea_gen.twin.case import Setting
-from esea_gen.twin.closed_loop import RanAwayError
+from esea_gen.twin.loop_run import RanAwayError
 
 from .conftest import require_tool
 from .result_schemas import held

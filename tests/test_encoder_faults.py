@@ -15,9 +15,9 @@ from esea_gen.errors import UserError
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person
 from esea_gen.twin.case import Setting
-from esea_gen.twin.closed_loop import ClosedLoopRun
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.judge import fault_figures
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.run import run_case
 
 from .conftest import require_tool, without

@@ -43,7 +43,11 @@ DEG = math.pi / 180
 @pytest.fixture(scope="module")
 def device():
     require_tool("gcc")
-    return load_device("wrist_drive")
+    return parse_device(
+        'schema = 1\nextends = "wrist_drive"\nname = "published"\ntitle = "published wall"\n'
+        '[impairment]\nwall = "published"\n',
+        "published.toml",
+    )
 
 
 @pytest.fixture(scope="module")

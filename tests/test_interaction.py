@@ -20,8 +20,8 @@ from esea_gen.studies.passivity.region import push_map
 from esea_gen.studies.passivity.sliding import SlidingCheck, check_sliding, sliding_condition
 from esea_gen.studies.passivity.study import HANDS, gain_axis, study_interaction
 from esea_gen.twin.case import OFF, Setting
-from esea_gen.twin.closed_loop import RanAwayError
 from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.loop_run import RanAwayError
 from esea_gen.twin.run import plant_variant, run_case
 
 from .conftest import require_tool

@@ -11,7 +11,7 @@ from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.twin import run as module
 from esea_gen.twin.case import IMPEDANCE, TORQUE, Case, Setting
-from esea_gen.twin.closed_loop import ClosedLoopRun
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.parameters import plant_tunables
 from esea_gen.twin.people import PEOPLE, real_plant
 from esea_gen.twin.run import plant_variant, previews, run_on, told
@@ -41,7 +41,9 @@ def rated(monkeypatch):
 
     def made(*blocks, period_s=1e-3):
         system = SimpleNamespace(tasks=tasks, blocks=dict.fromkeys(blocks))
-        return SimpleNamespace(period_s=period_s, system=system, file=DRIVE.file, origin="x")
+        return SimpleNamespace(
+            period_s=period_s, system=system, file=DRIVE.file, origin="x", axes=("",)
+        )
 
     return made
 
@@ -61,7 +63,7 @@ def test_a_preview_is_of_the_ends_of_the_intervals_as_seen_a_tick_ago(tick_s, ea
 def clocked(monkeypatch, every, period_s):
     monkeypatch.setattr(module, "device_horizon", lambda _: SimpleNamespace(ends_s=(0.004,)))
     tasks = [SimpleNamespace(every=1), SimpleNamespace(every=every)]
-    return SimpleNamespace(period_s=period_s, system=SimpleNamespace(tasks=tasks))
+    return SimpleNamespace(period_s=period_s, system=SimpleNamespace(tasks=tasks), axes=("",))
 
 
 @pytest.mark.parametrize(
@@ -122,7 +124,7 @@ def test_plants_and_people_by_name(drive):
     [(1e-3, 2e-4), (2e-3, 2e-4), (5e-4, 5e-4 / 3), (4e-4, 2e-4), (1.1e-3, 1.1e-3 / 6)],
 )
 def test_a_plant_takes_whole_steps_in_a_tick_none_longer_than_its_own(drive, period_s, step_s):
-    device = SimpleNamespace(period_s=period_s, file=drive.file)
+    device = SimpleNamespace(period_s=period_s, file=drive.file, axes=("",))
     assert plant_variant(device, "ideal", "none", 0).step_s == pytest.approx(step_s, rel=1e-12)
 
 
@@ -142,7 +144,10 @@ class Loop:
 def plant_of(cable):
     """Blocks with the tunables of a plant."""
     parts = {"plant": plant_tunables(DRIVE, cable), "encoders": ()}
-    return SimpleNamespace(blocks={k: SimpleNamespace(tunables=t) for k, t in parts.items()})
+    return SimpleNamespace(
+        blocks={k: SimpleNamespace(tunables=t) for k, t in parts.items()},
+        tunables=[(k, x) for k, t in parts.items() for x in t],
+    )
 
 
 def ran(device, case, setting, cable=True, **more):

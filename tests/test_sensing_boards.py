@@ -125,7 +125,7 @@ def test_a_recorded_motion_is_what_the_board_measures(tmp_path):
     count_rad = 2 * math.pi / 2**board.device.file.encoder.resolution_bits.value
     for _ in range(2500):
         board.tick()
-        for side, angle in zip(("motor", "load"), board.plant.truth()[""], strict=True):
+        for side, angle in zip(("motor", "load"), board.plant.truth().values(), strict=True):
             told = board.board.values[board.board.places[f"theta_{side}_rad"]]
             assert abs(told - angle) < 4 * count_rad  # a tick late, zeroed within a count
     board.close()

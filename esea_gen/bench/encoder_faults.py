@@ -27,8 +27,8 @@ from esea_gen.files import write_json
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate_case
 from esea_gen.twin.case import Setting
-from esea_gen.twin.closed_loop import RanAwayError
 from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.loop_run import RanAwayError
 from esea_gen.twin.run import run_case
 
 CONTROLLERS = ("smc", "mpc")

@@ -15,7 +15,8 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import stop_grid
-from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
+from esea_gen.twin.closed_loop import ClosedLoop
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.parameters import SINES
 from esea_gen.twin.people import STEP_S, PlantVariant
 

@@ -129,6 +129,8 @@ class _Impairment:
     def tunables(self) -> tuple[Tunable, ...]:
         def given(name: str, low: float, high: float, meaning: str) -> Tunable:
             number = getattr(self.section, name)
+            if name == "Kv_Nms_rad" and not self.wall:
+                number = self.section.resistance_Nms_rad or number
             value, source, status = number.value, number.source, number.status
             if self.section.wall == "published" and name in PUBLISHED:
                 value, source, status = PUBLISHED[name], "thesis section 7.2.4", "published"

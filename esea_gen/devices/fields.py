@@ -328,6 +328,12 @@ class SimulatedImpairment(Section):
     Kd_Nms_rad: Quantity = number(0, 20, "Damping in the wall.")
     Kv_Nms_rad: Quantity = number(0, 5, "Resistance to speed everywhere.")
     bandwidth_Hz: Quantity = number(2, 100, "Bandwidth of the estimate of the joint's rate.")
+    resistance_Nms_rad: Quantity | None = number(
+        0,
+        5,
+        "Resistance to speed on axes without a wall; without the key Kv_Nms_rad.",
+        default=None,
+    )
     wall: Literal["given", "published"] = Field(
         "given",
         description="given: gains as above; published: those of thesis section 7.2.4 in their "

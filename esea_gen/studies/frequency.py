@@ -13,7 +13,7 @@ from esea_gen.studies import torque_errors
 from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Case
-from esea_gen.twin.closed_loop import ClosedLoopRun
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.trajectories import RATE_HZ, fixed_output
 
 if TYPE_CHECKING:

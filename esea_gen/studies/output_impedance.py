@@ -16,7 +16,7 @@ from esea_gen.studies import torque_errors
 from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Case
-from esea_gen.twin.closed_loop import ClosedLoopRun
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 
 if TYPE_CHECKING:

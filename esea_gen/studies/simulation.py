@@ -23,11 +23,11 @@ from esea_gen.studies import torque_errors
 from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.registry import Study, load_study, study_file
 from esea_gen.twin.case import Case, Setting
-from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.hand_plant import tunable_places
 from esea_gen.twin.judge import fault_figures, judge
+from esea_gen.twin.loop_run import ClosedLoopRun, RanAwayError
 from esea_gen.twin.off import NOTHING, deviation, refuse_unknown
 from esea_gen.twin.run import (
     PERSON_NAMES,

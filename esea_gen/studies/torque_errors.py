@@ -11,8 +11,8 @@ from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.studies.outcome import Simulation
 from esea_gen.twin.case import Case
-from esea_gen.twin.closed_loop import ClosedLoopRun
 from esea_gen.twin.judge import ENDED, desired_torque
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.off import NOTHING, off_families
 from esea_gen.twin.trajectories import RATE_HZ
 

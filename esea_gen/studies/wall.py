@@ -15,7 +15,7 @@ from esea_gen.language.ports import Array
 from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Case
-from esea_gen.twin.closed_loop import ClosedLoopRun
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 
 PUSH_NM = (0.5, 1.0, 2.0, 3.0, 4.0)

@@ -11,10 +11,12 @@ with symmetric matrices M, D and K; tau_intent is the pull of each axis towards 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, TypeVar
+
+import casadi as ca
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
@@ -76,8 +78,14 @@ def _view(values: SimpleNamespace, names: tuple[str, ...], axis: str) -> SimpleN
     return SimpleNamespace(**{n: vars(values)[of_axis(n, axis)] for n in names})
 
 
-def _named(label: Labels, axis: str) -> Callable[..., Any]:
-    return lambda name, value, *text: label(of_axis(name, axis), value, *text)
+class _Named(Labels):
+    """Labels that carry the axis."""
+
+    def __init__(self, inner: Labels, axis: str) -> None:
+        self._inner, self._axis = inner, axis
+
+    def __call__(self, name: str, value: ca.SX, comment: str = "") -> ca.SX:
+        return self._inner(of_axis(name, self._axis), value, comment)
 
 
 Parts = tuple[SimpleNamespace, SimpleNamespace, SimpleNamespace]  # c, s and u of one axis
@@ -107,7 +115,7 @@ class _HandStep:
             )
             for a in self.axes
         ]
-        labels = [_named(label, a) for a in self.axes]
+        labels = [_Named(label, a) for a in self.axes]
         at = [self.axis.drift(*p, named) for p, named in zip(parts, labels, strict=True)]
         loads = self._hand(c, parts, at, label)
         next_state: dict[str, Any] = {}

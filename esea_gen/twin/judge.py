@@ -7,8 +7,8 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.twin.case import IMPEDANCE, Case
-from esea_gen.twin.closed_loop import ClosedLoopRun
 from esea_gen.twin.faults import EncoderFault
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.published import PLANTS
 from esea_gen.twin.trajectories import RATE_HZ
 

@@ -13,7 +13,8 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.twin.case import TORQUE
-from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
+from esea_gen.twin.closed_loop import ClosedLoop
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.run import plant_variant, told
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory, tuning

@@ -16,11 +16,12 @@ from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import Array
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.case import IMPEDANCE, OFF, Case, Setting
-from esea_gen.twin.closed_loop import ClosedLoop, ClosedLoopRun
+from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.hand import hand_variant
 from esea_gen.twin.hand_plant import tunable_places
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.off import deviation, refuse_unknown
 from esea_gen.twin.people import PlantVariant, ideal_plant, random_person, random_plant, real_plant
 from esea_gen.twin.published import PEOPLE
@@ -109,8 +110,7 @@ def told(
         "rearm": (t >= max(ARM_S, ARM_PERIODS * slow_s)).astype(float),
     }
     future = previews(path, device_horizon(device), device.period_s)
-    axes = getattr(device, "axes", ())
-    zero = {of_axis(k, a): np.zeros(n) for k in (*ZERO, *WANTED) for a in ("", *axes)}
+    zero = {of_axis(k, a): np.zeros(n) for k in (*ZERO, *WANTED) for a in ("", *device.axes)}
     signals = {k: v for k, v in (zero | future).items() if k in loop.signals} | signals
     ticks = round(n / RATE_HZ / device.period_s)
     return {k: _resampled(v, RATE_HZ * device.period_s, ticks) for k, v in signals.items()}

@@ -8,7 +8,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.twin.case import TORQUE, Case
-from esea_gen.twin.closed_loop import ClosedLoopRun
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 
 MASS_NM, MASS_KGM2 = 3.5, 0.2

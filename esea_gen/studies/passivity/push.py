@@ -11,8 +11,8 @@ import numpy as np
 from esea_gen.analysis.passivity import Hand, energy_balance
 from esea_gen.device import Device
 from esea_gen.twin.case import IMPEDANCE, Case, Setting
-from esea_gen.twin.closed_loop import ClosedLoopRun, RanAwayError
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
+from esea_gen.twin.loop_run import ClosedLoopRun, RanAwayError
 from esea_gen.twin.run import ON_S, run_case
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 
@@ -83,6 +83,12 @@ def push_case(
     low, high = safety.rom_min_rad.value, safety.rom_max_rad.value
     place = low + (high - low) * (0.75 if wall_Nm_rad else 0.25)
     theta = np.full(n, place)
+    # A hand on two axes has nothing of its own beside, all along the device's travel.
+    free = {
+        "passive_Nm_rad": 0.0,
+        "joint_min_rad": joint.theta_min_rad.value,
+        "joint_max_rad": joint.theta_max_rad.value,
+    }
     # The plant's end of travel, moved to the hand.
     wall = {
         "joint_max_rad": place + WALL_RAD,
@@ -110,11 +116,8 @@ def push_case(
             "feedforward": 1.0,
             "gravity_Nm": 0.0,
             "torque_noise_Nm": 0.0,
-            # Of a hand on two axes: only what this one has, all along the device's travel.
-            "passive_Nm_rad": 0.0,
-            "joint_min_rad": joint.theta_min_rad.value,
-            "joint_max_rad": joint.theta_max_rad.value,
         }
+        | (free if len(device.axes) > 1 else {})
         | (wall if wall_Nm_rad else {}),
     )
 

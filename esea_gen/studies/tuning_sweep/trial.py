@@ -13,9 +13,9 @@ from esea_gen.analysis.journal import Result
 from esea_gen.language.ports import Tunable
 from esea_gen.studies.tuning import TuningCase
 from esea_gen.twin.case import Case, Setting
-from esea_gen.twin.closed_loop import ClosedLoopRun
 from esea_gen.twin.controllers import controller_device, controller_system, largest_torque_Nm
 from esea_gen.twin.judge import ENDED, judge
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.run import run_case
 
 PHI, LAMBDA = "smc.phi_rad_s", "smc.lambda_1_s"

@@ -211,7 +211,7 @@ def _recorded(path: Path) -> dict[str, Any]:
         for stream in log.streams:
             if stream == KEY:
                 continue
-            steps = np.diff(log[stream].tick.astype(np.int64))
+            steps = np.diff(log[stream].tick.astype(float))
             every = int(np.median(steps))
             # Where ticks go back the board was zeroed, or had lost its power.
             missing = int(np.sum(np.round(steps[steps > 0] / every) - 1))

@@ -142,9 +142,8 @@ def _bench(
             raise UserError(f"seed={given['seed']} is no whole number.", "Write seed=3.")
         seed = int(given.get("seed", 0))
         drives = bool(board_device(loaded_device(name)).laws)
-        of_drive = {"plant": "ideal", "person": "nobody"} if drives else {}
-        of_drive |= {n: v for n, v in given.items() if n == "plant"}
-        drive = SimulatedBoard(name, seed=seed, **of_drive)
+        plant = given.get("plant", "ideal" if drives else None)
+        drive = SimulatedBoard(name, plant, "nobody" if drives else None, seed)
         try:
             yield simulated_bench(drive, out.print, axis)
         finally:

@@ -20,6 +20,7 @@ from esea_host.connection import ConnectedDevice
 from esea_host.connection.address import SimulatedProcess
 from esea_host.interaction.confirming import PHASES, judge, spring_Nm_rad
 from esea_host.interaction.player import RigPlayer
+from esea_host.interaction.tasks import WithElement
 from esea_host.people.person import VirtualParticipant
 from esea_host.study.board import WORKING, BoardSource
 from esea_host.study.plan import PlannedTrial
@@ -122,20 +123,18 @@ class ElementBoard(InputSource):
     def before(self, trial: PlannedTrial) -> str:
         """Confirm the element where it is another one than in the trial before."""
         given = task_named(trial.task, "plan").Parameters(**trial.parameters)
-        element = getattr(given, "element", None)
         try:
-            if element is not None and element != self._confirmed:
-                problem = self._confirm(element, given.stiffness_Nm_deg, trial.number)
+            if isinstance(given, WithElement) and given.element != self._confirmed:
+                problem = self._confirm(given.element, given.stiffness_Nm_deg, trial.number)
                 if problem:
                     return problem
-                self._confirmed = element
+                self._confirmed = given.element
             if not math.isfinite(self.middle_rad):
                 self._take_middle()
         except (LinkError, UserError) as error:
             return str(error)
         finally:
             self.waits("")
-            self._state = ""
         return ""
 
     # -- the element -------------------------------------------------------------------------------

@@ -49,7 +49,7 @@ LEARN_FRAMES = 50  # between two corrections of what is known of the device; ass
 END_RAD = math.radians(5.0)  # nearer to the end of the own range, nothing is learnt of a device
 DISCOUNT_S = 2.0  # assumed
 # Assumed: torque from outside and speed of a target drift by so much in the root of a second.
-DRIFT_NM, DRIFT_RAD_S = 0.05, math.radians(10.0)
+DRIFT_NM, DRIFT_RAD_S = 0.05, math.radians(40.0)
 # Of one sample of 10 ms: felt angle [6], and seen distance; the latter assumed.
 FELT_RAD, SEEN_RAD = math.radians(1.0), math.radians(0.2)
 TYPICAL_NM = 0.2  # command whose noise the estimator expects; assumed
@@ -261,8 +261,8 @@ class AxisController:
         self._gains = gains(load, *args)
 
     def enter(self, state: bool) -> None:
-        """Recall a state of the device, of which one target is not known yet."""
-        self._state = state
+        """Begin a trial in a state of the device: stop pushing, and recall how it resists."""
+        self._state, self.goal_rad, self.goal_rad_s = state, self.angle_rad, 0.0
         self._sums = [0.0] * 5
         self.expect(0.0)
 

@@ -18,7 +18,7 @@ HANGING = dataclasses.replace(
 LOCKED = {"fc_Nm": 100.0, "coulomb_width_rad_s": 2e-3, "fv_Nms_rad": 100.0, "J_kgm2": 100.0}
 LAID_ON_TICKS = 100
 # An elbow that is held firmly while it is led; assumed.
-FIRM = {"spring_Nm_rad": 40.0, "damping_Nms_rad": 4.0}
+FIRM_NM_RAD, FIRM_NMS_RAD = 40.0, 4.0
 AIM_TICKS = 10  # from one aim to the next: a frame of a study
 
 
@@ -65,7 +65,7 @@ class Attendant:
         at_rad = float(self.drive.plant.truth()["theta_l_rad"])
         person, clamped = self.drive.first_person
         assert isinstance(person, Person)
-        firm = dataclasses.replace(person, **FIRM)
+        firm = dataclasses.replace(person, spring_Nm_rad=FIRM_NM_RAD, damping_Nms_rad=FIRM_NMS_RAD)
         self.drive.set_up(clamped=clamped, person=firm, hand=self._led)
         self._aim = at_rad, 0.0, 0
         return at_rad

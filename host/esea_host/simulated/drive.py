@@ -80,6 +80,7 @@ class SimulatedBoard:
         self._seed, self._motion = seed, MOTION if motion is None else motion
         self.passive = not self.device.laws
         self._person: Person | Hand = EMPTY
+        self.plant: SteppedPlant | SteppedHand | MovedJoint
         if self.passive:
             of_drive = {"plant": plant, "person": person, "spring": spring_Nm_rad}
             if unfit := [n for n, v in of_drive.items() if v]:
@@ -126,10 +127,12 @@ class SimulatedBoard:
 
         spring_Nm_rad: of a linear spring; 0: the device's own elastomer.
         """
-        at_rad = float(self.plant.truth()["theta_l_rad"])
-        self.plant = self._first = self._plant_with(spring_Nm_rad)
+        before, plant = self.plant, self._plant_with(spring_Nm_rad)
+        assert isinstance(before, SteppedPlant)
         assert isinstance(self._person, Person)
-        self.board.show(self.plant.start(at_rad, clamped=self._clamped, person=self._person))
+        at_rad = float(before.truth()["theta_l_rad"])
+        self.plant = self._first = plant
+        self.board.show(plant.start(at_rad, clamped=self._clamped, person=self._person))
 
     def _moved_joint(self) -> MovedJoint:
         named = self._motion

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from esea_gen.devices.file import DeviceData
+from esea_gen.model.sensing import of_axis
 from esea_gen.twin.passive import ENCODER_NOISE_RAD
 from esea_host.simulated.motion import JointMotion
 
@@ -48,9 +49,11 @@ class MovedJoint:
             self._moved = self.motion.step()
         return self._counts(pushes_rad)
 
-    def truth(self) -> dict[str, tuple[float, float]]:
-        """Angles of motor side and load side of each axis."""
-        return dict(self._moved)
+    def truth(self) -> dict[str, float]:
+        """Angles of motor side and load side of each axis, by the names of a driven plant."""
+        sides = "theta_m_rad", "theta_l_rad"
+        moved = self._moved.items()
+        return {of_axis(n, a): x for a, both in moved for n, x in zip(sides, both, strict=True)}
 
     def _counts(self, pushes_rad: Sequence[float]) -> list[int]:
         at = self._ticks % NOISE_TICKS

@@ -97,8 +97,7 @@ class BoardSource(InputSource):
             "limits": {k: v for k, v in self._limits.items() if k.startswith("limits")},
         }
         try:
-            self._wait_for_link()
-            boot = self.device.boot_number()
+            boot = self._wait_for_link()
             found |= {"boot": boot, "restarted": self._boot not in (0, boot)}
             self._boot = boot
             if self._recording is None and self.folder is not None:
@@ -133,14 +132,22 @@ class BoardSource(InputSource):
             )
         return found
 
-    def _wait_for_link(self) -> None:
-        until_s = time.monotonic() + AWAY_S
-        while self.device.receiver.away and self.device.receiver.error is None:
-            self.waits("The link to the board is broken: look at cable and power.")
-            if time.monotonic() > until_s or self.ask():
+    def _wait_for_link(self) -> int:
+        # The board's boot number.  Who writes may see a break before who listens.
+        until_s, receiver = time.monotonic() + AWAY_S, self.device.receiver
+        while True:
+            try:
+                if not receiver.away:
+                    boot = self.device.boot_number()
+                    self.waits("")
+                    return boot
+            except LinkError:
+                if receiver.error is not None:
+                    raise
+            if receiver.error is not None or time.monotonic() > until_s or self.ask():
                 raise UserError("The link to the board is broken.", "Look at cable and power.")
+            self.waits("The link to the board is broken: look at cable and power.")
             time.sleep(0.05)
-        self.waits("")
 
     def _new_file(self) -> Path:
         # A session that goes on has a recording more.
@@ -160,7 +167,9 @@ class BoardSource(InputSource):
             if state == "UNREFERENCED":
                 self.device.zero()
             elif state == "READY":
-                self.device.arm()
+                # Refused while the controller has not quite let go of what was before: once more.
+                with contextlib.suppress(LinkError):
+                    self.device.arm()
             elif state in WORKING:
                 self.device.disarm()
             self._state = state

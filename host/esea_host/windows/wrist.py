@@ -261,7 +261,7 @@ class WristWindow(QMainWindow):
         device, menu = self.feed.device, self.menuBar().addMenu("&Board")
         for name, keys, job in (
             ("STOP: Space or Escape", "F12", self.stop),
-            ("Disarm", "Ctrl+D", partial(self.feed.do, "disarm", device.disarm)),
+            ("Disarm", "Ctrl+D", self.disarm),
             ("Acknowledge fault", "Ctrl+L", partial(self.feed.do, "acknowledge", device.clear)),
             ("Dark, light", "T", self.toggle_theme),
         ):
@@ -278,6 +278,11 @@ class WristWindow(QMainWindow):
         self.keeper.wanted = False
         self._asked_s = time.monotonic()
         self._end_guide("The calibration was stopped.")
+
+    def disarm(self) -> None:
+        """Switch the motors off, gently."""
+        self.keeper.arms = False
+        self.feed.do("disarm", self.feed.device.disarm)
 
     def eventFilter(self, _: QObject, event: QEvent) -> bool:
         """Space and Escape stop, whatever has the focus."""
@@ -304,7 +309,8 @@ class WristWindow(QMainWindow):
     def _off(self) -> bool:
         # No state in which a calibration means anything.
         state = self.feed.news.state
-        return state in ALARMING or (self.keeper.there and state not in WORKING)
+        armed = self.keeper.arms or state in WORKING  # one that arms itself soon is again
+        return state in ALARMING or (self.keeper.there and not armed)
 
     def back(self) -> None:
         """Repeat the calibration's last step."""

@@ -11,7 +11,7 @@ from esea_host.connection import ConnectedDevice
 
 WORKING = ("ARMED", "ACTIVE", "LETTING_GO")
 TORQUE_MODE, DEADLINE_MS = 1.0, 500
-TURN_S, ZERO_S = 0.05, 0.5
+TURN_S, AGAIN_S = 0.05, 0.5
 
 
 class ConstraintKeeper:
@@ -22,7 +22,8 @@ class ConstraintKeeper:
     device : ConnectedDevice
         One without ``constrained`` is asked for nothing.
     arms : bool
-        Zero it, and arm it once: only done to simulated boards, which nobody stands beside.
+        Zero and arm it until it is stopped: only done to simulated boards, which nobody stands
+        beside.
     threaded : bool
         Ask by itself; otherwise by :meth:`turn`.
 
@@ -30,17 +31,19 @@ class ConstraintKeeper:
     ----------
     wanted : bool
         Whether the constraint is wanted.
+    arms : bool
+        Whether it still zeroes and arms the board.
     """
 
     def __init__(self, device: ConnectedDevice, arms: bool, threaded: bool = True) -> None:
         roles = board_roles(device.identity.device.system)
         self.there = roles.drive and "constrained" in roles.wanted_names
         self.wanted, self.said = False, ""
-        self._device, self._arms = device, arms and device.simulated
-        self._zeroed_s = -math.inf
+        self._device, self.arms = device, arms and device.simulated
+        self._asked_s = -math.inf
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None
-        if threaded and (self.there or self._arms):
+        if threaded and (self.there or self.arms):
             self._thread = threading.Thread(target=self._run, name="esea-constraint", daemon=True)
             self._thread.start()
 
@@ -50,14 +53,16 @@ class ConstraintKeeper:
         if state in WORKING and self.there:
             constrained = float(self.wanted)
             self._device.want(DEADLINE_MS, mode=TORQUE_MODE, constrained=constrained)
-        if state in (*WORKING, "STOPPED", "FAULT"):
-            self._arms = False
-        elif self._arms and state == "READY" and self.there:
-            self._device.arm()
-        elif self._arms and state == "UNREFERENCED" and now_s > self._zeroed_s + ZERO_S:
-            # A hand that moves is not zeroed: again, until it is.
-            self._zeroed_s = now_s
-            self._device.zero()
+        self.arms = self.arms and state not in ("STOPPED", "FAULT")
+        if self.arms and now_s > self._asked_s + AGAIN_S:
+            # A hand that moves is not zeroed, a busy computer lets a deadline pass: again.
+            if state == "UNREFERENCED":
+                self._device.zero()
+            elif state == "READY" and self.there:
+                self._device.arm()
+            else:
+                return
+            self._asked_s = now_s
 
     def _run(self) -> None:
         turns = 0
@@ -65,6 +70,7 @@ class ConstraintKeeper:
             turns += 1
             try:
                 self.turn(turns * TURN_S)
+                self.said = ""
             except LinkError as error:
                 self.said = str(error)
                 if self._device.receiver.error is not None:
