@@ -154,8 +154,9 @@ def test_a_fault_of_one_axis_ends_the_trial_and_the_session_says_which(begun):
         if next(steps) == 50:
             source.board.board.drivers[1] = 1.0  # frames of an encoder are bad from now on
 
-    assert "FAULT" in session.run(show=show)
+    assert "Rest the joint" in session.run(show=show)  # cleared, and it does not arm
     assert session.state.states[1] == FAILED
+    assert "the board is in FAULT: " in session.state.reasons[1]
     assert len(session.state.remaining) == 1
 
 

@@ -141,8 +141,10 @@ class WornWrist(BoardSource):
         """What the muscles do in a frame in which nothing is to be done."""
 
     def ready(self) -> Mapping[str, Any]:
-        """With the hand in the handle."""
+        """With the hand in the handle; a latched limit is cleared: nobody real is in it."""
         self.board.set_up(person=hand_of(self.who.limbs), hand=self.muscles)
+        if self.device.state() == "FAULT":
+            self.device.clear()
         return super().ready()
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
