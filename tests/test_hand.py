@@ -14,7 +14,7 @@ from esea_gen.device import load_device
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
-from esea_gen.twin.hand import HANDS, Hand, SteppedHand, hand_variant, random_hand, wrist
+from esea_gen.twin.hand import HANDS, CoupledHand, SteppedHand, hand_variant, random_hand, wrist
 from esea_gen.twin.mechanics import WORKS
 from esea_gen.twin.parameters import plant_tunables
 from esea_gen.twin.people import PlantVariant
@@ -69,7 +69,7 @@ def test_the_energy_balance_closes(plant, hand):
 
 def test_without_coupling_it_is_two_single_axes():
     people = random_hand(5).people
-    bare = Hand(people, ends_rad=((-3.0, 3.0), (-0.2, 0.3)))
+    bare = CoupledHand(people, ends_rad=((-3.0, 3.0), (-0.2, 0.3)))
     two = SteppedHand(hand_variant(DEVICE, "real", "uncertain", 2).having(**bare.values(AXES)))
     alone = DeviceData(DEVICE.file.model_copy(update={"axes": ()}), DEVICE.origin)
     known = {t.name for t in plant_tunables(alone, True)}

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_host.people.control import FRAME_S, AxisController, Load, effort_weight
+from esea_host.people.control import FRAME_S, AxisBelief, AxisController, effort_weight
 from esea_host.people.person import Limb, Muscle, PersonModel
 
 HANDLE_KGM2 = 0.006
@@ -84,7 +84,7 @@ def test_nothing_moves_before_the_delays(delay_s, goal_deg):
 @given(bits_s=st.floats(3.0, 6.0), drag_Nms_rad=st.floats(0.0, 1.2))
 @settings(max_examples=10, deadline=None)
 def test_more_accuracy_a_second_takes_less_care_of_effort(bits_s, drag_Nms_rad):
-    load = Load(0.009, 0.8, 0.03 + drag_Nms_rad)
+    load = AxisBelief(0.009, 0.8, 0.03 + drag_Nms_rad)
     assert effort_weight(load, bits_s + 0.5) < effort_weight(load, bits_s)
 
 

@@ -1,5 +1,7 @@
 """Sections and keys of a device file, with their bounds."""
 
+# Long: the whole device file in one place.
+
 from __future__ import annotations
 
 import math

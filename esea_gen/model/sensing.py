@@ -61,7 +61,18 @@ def of_axis(name: str, axis: str) -> str:
 
 
 def without_axis(name: str, axis: str) -> str:
-    """A name of an axis without it, as :func:`of_axis` was given it; any other name as it is."""
+    """A name of an axis without it, as :func:`of_axis` was given it; any other name as it is.
+
+    Parameters
+    ----------
+    name, axis : str
+        As of :func:`of_axis`.
+
+    Returns
+    -------
+    str
+        The quantity's name.
+    """
     bare = name.replace(f"_{axis}", "", 1) if axis else name
     return bare if of_axis(bare, axis) == name else name
 
@@ -110,7 +121,18 @@ def sensing_system(
 
 
 def measures_counts(device: DeviceData) -> bool:
-    """Whether a device's file has what turns the counts of its two encoders into a deflection."""
+    """Whether a device's file has what turns the counts of its two encoders into a deflection.
+
+    Parameters
+    ----------
+    device : DeviceData
+        Any.
+
+    Returns
+    -------
+    bool
+        True where it has ``[encoder.motor]``, ``[encoder.load]`` and ``[joint]``.
+    """
     encoders = device.file.encoder
     return None not in (encoders.motor, encoders.load, device.file.joint)
 

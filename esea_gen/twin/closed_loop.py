@@ -423,19 +423,7 @@ class ClosedLoop:
         """
         n = self._ticks(signals, ticks)
         values = {**self.variant.values, **(plant_tunables or {})}
-        first: dict[str, list[float]] = {}
-        sampled: dict[str, float] = {}
-        for one in self.axes:
-            given = signals.get(of_axis("theta_p_rad", one), (0.0,))
-            state, shown = start_state(
-                self.plant.blocks["plant"],
-                float(np.asarray(given)[0]),
-                initial or {},
-                values.get(of_axis("elastomer_scale", one), 1.0),
-                one,
-            )
-            first |= state
-            sampled |= shown
+        first, sampled = self._start(signals, values, initial or {})
         table = self._table(signals, n)
         skipped = _skipped(missed, delay_ticks, n)
         held_rad = [first[of_axis("theta_rad", a)][-1] for a in self.axes]
@@ -460,6 +448,20 @@ class ClosedLoop:
         of_plant = *plant_coeffs, plant_state, start, self._fault(fault, axis)
         lost = self._lib.esea_loop_run(*coeffs, state, *of_plant, *pointer, *off)
         return dataclasses.replace(self._result(record), missed_runs=int(lost))
+
+    def _start(
+        self, signals: Mapping[str, Any], values: Mapping[str, float], initial: Mapping[str, float]
+    ) -> tuple[dict[str, list[float]], dict[str, float]]:
+        # State of the plant, and what it shows before its first step.
+        first: dict[str, list[float]] = {}
+        sampled: dict[str, float] = {}
+        for axis in self.axes:
+            at_rad = float(np.asarray(signals.get(of_axis("theta_p_rad", axis), (0.0,)))[0])
+            scale = values.get(of_axis("elastomer_scale", axis), 1.0)
+            state, shown = start_state(self.plant.blocks["plant"], at_rad, initial, scale, axis)
+            first |= state
+            sampled |= shown
+        return first, sampled
 
     def _fault(self, fault: EncoderFault | None, axis: str) -> Any:
         wrong = self.ffi.new("esea_loop_fault_t *")

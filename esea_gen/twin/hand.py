@@ -11,7 +11,7 @@ Every number is assumed; what is published gives the order and the shape:
   2779): the damping is assumed proportional to the passive stiffness.
 - The cable's loss and backlash over the elbow's: assumed, as of a capstan.  The encoders have the
   device file's bits.
-- Ends of the range of motion: Ryu, Cooney, Askew, An and Chao 1991, J. Hand Surg. 16A, 409.
+- Ends of the range of motion: Ryu, Cooney, Askew, An and Chao 1991, J. CoupledHand Surg. 16A, 409.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _END_NM_RAD, _END_NMS_RAD = 60.0, 0.5
 
 
 @dataclass(frozen=True)
-class Hand:
+class CoupledHand:
     """A hand on two axes, each number a pair in the order of the device's axes.
 
     Parameters
@@ -134,7 +134,7 @@ def wrist(
     feedforward: bool = True,
     noise_Nm: float = 0.0,
     passive_scale: float = 1.0,
-) -> Hand:
+) -> CoupledHand:
     """A hand by what it does on each axis: stiffness and damping towards its intended path.
 
     Jh_kgm2: hand and handle, about either axis.
@@ -155,7 +155,7 @@ def wrist(
         torque_noise_Hz=2.0,
     )
     one, two = (replace(person, own_damping_Nms_rad=_DAMPING_S * k) for k in passive)
-    return Hand(
+    return CoupledHand(
         (one, two),
         passive,
         cross,
@@ -165,7 +165,7 @@ def wrist(
 
 
 # A handle that nobody holds, and people as the single axis has them.
-NOBODY = Hand(
+NOBODY = CoupledHand(
     people=(replace(wrist(0.0, 0.0, Jh_kgm2=0.006).people[0], own_damping_Nms_rad=0.01),) * 2
 )
 HANDS = {
@@ -181,7 +181,7 @@ HANDS = {
 HAND_NAMES = (*HANDS, "random")
 
 
-def random_hand(seed: int) -> Hand:
+def random_hand(seed: int) -> CoupledHand:
     """A hand drawn from a family: relaxed to stiff, light to heavy."""
     rng = np.random.default_rng([seed, 2])
     stiffness = float(rng.uniform(0.0, 20.0))
@@ -196,7 +196,7 @@ def random_hand(seed: int) -> Hand:
     )
 
 
-def named_hand(name: str, seed: int = 0) -> Hand:
+def named_hand(name: str, seed: int = 0) -> CoupledHand:
     """A hand of :data:`HAND_NAMES`."""
     choose("hand", name, HAND_NAMES)
     return random_hand(seed) if name == "random" else HANDS[name]
@@ -252,7 +252,7 @@ class SteppedHand:
         self,
         angles_rad: Sequence[float],
         *,
-        hand: Hand | None = None,
+        hand: CoupledHand | None = None,
         clamped: bool | Sequence[bool] | None = None,
     ) -> dict[str, int]:
         """Start at rest at one angle an axis; the counts there, by the board's input.
@@ -284,7 +284,7 @@ class SteppedHand:
     def change(
         self,
         *,
-        hand: Hand | None = None,
+        hand: CoupledHand | None = None,
         clamped: bool | Sequence[bool] | None = None,
         **more: float,
     ) -> None:
@@ -352,7 +352,7 @@ __all__ = [
     "ENDS_RAD",
     "HANDS",
     "HAND_NAMES",
-    "Hand",
+    "CoupledHand",
     "SteppedHand",
     "hand_variant",
     "named_hand",

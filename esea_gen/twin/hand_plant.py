@@ -25,7 +25,7 @@ from esea_gen.language.ports import Port, Tunable
 from esea_gen.language.system import System, Task
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.encoders import encoder_block
-from esea_gen.twin.mechanics import Limb, Load, limb_torques
+from esea_gen.twin.mechanics import Load, LoadTorques, limb_torques
 from esea_gen.twin.parameters import (
     assumed,
     passed_on,
@@ -171,7 +171,13 @@ class _HandStep:
         return [self._load(c, i, limbs[i], a, at[i], label) for i in range(2)]
 
     def _load(
-        self, c: SimpleNamespace, i: int, limb: Limb, a: list[Any], at: Drifted, label: Labels
+        self,
+        c: SimpleNamespace,
+        i: int,
+        limb: LoadTorques,
+        a: list[Any],
+        at: Drifted,
+        label: Labels,
     ) -> Load:
         q = 0.5 * self.axis.step_s
         lost = limb.slope * (q * a[i]) + c.damping_cross_Nms_rad * (q * a[1 - i])

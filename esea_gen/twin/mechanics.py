@@ -42,7 +42,7 @@ class Load:
 
 
 @dataclass(frozen=True)
-class Limb:
+class LoadTorques:
     """What acts on the load side beside the coupling; ``slope`` and ``d_end`` over its speed."""
 
     held: Any
@@ -55,7 +55,7 @@ class Limb:
 
 def limb_torques(
     c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, x_l: ca.SX, v_l: ca.SX
-) -> Limb:
+) -> LoadTorques:
     """Torque of the person and of the joint's stops (5.3)."""
     noise = c.noise_decay * s.noise_Nm + c.noise_gain_Nm * u.noise
     turn = 1 / (2 * math.pi)
@@ -75,7 +75,7 @@ def limb_torques(
     end = beyond(x_l, c.joint_min_rad, c.joint_max_rad)
     tau_end, d_end = contact(end, v_l, c.joint_stop_Nm_rad, c.joint_stop_Nms_rad)
     slope = c.damping_Nms_rad + c.own_damping_Nms_rad
-    return Limb(held, slope, noise, end, tau_end, d_end)
+    return LoadTorques(held, slope, noise, end, tau_end, d_end)
 
 
 def move_load(

@@ -242,12 +242,8 @@ def study_interaction(
     kp, kd = (gain_axis(t, points) for t in _gains(controller))
     marks = [g for g in GAINS if g[0] <= kp[-1] and g[1] <= kd[-1]]
     pairs = dict.fromkeys([*product(kp.tolist(), kd.tolist()), *marks])
-    configuration = Configuration(
-        {
-            "controller_hash": device_hash(device),
-            "code": rooms_digest(),
-        }
-    )
+    hashes = {"controller_hash": device_hash(device), "code": rooms_digest()}
+    configuration = Configuration(hashes)
     fixed = {"controller": controller, "plant": plant, "push_rad_s": push_rad_s, "seed": seed}
     fixed |= {"wall_Nm_rad": wall_Nm_rad, **({"axis": axis} if axis else {})}
     cases = [

@@ -37,11 +37,11 @@ from esea_host.study.task import (
     DataColumn,
     Inputs,
     Row,
-    Signal,
     Situation,
     StudyTask,
     TaskEvent,
     TaskParameters,
+    TaskSignal,
     TaskStep,
     TrialOutcome,
     register,
@@ -50,7 +50,7 @@ from esea_host.study.task import (
 SHOWN, PAUSE_S, TRIES = 2, 1.0, 3
 LEG = 30.0  # length in a scene
 Sample = tuple[float, float, float]
-INPUTS = {"angle_rad": Signal("theta_load_rad"), "torque_Nm": Signal("tau_Nm")}
+INPUTS = {"angle_rad": TaskSignal("theta_load_rad"), "torque_Nm": TaskSignal("tau_Nm")}
 
 
 def leg_scene(

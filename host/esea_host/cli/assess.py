@@ -81,6 +81,22 @@ def _data(path: Path | None) -> Any:
     return ResponseDataBase.load(path) if path else cached(say=told)
 
 
+HeadlessOption = Annotated[
+    bool, typer.Option("--headless", help="With a board: keep what passes, repeat what misses.")
+]
+MovementsOption = Annotated[
+    int, typer.Option("--movements", min=1, help="Headless: at most so many.")
+]
+DarkOption = Annotated[
+    bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
+]
+FastestOption = Annotated[float, typer.Option("--fastest-deg-s", help="Fastest comfortable speed.")]
+SummaryOption = Annotated[
+    Summary, typer.Option("--summary", help="Of the data base; kernel: Gaussian process.")
+]
+MeasureOption = Annotated[Measure, typer.Option("--measure", help="By which movements are chosen.")]
+
+
 @assess.command(epilog=NOTICE)
 def build(
     file: Annotated[
@@ -155,35 +171,21 @@ def run(
     ] = None,
     device: BoardOption = None,
     key: KeyOption = None,
-    headless: Annotated[
-        bool,
-        typer.Option("--headless", help="With a board: keep what passes, repeat what misses."),
-    ] = False,
+    headless: HeadlessOption = False,
     zero: ZeroOption = False,
-    movements: Annotated[
-        int, typer.Option("--movements", min=1, help="Headless: at most so many.")
-    ] = 12,
+    movements: MovementsOption = 12,
     patient: PatientOption = None,
     seed: SeedOption = 1,
     window: Annotated[bool, typer.Option("--window", help="The clinician's window.")] = False,
-    dark: Annotated[
-        bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
-    ] = None,
+    dark: DarkOption = None,
     height_m: HeightOption = 1.70,
     mass_kg: MassOption = 70.0,
     low_deg: LowOption = 0.0,
     high_deg: HighOption = 130.0,
-    fastest: Annotated[
-        float, typer.Option("--fastest-deg-s", help="Fastest comfortable speed.")
-    ] = 120.0,
+    fastest: FastestOption = 120.0,
     mixed: Annotated[bool, typer.Option("--mixed", help="Two disorders at once, too.")] = False,
-    summary: Annotated[
-        Summary, typer.Option("--summary", help="Of the data base; kernel: Gaussian process.")
-    ] = "people",
-    measure: Annotated[
-        Measure,
-        typer.Option("--measure", help="By which movements are chosen."),
-    ] = "expected",
+    summary: SummaryOption = "people",
+    measure: MeasureOption = "expected",
     who: Annotated[str, typer.Option("--who", help="Printed on the page.")] = "",
     json_file: JsonOption = None,
     page: PageOption = None,

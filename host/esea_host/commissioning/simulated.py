@@ -8,7 +8,7 @@ from typing import Any
 
 from esea_gen.device import Device
 from esea_gen.model.sensing import of_axis
-from esea_gen.twin.hand import Hand
+from esea_gen.twin.hand import CoupledHand
 from esea_gen.twin.published import Person
 from esea_gen.twin.stepped import EMPTY
 from esea_host.commissioning.bench import CommissioningBench, HandAct
@@ -109,7 +109,7 @@ class SimulatedHands:
             self.drive.set_up(clamped=clamped, person=person, hand=path, values=own)
             return
         one, two = (person if a == self._axis else AT_REST for a in axes)
-        hand = Hand((one, two), ends_rad=(ANYWHERE_RAD, ANYWHERE_RAD))
+        hand = CoupledHand((one, two), ends_rad=(ANYWHERE_RAD, ANYWHERE_RAD))
 
         def paths() -> Sequence[Path]:
             still = {"theta_p_rad": 0.0}

@@ -27,7 +27,7 @@ from esea_host.study.plan import PlannedTrial
 from esea_host.study.recorded import MIDDLE
 from esea_host.study.scene import Scene
 from esea_host.study.source import InputSource
-from esea_host.study.task import Actor, Inputs, Signal, Situation, StudyTask, task_named
+from esea_host.study.task import Actor, Inputs, Situation, StudyTask, TaskSignal, task_named
 from esea_host.study.watching import Gauge
 
 # Of a phase: so long it is still, and its mean is taken; nobody is waited for longer.
@@ -38,7 +38,7 @@ MIDDLE_S, LED_RAD_S = 0.5, 0.5
 SIMULATED_LOAD = KnownLoad(0.5, 0.2)
 
 
-class Hands(Protocol):
+class ElementHands(Protocol):
     """Who builds in an element, loads it, and leads the arm, where nobody has to be asked."""
 
     def build_in(self, spring_Nm_rad: float) -> None:
@@ -70,20 +70,20 @@ class ProcessHands:
             process.hand(word, number)
 
     def build_in(self, spring_Nm_rad: float) -> None:
-        """See :class:`Hands`."""
+        """See :class:`ElementHands`."""
         if self.swaps:
             self._do("spring", spring_Nm_rad)
 
     def hang(self, load_Nm: float) -> None:
-        """See :class:`Hands`."""
+        """See :class:`ElementHands`."""
         self._do("hang", load_Nm)
 
     def let_go(self) -> None:
-        """See :class:`Hands`."""
+        """See :class:`ElementHands`."""
         self._do("let-go", 0.0)
 
     def aim(self, aim_rad: float) -> None:
-        """See :class:`Hands`."""
+        """See :class:`ElementHands`."""
         self._do("aim", aim_rad)
 
 
@@ -96,7 +96,7 @@ class ElementBoard(InputSource):
         The board.
     known : KnownLoad, optional
         The mass that the element is confirmed by.
-    hands : Hands, optional
+    hands : ElementHands, optional
         Loads the element; default: the operator is asked to.
     who : VirtualParticipant, optional
         Plays, by the hands; default: whoever wears the board.
@@ -106,7 +106,7 @@ class ElementBoard(InputSource):
         self,
         inner: BoardSource,
         known: KnownLoad | None = None,
-        hands: Hands | None = None,
+        hands: ElementHands | None = None,
         who: VirtualParticipant | None = None,
     ) -> None:
         self.inner, self.hands, self.who = inner, hands, who
@@ -188,7 +188,7 @@ class ElementBoard(InputSource):
 
     def _phases(self, known: KnownLoad) -> list[float]:
         device = self.inner.device
-        tap = self.inner.signals.tap(Signal("theta_rad"))
+        tap = self.inner.signals.tap(TaskSignal("theta_rad"))
         assert tap is not None  # every board tells its deflection
         queue = device.subscribe([tap.stream])
         signs, means = (0, 1, 0, -1, 0), list[float]()
@@ -317,7 +317,7 @@ def _is_there(mean: float, means: Sequence[float], least: float) -> bool:
 class _Arm:
     # The simulated arm, as a player's rig.
 
-    def __init__(self, hands: Hands, middle_rad: float) -> None:
+    def __init__(self, hands: ElementHands, middle_rad: float) -> None:
         self._hands, self._middle_rad = hands, middle_rad
 
     def advance(self, muscle: Sequence[float]) -> list[float]:

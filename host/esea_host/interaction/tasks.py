@@ -20,12 +20,12 @@ from esea_host.study.task import (
     Actor,
     DataColumn,
     Inputs,
-    Signal,
     Situation,
     StudyTask,
     TaskBrokenError,
     TaskEvent,
     TaskParameters,
+    TaskSignal,
     TaskStep,
     TrialOutcome,
     register,
@@ -67,7 +67,7 @@ def familiar_rad(time_s: float) -> float:
 
 class _InteractionTask(StudyTask):
     version = "2"
-    inputs: ClassVar = {"theta_rad": Signal("theta_load_rad")}
+    inputs: ClassVar = {"theta_rad": TaskSignal("theta_load_rad")}
     switches: ClassVar[tuple[str, ...]] = ("pause",)
 
     def longest_s(self, parameters: Any) -> float:

@@ -56,7 +56,7 @@ TYPICAL_NM = 0.2  # command whose noise the estimator expects; assumed
 
 
 @dataclass(frozen=True)
-class Load:
+class AxisBelief:
     """What the hand takes its wrist and the device to be, on one axis."""
 
     inertia_kgm2: float
@@ -82,7 +82,7 @@ def _gain(a: Array, b: Array, weight: float) -> Array:
     return np.asarray((b.T @ p @ a)[0] / (weight + (b.T @ p @ b)[0, 0]))
 
 
-def _chase(load: Load, runs_1_s: float) -> tuple[Array, Array]:
+def _chase(load: AxisBelief, runs_1_s: float) -> tuple[Array, Array]:
     # Distance, speed, torque of the muscle and its drive beyond a steady motion's, target's speed.
     k, b, j, t = load.stiffness_Nm_rad, load.damping_Nms_rad, load.inertia_kgm2, MUSCLE_S
     a = np.array(
@@ -98,7 +98,7 @@ def _chase(load: Load, runs_1_s: float) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=256)
-def effort_weight(load: Load, bits_s: float) -> float:
+def effort_weight(load: AxisBelief, bits_s: float) -> float:
     """Weight of the command, rad²/Nm², at which a resting target takes 1/bits_s a bit."""
     a, b = (x[:4, ...] for x in _chase(load, 0.0))
     a = a[:, :4]
@@ -119,7 +119,7 @@ class Gains:
     the target's; ahead, moved: from its delayed state and the hand's speeds since, to now.
     """
 
-    load: Load
+    load: AxisBelief
     command: Array
     hand: Array
     drive: Array
@@ -131,7 +131,7 @@ class Gains:
     moved: Array
 
 
-def _wrist(load: Load) -> tuple[Array, Array]:
+def _wrist(load: AxisBelief) -> tuple[Array, Array]:
     # Angle, speed, muscle, its drive, torque from outside.
     j, t = load.inertia_kgm2, MUSCLE_S
     a = np.zeros((5, 5))
@@ -149,18 +149,18 @@ def _estimator(a: Array, c: Array, process: Array, noise: float) -> Array:
 
 @lru_cache(maxsize=1024)
 def gains(
-    load: Load,
+    load: AxisBelief,
     bits_s: float,
     runs_1_s: float,
     delays: tuple[int, int],
     noise: float,
-    contracted: Load,
+    contracted: AxisBelief,
 ) -> Gains:
     """Solve for the controller and both estimators, once a combination.
 
     Parameters
     ----------
-    load : Load
+    load : AxisBelief
         Internal model.
     bits_s : float
         Accuracy that is gained in a second; practice brings it back under a load [5].
@@ -170,7 +170,7 @@ def gains(
         Frames until something is felt, and seen, each at least 2.
     noise : float
         Of the command over the command, a frame.
-    contracted : Load
+    contracted : AxisBelief
         The wrist with the impedance of its muscles about the estimate.
     """
     felt_frames, seen_frames = delays
@@ -239,9 +239,9 @@ class AxisController:
         self._state, self.resists_Nms_rad = False, {False: 0.0, True: 0.0}
         self.expect(0.0)
 
-    def _load(self, more_Nms_rad: float) -> Load:
+    def _load(self, more_Nms_rad: float) -> AxisBelief:
         x = self._limb
-        return Load(self._inertia_kgm2, x.stiffness_Nm_rad, x.damping_Nms_rad + more_Nms_rad)
+        return AxisBelief(self._inertia_kgm2, x.stiffness_Nm_rad, x.damping_Nms_rad + more_Nms_rad)
 
     def expect(self, runs_1_s: float) -> None:
         """Be ready for a target whose speed goes to the hand's at a rate; at 0 it keeps its own."""
@@ -252,7 +252,7 @@ class AxisController:
         resists = self.resists_Nms_rad[self._state] / RESISTS_NMS_RAD
         load = self._load(RESISTS_NMS_RAD * round(resists))
         delays = self._felt_frames, self.seen_frames
-        stiffer = Load(
+        stiffer = AxisBelief(
             self._inertia_kgm2,
             load.stiffness_Nm_rad + self._contracted[0],
             load.damping_Nms_rad + self._contracted[1],

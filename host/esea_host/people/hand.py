@@ -40,7 +40,7 @@ def shape(scene: Scene, role: str) -> Shape | None:
     return next((s for s in scene.shapes if s.role == role), None)
 
 
-class Hand(Actor):
+class ActingHand(Actor):
     """A person with a hand in a device, for one trial; frames of 10 ms.
 
     Parameters
@@ -125,7 +125,7 @@ class Hand(Actor):
                 self.who.gain[k] = max(self.who.gain[k], 0.3)
 
 
-class MovingHand(Hand):
+class MovingHand(ActingHand):
     """A hand that moves in submovements on what it sees late."""
 
     def __init__(self, who: VirtualParticipant, aims: list[float], handle_kgm2: float) -> None:

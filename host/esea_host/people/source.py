@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from esea_host.people.hand import Hand, Pointer
+from esea_host.people.hand import ActingHand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant, person
 from esea_host.study.plan import generator
 from esea_host.study.source import InputSource
@@ -27,10 +27,10 @@ class PersonSource(InputSource):
     def __init__(self, who: VirtualParticipant, pointer: Pointer | None = None) -> None:
         self.who, self.pointer = who, pointer
         self._past_s = 0.0
-        self._hand: Hand | None = None
+        self._hand: ActingHand | None = None
 
     @abstractmethod
-    def hand(self, task: StudyTask, situation: Situation, number: int) -> Hand:
+    def hand(self, task: StudyTask, situation: Situation, number: int) -> ActingHand:
         """The person, told what to do."""
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:

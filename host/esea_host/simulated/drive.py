@@ -13,7 +13,14 @@ import numpy as np
 
 from esea_gen.device import Device, board_device
 from esea_gen.errors import UserError
-from esea_gen.twin.hand import HAND_NAMES, NOBODY, Hand, SteppedHand, hand_variant, named_hand
+from esea_gen.twin.hand import (
+    HAND_NAMES,
+    NOBODY,
+    CoupledHand,
+    SteppedHand,
+    hand_variant,
+    named_hand,
+)
 from esea_gen.twin.people import random_person
 from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
@@ -79,7 +86,7 @@ class SimulatedBoard:
         self.axes = self.device.axes
         self._seed, self._motion = seed, MOTION if motion is None else motion
         self.passive = not self.device.laws
-        self._person: Person | Hand = EMPTY
+        self._person: Person | CoupledHand = EMPTY
         self.plant: SteppedPlant | SteppedHand | MovedJoint
         if self.passive:
             of_drive = {"plant": plant, "person": person, "spring": spring_Nm_rad}
@@ -110,7 +117,7 @@ class SimulatedBoard:
         self.pushes_rad, self.led = [0.0] * len(self.axes), False
         self._start()
 
-    def _named(self, person: str) -> Person | Hand:
+    def _named(self, person: str) -> Person | CoupledHand:
         if len(self.axes) > 1:
             return named_hand(_known("person", person, HAND_NAMES), self._seed)
         _known("person", person, PEOPLE_NAMES)
@@ -143,7 +150,7 @@ class SimulatedBoard:
         self,
         *,
         clamped: bool | Sequence[bool] = False,
-        person: Person | Hand | None = None,
+        person: Person | CoupledHand | None = None,
         hand: Intent | None = None,
         values: Mapping[str, float] | None = None,
         motion: JointMotion | None = None,
@@ -151,7 +158,7 @@ class SimulatedBoard:
         """What somebody does at the machine meanwhile; everything goes on from where it is.
 
         clamped: of several axes one for all, or one each.
-        person: of several axes a Hand; default: nobody.
+        person: of several axes a CoupledHand; default: nobody.
         hand: what the person intends, asked once a tick; of several axes a sequence, one each;
             default: as the board's state says.
         values: of the plant, that differ from its own, such as a drive that is locked.
@@ -164,7 +171,7 @@ class SimulatedBoard:
             self.plant.change(clamped=bool(clamped), person=self._person, **more)
         elif isinstance(self.plant, SteppedHand):
             self._person = NOBODY if person is None else person
-            assert isinstance(self._person, Hand)
+            assert isinstance(self._person, CoupledHand)
             self.plant.change(clamped=clamped, hand=self._person, **more)
         elif motion is not None:
             self.plant.motion = motion
@@ -183,7 +190,7 @@ class SimulatedBoard:
             counts = self.plant.start(0.0, clamped=self._clamped, person=self._person)
             self.board.show(counts)
         elif isinstance(self.plant, SteppedHand):
-            assert isinstance(self._person, Hand)
+            assert isinstance(self._person, CoupledHand)
             rest = [0.0] * len(self.axes)
             named = self.plant.start(rest, clamped=self._clamped, hand=self._person)
             self.board.show(named[n] for n in self._counts)

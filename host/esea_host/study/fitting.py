@@ -12,7 +12,7 @@ from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
 from esea_host.study.plan import build_plan
 from esea_host.study.protocol import Protocol
-from esea_host.study.task import Signal, StudyTask, task_named
+from esea_host.study.task import StudyTask, TaskSignal, task_named
 
 DEG = 180 / math.pi
 # What a task may ask for: the impairment of all axes, and torque on a joint.
@@ -47,7 +47,7 @@ class DeviceSignals:
         told = [(t, x.name) for t in device.system.tasks for x in device.system.task_outputs(t)]
         self._streams = {name: f"{task.name}_out" for task, name in reversed(told)}
 
-    def tap(self, signal: Signal, name: str = "") -> Tap | None:
+    def tap(self, signal: TaskSignal, name: str = "") -> Tap | None:
         """Where a signal is told; None where it is not.
 
         name: of the input: its unit is wanted.
@@ -57,15 +57,15 @@ class DeviceSignals:
         degrees = name.endswith("_deg") and signal.quantity.endswith("_rad")
         return Tap(stream, column, DEG if degrees else 1.0) if stream else None
 
-    def _axis(self, signal: Signal) -> str:
+    def _axis(self, signal: TaskSignal) -> str:
         return signal.axis or self.axes[0]
 
-    def _known(self, signal: Signal) -> bool:
+    def _known(self, signal: TaskSignal) -> bool:
         return signal.axis in self.axes if signal.axis else len(self.axes) == 1
 
     def of_axes(self, quantity: str) -> dict[str, Tap]:
         """A quantity of every axis that has it, by the axis' name."""
-        taps = {a: self.tap(Signal(quantity, a)) for a in self.axes}
+        taps = {a: self.tap(TaskSignal(quantity, a)) for a in self.axes}
         return {a: tap for a, tap in taps.items() if tap is not None}
 
     def taps(self, task: StudyTask) -> dict[str, Tap]:

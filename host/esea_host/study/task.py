@@ -93,7 +93,7 @@ class Actor(ABC):
 
 
 @dataclass(frozen=True)
-class Signal:
+class TaskSignal:
     """What a task has to be told of a device: in degrees where the input's name ends so.
 
     Parameters
@@ -119,7 +119,7 @@ class StudyTask(ABC):
         A :class:`TaskParameters` with defaults.
     columns : tuple of Column
         The data columns of its row, all of them and no others.
-    inputs : mapping of str to Signal
+    inputs : mapping of str to TaskSignal
         What it cannot do without, by the name that it has in a step.
     switches : tuple of str
         What somebody may press beside, 1 while it is pressed.
@@ -130,7 +130,7 @@ class StudyTask(ABC):
     title: ClassVar[str]
     Parameters: ClassVar[type[TaskParameters]] = TaskParameters
     columns: ClassVar[tuple[DataColumn, ...]]
-    inputs: ClassVar[Mapping[str, Signal]] = {}
+    inputs: ClassVar[Mapping[str, TaskSignal]] = {}
     switches: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod

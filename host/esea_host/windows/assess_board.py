@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
 from esea_host.assess.board import KneeBoard
 from esea_host.assess.patients import DEG
 from esea_host.assess.segments import MovementEvent, Verdict
-from esea_host.windows.assess_plots import LoopPlot
+from esea_host.windows.assess_plots import MovementLoop
 from esea_host.windows.theme import Theme, plain_label
 
 WARNED_S, DRAWN_S = 2.0, 6.0
@@ -35,7 +35,7 @@ class BoardPanel(QWidget):
 
     def __init__(self, board: KneeBoard) -> None:
         super().__init__()
-        self.board, self.loop = board, LoopPlot()
+        self.board, self.loop = board, MovementLoop()
         self.warning, self.verdict = QLabel(), plain_label()
         self.numbers = [QLabel() for _ in range(4)]
         self._warned_s = -WARNED_S

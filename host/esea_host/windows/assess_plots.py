@@ -103,7 +103,7 @@ class InformationMap(_Plot):
         self.item.setTitle(title, color=self._theme.ink, size="9pt")
 
 
-class LoopPlot(_Plot):
+class MovementLoop(_Plot):
     """Torque over angle of the movement under way, or of the last one, and the comfort range."""
 
     def __init__(self) -> None:

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 
 from esea_host.people.control import FRAME_S, AxisController
-from esea_host.people.hand import Hand, shape
+from esea_host.people.hand import ActingHand, shape
 from esea_host.people.person import Muscle, VirtualParticipant, minimum_jerk, minimum_jerk_speed
 from esea_host.study.scene import Scene
 from esea_host.study.task import Inputs, TaskParameters
@@ -33,7 +33,7 @@ class Arm:
         self.felt_deg = [0.0] * len(self.axes)
 
 
-class WristActor(Hand):
+class WristActor(ActingHand):
     """A person in the virtual device, for one trial.
 
     Parameters

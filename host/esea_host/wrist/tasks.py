@@ -17,11 +17,11 @@ from esea_host.study.task import (
     Actor,
     DataColumn,
     Inputs,
-    Signal,
     Situation,
     StudyTask,
     TaskEvent,
     TaskParameters,
+    TaskSignal,
     TaskStep,
     TrialOutcome,
     register,
@@ -67,8 +67,8 @@ def place(axis: str, value: float) -> tuple[float, float]:
 class _WristTask(StudyTask):
     version = "2"
     inputs: ClassVar = {
-        "fe_deg": Signal("theta_load_rad", "flexion"),
-        "ru_deg": Signal("theta_load_rad", "deviation"),
+        "fe_deg": TaskSignal("theta_load_rad", "flexion"),
+        "ru_deg": TaskSignal("theta_load_rad", "deviation"),
     }
 
     def conditions(self, parameters: Any) -> Mapping[str, float]:

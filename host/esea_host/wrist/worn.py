@@ -16,7 +16,7 @@ from typing import Any
 
 from esea_gen.device import Device, load_device
 from esea_gen.model.sensing import of_axis
-from esea_gen.twin.hand import Hand, wrist
+from esea_gen.twin.hand import CoupledHand, wrist
 from esea_gen.twin.published import Person
 from esea_host.people.person import Limb, VirtualParticipant
 from esea_host.simulated import LockstepDevice, SimulatedBoard
@@ -35,7 +35,7 @@ def wrist_drive() -> Device:
     return load_device("wrist_drive")
 
 
-def hand_of(limbs: Sequence[Limb]) -> Hand:
+def hand_of(limbs: Sequence[Limb]) -> CoupledHand:
     """A participant's hand and handle, on both axes; coupled as the twin's standard hand is."""
     usual = wrist(0.0, 0.0)
     people = tuple(
@@ -58,7 +58,7 @@ def hand_of(limbs: Sequence[Limb]) -> Hand:
         return b / math.sqrt(a * d) * math.sqrt(own[0] * own[1])
 
     one, two = limbs
-    return Hand(
+    return CoupledHand(
         (people[0], people[1]),
         (one.stiffness_Nm_rad, two.stiffness_Nm_rad),
         between([x.stiffness_Nm_rad for x in limbs], "stiffness"),
