@@ -12,11 +12,11 @@ from esea_host.study.task import (
     Actor,
     DataColumn,
     Inputs,
-    Signal,
     Situation,
     StudyTask,
     TaskEvent,
     TaskParameters,
+    TaskSignal,
     TaskStep,
     TrialOutcome,
     register,
@@ -43,7 +43,7 @@ class SteadyHold(StudyTask):
     name = "steady_hold"
     title = "Hold the handle near a place"
     Parameters = Hold
-    inputs: ClassVar = {"theta_deg": Signal("theta_load_rad")}
+    inputs: ClassVar = {"theta_deg": TaskSignal("theta_load_rad")}
     columns = (
         DataColumn("held", bool, "whether it was held long enough"),
         DataColumn("after_s", float, "time until then, or until it was missed"),

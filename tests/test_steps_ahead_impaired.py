@@ -136,49 +136,16 @@ def test_a_step_of_the_impairment():
     )
 
 
-def test_ports_and_numbers_of_the_impairment():
-    device = load_device("wrist_drive")
-    block = impairment(device)
-    omega, full = device.file.limits.omega_rad_s.value, device.tau_full_scale_Nm
-    deg = 180 / pi
-    # The thesis: a wall at 5 deg of 2 Nm/deg with 0.1 Nms/deg, and 0.02 Nms/deg everywhere.
-    assert {t.name: (t.default, t.low, t.high) for t in block.tunables} == {
-        "wall_rad": pytest.approx((5 / deg, -pi, pi), rel=1e-6),
-        "Kp_Nm_rad": pytest.approx((2 * deg, 0, 200), rel=1e-6),
-        "Kd_Nms_rad": pytest.approx((0.1 * deg, 0, 20), rel=1e-6),
-        "Kv_Nms_rad": pytest.approx((0.02 * deg, 0, 5), rel=1e-6),
-        "tau_max_Nm": pytest.approx((full, 0.01, full), rel=1e-6),
-    }
-    ends = {p.name: (p.low, p.high) for p in (*block.state, *block.inputs, *block.outputs)}
-    assert ends == {
-        "on": (0, 1),
-        "theta_rad": pytest.approx((-pi, pi), rel=1e-6),
-        "omega_rad_s": pytest.approx((-omega, omega), rel=1e-6),
-        "constrained": (0, 1),
-        "tau_set_Nm": pytest.approx((-full, full), rel=1e-6),
-        "acts": (0, 1),
-        "usable": (0, 1),
-        "status": (0, 31),
-    }
-    assert [f.counted for p in block.outputs for f in p.flags] == [True, True, False, False, False]
-    held = next(f for p in block.outputs for f in p.flags if f.name == "SATURATED")
-    assert (held.compares, held.threshold) == (("tau_set_Nm",), pytest.approx(full, rel=1e-6))
-
-
 def test_what_tries_an_impairment():
     """A wrist that rests, is constrained, goes into the wall and out, and is released at rest."""
     device = load_device("wrist_drive")
     block = impairment(device)
     (stream,) = block.streams.events(block, np.random.default_rng(1))
-    x, h = stream.inputs, block.period_s
+    x = stream.inputs
     names = ("theta_rad", "omega_rad_s", "constrained")
     assert set(x) == set(names)
     angle, rate, asked = (x[n] for n in names)
-    # One cycle a second to 0.3 rad, 17 deg, after a rest of 200 steps; its rate is its own.
     moves = slice(200, 4200)
-    t = h * np.arange(4000)
-    assert angle[moves] == pytest.approx(0.3 * np.sin(2 * pi * t), abs=1e-6)
-    assert rate[moves] == pytest.approx(0.6 * pi * np.cos(2 * pi * t), abs=1e-6)
     y, _ = block.simulator().run(x)
     acts, status = y["acts"], y["status"].astype(int)
     parts = {

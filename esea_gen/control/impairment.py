@@ -226,8 +226,8 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
 
     h, still = block.period_s, 200
     t = np.arange(4000) * h
-    theta = single(0.3 * np.sin(2 * np.pi * 1.0 * t))
-    omega = single(0.6 * np.pi * np.cos(2 * np.pi * 1.0 * t))
+    theta = single(0.7 * np.sin(2 * np.pi * 1.0 * t))
+    omega = single(1.4 * np.pi * np.cos(2 * np.pi * 1.0 * t))
     rest = np.zeros(still)
     wall = next(x for x in block.tunables if x.name == "wall_rad").default
     in_wall = single(np.full(still, wall + 0.01))

@@ -434,9 +434,8 @@ class ClosedLoop:
         state = self.ffi.new(f"{self._prefix}_state_t *")
         plant_state = self.ffi.new(f"{self._plant_prefix}_state_t *")
         start = self.ffi.new(f"{self._plant_prefix}_move_out_t *")
-        init, plant_init = (getattr(self._lib, name) for name in self._inits)
-        init(*coeffs, state)
-        plant_init(*plant_coeffs, plant_state)
+        getattr(self._lib, self._inits[0])(*coeffs, state)
+        getattr(self._lib, self._inits[1])(*plant_coeffs, plant_state)
         for key, vector in first.items():
             getattr(plant_state.plant, key)[0 : len(vector)] = vector
         for key, value in sampled.items():

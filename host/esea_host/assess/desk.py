@@ -42,7 +42,7 @@ from esea_host.assess.responses import (
     nearest,
     passage,
 )
-from esea_host.assess.segments import Segment, Verdict, judge
+from esea_host.assess.segments import MovementVerdict, Segment, judge
 from esea_host.assess.session import WORDS, Assessment, take
 from esea_host.typed import read_number
 
@@ -150,7 +150,7 @@ class ClinicDesk:
     ) -> None:
         check_body(height_m, mass_kg)
         self.board = board
-        self.attempt: Verdict | None = None  # that is to be kept or repeated
+        self.attempt: MovementVerdict | None = None  # that is to be kept or repeated
         self._source: dict[str, float | str] = {}
         self.session, self._comfort, self.measure = session, comfort or Comfort(), measure
         self.height_m, self.mass_kg = height_m, mass_kg
@@ -249,7 +249,7 @@ class ClinicDesk:
         self.board.show(self.proposed)
         return "Simulated: the therapist takes the leg to the start, and makes the movement."
 
-    def judge(self, segment: Segment) -> Verdict:
+    def judge(self, segment: Segment) -> MovementVerdict:
         """Compare what the board measured with the movement proposed; an attempt waits."""
         verdict = judge(segment, self.proposed, self.height_m, self.mass_kg)
         if verdict.tried and self.board is not None:
@@ -284,7 +284,7 @@ class ClinicDesk:
         self.skip(f"the movement was cut off: {reason}")
         return f"The movement was cut off: {reason.rstrip('.')}. Repeat it."
 
-    def _attempted(self) -> Verdict:
+    def _attempted(self) -> MovementVerdict:
         if self.attempt is None:
             raise UserError("There is no movement to keep or repeat.", "Make the movement first.")
         return self.attempt

@@ -197,7 +197,7 @@ class MovementWatch:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class MovementVerdict:
     """How a movement met what was asked.
 
     tried: whether it was an attempt at all, and not the way to its start.  angle_rad, rate_rad_s:
@@ -213,12 +213,14 @@ class Verdict:
     text: str
 
 
-def judge(segment: Segment, asked: ProbingMovement, height_m: float, mass_kg: float) -> Verdict:
+def judge(
+    segment: Segment, asked: ProbingMovement, height_m: float, mass_kg: float
+) -> MovementVerdict:
     """Compare a movement with the one proposed: passed within a tolerance, or to be tried again."""
     try:
         p = passage(segment.recording(height_m, mass_kg))
     except UserError as error:
-        return Verdict(None, True, False, math.inf, math.nan, math.nan, str(error))
+        return MovementVerdict(None, True, False, math.inf, math.nan, math.nan, str(error))
     at, distance = nearest(p, asked.location)
     first, inside = segment.angle_rad[0], segment.angle_rad
     way = asked.end_rad - asked.start_rad
@@ -226,7 +228,7 @@ def judge(segment: Segment, asked: ProbingMovement, height_m: float, mass_kg: fl
     tried = abs(first - asked.start_rad) <= NEAR_RAD and went >= abs(way) / 2
     if not math.isfinite(distance):
         text = "Your hands were at the limit of their pull: nothing could be read."
-        return Verdict(p, tried, False, distance, math.nan, math.nan, text)
+        return MovementVerdict(p, tried, False, distance, math.nan, math.nan, text)
     angle, rate, wanted = float(p.angle_rad[at]), float(p.rate_rad_s[at]), asked.location
     text = (
         f"Reached {abs(rate) / DEG:.0f}°/s at {angle / DEG:.0f}° (asked: "
@@ -240,4 +242,4 @@ def judge(segment: Segment, asked: ProbingMovement, height_m: float, mass_kg: fl
         text += f", missed: try again, {'faster' if slow else 'slower'}."
     else:
         text += ", missed: try again."
-    return Verdict(p, tried or passed, passed, distance, angle, rate, text)
+    return MovementVerdict(p, tried or passed, passed, distance, angle, rate, text)

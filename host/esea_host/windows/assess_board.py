@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
 
 from esea_host.assess.board import KneeBoard
 from esea_host.assess.patients import DEG
-from esea_host.assess.segments import MovementEvent, Verdict
+from esea_host.assess.segments import MovementEvent, MovementVerdict
 from esea_host.windows.assess_plots import MovementLoop
 from esea_host.windows.theme import Theme, plain_label
 
@@ -86,7 +86,7 @@ class BoardPanel(QWidget):
         elif event.segment is not None:
             self._to_s = event.segment.end_s
 
-    def draw(self, attempt: Verdict | None) -> None:
+    def draw(self, attempt: MovementVerdict | None) -> None:
         """All as it is now."""
         board = self.board
         limits = board.watch.comfort

@@ -12,7 +12,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,10 @@ SPACING_DEG = 10.0
 # Two measurements of one range may differ by so much: RU has no wall.  M. Horger, American Journal
 # of Occupational Therapy 44, 1990: a goniometer on the wrist, about 5 deg.
 REPEATED_DEG = 5.0
+# At a soft wall the wrist slows down and turns round over several nodes.  An outermost node with
+# less than this share of the median speed (assumed) is left out, as those at an end are: its ratio
+# of speeds would multiply the cursor's motion there beyond what anybody can steer.
+LEAST_SPEED_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -205,6 +209,7 @@ def normalise(
     for name, speeds in (("healthy", healthy), ("constrained", constrained)):
         check_nodes(name, speeds)
     _check_range(healthy, constrained)
+    constrained = without_turns(constrained)
     middle = (constrained.low_deg + constrained.high_deg) / 2
     shrink = _width(constrained) / _width(healthy)
     centre = (healthy.low_deg + healthy.high_deg) / 2
@@ -217,6 +222,16 @@ def normalise(
     found = CursorMap(middle, constrained.low_deg, constrained.high_deg, factor)
     _check_fold(found)
     return found
+
+
+def without_turns(speeds: NodeSpeeds) -> NodeSpeeds:
+    """Checked speeds without outermost nodes where the wrist was about to turn round."""
+    found = np.array(speeds.speeds_deg_s, np.float64)
+    passed = np.flatnonzero(found >= LEAST_SPEED_SHARE * np.median(found))
+    kept = slice(int(passed[0]), int(passed[-1]) + 1)
+    if kept.stop - kept.start < LEAST_NODES:
+        return speeds
+    return replace(speeds, nodes_deg=speeds.nodes_deg[kept], speeds_deg_s=speeds.speeds_deg_s[kept])
 
 
 def _width(speeds: NodeSpeeds) -> float:
