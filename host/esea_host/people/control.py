@@ -236,7 +236,7 @@ class AxisController:
         self._prey: Array | None = None
         self._sums = [0.0] * 5
         self.goal_rad = self.goal_rad_s = 0.0
-        self._state, self.resists_Nms_rad = False, {False: 0.0, True: 0.0}
+        self._learns, self._state, self.resists_Nms_rad = True, False, {False: 0.0, True: 0.0}
         self.expect(0.0)
 
     def _load(self, more_Nms_rad: float) -> AxisBelief:
@@ -260,8 +260,12 @@ class AxisController:
         args = (self.model.bits_s, self._runs_1_s, delays, self._command_noise, stiffer)
         self._gains = gains(load, *args)
 
-    def enter(self, state: bool) -> None:
-        """Begin a trial in a state of the device: stop pushing, and recall how it resists."""
+    def enter(self, state: bool, learns: bool = True) -> None:
+        """Begin a trial in a state of the device: stop pushing, and recall how it resists.
+
+        learns: whether one gets used to it meanwhile, at one's own pace.
+        """
+        self._learns = learns
         self._state, self.goal_rad, self.goal_rad_s = state, self.angle_rad, 0.0
         self._sums = [0.0] * 5
         self.expect(0.0)
@@ -312,7 +316,7 @@ class AxisController:
         command = steady + 2 * lag - float(g.command @ (*chase, self.goal_rad_s))
         command = min(max(command, -m.effort_Nm), m.effort_Nm)
         self._estimate = g.hand @ x + g.drive * command + g.felt * (self._felt[0] - x[-1])
-        if self._limb.low_rad + END_RAD < angle < self._limb.high_rad - END_RAD:
+        if self._learns and self._limb.low_rad + END_RAD < angle < self._limb.high_rad - END_RAD:
             told = (1.0, speed, outside, speed * speed, speed * outside)
             self._sums = [a + b for a, b in zip(self._sums, told, strict=True)]
             if self._sums[0] >= LEARN_FRAMES:

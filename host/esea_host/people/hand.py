@@ -120,9 +120,11 @@ class ActingHand(Actor):
             moved = hand[k] - self._first[1][k]
             if abs(moved) > 3.0:
                 ratio = (shown - self._first[0][k]) / moved
-                rate = self.who.model.gain_rate * 0.01 / 0.5
+                rate = self.who.model.gain_rate
                 self.who.gain[k] += rate * (min(max(ratio, 0.3), 6.0) - self.who.gain[k])
-                self.who.gain[k] = max(self.who.gain[k], 0.3)
+                here = (*self._first[0][:k], shown, *self._first[0][k + 1 :])
+                there = (*self._first[1][:k], hand[k], *self._first[1][k + 1 :])
+                self._first = here, there
 
 
 class MovingHand(ActingHand):

@@ -65,7 +65,8 @@ class WristActor(ActingHand):
         self._seen: deque[Scene] = deque(maxlen=arm.axes[0].seen_frames)
         self._role = ""
         for x in arm.axes:
-            x.enter(bool(getattr(parameters, "impairment", False)))
+            # In a chase the hand would take its own haste for the device's.
+            x.enter(bool(getattr(parameters, "impairment", False)), task in PACED)
         self._asked_deg = [math.nan] * len(arm.axes)
         # Of each axis: when a movement begins, from where it goes, and to where.
         self._paths = [(math.inf, x.goal_rad, x.goal_rad) for x in arm.axes]
