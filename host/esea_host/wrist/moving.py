@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -59,6 +61,15 @@ class Cursor:
 
     neutral: tuple[float, float]
     maps: Mapping[str, CursorMap] | None
+
+    def logged(self) -> Row:
+        """The normalisation with its hash, for the log; nothing where there is none."""
+        if self.maps is None:
+            return {}
+        fitted = {a: m.numbers() for a, m in self.maps.items()}
+        text = json.dumps(fitted, sort_keys=True)
+        digest = hashlib.sha256(text.encode()).hexdigest()
+        return {"normalisation": fitted, "normalisation_sha256": digest}
 
     def at(self, inputs: Inputs) -> tuple[float, float]:
         """Where the cursor is, deg."""
@@ -169,7 +180,11 @@ class Track(_WristTask):
         since = (time_s if state.ready_since_s is None else state.ready_since_s) if near else None
         held = since is not None and time_s - since >= 0.5
         begun = time_s if held or time_s >= p.start_s else None
-        events = (TaskEvent("started", {"ready": held}),) if begun is not None else ()
+        events = (
+            (TaskEvent("started", {"ready": held, **state.cursor.logged()}),)
+            if begun is not None
+            else ()
+        )
         shapes = (dot("target", *place(p.axis, start), 4.0), dot("cursor", *here, 2.5))
         state = replace(state, ready_since_s=since, begun_s=begun)
         return TaskStep(state, Scene(shapes, (Text("follow"),), 90.0), requests(p), events)
@@ -288,7 +303,7 @@ class Catch(_WristTask):
         if since is not None and time_s - since >= 0.5:
             x, y = place(p.axis, p.way * state.distance_deg)
             state = replace(state, shown_s=time_s, target=(Moving(x), Moving(y)))
-            events = (TaskEvent("target", {"x_deg": x, "y_deg": y}),)
+            events = (TaskEvent("target", {"x_deg": x, "y_deg": y, **state.cursor.logged()}),)
         elif time_s >= p.home_s:
             outcome = TrialOutcome(None, "the cursor did not come back to the origin")
         return TaskStep(state, self._scene(state, here, None, False), requests(p), events, outcome)

@@ -12,7 +12,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -161,6 +161,15 @@ class CursorMap:
         inside = np.clip(theta, self.low_deg, self.high_deg)
         within = self.factor.integral(inside - self.middle_deg)
         return np.asarray(within + (theta - inside) * self.factor.value(inside - self.middle_deg))
+
+    def numbers(self) -> dict[str, float | list[float]]:
+        """All that it was fitted to, for a log."""
+        fitted = asdict(self.factor) | {
+            "centres_deg": self.factor.centres_deg.tolist(),
+            "weights": self.factor.weights.tolist(),
+        }
+        ends = "middle_deg", "low_deg", "high_deg"
+        return {n: float(getattr(self, n)) for n in ends} | fitted
 
     def scaling(self, theta_deg: npt.ArrayLike) -> Array:
         """Scaling factor: the cursor's speed over the wrist's."""
