@@ -29,47 +29,16 @@ from esea_gen.devices.schema import json_schema
 API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "core": (
         "Blocks, Systems, devices",
-        (
-            "language.ports",
-            "language.component",
-            "language.block",
-            "language.program",
-            "language.builder",
-            "language.wires",
-            "language.system",
-            "device",
-            "errors",
-        ),
-    ),
-    "models": (
-        "Models, observers, control",
-        (
-            *(f"model.{m}" for m in ("elastomer", "encoder", "filters", "inverse", "joint")),
-            *(f"model.{m}" for m in ("sensing", "symbolic", "velocity_properties")),
-            "model.gear_encoder",
-            "model.family",
-            "model.family_inverse",
-            "model.rubber",
-            *(f"observe.{m}" for m in ("rates", "disturbance", "human")),
-            *(f"control.{m}" for m in ("law", "laws", "law_switch", "system", "reference")),
-            *(f"control.{m}" for m in ("sliding_mode", "predictive_drive", "limits")),
-            "control.redundancy",
-        ),
+        ("language.ports", "language.block", "language.system", "device", "control.law", "errors"),
     ),
     "c": ("Rendering, loading and checking C", ("emit.build", "hostlib.library", "hostlib.runner")),
     "verify": ("Verification", ("verify.equivalence", "verify.verdict")),
     "identify": (
         "Identification, twin, analysis",
         (
-            *(
-                f"identify.{m}"
-                for m in ("mapping", "tables", "replay", "identification", "verdict")
-            ),
-            "identify.identified",
-            "identify.family_identification",
-            "identify.compare",
+            *(f"identify.{m}" for m in ("mapping", "tables", "identification", "verdict")),
             "twin.closed_loop",
-            *(f"analysis.{m}" for m in ("response", "frequency", "sweeps", "passivity")),
+            "twin.loop_run",
             *(f"analysis.{m}" for m in ("campaign", "monte_carlo")),
             "studies.torque_check.check",
             "plotting",

@@ -25,22 +25,14 @@ HALF_POWER_DB = 10 * math.log10(2.0)
 class Bandwidth:
     """Where a gain has fallen, and by which definition.
 
-    Parameters
-    ----------
-    bandwidth_Hz : float or None
-        Lowest frequency at which the gain falls through the level; the lowest of the data when it
-        is below there already, None when it does not fall through within the data.
-    passband_gain : float
-        Gain that the fall counts from.
-    passband : str
-        Where that comes from.
-    drop_dB : float
-        The fall.
-    peak_dB, peak_Hz : float
-        Highest gain relative to the passband's, and where.
-    returns : bool
-        Whether the gain comes back above the level at a higher frequency: then the figure hangs
-        on the definition.
+    bandwidth_Hz: lowest frequency at which the gain falls through the level; the lowest of the data
+        when it is below there already, None when it does not fall through within the data.
+    passband_gain: gain that the fall counts from.
+    passband: where that comes from.
+    drop_dB: the fall.
+    peak_dB, peak_Hz: highest gain relative to the passband's, and where.
+    returns: whether the gain comes back above the level at a higher frequency: then the figure
+        hangs on the definition.
     """
 
     bandwidth_Hz: float | None
@@ -56,16 +48,13 @@ class Bandwidth:
 class Margins:
     """Stability margins of an open loop; None where nothing crosses.
 
-    Parameters
-    ----------
-    gain_margin_dB, gain_margin_Hz : float or None
-        Factor to the limit at the phase crossing nearest to it, and its frequency.
-    phase_margin_deg, phase_margin_Hz : float or None
-        Smallest phase distance to -180 deg over the gain crossings, and its frequency.
-    delay_margin_s : float or None
-        Additional delay to the limit, smallest over the gain crossings with positive margin.
-    modulus_margin : float
-        Smallest distance of the locus from -1.
+    gain_margin_dB, gain_margin_Hz: factor to the limit at the phase crossing nearest to it, and its
+        frequency.
+    phase_margin_deg, phase_margin_Hz: smallest phase distance to -180 deg over the gain crossings,
+        and its frequency.
+    delay_margin_s: additional delay to the limit, smallest over the gain crossings with positive
+        margin.
+    modulus_margin: smallest distance of the locus from -1.
     """
 
     gain_margin_dB: float | None
@@ -80,20 +69,12 @@ class Margins:
 class LagFit:
     """A low-order lag with delay, fitted to a frequency response.
 
-    Parameters
-    ----------
-    order : int
-        0, 1 or 2.
-    gain : float
-        Static gain.
-    natural_Hz : float or None
-        Corner frequency (order 1) or natural frequency (order 2).
-    damping : float or None
-        Damping ratio (order 2).
-    delay_s : float
-        Delay beside it.
-    misfit : float
-        RMS of the relative complex misfit.
+    order: 0, 1 or 2.
+    gain: static gain.
+    natural_Hz: corner frequency (order 1) or natural frequency (order 2).
+    damping: damping ratio (order 2).
+    delay_s: delay beside it.
+    misfit: RMS of the relative complex misfit.
     """
 
     order: int
@@ -108,18 +89,11 @@ class LagFit:
 class FrequencyResponse:
     """Ratio of output to input over frequency.
 
-    Parameters
-    ----------
-    frequency_Hz : ndarray
-        Rising, shape (n,).
-    response : ndarray
-        Complex ratio, shape (n,).
-    coherence : ndarray or None
-        Share of the output's power that the input explains, shape (n,).
-    sigma : ndarray or None
-        Standard deviation of the response relative to its gain, shape (n,); from noise alone.
-    method : str
-        How it was found.
+    frequency_Hz: rising, shape (n,).
+    response: complex ratio, shape (n,).
+    coherence: share of the output's power that the input explains, shape (n,).
+    sigma: standard deviation of the response relative to its gain, shape (n,); from noise alone.
+    method: how it was found.
     """
 
     frequency_Hz: Array
@@ -159,25 +133,7 @@ class FrequencyResponse:
     def band(
         self, low_Hz: float = 0.0, high_Hz: float = math.inf, min_coherence: float = 0.0
     ) -> FrequencyResponse:
-        """The part within a band and above a coherence.
-
-        Parameters
-        ----------
-        low_Hz, high_Hz : float
-            Its ends, included.
-        min_coherence : float
-            Points below this are left out.
-
-        Returns
-        -------
-        FrequencyResponse
-            What remains.
-
-        Raises
-        ------
-        UserError
-            When fewer than four points remain.
-        """
+        """The part within a band and above a coherence."""
         keep = (self.frequency_Hz >= low_Hz) & (self.frequency_Hz <= high_Hz)
         if self.coherence is not None:
             keep &= self.coherence >= min_coherence
@@ -202,28 +158,7 @@ class FrequencyResponse:
         passband_gain: float | None = None,
         min_coherence: float = 0.0,
     ) -> Bandwidth:
-        """Lowest frequency at which the gain has fallen by some dB.
-
-        Parameters
-        ----------
-        drop_dB : float
-            The fall, above 0; half of the power (3.01 dB) by default.
-        passband_gain : float, optional
-            Gain to count from: 1 for "of the command", a static gain from a step for "of DC".  The
-            gain at the lowest frequency when not given.
-        min_coherence : float
-            Points below this are left out.
-
-        Returns
-        -------
-        Bandwidth
-            Interpolated in dB over the logarithm of frequency.
-
-        Raises
-        ------
-        UserError
-            On a drop or passband gain that is not above 0, or too few points.
-        """
+        """Lowest frequency at which the gain has fallen by some dB."""
         used = self.band(0.0, math.inf, min_coherence)
         start = float(used.gain[0]) if passband_gain is None else passband_gain
         if not (start > 0 and drop_dB > 0 and math.isfinite(start) and math.isfinite(drop_dB)):
@@ -253,25 +188,12 @@ class FrequencyResponse:
         )
 
     def open_loop(self) -> FrequencyResponse:
-        """Open loop L = T / (1 - T) of a closed loop with unit feedback.
-
-        Returns
-        -------
-        FrequencyResponse
-            Of the loop.  Errors of T grow by 1/|1 - T| where tracking is good; where the noise
-            enters inside the loop, `welch_response` with an instrument is the better estimate.
-        """
+        """Open loop L = T / (1 - T) of a closed loop with unit feedback."""
         sigma = None if self.sigma is None else self.sigma / np.abs(1 - self.response)
         return replace(self, response=self.response / (1 - self.response), sigma=sigma)
 
     def margins(self) -> Margins:
-        """Margins, with this response taken as an open loop under negative unit feedback.
-
-        Returns
-        -------
-        Margins
-            Crossings are interpolated over the logarithm of frequency.
-        """
+        """Margins, with this response taken as an open loop under negative unit feedback."""
         f, gain, phase = self.frequency_Hz, self.gain_dB, self.phase_deg
         level = np.log10(f)
         phases: list[tuple[float, float]] = []
@@ -298,26 +220,7 @@ class FrequencyResponse:
         )
 
     def lag(self, order: int = 0, *, low_Hz: float = 0.0, high_Hz: float = math.inf) -> LagFit:
-        """Fit gain, delay and a lag of order 0, 1 or 2.
-
-        Parameters
-        ----------
-        order : int
-            0 gives the equivalent delay (slope of the phase, dynamics included), 1 and 2 part the
-            delay from a first- or second-order lag.
-        low_Hz, high_Hz : float
-            Band of the fit.
-
-        Returns
-        -------
-        LagFit
-            Least squares of the relative complex misfit, weighted by ``sigma`` where it is known.
-
-        Raises
-        ------
-        UserError
-            On another order or too few points.
-        """
+        """Fit gain, delay and a lag of order 0, 1 or 2."""
         from scipy.optimize import least_squares
 
         if order not in (0, 1, 2):
@@ -375,18 +278,7 @@ class FrequencyResponse:
         }
 
     def table(self, rows: int = 12) -> list[str]:
-        """Some frequencies as lines of text.
-
-        Parameters
-        ----------
-        rows : int
-            How many, spread evenly over the logarithm of frequency.
-
-        Returns
-        -------
-        list of str
-            A head and the rows.
-        """
+        """Some frequencies as lines of text."""
         wanted = np.geomspace(max(self.frequency_Hz[0], 1e-9), self.frequency_Hz[-1], rows)
         picked = sorted({int(np.argmin(np.abs(self.frequency_Hz - w))) for w in wanted})
         lines = [f"{self.method}", f"{'Hz':>10}{'gain dB':>10}{'phase deg':>11}{'coherence':>11}"]

@@ -25,12 +25,8 @@ Bools = npt.NDArray[np.bool_]
 class Hand:
     """A passive hand or arm.
 
-    Parameters
-    ----------
-    name : str
-        For tables.
-    inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad : float
-        0 or more.
+    name: for tables.
+    inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad: 0 or more.
     """
 
     name: str
@@ -52,23 +48,7 @@ def hand_family(
     damping_Nms_rad: Sequence[float],
     stiffness_Nm_rad: Sequence[float],
 ) -> tuple[Hand, ...]:
-    """Every combination of some inertias, dampings and stiffnesses.
-
-    Parameters
-    ----------
-    inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad : sequence of float
-        Values of each.
-
-    Returns
-    -------
-    tuple of Hand
-        Named after their numbers.
-
-    Raises
-    ------
-    UserError
-        When a value is below 0.
-    """
+    """Every combination of some inertias, dampings and stiffnesses."""
     every = product(inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad)
     return tuple(Hand(f"J {j:g}, B {b:g}, K {k:g}", j, b, k) for j, b, k in every)
 
@@ -80,14 +60,9 @@ def hand_family(
 class EnergyBalance:
     """Energy that a driving point took in over a run.
 
-    Parameters
-    ----------
-    absorbed_J : ndarray
-        Taken in since the start, at the samples of the angle, shape (n,).
-    stored_J : float
-        What the driving point held at the start.
-    exchanged_J : float
-        Energy that went either way, in total.
+    absorbed_J: taken in since the start, at the samples of the angle, shape (n,).
+    stored_J: what the driving point held at the start.
+    exchanged_J: energy that went either way, in total.
     """
 
     absorbed_J: Array
@@ -112,30 +87,7 @@ def energy_balance(
     held: bool = False,
     stored_J: float = 0.0,
 ) -> EnergyBalance:
-    """Energy that a rendered impedance takes in from the hand.
-
-    Parameters
-    ----------
-    theta_rad : array_like
-        Angle of the driving point, shape (n,).
-    tau_Nm : array_like
-        Torque of the driving point ON the hand, at the same samples, shape (n,).
-    held : bool
-        The torque keeps a sample's value until the next sample: the sum is then exact.  Otherwise
-        the trapezoidal rule is taken.
-    stored_J : float
-        Energy it holds at the start, for example of a virtual spring that starts deflected.
-
-    Returns
-    -------
-    EnergyBalance
-        Its running sum.
-
-    Raises
-    ------
-    UserError
-        On bad signals.
-    """
+    """Energy that a rendered impedance takes in from the hand."""
     theta = checked("theta_rad", theta_rad)
     tau = checked("tau_Nm", tau_Nm, len(theta))
     if not (stored_J >= 0 and math.isfinite(stored_J)):
@@ -150,18 +102,11 @@ def energy_balance(
 class PassivityMap:
     """Energy generated over gains and hands.
 
-    Parameters
-    ----------
-    kp_Nm_rad, kd_Nms_rad : ndarray
-        Gains, shapes (p,) and (d,).
-    hands : tuple of Hand
-        The hands, h of them.
-    generated_J, index : ndarray
-        Shape (p, d, h); infinite where the run is not finite.
-    diverging : ndarray of bool
-        Shape (p, d, h).
-    tolerance : float
-        Index up to which a run counts as passive.
+    kp_Nm_rad, kd_Nms_rad: gains, shapes (p,) and (d,).
+    hands: the hands, h of them.
+    generated_J, index: shape (p, d, h); infinite where the run is not finite.
+    diverging: shape (p, d, h).
+    tolerance: index up to which a run counts as passive.
     """
 
     kp_Nm_rad: Array

@@ -24,27 +24,7 @@ MIN_SAMPLES = 32
 
 
 def checked(name: str, values: npt.ArrayLike, like: int | None = None) -> Array:
-    """A signal as an array, or an error that names the sample at fault.
-
-    Parameters
-    ----------
-    name : str
-        Its name in messages.
-    values : array_like
-        Shape (n,).
-    like : int, optional
-        Wanted number of samples.
-
-    Returns
-    -------
-    ndarray
-        float64, shape (n,).
-
-    Raises
-    ------
-    UserError
-        When it is not one-dimensional, too short, of another length or not finite.
-    """
+    """A signal as an array, or an error that names the sample at fault."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 1 or len(array) < MIN_SAMPLES:
         raise UserError(
@@ -66,23 +46,7 @@ def checked(name: str, values: npt.ArrayLike, like: int | None = None) -> Array:
 
 
 def checked_time(time_s: npt.ArrayLike) -> Array:
-    """Sample times, strictly rising.
-
-    Parameters
-    ----------
-    time_s : array_like
-        In s, shape (n,).
-
-    Returns
-    -------
-    ndarray
-        The same.
-
-    Raises
-    ------
-    UserError
-        When they do not rise.
-    """
+    """Sample times, strictly rising."""
     time = checked("time_s", time_s)
     back = np.flatnonzero(np.diff(time) <= 0)
     if back.size:
@@ -95,41 +59,14 @@ def checked_time(time_s: npt.ArrayLike) -> Array:
 
 
 def checked_period(period_s: float) -> float:
-    """A sample period above 0.
-
-    Parameters
-    ----------
-    period_s : float
-        In s.
-
-    Returns
-    -------
-    float
-        The same.
-
-    Raises
-    ------
-    UserError
-        When it is not above 0.
-    """
+    """A sample period above 0."""
     if not (math.isfinite(period_s) and period_s > 0):
         raise UserError(f"period_s: {period_s} s.", "Give a sample period above 0.")
     return period_s
 
 
 def plain(value: Any) -> Any:
-    """JSON-ready form of a number or array.
-
-    Parameters
-    ----------
-    value : object
-        Number, array, text or None.
-
-    Returns
-    -------
-    object
-        Lists for arrays, None for what is not finite; anything else as it is.
-    """
+    """JSON-ready form of a number or array."""
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
     if isinstance(value, list):
@@ -146,18 +83,11 @@ def plain(value: Any) -> Any:
 class Resampled:
     """Signals on a regular grid.
 
-    Parameters
-    ----------
-    time_s : ndarray
-        Grid, shape (m,).
-    period_s : float
-        Its step.
-    signals : tuple of ndarray
-        Interpolated signals, shape (m,) each.
-    dropped_s : float
-        Time that was cut away because of gaps.
-    widest_s : float
-        Longest interval between samples that was bridged.
+    time_s: grid, shape (m,).
+    period_s: its step.
+    signals: interpolated signals, shape (m,) each.
+    dropped_s: time that was cut away because of gaps.
+    widest_s: longest interval between samples that was bridged.
     """
 
     time_s: Array
@@ -176,29 +106,6 @@ def resample(
 ) -> Resampled:
     """Bring irregular samples onto a regular grid, without bridging gaps.
 
-    Parameters
-    ----------
-    time_s : array_like
-        Sample times in s, rising, shape (n,).
-    signals : sequence of array_like
-        Signals at these times, shape (n,) each.
-    period_s : float, optional
-        Step of the grid; the median interval when not given.
-    max_gap_s : float, optional
-        Intervals longer than this are gaps; ten median intervals when not given.
-
-    Returns
-    -------
-    Resampled
-        The longest stretch without a gap.
-
-    Raises
-    ------
-    UserError
-        On bad signals, or when no stretch is long enough.
-
-    Notes
-    -----
     Linear interpolation between samples an interval d apart multiplies a sine of frequency f by
     sinc^2(f d): 0.3 dB at f d = 0.1.  In a ratio of two signals of the same record it cancels.  A
     grid coarser than the samples is reached through a linear-phase low-pass at 0.4 of its rate, so

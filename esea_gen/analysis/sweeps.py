@@ -28,30 +28,6 @@ def welch_response(
 ) -> FrequencyResponse:
     """Response from averaged spectra (H1, Hann segments, half overlapping).
 
-    Parameters
-    ----------
-    u, y : array_like
-        Input and output, regular samples, shape (n,).
-    period_s : float
-        Sample period.
-    segment_s : float
-        Length of a segment; the resolution is 1.5 / segment_s.
-    instrument : array_like, optional
-        A signal that excites the loop from outside and that no noise reaches (the reference),
-        shape (n,).
-
-    Returns
-    -------
-    FrequencyResponse
-        At the excited lines, without 0 Hz.
-
-    Raises
-    ------
-    UserError
-        On bad signals, or fewer than four segments.
-
-    Notes
-    -----
     H1 = S_uy / S_uu is free of bias when the noise is on the output only [1]_.  Inside a feedback
     loop u holds noise that y holds too; then S_ry / S_ru with the reference r as the instrument is
     consistent [2]_.  A delay d biases the gain by about (1 - d/segment_s): take segments much
@@ -112,29 +88,7 @@ MIN_SAMPLES_A_SEGMENT = 16
 def periodic_response(
     u: npt.ArrayLike, y: npt.ArrayLike, period_s: float, *, samples: int, skip: int = 1
 ) -> FrequencyResponse:
-    """Response at the lines of a periodic input (multi-sine): no leakage, noise from the scatter.
-
-    Parameters
-    ----------
-    u, y : array_like
-        Input and output, regular samples, shape (n,).
-    period_s : float
-        Sample period.
-    samples : int
-        Samples of one period of the input.
-    skip : int
-        Periods to leave out while the transient dies.
-
-    Returns
-    -------
-    FrequencyResponse
-        At the excited lines; coherence and sigma from two periods on.
-
-    Raises
-    ------
-    UserError
-        On bad signals, fewer than one period after ``skip``, or an input that is not periodic.
-    """
+    """Response at the lines of a multi-sine: no leakage, noise from the scatter."""
     rate = 1.0 / checked_period(period_s)
     x = checked("u", u)
     z = checked("y", y, len(x))
@@ -177,14 +131,9 @@ def periodic_response(
 class Sweep:
     """A linear sine sweep.
 
-    Parameters
-    ----------
-    start_Hz, end_Hz : float
-        Frequency at its ends.
-    duration_s : float
-        Its length.
-    start_s : float
-        When it begins.
+    start_Hz, end_Hz: frequency at its ends.
+    duration_s: its length.
+    start_s: when it begins.
     """
 
     start_Hz: float
@@ -208,18 +157,7 @@ class Sweep:
         return (self.end_Hz - self.start_Hz) / self.duration_s
 
     def phase_rad(self, time_s: Array) -> Array:
-        """Phase, the integral of the frequency.
-
-        Parameters
-        ----------
-        time_s : ndarray
-            Times, shape (n,).
-
-        Returns
-        -------
-        ndarray
-            In rad, shape (n,).
-        """
+        """Phase, the integral of the frequency."""
         t = time_s - self.start_s
         return 2 * np.pi * (self.start_Hz + 0.5 * self.rate_Hz_s * t) * t
 
@@ -236,35 +174,6 @@ def sweep_response(
 ) -> FrequencyResponse:
     """Response along a linear sweep, by local least squares on the sweep's own phase.
 
-    Parameters
-    ----------
-    time_s : array_like
-        Sample times in s, rising; no regular grid is needed, shape (n,).
-    u, y : array_like
-        Input (the sweep, of any amplitude) and output, shape (n,).
-    sweep : Sweep
-        The sweep.
-    resolution_Hz : float
-        What a window spans, where that makes ``cycles`` or more.
-    cycles : float
-        Fewest cycles in a window.
-    points : int
-        Frequencies to try, spread over the logarithm; those whose window does not fit into the
-        record are left out.
-
-    Returns
-    -------
-    FrequencyResponse
-        Coherence is the share of the output's local variance that the fit explains: harmonics of
-        a nonlinear loop lower it as noise does.
-
-    Raises
-    ------
-    UserError
-        On bad signals, or where the input is not this sweep.
-
-    Notes
-    -----
     In a Hann-weighted window round t_c both signals are fitted by (a + b x) cos(phase) +
     (c + d x) sin(phase) + e + g x, x = t - t_c; the ratio of (a - j c) is the response at the
     sweep's frequency at t_c.  The sweep's finite rate k adds -j (k / 4 pi) d2H/df2, whatever the

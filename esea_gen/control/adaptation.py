@@ -56,25 +56,6 @@ MOST_RAD = 1.6
 def adaptation(device: DeviceData) -> Block:
     r"""What the sensor's model must show for the torque that is wanted.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive and the section ``[adaptation]``.
-
-    Returns
-    -------
-    Block
-        Inputs: the wanted torque, the sensor's, the load side's angle and speed, ``sensing_ok``.
-        Outputs: ``wish_gain`` and ``wish_shift_Nm`` for the reference, what has been learnt, what
-        the model misses of the known torque, and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive or no ``[adaptation]``.
-
-    Notes
-    -----
     With the true torque x, and E the stop operator of :data:`STOP_NM` on it, the model shows
 
     .. math:: \hat\tau = a x + c E(x) + o

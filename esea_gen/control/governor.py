@@ -48,20 +48,6 @@ LEAST_SHARE, MOST_SHARE = 0.01, 0.999
 def torque_lead(device: DeviceData) -> Block:
     """The set torque a little ahead, for the inverse.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    Block
-        Inputs the set torque, its rate and acceleration with the share of them that is believed,
-        and the mode; outputs ``tau_led_Nm``, the share ``governed`` for :func:`smoothed_setpoint`,
-        and a status word.
-
-    Notes
-    -----
     Governed is torque mode alone.  In impedance mode the set torque follows the motion, and what is
     smoothed and led there would cost passivity: nothing changes in it, nor when the mode is off.
     With a set torque that is noise nothing is believed, and nothing is smoothed either; nor is it
@@ -152,21 +138,6 @@ def _lead_ports(device: DeviceData) -> tuple[tuple[Port, ...], tuple[Port, ...]]
 def smoothed_setpoint(device: DeviceData) -> Block:
     """The set deflection with its rate and acceleration, smoothed as far as it is governed.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    Block
-        Inputs the inverse's set-point ``theta_set_rad``, the same with rate and acceleration from
-        :func:`esea_gen.control.setpoint.setpoint_rates`, and the share ``governed``; outputs of the
-        same names and ``theta_smooth_rad``, the share's mixture of raw and smoothed, for a filter
-        that makes its own rate, and a status word.
-
-    Notes
-    -----
     Three equal lags, whose states give rate and acceleration without a difference quotient.
     """
     drive = drive_of(device)

@@ -62,23 +62,6 @@ def has_wall(device: DeviceData, axis: str) -> bool:
 def impairment(device: DeviceData, *, wall: bool = True) -> Block:
     """Torque of a simulated impairment of one axis.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Its sensing period, its largest rate, its section ``[impairment]``, and its full-scale
-        torque as the allowed one.
-    wall : bool
-        Whether the gains of the wall are those of the device by default, or 0.
-
-    Returns
-    -------
-    Block
-        Inputs ``theta_rad`` and ``omega_rad_s`` of the joint and ``constrained`` (1 asks for the
-        impairment, 0 for none); outputs the set torque ``tau_set_Nm``, ``acts``, ``usable`` and a
-        status word.
-
-    Notes
-    -----
     With d = max(theta - theta_w, 0) and W = max(Kp (theta - theta_w) + Kd omega, 0) for d > 0, else
     0, the torque is tau = sat(-Kv omega - W).  It is passive with the storage
     S(d) = integral_0^d min(Kp s, tau_max) ds.  For omega >= 0, Kv omega + W >= Kp d; for

@@ -40,27 +40,6 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
 
         u_k = v_k + o_k, \quad
         o_k = u_{k-1} - v_k \text{ at a change, else } o_{k-1} e^{-T/\tau}.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-    laws : sequence of str
-        Their names; the first is in force after the start.
-    checked : sequence of str
-        Those that say themselves whether what they are asked for is sound.
-
-    Returns
-    -------
-    Block
-        Inputs ``law`` (place of the law that is wanted, from 0; anything else, NaN included, leaves
-        the law in force) and one command, and perhaps one check, a law; outputs ``u_command_Nm``,
-        ``request_ok`` of the law in force, ``law_held`` and a status word.
-
-    Raises
-    ------
-    ValueError
-        For fewer than two laws, or more than 8.
     """
     if not 2 <= len(laws) <= MOST_LAWS:
         raise ValueError(f"{len(laws)} laws to switch between; 2 to {MOST_LAWS} can be")

@@ -56,25 +56,6 @@ def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
     The stamp goes through the same latch release as the command and changes with every run.  A
     command that is NaN or no command is replaced by 0 and stamped 0, which the limits take as
     never delivered.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Needs ``[safety]``, ``[actuator]``, ``[joint]`` and ``timing.control_rate_Hz``.
-    checked : bool
-        Whether an input ``request_ok`` says that what the control task itself was asked for is
-        sound: anything but 1 is stamped 0 as well.
-
-    Returns
-    -------
-    Block
-        Input ``u_command_Nm``; outputs ``u_command_Nm`` and ``control_beat`` (1 to 255, then 1
-        again) for :func:`limits`, and a status word.
-
-    Raises
-    ------
-    UserError
-        When a section is missing.
     """
     _, _, _, every = safety_sections(device)
     reach = command_range(device)
@@ -119,27 +100,6 @@ def limits(device: DeviceData) -> Block:
     Every maximum of ``[safety]`` is compiled in; the tunables of the same names only narrow it.
     Positive motor torque turns the joint towards larger angles.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Needs ``[safety]``, ``[actuator]``, ``[joint]`` and ``timing.control_rate_Hz``.
-
-    Returns
-    -------
-    Block
-        Inputs: the stamped command, ``mode``, ``stop``, ``rearm``, ``request_ok``, ``sensing_ok``,
-        angles, speeds and torque, and of the tasks' own watch ``clock_ok``, ``late_level`` and
-        ``coeffs_ok``.  Outputs: ``u_Nm`` for the motor, ``u_cut_Nm`` and ``u_lag_Nm``
-        (what was taken from the command), ``energy_J``, ``fault`` (a :class:`Fault`) and a status
-        word.
-
-    Raises
-    ------
-    UserError
-        When a section is missing, or a limit lies outside the range of the port that it watches.
-
-    Notes
-    -----
     With the joint angle :math:`\theta_l`, the larger of both speeds :math:`\omega`, largest
     torque U, upper end b, margin m and largest speed W, a push towards larger angles is at most
 

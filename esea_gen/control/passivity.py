@@ -49,23 +49,7 @@ FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long
 
 
 def passivity_section(device: DeviceData) -> PassiveInteraction:
-    """Section ``[passivity]``, without which there is no such Block.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Any.
-
-    Returns
-    -------
-    PassiveInteraction
-        The section.
-
-    Raises
-    ------
-    UserError
-        When it is missing.
-    """
+    """Section ``[passivity]``, without which there is no such Block."""
     found = device.file.passivity
     if found is None:
         raise UserError(
@@ -78,26 +62,6 @@ def passivity_section(device: DeviceData) -> PassiveInteraction:
 def passivity(device: DeviceData) -> Block:
     r"""Damping that the error of a law lacks, and a bound of the energy that the drive gives.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive, ``[safety]`` and ``[passivity]``.
-
-    Returns
-    -------
-    Block
-        Inputs: ``mode``, ``sensing_ok``, the set torque and the damping in it, torque, both joint
-        angles and speeds, the stamped command.  Outputs: the set torque with the damping added for
-        the law, that damping alone, the mode for what looks ahead along it, the command for the
-        limits, ``given_J``, ``held_J`` and a status word.
-
-    Raises
-    ------
-    UserError
-        When a section is missing.
-
-    Notes
-    -----
     Error is the torque beyond what is wanted; a wanted damping Kd counts as none, so that what it
     takes in may be given.  With means over ``window_s``, P of the error's power and N of the joint
     speed's square, -P/N is the damping that the hand feels.  The added damping b goes up while that

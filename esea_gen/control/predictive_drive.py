@@ -47,39 +47,6 @@ def drive_model(
 ) -> Model:
     """Plant (5.1 to 5.3), elastomer and cost of a device.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive, and either torque model (:mod:`esea_gen.control.rubber_ahead`).
-    horizon : Horizon
-        Grid of the prediction.
-    preview : bool
-        Whether wanted torque (and path) come for the end of each interval or as one value.
-    impedance : bool
-        Whether the cost holds the impedance law, one layer: with e = tau_e - tau_d
-        + Kp (theta_l - theta_d) + Kd (omega_l - omega_d); the gains are inputs.
-    person : {"extended_state", "parabola"}
-        ``extended_state``: inputs ``tau_h_Nm`` and its rate, which decays, and the deflection's
-        rate.  ``parabola``: inputs ``tau_h_Nm``, its rate and its second derivative, and the motor
-        side's rate in place of the deflection's.
-    weights : tuple of float
-        Defaults of the tunables Q and R.
-    train : {"rigid", "cable"}
-        ``cable``: with an elastic cable and backlash; inputs ``wound_rad``, ``gap_rad`` and the
-        gear's rate in place of the deflection's.
-
-    Returns
-    -------
-    Model
-        For :func:`esea_gen.control.predictive.predictive_program`.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive, or ``train`` asks for more than its file has.
-
-    Notes
-    -----
     A substep of length h: the motor's lag exactly (5.1); half a kick by motor, coupling and person;
     friction by a linearly implicit midpoint step; drift; stop operators, Maxwell element (the
     sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
@@ -366,36 +333,7 @@ def predictive_controller(
     cap: int | None = None,
     train: DriveTrain = "rigid",
 ) -> Program:
-    """The predictive controller of a device as a Program.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-    horizon : Horizon, optional
-        Grid of the prediction; 10 intervals of 20 ms with 4 substeps, and the control task's
-        release as computing delay, when not given.
-    preview, impedance, person
-        As in :func:`drive_model`.
-    weights : tuple of float
-        Defaults of the tunables Q and R.
-    period_s : float, optional
-        Period of the control task; the device's when not given.
-    cap : int, optional
-        Cap on the QP's iterations.
-    train : {"rigid", "cable"}
-        As in :func:`drive_model`.
-
-    Returns
-    -------
-    Program
-        Input ports as :func:`drive_model` says; outputs ``u_Nm``, ``residual`` and ``status``.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive, or a number of the horizon is outside its range.
-    """
+    """The predictive controller of a device as a Program."""
     drive = drive_of(device)
     period = drive.control_period_s if period_s is None else period_s
     if horizon is None:

@@ -29,27 +29,6 @@ if TYPE_CHECKING:
 def redundancy(device: DeviceData) -> Block:
     """Whether encoders and motor torque agree.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive and the section ``[redundancy]``.
-
-    Returns
-    -------
-    Block
-        Inputs: motor-side angle, angle that the drive has turned, whether both encoders are usable,
-        the drive's unexplained acceleration and how hard it was moved, and the interaction torque;
-        outputs ``agree`` (1 or 0), ``apart_rad``, ``apart_Nm``, ``room_Nm`` and a status word.  It
-        runs in the control task, so that it knows what the motor was told; its answer crosses to
-        the sensing task with the command.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive or no ``[redundancy]``.
-
-    Notes
-    -----
     The angles may be ``apart_rad`` apart, for backlash and the encoders' own errors, and what the
     torque explains of a cable between its softest and its usual stiffness.  The torque that the
     drive's motion (5.2) leaves unexplained may be ``torque_Nm``, for friction and the gear's
@@ -183,20 +162,7 @@ class _Redundancy:
 
 
 def shares_of_room(device: DeviceData, shown: Mapping[str, Array]) -> tuple[Array, Array]:
-    """How near a run came to an alarm.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with ``[redundancy]``.
-    shown : mapping of str to ndarray
-        ``apart_rad``, ``apart_Nm``, ``room_Nm`` and ``tau_Nm``, one number a tick.
-
-    Returns
-    -------
-    angle, torque : ndarray
-        Share of what each may be apart; above 1 they contradict.
-    """
+    """How near a run came to an alarm."""
     law = _Redundancy(device)
     tau = np.abs(shown["tau_Nm"])
     angle = np.abs(shown["apart_rad"]) / (law.own.apart_rad.value + law.softer * tau)

@@ -41,18 +41,7 @@ BLEND_S, BLEND_LOW_S, BLEND_HIGH_S = 0.2, 0.02, 5.0
 
 
 def largest_gains(device: DeviceData) -> tuple[float, float]:
-    """Largest stiffness and damping that may be rendered: what is passive, where that is known.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Its ``[passivity]``, where it has one.
-
-    Returns
-    -------
-    Kp_Nm_rad, Kd_Nms_rad : float
-        Else the largest that a device file may have.
-    """
+    """Largest stiffness and damping that may be rendered: what is passive, where that is known."""
     passive = device.file.passivity
     if passive is not None:
         return threshold(passive.Kp_max_Nm_rad.value), threshold(passive.Kd_max_Nms_rad.value)
@@ -63,25 +52,6 @@ def largest_gains(device: DeviceData) -> tuple[float, float]:
 def reference(device: DeviceData) -> Block:
     """Set torque from the mode, the wanted torque and the impedance law.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    Block
-        Inputs ``mode`` (0 off, 1 torque, 2 impedance), the wanted torque, angle and rate, the load
-        side's angle and rate, and the measured torque; outputs ``tau_set_Nm`` for the inverse, the
-        ``mode`` that holds, ``request_ok`` for the limits, and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive.
-
-    Notes
-    -----
     Off, the set torque is the measured one.  When a law takes over from off, the difference between
     the measured torque and the law becomes an offset that decays with ``blend_s``: the set torque
     starts where the coupling is, whatever was wanted before.  From one law to another it goes
@@ -113,18 +83,7 @@ def reference(device: DeviceData) -> Block:
 
 
 def adapted_inputs(device: DeviceData) -> tuple[Port, ...]:
-    """What an adaptation makes of a wish, as inputs.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    tuple of Port
-        ``wish_gain`` and ``wish_shift_Nm``; none for a device without ``[adaptation]``.
-    """
+    """What an adaptation makes of a wish, as inputs."""
     if device.file.adaptation is None:
         return ()
     return (
@@ -134,18 +93,7 @@ def adapted_inputs(device: DeviceData) -> tuple[Port, ...]:
 
 
 def impaired_inputs(device: DeviceData) -> tuple[Port, ...]:
-    """What a simulated impairment asks for, as inputs.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    tuple of Port
-        ``tau_impairment_Nm`` and ``impairment_ok``; none for a device without ``[impairment]``.
-    """
+    """What a simulated impairment asks for, as inputs."""
     if device.file.impairment is None:
         return ()
     return (

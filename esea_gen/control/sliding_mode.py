@@ -58,31 +58,6 @@ MARGIN_HIGH = 5.0
 def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
     """Sliding mode torque controller.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-    lead : float, optional
-        Default of the tunable ``lead``.  When not given, 1 where the device file takes the
-        set-point's acceleration as zero (the controller is then the published one), else 2.
-
-    Returns
-    -------
-    Block
-        Inputs: the deflection set-point with rate and acceleration, the deflection, the rates of
-        both sides, interaction torque, torque of the person, disturbance of the drive, the motor's
-        torque by its model, mode, and the command that is applied.  Outputs: ``u_command_Nm``, what
-        the law wants before any limit ``u_wanted_Nm``, the surface ``s_rad_s``, equivalent control
-        ``u_eq_Nm``, switching gain ``k_smc_Nm`` and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive, its slope lambda is outside what can be followed, or the loop
-        inside the layer is not damped.
-
-    Notes
-    -----
     Controlled is the motor side relative to the load side, ``e = delta_d - delta``, so that
     ``theta_d = theta_l + delta_d``.  The integral's part of the surface, lambda^2 times the
     integral, is what is kept: it is a rate, and does not jump when lambda is tuned.

@@ -172,35 +172,7 @@ def control_system(
     sensor: Block,
     inverse: Callable[[], Block],
 ) -> System:
-    """The controlling System of a device.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-    laws : sequence of Law
-        One law, or several of which the external input ``law`` chooses one at run time, by its
-        place from 0, without a bump (:func:`esea_gen.control.law_switch.law_switch`).
-    velocity, sensor : Block
-        Deflection rate and torque sensor.
-    inverse : callable
-        Makes the sensor's inverse, where a law wants it.
-
-    Returns
-    -------
-    System
-        External inputs: counts and frame errors of both encoders, and of the motor's own where the
-        device has ``[redundancy]``, ``mode``, ``stop``, ``rearm``, the wanted torque, angle and
-        rate.  External outputs: ``u_Nm`` for the motor, what was
-        measured and estimated, and every status word.  A device with several axes has an instance
-        of every Block for each; names carry the axis, but for ``stop``, ``rearm`` and ``law``.
-
-    Raises
-    ------
-    UserError
-        When the device lacks a section that torque control or a law needs, or two laws want the
-        same Block otherwise.
-    """
+    """The controlling System of a device."""
     base = _base(device, velocity, sensor, inverse)
     parts = [law.parts(base) for law in laws]
     sense, control = _blocks(base, laws, parts)

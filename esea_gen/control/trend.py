@@ -52,24 +52,6 @@ FASTEST_HZ = 3.0
 def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend") -> Block:
     """Where the wanted torque goes, when only its past is known.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive; the Block runs at the rate of its control task.
-    ends_s : sequence of float, optional
-        Times from now at which the torque is wanted: the ends of a horizon's intervals.
-    name : str, optional
-        Name of the Block.
-
-    Returns
-    -------
-    Block
-        Input ``tau_wanted_Nm``; outputs ``tau_ahead_Nm``, one value for each time (none without
-        times), what it goes on with, ``tau_rate_Nm_s``, ``tau_curve_Nm_s2`` and the share
-        ``trust`` of these that is believed, and a status word.
-
-    Notes
-    -----
     A third-order tracking observer of the wanted torque gives rate and acceleration, [trend 1] to
     [trend 4]; both fade along the horizon, [trend 5].  Two things keep it from making matters worse
     than a torque that is held still:

@@ -48,17 +48,7 @@ DESIGNED = (
 
 
 def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document]) -> None:
-    """Warn of gains that were designed for other numbers than the device's.
-
-    Parameters
-    ----------
-    origin : str
-        The device file, for the message.
-    device : Mapping
-        Its document, complete and valid.
-    shipped : Mapping
-        Documents of the shipped devices, by name.
-    """
+    """Warn of gains that were designed for other numbers than the device's."""
     for group in DESIGNED:
         # By what was found elsewhere: name of the device, and its numbers that are others.
         told: dict[tuple[str, tuple[str, ...]], list[str]] = {}
@@ -78,19 +68,7 @@ def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document]
 
 
 def suited_bandwidth_Hz(bits: float) -> float:
-    """Bandwidth of the velocity estimate that suits an encoder of so many bits.
-
-    Parameters
-    ----------
-    bits : float
-        Counts a turn, as a power of two.
-
-    Returns
-    -------
-    float
-        15 Hz at 14 bits, twice as much for five bits more: near what errs least on sweeps and
-        reaches (``docs/sensor.md``); whole above 20 Hz, and 100 at most.
-    """
+    """Bandwidth of the velocity estimate that suits an encoder of so many bits."""
     suited = min(15.0 * 2 ** ((bits - 14) / 5), 100.0)
     return float(round(suited, 0 if suited > 20 else 1))
 
@@ -166,18 +144,6 @@ def _said(
 def observer_gains(base: Document, device: Document) -> tuple[float, ...]:
     """Gains that give the extended-state observer of a device the poles in time of another one's.
 
-    Parameters
-    ----------
-    base, device : Mapping
-        Documents: with the gains, and with the rate and inertia to have them for.
-
-    Returns
-    -------
-    tuple of float
-        Gains on angle, rate, torque, and rate of the torque.
-
-    Notes
-    -----
     An error goes on as (I − K c) A from step to step, c = (1, 0, 0, 0).  Its poles z at a period h
     are z^(h′/h) at h′; Ackermann's formula has the one K that places them.
     """

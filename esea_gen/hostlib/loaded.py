@@ -17,14 +17,9 @@ from esea_gen.language.system import System
 class LoadedC:
     """A System's generated C, compiled for the host.
 
-    Parameters
-    ----------
-    system : System
-        What was rendered.
-    renderer : Renderer
-        Its renderer.
-    flags : sequence of str
-        Compiler flags beside the project's own (sanitizers, coverage).
+    system: what was rendered.
+    renderer: its renderer.
+    flags: compiler flags beside the project's own (sanitizers, coverage).
     """
 
     def __init__(self, system: System, renderer: Renderer, flags: Sequence[str] = ()) -> None:
@@ -45,33 +40,11 @@ class LoadedC:
         self._init = renderer.init_name
 
     def function(self, name: str) -> Any:
-        """A function of the C by the name that its header gives it.
-
-        Parameters
-        ----------
-        name : str
-            With the device's prefix.
-
-        Returns
-        -------
-        cffi function
-            The device's ``init`` carries number format and content hash in its own name.
-        """
+        """A function of the C by the name that its header gives it."""
         return getattr(self.lib, self._init if name == f"{self.prefix}_init" else name)
 
     def dtype(self, c_type: str) -> np.dtype[Any]:
-        """numpy type of a C struct, field for field.
-
-        Parameters
-        ----------
-        c_type : str
-            Name of the struct's type.
-
-        Returns
-        -------
-        numpy.dtype
-            With the C's offsets and size.
-        """
+        """numpy type of a C struct, field for field."""
         if c_type not in self._dtypes:
             self._dtypes[c_type] = self._convert(self.ffi.typeof(c_type))
         return self._dtypes[c_type]

@@ -84,16 +84,10 @@ class ChannelModel(Protocol):
 class ChannelNumber:
     """A number that the mapping left to the fit.
 
-    Parameters
-    ----------
-    key : str
-        In the mapping file, as ``torque.lag_s``.
-    value : float
-        What is taken, s or rad; 0 where it is not known.
-    found, sigma : float, optional
-        What the fit says and its standard deviation; None where it could not be asked.
-    why : str, optional
-        What keeps it from being taken: not known, or not seen; None for one that is.
+    key: in the mapping file, as ``torque.lag_s``.
+    value: what is taken, s or rad; 0 where it is not known.
+    found, sigma: what the fit says and its standard deviation; None where it could not be asked.
+    why: what keeps it from being taken: not known, or not seen; None for one that is.
     """
 
     key: str
@@ -103,13 +97,7 @@ class ChannelNumber:
     why: str | None
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready.
-
-        Returns
-        -------
-        dict
-            Its fields, and ``status``.
-        """
+        """JSON-ready."""
         return vars(self) | {"status": "assumed" if self.why else "identified"}
 
     @property
@@ -142,21 +130,7 @@ class ChannelNumber:
 def settled(
     source: MappingFile, model_of: Callable[[MappingFile, list[Recording]], ChannelModel]
 ) -> tuple[MappingFile, list[Recording], tuple[ChannelNumber, ...]]:
-    """A mapping's recordings, with what it left to the fit found.
-
-    Parameters
-    ----------
-    source : MappingFile
-        As written.
-    model_of : callable
-        Gives the model for a mapping that leaves nothing to the fit, and its recordings.
-
-    Returns
-    -------
-    tuple of MappingFile, list of Recording, tuple of ChannelNumber
-        The mapping with numbers in place, what it loads, and what was found; nothing is found
-        where the mapping leaves nothing.
-    """
+    """A mapping's recordings, with what it left to the fit found."""
     asked = [k for k, q in source.fittable().items() if isinstance(q, ToFit)]
     if not asked:
         return source, load_recordings(source), ()

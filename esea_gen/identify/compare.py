@@ -49,14 +49,9 @@ Cost = Callable[[Device], float]
 class CompareRow:
     """Errors of one model on one split, % of full scale: mean over data sets of the RMS error.
 
-    Parameters
-    ----------
-    model, condition : str
-        What was fitted, and what judges it: left out of the training.
-    training, held_out : float
-        Errors.
-    instructions : float, optional
-        Of a step on the Cortex-M4F; None for a model that is no Block, or not counted.
+    model, condition: what was fitted, and what judges it: left out of the training.
+    training, held_out: errors.
+    instructions: of a step on the Cortex-M4F; None for a model that is no Block, or not counted.
     """
 
     model: str
@@ -66,13 +61,7 @@ class CompareRow:
     instructions: float | None
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready.
-
-        Returns
-        -------
-        dict
-            Its fields.
-        """
+        """JSON-ready."""
         return dict(vars(self))
 
 
@@ -80,26 +69,15 @@ class CompareRow:
 class ModelComparison:
     """What :func:`compare` found.
 
-    Parameters
-    ----------
-    source : MappingFile
-        What was asked.
-    full_scale_Nm : float
-        100 % of errors.
-    rows : tuple of CompareRow
-        Model by model, split by split.
-    chosen : str
-        The cheapest model within one standard error of the best.
-    best : str
-        The one of least mean error over the conditions left out.
-    standard_error : float
-        Of the chosen one's mean excess over the best one, %.
-    devices : dict of str to Device
-        By model: the device fitted on the file's own division.
-    notes : tuple of str
-        What the reader must know.
-    recordings : tuple of Recording
-        Data.
+    source: what was asked.
+    full_scale_Nm: 100 % of errors.
+    rows: model by model, split by split.
+    chosen: the cheapest model within one standard error of the best.
+    best: the one of least mean error over the conditions left out.
+    standard_error: of the chosen one's mean excess over the best one, %.
+    devices: by model: the device fitted on the file's own division.
+    notes: what the reader must know.
+    recordings: data.
     """
 
     source: MappingFile
@@ -113,13 +91,7 @@ class ModelComparison:
     recordings: tuple[Recording, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """Report, JSON-ready and the same for the same input.
-
-        Returns
-        -------
-        dict
-            Rows under ``compare``, the choice, the chosen member's terms.
-        """
+        """Report, JSON-ready and the same for the same input."""
         return {
             "mapping": self.source.origin,
             "recordings": recording_rows(self.recordings),
@@ -137,13 +109,7 @@ class ModelComparison:
         return [] if device.file.family is None else term_rows(fitted_of(device))
 
     def table(self) -> list[str]:
-        """Lines for the terminal: a model a line, its errors by condition.
-
-        Returns
-        -------
-        list of str
-            Held-out error and, after the stroke, training error; then instructions.
-        """
+        """Lines for the terminal: a model a line, its errors by condition."""
         models = list(dict.fromkeys(r.model for r in self.rows))
         conditions = list(dict.fromkeys(r.condition for r in self.rows))
         cells = {(r.model, r.condition): r for r in self.rows}
@@ -179,34 +145,7 @@ def compare(
     peers: bool = True,
     how: Searching | None = None,
 ) -> ModelComparison:
-    """Compare the thesis' model, the members of the family and the peers on recordings.
-
-    Parameters
-    ----------
-    mapping_path : str or Path
-        Mapping file, TOML.
-    data_folder : str or Path, optional
-        Folder of the recordings; the mapping file's own when not given.
-    cost : callable, optional
-        Instructions of the sensor's step of a device; without it the choice goes by the step's
-        number of operations.
-    progress : callable, optional
-        ``progress(share, text)``.
-    peers : bool
-        Whether to fit the models from the literature too.
-    how : Searching, optional
-        How the published model's numbers are searched.
-
-    Returns
-    -------
-    ModelComparison
-        A row for each model and split.
-
-    Raises
-    ------
-    UserError
-        For anything wrong in the mapping file or the recordings.
-    """
+    """Compare the thesis' model, the members of the family and the peers on recordings."""
     source = load_mapping(mapping_path, data_folder)
     recordings = load_recordings(source)
     splits = splits_of(recordings)
@@ -309,24 +248,7 @@ def _errors(recordings: Sequence[Recording], torque: Sequence[Array]) -> Misfits
 def choose(
     rows: Sequence[CompareRow], whole: set[str], costs: Mapping[str, float]
 ) -> tuple[str, str, float]:
-    """The cheapest model that is within one standard error as good as the best.
-
-    Parameters
-    ----------
-    rows : sequence of CompareRow
-        Of every model the same conditions.
-    whole : set of str
-        Conditions left out as a whole, which count; where there is none, all do.
-    costs : mapping of str to float
-        Of every model that may be chosen.
-
-    Returns
-    -------
-    chosen, best : str
-        Models.
-    standard_error : float
-        Of the chosen one's mean excess over the best one.
-    """
+    """The cheapest model that is within one standard error as good as the best."""
     left_out = [r for r in rows if r.condition in whole] or list(rows)
     errors: dict[str, list[float]] = {}
     for r in left_out:

@@ -44,17 +44,12 @@ from esea_gen.model.family import FittedMember, Member
 class FamilyIdentification(Identified):
     """Result of an identification of a member of the family.
 
-    Parameters
-    ----------
-    fitted : FittedMember
-        The model.
-    sigma : dict of int to float
-        Standard deviations of the weights above 0, by place among the terms.
-    spread : LeftOut
-        What leaving blocks out says; its band is the torque's.  With a factor of temperature
+    fitted: the model.
+    sigma: standard deviations of the weights above 0, by place among the terms.
+    spread: what leaving blocks out says; its band is the torque's.  With a factor of temperature
         ``per_K`` is its last parameter.
-    device, source, recordings, verdict, notes, worth, channels, seconds
-        As in :class:`~esea_gen.identify.identified.Identified`.
+    device, source, recordings, verdict, notes, worth, channels, seconds: as in
+        :class:`~esea_gen.identify.identified.Identified`.
     """
 
     fitted: FittedMember
@@ -67,13 +62,7 @@ class FamilyIdentification(Identified):
         return None if self.fitted.temperature is None else float(self.spread.sigma[-1])
 
     def to_dict(self) -> dict[str, Any]:
-        """Report, JSON-ready and the same for the same input.
-
-        Returns
-        -------
-        dict
-            Model with its terms, errors per data set, notes.
-        """
+        """Report, JSON-ready and the same for the same input."""
         family, limits = self.device.file.family, self.device.file.limits
         assert family is not None
         model: dict[str, Any] = {
@@ -110,29 +99,7 @@ def identify_member(
     data_folder: str | Path | None = None,
     progress: Progress | None = None,
 ) -> FamilyIdentification:
-    """Identify a device whose torque model is a member of the family.
-
-    Parameters
-    ----------
-    mapping_path : str or Path
-        Mapping file, TOML.
-    name : str
-        Of the member, as :func:`esea_gen.identify.compare.compare` prints it.
-    data_folder : str or Path, optional
-        Folder of the recordings; the mapping file's own when not given.
-    progress : callable, optional
-        ``progress(share, text)``: share done, from 0 to 1, and what goes on.
-
-    Returns
-    -------
-    FamilyIdentification
-        Device, errors on training and held-out cycles, notes.
-
-    Raises
-    ------
-    UserError
-        For an unknown member, and anything wrong in the mapping file or the recordings.
-    """
+    """Identify a device whose torque model is a member of the family."""
     begun = time.monotonic()
     tell: Progress = progress or (lambda share, text: None)
     tell(0.0, "reading")

@@ -22,24 +22,14 @@ from esea_gen.language.ports import Array
 class Identified:
     """Result of an identification, whatever the model.
 
-    Parameters
-    ----------
-    device : Device
-        Identified device, its parameters of status ``identified``.
-    source : MappingFile
-        What was asked.
-    recordings : tuple of Recording
-        Data.
-    verdict : Verdict
-        Errors of the device's C.
-    notes : tuple of str
-        What the reader must know.
-    worth : tuple of TorqueWorth
-        Errors by class of torque and rate; empty where nothing was free in the fit.
-    channels : tuple of ChannelNumber
-        What the mapping left to the fit; empty where it left nothing.
-    seconds : float
-        Time taken; not part of :meth:`to_dict`, which is the same every time.
+    device: identified device, its parameters of status ``identified``.
+    source: what was asked.
+    recordings: data.
+    verdict: errors of the device's C.
+    notes: what the reader must know.
+    worth: errors by class of torque and rate; empty where nothing was free in the fit.
+    channels: what the mapping left to the fit; empty where it left nothing.
+    seconds: time taken; not part of :meth:`to_dict`, which is the same every time.
     """
 
     device: Device
@@ -78,13 +68,7 @@ class Identified:
         return out
 
     def to_dict(self) -> dict[str, Any]:
-        """Report, JSON-ready and the same for the same input.
-
-        Returns
-        -------
-        dict
-            Device, recordings, errors per data set, notes.
-        """
+        """Report, JSON-ready and the same for the same input."""
         q = dict(self.device.quantities())
         channels = {"channels": [n.to_dict() for n in self.channels]} if self.channels else {}
         return channels | {
@@ -102,18 +86,7 @@ class Identified:
         }
 
     def errors(self, verdict: Verdict) -> dict[str, Any]:
-        """Errors of a verdict, JSON-ready.
-
-        Parameters
-        ----------
-        verdict : Verdict
-            On this identification's recordings.
-
-        Returns
-        -------
-        dict
-            ``sets``, one a data set, and ``mean_rms``.
-        """
+        """Errors of a verdict, JSON-ready."""
         sets = [
             {
                 "label": s.label,
@@ -153,25 +126,7 @@ class Identified:
         return marked_toml(self.device)
 
     def write(self, folder: str | Path, *, overwrite: bool = False) -> Path:
-        """Write ``<name>.toml``, whole or not at all.
-
-        Parameters
-        ----------
-        folder : str or Path
-            Made when missing.
-        overwrite : bool
-            Also replace a file that this program did not write, or that was changed since.
-
-        Returns
-        -------
-        Path
-            The file.
-
-        Raises
-        ------
-        UserError
-            When the file may not be overwritten, or cannot be written.
-        """
+        """Write ``<name>.toml``, whole or not at all."""
         path = Path(folder) / f"{self.device.name}.toml"
         write_marked(self.device, path, overwrite)
         return path

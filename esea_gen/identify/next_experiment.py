@@ -154,13 +154,7 @@ class Advice:
 
 
 def advise(result: Identification, minutes: float) -> Advice:
-    """The motions that tell most of an identified device's parameters.
-
-    Raises
-    ------
-    UserError
-        Where no parameter is free, or the time is too short for any motion.
-    """
+    """The motions that tell most of an identified device's parameters."""
     device, values = result.device, result.fit.values
     if result.fit.rate_dropped or device.elastomer.maxwell is None:
         values = {k: v for k, v in values.items() if k in result.spread.sigma}

@@ -156,24 +156,7 @@ def agreement(first: Array, second: Array) -> tuple[float, float, float, float]:
 
 
 def reliability(torques_Nm: Mapping[str, Array]) -> Reliability:
-    """What specimens say together.
-
-    Parameters
-    ----------
-    torques_Nm : mapping of str to array
-        By specimen, its torque in Nm at the same conditions in the same order.
-
-    Returns
-    -------
-    Reliability
-        Coefficients, limits of agreement of every pair, each specimen against the others.
-
-    Raises
-    ------
-    UserError
-        For fewer than two specimens or five conditions, unequal lengths, numbers that are none,
-        or specimens that do not differ at all.
-    """
+    """What specimens say together."""
     names = tuple(torques_Nm)
     lengths = {len(x) for x in torques_Nm.values()}
     if len(names) < LEAST_COLUMNS or len(lengths) != 1 or min(lengths) < LEAST_ROWS:

@@ -19,18 +19,11 @@ from esea_gen.language.ports import Array
 class Replay:
     """A recording resampled to the sensing rate.
 
-    Parameters
-    ----------
-    label : str
-        Name in reports.
-    time_s, theta_rad, tau_Nm : ndarray
-        Shape (steps,); deflection and measured torque.
-    timed : bool
-        Whether the time was recorded, not assumed.
-    held_out : ndarray of bool
-        Samples that identification did not see, shape (steps,).
-    digest : str
-        First 16 hexadecimal digits of the file's SHA-256.
+    label: name in reports.
+    time_s, theta_rad, tau_Nm: shape (steps,); deflection and measured torque.
+    timed: whether the time was recorded, not assumed.
+    held_out: samples that identification did not see, shape (steps,).
+    digest: First 16 hexadecimal digits of the file's SHA-256.
     """
 
     label: str
@@ -43,28 +36,7 @@ class Replay:
 
 
 def recordings_for(device: Device, mapping: Path, data: Path | None = None) -> list[Replay]:
-    """Recordings of a mapping, at a device's sensing rate.
-
-    Parameters
-    ----------
-    device : Device
-        Whose rate; its limits must hold the recorded deflection.
-    mapping : Path
-        Mapping file.
-    data : Path, optional
-        Folder of the recordings; the mapping file's own when not given.
-
-    Returns
-    -------
-    list of Replay
-        In the mapping's order.
-
-    Raises
-    ------
-    UserError
-        As :func:`esea_gen.identify.recording.load_recordings`, or when a deflection is beyond the
-        device's limit.
-    """
+    """Recordings of a mapping, at a device's sensing rate."""
     source = load_mapping(mapping, data)
     return [_replay(device, source.origin, r) for r in load_recordings(source)]
 
@@ -98,16 +70,5 @@ def _replay(device: Device, origin: str, r: Recording) -> Replay:
 def recorded_deflections(
     device: Device, mapping: Path, data: Path | None = None
 ) -> dict[str, Array]:
-    """Deflections of a mapping's recordings, by label.
-
-    Parameters
-    ----------
-    device, mapping, data
-        As in :func:`recordings_for`.
-
-    Returns
-    -------
-    dict of str to ndarray
-        Deflection at the sensing rate.
-    """
+    """Deflections of a mapping's recordings, by label."""
     return {r.label: r.theta_rad for r in recordings_for(device, mapping, data)}

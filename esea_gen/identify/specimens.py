@@ -65,13 +65,7 @@ def joint_fit(
     progress: Progress | None = None,
     how: Searching | None = None,
 ) -> JointFit:
-    """Fit all specimens of a mapping together and each by itself, and compare their torques.
-
-    Raises
-    ------
-    UserError
-        Where files have no specimen or several, or specimens nothing in common.
-    """
+    """Fit all specimens of a mapping together and each by itself, and compare their torques."""
     tell: Progress = progress or (lambda share, text: None)
     source = load_mapping(mapping_path, data_folder)
     recordings = load_recordings(source)

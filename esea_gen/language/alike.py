@@ -87,19 +87,7 @@ def _merged(name: str, blocks: Sequence[Block]) -> Block:
 
 
 def emitted_once(blocks: Mapping[str, Component]) -> dict[str, Component]:
-    """The same instances, with one Block behind those that are alike.
-
-    Parameters
-    ----------
-    blocks : mapping of str to Component
-        By instance.
-
-    Returns
-    -------
-    dict of str to Component
-        In the same order.  A shared Block is called by the words that its Blocks' names have in
-        common, or like the first of them where there are none or another Block has that name.
-    """
+    """The same instances, with one Block behind those that are alike."""
     groups: list[list[Block]] = []
     for block in {id(b): b for b in blocks.values()}.values():
         if isinstance(block, Block):

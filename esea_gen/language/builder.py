@@ -44,86 +44,25 @@ class Builder:
     def array(
         self, name: str, size: int, region: Region = "work", meaning: str = "", values: Any = None
     ) -> Memory:
-        """Declare an array.
-
-        Parameters
-        ----------
-        name, size, region, meaning, values
-            As in :class:`Memory`.
-
-        Returns
-        -------
-        Memory
-            The array.
-
-        Raises
-        ------
-        ProgramError
-            For a name that is taken or a size below 1.
-        """
+        """Declare an array."""
         if name in self.memory or size < 1:
             raise ProgramError(f"array {name}: the name is taken or the size {size} is below 1")
         self.memory[name] = Memory(name, size, region, meaning, values)
         return self.memory[name]
 
     def table(self, name: str, values: Any, meaning: str = "") -> Memory:
-        """Declare a table of real constants.
-
-        Parameters
-        ----------
-        name : str
-            C name.
-        values : sequence of float, or mapping of format name to sequence
-            Its content.
-        meaning : str
-            One sentence.
-
-        Returns
-        -------
-        Memory
-            The table.
-        """
+        """Declare a table of real constants."""
         given = values if isinstance(values, Mapping) else dict.fromkeys(EPSILON, values)
         content = {k: tuple(float(x) for x in v) for k, v in given.items()}
         return self.array(name, len(content["f64"]), "table", meaning, content)
 
     def index_table(self, name: str, values: Sequence[int], meaning: str = "") -> Memory:
-        """Declare a table of whole numbers.
-
-        Parameters
-        ----------
-        name : str
-            C name.
-        values : sequence of int
-            Its content, below 65536.
-        meaning : str
-            One sentence.
-
-        Returns
-        -------
-        Memory
-            The table.
-        """
+        """Declare a table of whole numbers."""
         return self.array(name, len(values), "index", meaning, tuple(int(v) for v in values))
 
     @contextmanager
     def part(self, name: str, *params: str, comment: str = "") -> Iterator[tuple[Ix, ...]]:
-        """Open a piece of the body.
-
-        Parameters
-        ----------
-        name : str
-            C identifier.
-        *params : str
-            Its index parameters.
-        comment : str
-            One sentence.
-
-        Yields
-        ------
-        tuple of Ix
-            The parameters.
-        """
+        """Open a piece of the body."""
         body: list[Statement] = []
         self.parts[name] = Part(name, params, body, comment)
         self._body.append(body)
@@ -138,19 +77,7 @@ class Builder:
         function: Callable[..., Any],
         note: str = "",
     ) -> None:
-        """Call a kernel written as a Python function of symbols.
-
-        Parameters
-        ----------
-        name : str
-            Kernel name; with the lengths of its slices and the function it tells kernels apart.
-        args, results : sequence of Ref
-            What it reads and writes.
-        function : callable
-            One symbol (column) an argument; returns one expression or a sequence of them.
-        note : str
-            Comment in the C.
-        """
+        """Call a kernel written as a Python function of symbols."""
         key = (name, tuple(a.length for a in args), id(function))
         if key not in self._kernels:
             symbols = [ca.SX.sym(f"a{i}", a.length) for i, a in enumerate(args)]
@@ -164,22 +91,7 @@ class Builder:
     def run(
         self, kernel: ca.Function, args: Sequence[Ref], results: Sequence[Ref], note: str = ""
     ) -> None:
-        """Call a kernel that is a CasADi function.
-
-        Parameters
-        ----------
-        kernel : casadi.Function
-            Scalar expressions, one dense column an argument and result.
-        args, results : sequence of Ref
-            What it reads and writes.
-        note : str
-            Comment in the C.
-
-        Raises
-        ------
-        ProgramError
-            For slices whose lengths are not the kernel's.
-        """
+        """Call a kernel that is a CasADi function."""
         want = [kernel.numel_in(i) for i in range(kernel.n_in())]
         give = [kernel.numel_out(i) for i in range(kernel.n_out())]
         if want != [a.length for a in args] or give != [r.length for r in results]:
@@ -199,32 +111,7 @@ class Builder:
         name: str = "i",
         total: int | None = None,
     ) -> Iterator[Ix]:
-        """Open a loop.
-
-        Parameters
-        ----------
-        start, stop : Ix or int
-            Range, ``stop`` not included.
-        most : Ix or int, optional
-            Largest number of passes; needed where the range is not constant.
-        unroll : bool
-            Print the body once for each pass.
-        name : str
-            Stem of the index variable's name.
-        total : int, optional
-            Largest number of passes in one step, all entries together, where the algorithm allows
-            fewer than the ranges do; the executor holds every step against it.
-
-        Yields
-        ------
-        Ix
-            The index.
-
-        Raises
-        ------
-        ProgramError
-            When no bound is known.
-        """
+        """Open a loop."""
         a, b = Ix.of(start), Ix.of(stop)
         span = b - a
         if most is None:
@@ -241,17 +128,7 @@ class Builder:
 
     @contextmanager
     def when(self, flag: Ref | tuple[Ix | int, str, Ix | int]) -> Iterator[None]:
-        """Open what is done when a flag is set.
-
-        Parameters
-        ----------
-        flag : Ref or (left, "<" or "==", right)
-            A real element that is not 0, or a comparison of whole numbers.
-
-        Yields
-        ------
-        None
-        """
+        """Open what is done when a flag is set."""
         cond = flag if isinstance(flag, Ref) else (Ix.of(flag[0]), flag[1], Ix.of(flag[2]))
         body: list[Statement] = []
         self._body[-1].append(When(cond, body, []))
@@ -261,12 +138,7 @@ class Builder:
 
     @contextmanager
     def otherwise(self) -> Iterator[None]:
-        """Open the other way of the :meth:`when` just before.
-
-        Yields
-        ------
-        None
-        """
+        """Open the other way of the :meth:`when` just before."""
         last = self._body[-1][-1] if self._body[-1] else None
         if not isinstance(last, When):
             raise ProgramError("'otherwise' must follow 'when'")
@@ -275,120 +147,39 @@ class Builder:
         self._body.pop()
 
     def exit_if(self, flag: Ref) -> None:
-        """Exit the innermost loop when a real element is not 0.
-
-        Parameters
-        ----------
-        flag : Ref
-            The element.
-        """
+        """Exit the innermost loop when a real element is not 0."""
         self._body[-1].append(Exit(flag))
 
     def index(self, name: str) -> Ix:
-        """An index variable of the part that is open.
-
-        Parameters
-        ----------
-        name : str
-            Stem of its name.
-
-        Returns
-        -------
-        Ix
-            The variable; give it a value with :meth:`set` before it is read.
-        """
+        """An index variable of the part that is open."""
         self._fresh += 1
         return Ix(0, ((1, f"{name}_{self._fresh}"),))
 
     def set(self, var: Ix, value: Ix | int) -> None:
-        """Give an index variable a value.
-
-        Parameters
-        ----------
-        var : Ix
-            From :meth:`index`.
-        value : Ix or int
-            Its new value.
-        """
+        """Give an index variable a value."""
         self._body[-1].append(SetIndex(var.terms[0][1], Ix.of(value)))
 
     def invoke(self, part: str, *args: Ix | int) -> None:
-        """Run a part that has been opened before.
-
-        Parameters
-        ----------
-        part : str
-            Its name.
-        *args : Ix or int
-            Values of its index parameters.
-
-        Raises
-        ------
-        ProgramError
-            For a part that is not there (so nothing can run itself) or other parameters.
-        """
+        """Run a part that has been opened before."""
         if part not in self.parts or len(self.parts[part].params) != len(args):
             raise ProgramError(f"no part {part} with {len(args)} parameters")
         self._body[-1].append(Invoke(part, tuple(Ix.of(a) for a in args)))
 
 
 def array_name(region: str, port: str) -> str:
-    """Name of the array that stands for a port.
-
-    Parameters
-    ----------
-    region : {"coeffs", "state", "in", "out"}
-        The port's struct.
-    port : str
-        The port's name.
-
-    Returns
-    -------
-    str
-        The array's name.
-    """
+    """Name of the array that stands for a port."""
     return f"{region}.{port}"
 
 
 def declare_ports(builder: Builder, region: Region, ports: Sequence[Port]) -> dict[str, Memory]:
-    """Declare the arrays of ports.
-
-    Parameters
-    ----------
-    builder : Builder
-        Where.
-    region : {"coeffs", "state", "in", "out"}
-        Their struct.
-    ports : sequence of Port
-        The ports.
-
-    Returns
-    -------
-    dict of str to Memory
-        By port name.
-    """
+    """Declare the arrays of ports."""
     return {
         p.name: builder.array(array_name(region, p.name), p.size, region, p.meaning) for p in ports
     }
 
 
 def guard_inputs(builder: Builder, inputs: Sequence[Port], ok: Memory) -> dict[str, Memory]:
-    """The guard of :meth:`esea_gen.language.block.Block.define` as kernels: copies of valid inputs.
-
-    Parameters
-    ----------
-    builder : Builder
-        With a part open and the inputs declared.
-    inputs : sequence of Port
-        The inputs; each ``on_invalid`` a number.
-    ok : Memory
-        One element: set to 1 when all inputs are inside their ranges (NaN and infinity are not).
-
-    Returns
-    -------
-    dict of str to Memory
-        Work arrays with the value, or in its place the port's ``on_invalid``.
-    """
+    """The guard of ``Block.define`` as kernels: copies of valid inputs."""
     held = {}
     builder.call("all_ok", [], [ok[:]], lambda: ca.SX(1))
     for p in inputs:

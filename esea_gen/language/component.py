@@ -20,25 +20,15 @@ Kind = Literal["block", "program"]
 class Component(ABC):
     """What runs on the controller board with a fixed period: a Block or a Program.
 
-    Parameters
-    ----------
-    name : str
-        Lower case C identifier; becomes ``esea_<device>_<name>_step``.
-    title : str
-        One line of purpose.
-    period_s : float
-        Fixed sampling period.
-    constants, tunables, coefficients, state, inputs, outputs : tuple
-        Its ports and numbers.
-    equations : tuple of Equation
-        What it implements.
-    prepare, init : casadi.Function
-        Coefficients from tunables, state from coefficients: one argument or result per port, in
-        port order.
-    streams : OwnStreams
-        Streams that it brings along: what random inputs do not bring about.
-    starts_latched : bool
-        Whether it starts afresh, its latch closed, where a copied state is resumed.
+    name: lower case C identifier; becomes ``esea_<device>_<name>_step``.
+    title: one line of purpose.
+    period_s: fixed sampling period.
+    constants, tunables, coefficients, state, inputs, outputs: its ports and numbers.
+    equations: what it implements.
+    prepare, init: coefficients from tunables, state from coefficients: one argument or result per
+        port, in port order.
+    streams: streams that it brings along: what random inputs do not bring about.
+    starts_latched: whether it starts afresh, its latch closed, where a copied state is resumed.
     """
 
     name: str
@@ -65,13 +55,7 @@ class Component(ABC):
 
     @abstractmethod
     def simulator(self, tunables: Mapping[str, float] | None = None) -> Executor:
-        """An executor, freshly initialised.
-
-        Parameters
-        ----------
-        tunables : mapping of str to float, optional
-            Values other than the defaults.
-        """
+        """An executor, freshly initialised."""
 
     @property
     def status_port(self) -> Port | None:
@@ -83,24 +67,7 @@ class Component(ABC):
         return {t.name: t.default for t in self.tunables}
 
     def taken_tunables(self, given: Mapping[str, float] | None) -> dict[str, float]:
-        """Every tunable as it is set: the defaults, and in their place what is given.
-
-        Parameters
-        ----------
-        given : mapping of str to float, optional
-            Values other than the defaults; a bound that a message names is taken
-            (:meth:`esea_gen.language.ports.Tunable.taken`).
-
-        Returns
-        -------
-        dict of str to float
-            In the order of the tunables.
-
-        Raises
-        ------
-        ValueError
-            For a tunable that is unknown or outside its bounds.
-        """
+        """Every tunable as it is set: the defaults, and in their place what is given."""
         values = self.default_tunables()
         known = {t.name: t for t in self.tunables}
         for key, value in (given or {}).items():
@@ -118,17 +85,8 @@ class Component(ABC):
 class Executor(ABC):
     """Runs a Component in Python, step by step, in float64.
 
-    Parameters
-    ----------
-    component : Component
-        What to run.
-    tunables : mapping of str to float, optional
-        Values other than the defaults.
-
-    Raises
-    ------
-    ValueError
-        For a tunable that is unknown or outside its bounds.
+    component: what to run.
+    tunables: values other than the defaults.
     """
 
     def __init__(self, component: Component, tunables: Mapping[str, float] | None = None) -> None:
@@ -176,23 +134,7 @@ class Executor(ABC):
             self._s[name][:] = np.asarray(values[name], dtype=float).ravel()
 
     def step(self, **inputs: float | Array) -> dict[str, Any]:
-        """One step.
-
-        Parameters
-        ----------
-        **inputs : float or ndarray
-            One value per input port.
-
-        Returns
-        -------
-        dict
-            One value per output port: float, ndarray for a vector, int for a status word.
-
-        Raises
-        ------
-        TypeError
-            When the names are not the input ports'.
-        """
+        """One step."""
         if inputs.keys() != self._u.keys():
             raise TypeError(f"{self.block.name}.step takes {[*self._u]}, got {sorted(inputs)}")
         for name, value in inputs.items():
@@ -208,19 +150,7 @@ class Executor(ABC):
         return out
 
     def run(self, inputs: Mapping[str, Any]) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Run over a stream, going on from the present state.
-
-        Parameters
-        ----------
-        inputs : mapping of str to array
-            One array per input port, shape (steps,) or (steps, size).
-
-        Returns
-        -------
-        outputs, states : dict of str to ndarray
-            One array per port: (steps,) for scalars, (steps, size) for vectors; the state is the
-            one after each step.
-        """
+        """Run over a stream, going on from the present state."""
         columns = {n: np.asarray(inputs[n], dtype=float) for n in self._u}
         steps = len(next(iter(columns.values())))
         rows = np.column_stack([c.reshape(steps, -1) for c in columns.values()])
@@ -235,20 +165,7 @@ class Executor(ABC):
 
 
 def in_a_row(ports: Sequence[Port]) -> tuple[Array, dict[str, Array]]:
-    """An array for all ports, so that a step moves all at once, and each port's part of it.
-
-    Parameters
-    ----------
-    ports : sequence of Port
-        In their order in the array.
-
-    Returns
-    -------
-    whole : ndarray, shape (sum of sizes,)
-        Zeros.
-    parts : dict of str to ndarray
-        Views of it, by port.
-    """
+    """An array for all ports, so that a step moves all at once, and each port's part of it."""
     ends = np.cumsum([p.size for p in ports], dtype=int).tolist()
     whole = np.zeros(ends[-1] if ends else 0)
     return whole, {p.name: whole[e - p.size : e] for p, e in zip(ports, ends, strict=True)}

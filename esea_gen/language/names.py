@@ -40,13 +40,7 @@ _MACROS = _words("""
 
 
 def fault_of(name: str) -> str:
-    """Why a name cannot stand in the emitted C; empty if it can.
-
-    Parameters
-    ----------
-    name : str
-        A Block's, port's, tunable's, task's or signal's name.
-    """
+    """Why a name cannot stand in the emitted C; empty if it can."""
     if not _FORM.fullmatch(name):
         return "is no C identifier that begins with a letter"
     if "__" in name:
@@ -61,20 +55,7 @@ def fault_of(name: str) -> str:
 
 
 def check_name(kind: str, name: str) -> None:
-    """Reject a name that cannot stand in the emitted C.
-
-    Parameters
-    ----------
-    kind : str
-        What is named, for the message: ``port``.
-    name : str
-        The name.
-
-    Raises
-    ------
-    ValueError
-        With another name that can.
-    """
+    """Reject a name that cannot stand in the emitted C."""
     fault = fault_of(name)
     if not fault:
         return

@@ -53,20 +53,13 @@ class Program(Component):
 
     Build one with :meth:`define`.
 
-    Parameters
-    ----------
-    name, title, period_s, constants, tunables, coefficients, inputs, outputs, equations, streams
-        As in :class:`esea_gen.language.component.Component`.
-    state : tuple of Port
-        What one step leaves to the next, then the work arrays, which carry nothing.
-    prepare, init : casadi.Function
-        As there; ``init`` of what is carried.
-    starts_latched : bool
-        As there.
-    memory : mapping of str to Memory
-        Every array by name.
-    parts : mapping of str to Part
-        The body; ``step`` is the entry.
+    name, title, period_s, constants, tunables, coefficients, inputs, outputs, equations, streams:
+        as in :class:`esea_gen.language.component.Component`.
+    state: what one step leaves to the next, then the work arrays, which carry nothing.
+    prepare, init: as there; ``init`` of what is carried.
+    starts_latched: as there.
+    memory: every array by name.
+    parts: the body; ``step`` is the entry.
     """
 
     kind = "program"
@@ -95,28 +88,6 @@ class Program(Component):
         """Build a Program.
 
         The builder must hold one array a port (see :func:`declare_ports`) and the part ``step``.
-
-        Parameters
-        ----------
-        name, title, period_s, inputs, outputs, state, constants, tunables, coefficients, equations
-            As in the class.
-        streams : OwnStreams, optional
-            As in the class.
-        builder : Builder
-            Arrays and body.
-        prepare : callable, optional
-            As in :meth:`esea_gen.language.block.Block.define`.
-
-        Returns
-        -------
-        Program
-            The Program.
-
-        Raises
-        ------
-        ProgramError
-            For a body that writes to an input, coefficient or table, reads an array that is not
-            there, or loops without a bound.
         """
         check_ports(name, period_s, tunables, coefficients, state, inputs, outputs)
         work = tuple(
@@ -193,18 +164,7 @@ class Program(Component):
         return {f"k{i}_{f.name()}": f for i, f in enumerate(found.values(), 1)}
 
     def simulator(self, tunables: Mapping[str, float] | None = None) -> ProgramSimulator:
-        """The executor, float64.
-
-        Parameters
-        ----------
-        tunables : mapping of str to float, optional
-            Values other than the defaults.
-
-        Returns
-        -------
-        ProgramSimulator
-            Freshly initialised.
-        """
+        """The executor, float64."""
         return ProgramSimulator(self, tunables)
 
 
@@ -215,12 +175,8 @@ class _ExitLoopError(Exception):
 class ProgramSimulator(Executor):
     """Runs a Program in Python, float64, kernels by CasADi's evaluator.
 
-    Parameters
-    ----------
-    program : Program
-        What to run.
-    tunables : mapping of str to float, optional
-        Values other than the defaults.
+    program: what to run.
+    tunables: values other than the defaults.
     """
 
     def __init__(self, program: Program, tunables: Mapping[str, float] | None = None) -> None:
@@ -250,18 +206,7 @@ class ProgramSimulator(Executor):
         self.reset()
 
     def array(self, name: str) -> Array:
-        """A copy of an array as the last step left it.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-
-        Returns
-        -------
-        ndarray
-            Its elements.
-        """
+        """A copy of an array as the last step left it."""
         return self._arrays[name].copy()
 
     def _advance(self) -> None:

@@ -11,18 +11,11 @@ from esea_gen.language.ports import Port
 class Task:
     """A periodic task.
 
-    Parameters
-    ----------
-    name : str
-        C identifier; its entry point is ``esea_<device>_<name>_step``.
-    blocks : tuple of str
-        Instances it runs, in order.
-    every : int
-        Period in base ticks.
-    phase : int
-        Tick of its first run, below ``every``.
-    release : int, optional
-        Ticks from the start of a run until what it wrote is visible to other tasks; its period
+    name: C identifier; its entry point is ``esea_<device>_<name>_step``.
+    blocks: instances it runs, in order.
+    every: period in base ticks.
+    phase: tick of its first run, below ``every``.
+    release: ticks from the start of a run until what it wrote is visible to other tasks; its period
         when not given.
     """
 
@@ -42,12 +35,8 @@ class Task:
 class Signal:
     """One end of a wire: a port of an instance.
 
-    Parameters
-    ----------
-    instance : str
-        Name of the instance.
-    port : str
-        Name of its port.
+    instance: name of the instance.
+    port: name of its port.
     """
 
     instance: str
@@ -55,23 +44,7 @@ class Signal:
 
     @classmethod
     def parse(cls, text: str) -> Signal:
-        """From ``"instance.port"``.
-
-        Parameters
-        ----------
-        text : str
-            Both names with a dot between.
-
-        Returns
-        -------
-        Signal
-            The signal.
-
-        Raises
-        ------
-        ValueError
-            For any other form.
-        """
+        """From ``"instance.port"``."""
         instance, dot, port = text.partition(".")
         if not (instance and dot and port):
             raise ValueError(f"'{text}' is not of the form instance.port")
@@ -82,14 +55,9 @@ class Signal:
 class External:
     """A value that enters or leaves the System through a task's input or output struct.
 
-    Parameters
-    ----------
-    name : str
-        Field of the struct.
-    port : Port
-        What it carries.
-    signals : tuple of Signal
-        The ports that it feeds, or the one that it comes from.
+    name: field of the struct.
+    port: what it carries.
+    signals: the ports that it feeds, or the one that it comes from.
     """
 
     name: str
@@ -101,16 +69,10 @@ class External:
 class Latch:
     """A value held for another task.
 
-    Parameters
-    ----------
-    name : str
-        Field of the latches struct.
-    source : Signal
-        The output that it holds.
-    port : Port
-        What it carries.
-    writer : str
-        Task that writes it.
+    name: field of the latches struct.
+    source: the output that it holds.
+    port: what it carries.
+    writer: task that writes it.
     """
 
     name: str

@@ -13,20 +13,7 @@ _WINDOWS = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
 def shown(text: str, most: int = MOST_LETTERS) -> str:
-    """Text on one line, without what moves a terminal's cursor or hides letters.
-
-    Parameters
-    ----------
-    text : str
-        As received.
-    most : int
-        Longest result; the rest is cut off.
-
-    Returns
-    -------
-    str
-        Each control or invisible character is replaced by U+FFFD.
-    """
+    """Text on one line, without what moves a terminal's cursor or hides letters."""
     return shown_lines(text[: most + 1].replace("\n", " ").replace("\t", " "), most)
 
 
@@ -44,20 +31,7 @@ def _hidden(letter: str) -> bool:
 
 
 def file_name(text: str, otherwise: str = "unnamed") -> str:
-    """A name that stays within its folder, on every system.
-
-    Parameters
-    ----------
-    text : str
-        As received.
-    otherwise : str
-        Where nothing is left of it.
-
-    Returns
-    -------
-    str
-        No path, no option, no hidden file, no device of Windows.
-    """
+    """A name that stays within its folder, on every system."""
     name = _NOT_IN_NAMES.sub("_", shown(text).replace("\ufffd", "_"))
     name = name.lstrip(".-_ ")
     while len(name.encode()) > MOST_NAME:

@@ -89,20 +89,7 @@ RATE_KEYS = ("kv_Nm_rad", "A_Nms_rad", "m", "eps1_Nms_rad", "B", "n", "eps2")
 
 
 def stop_grid(p: Mapping[str, Any], stops: int) -> tuple[list[Any], list[Any]]:
-    """Thresholds and weights of the stop operators (3.10, 3.11).
-
-    Parameters
-    ----------
-    p : mapping
-        ``alpha_Nm_rad``, ``beta_1_rad``, ``omega_rad``: numbers or symbols.
-    stops : int
-        Number of operators.
-
-    Returns
-    -------
-    r_rad, p_Nm_rad : list
-        ``stops`` elements each.
-    """
+    """Thresholds and weights of the stop operators (3.10, 3.11)."""
     r = [p["omega_rad"] * i for i in range(1, stops + 1)]
     w = [to_casadi(STOP_WEIGHT, _symbols_of(p) | {RADIUS: ri}) for ri in r]
     return r, w
@@ -144,21 +131,7 @@ def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str
 
 
 def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
-    """The torque sensor as a Block.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Parameters, domain, limits and rate.
-    tunable : bool
-        Make the elastomer's parameters tunables instead of constants: what identification runs.
-
-    Returns
-    -------
-    Block
-        Inputs ``theta_rad`` and ``omega_rad_s`` (the mid-step rate that feeds the viscosity);
-        outputs the torque, its three parts and a status word.
-    """
+    """The torque sensor as a Block."""
     model = _TorqueSensor(device, tunable)
     return Block.define(
         "sensor",

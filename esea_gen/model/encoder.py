@@ -97,22 +97,6 @@ def correction(values: tuple[float, ...], count: ca.SX, bits: int) -> ca.SX:
     the count has passed.  There is nothing to decide, the result is continuous, and it is the
     table's own value at every node.
 
-    Parameters
-    ----------
-    values : tuple of float
-        N values in rad at equal steps of the turn, the first at count 0; N divides the counts.
-    count : casadi.SX
-        Raw count, whole.
-    bits : int
-        Counts per turn, as a power of two.
-
-    Returns
-    -------
-    casadi.SX
-        Correction in rad.
-
-    Notes
-    -----
     Five operations a cell.  Between nodes, an error with n periods a turn and amplitude a is missed
     by at most ``a (1 - cos(pi n / N))``: with 64 values and n = 4, 2 % of it.
     """
@@ -127,21 +111,7 @@ def correction(values: tuple[float, ...], count: ca.SX, bits: int) -> ca.SX:
 
 
 def step_max_counts(device: DeviceData, side: Side) -> int:
-    """Largest believable step of the raw count between two samples.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Its ``[encoder.<side>]`` ``step_max_rad``, or the joint's speed limit (the deflection
-        rate's, where there is no joint), rate and resolution.
-    side : {"motor", "load"}
-        Which encoder.
-
-    Returns
-    -------
-    int
-        Counts.
-    """
+    """Largest believable step of the raw count between two samples."""
     own = _side(device, side).step_max_rad
     count_rad = 2 * math.pi / (1 << int(device.file.encoder.resolution_bits.value))
     if own is not None:
@@ -178,28 +148,6 @@ def _middle(device: DeviceData) -> float:
 def encoder(device: DeviceData, side: Side) -> Block:
     """Front end of one encoder.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Rate, resolution, joint and ``[encoder.<side>]``.
-    side : {"motor", "load"}
-        Which encoder.
-
-    Returns
-    -------
-    Block
-        ``encoder_<side>``: inputs ``count`` (raw whole number) and ``frame_error``
-        (:class:`FrameError`, 0 for a good frame); outputs ``theta_rad``, ``usable`` (1 or 0) and a
-        status word.  Tunables ``zero_rad`` and ``zeroed`` are set by a calibration, before init.
-
-    Raises
-    ------
-    UserError
-        When the largest believable step is so large that, bridging the bad frames allowed, the
-        direction of a step could not be told, or the joint's range spans a turn.
-
-    Notes
-    -----
     Let c be the last good count and d = count - c, wrapped to half a turn either way.  A frame is
     good when its word is 0 and |d| is at most the largest believable step times the frames since
     the last good one.  It then becomes the reference, and the number of turns follows from the

@@ -58,14 +58,9 @@ PATH_BAND = 0.02
 class Rise:
     """An increasing odd function of the scaled deflection, or one side of it.
 
-    Parameters
-    ----------
-    kind : {"power", "bend"}
-        x^number (number 1, 3 or 5), or x / (1 + |x| / number), which is steep near 0.
-    number : float
-        Above 0.
-    side : {"both", "positive", "negative"}
-        An asymmetric spring is one with a term for each side.
+    kind: x^number (number 1, 3 or 5), or x / (1 + |x| / number), which is steep near 0.
+    number: Above 0.
+    side: an asymmetric spring is one with a term for each side.
     """
 
     kind: Literal["power", "bend"]
@@ -99,18 +94,7 @@ class Rise:
         return ca.fmax(value, 0) if self.side == "positive" else ca.fmin(value, 0)
 
     def slope(self, x: ca.SX) -> ca.SX:
-        """Its slope.
-
-        Parameters
-        ----------
-        x : casadi.SX
-            Scaled deflection.
-
-        Returns
-        -------
-        casadi.SX
-            Over x; of one side at 0 that of the side.
-        """
+        """Its slope."""
         if self.kind == "bend":
             bent = 1 + ca.fabs(x) * (1 / self.number)
             value = 1 / (bent * bent)
@@ -123,51 +107,18 @@ class Rise:
         return ca.if_else(x >= 0 if self.side == "positive" else x <= 0, value, 0)
 
     def most(self, reach: float) -> float:
-        """Its largest magnitude.
-
-        Parameters
-        ----------
-        reach : float
-            Largest |x|.
-
-        Returns
-        -------
-        float
-            There.
-        """
+        """Its largest magnitude."""
         power = reach ** int(self.number) if self.kind == "power" else 0.0
         return power or reach / (1 + reach / self.number)
 
     def least_slope(self, reach: float) -> float:
-        """Its smallest slope.
-
-        Parameters
-        ----------
-        reach : float
-            Largest |x|.
-
-        Returns
-        -------
-        float
-            Over x, up to there; 0 where it may be flat.
-        """
+        """Its smallest slope."""
         if self.side != "both" or (self.kind == "power" and self.number > 1):
             return 0.0
         return 1.0 if self.kind == "power" else (1 + reach / self.number) ** -2
 
     def most_slope(self, reach: float) -> float:
-        """Its largest slope.
-
-        Parameters
-        ----------
-        reach : float
-            Largest |x|.
-
-        Returns
-        -------
-        float
-            Over x, up to there.
-        """
+        """Its largest slope."""
         return 1.0 if self.kind == "bend" else self.number * reach ** (int(self.number) - 1)
 
 
@@ -175,12 +126,8 @@ class Rise:
 class Softening:
     """A factor from 1 downwards.
 
-    Parameters
-    ----------
-    kind : {"strain", "path"}
-        1 / (1 + m / number), m the largest |x| so far; or exp(-s / number), s the path travelled.
-    number : float
-        Above 0; in units of x.
+    kind: 1 / (1 + m / number), m the largest |x| so far; or exp(-s / number), s the path travelled.
+    number: Above 0; in units of x.
     """
 
     kind: Literal["strain", "path"]
@@ -197,18 +144,7 @@ class Softening:
         return f"1/(1+m/{n})" if self.kind == "strain" else f"exp(-s/{n})"
 
     def least(self, reach: float) -> float:
-        """What is left of it at worst.
-
-        Parameters
-        ----------
-        reach : float
-            Largest |x|.
-
-        Returns
-        -------
-        float
-            From 0 to 1.
-        """
+        """What is left of it at worst."""
         return 1 / (1 + reach / self.number) if self.kind == "strain" else 0.0
 
 
@@ -216,20 +152,13 @@ class Softening:
 class Term:
     """One term of a member: one weight, which is solved for.
 
-    Parameters
-    ----------
-    kind : {"spring", "maxwell", "stop", "slip", "offset"}
-        The operator.
-    rise : Rise
-        What drives it.
-    numbers : tuple of float
-        Maxwell: relaxation times in s, several for a fractional element.  Stop: threshold of q.
-        Slip: path of q over which it forgets.
-    exponent : float
-        Of a fractional element: its branches have the fixed shares T^-exponent (1 for a single
-        branch).
-    softening : Softening, optional
-        Its factor.
+    kind: the operator.
+    rise: what drives it.
+    numbers: maxwell: relaxation times in s, several for a fractional element.  Stop: threshold of
+        q. Slip: path of q over which it forgets.
+    exponent: of a fractional element: its branches have the fixed shares T^-exponent (1 for a
+        single branch).
+    softening: its factor.
     """
 
     kind: Kind
@@ -269,14 +198,9 @@ class Term:
 class Member:
     """A member of the family, its weights still unknown.
 
-    Parameters
-    ----------
-    name : str
-        Short, for tables.
-    title : str
-        One line for reports.
-    terms : tuple of Term
-        Its terms.
+    name: short, for tables.
+    title: one line for reports.
+    terms: its terms.
     """
 
     name: str
@@ -293,22 +217,11 @@ class Member:
 class FittedMember:
     """A member with its weights.
 
-    Parameters
-    ----------
-    member : Member
-        Its form.
-    scale_rad : float
-        Deflection for which x is 1.
-    weights_Nm : tuple of float
-        One a term; 0 or above, except an offset's.
-    temperature : TemperatureFactor, optional
-        What the rubber's temperature changes.  Slopes and torques here are those at the
+    member: its form.
+    scale_rad: deflection for which x is 1.
+    weights_Nm: one a term; 0 or above, except an offset's.
+    temperature: what the rubber's temperature changes.  Slopes and torques here are those at the
         temperature of its range at which they are least or largest.
-
-    Raises
-    ------
-    ValueError
-        For a weight below 0, or of another number than terms.
     """
 
     member: Member
@@ -337,18 +250,7 @@ class FittedMember:
         return (1.0, 1.0) if self.temperature is None else self.temperature.ends
 
     def least_slope_Nm_rad(self, theta_rad: float) -> float:
-        """Least slope of the torque over the present deflection.
-
-        Parameters
-        ----------
-        theta_rad : float
-            For deflections up to this magnitude.
-
-        Returns
-        -------
-        float
-            What the springs have at least; the other terms rise too or stay.
-        """
+        """Least slope of the torque over the present deflection."""
         reach = theta_rad / self.scale_rad
         total = 0.0
         for weight, term in self.used:
@@ -358,20 +260,7 @@ class FittedMember:
         return self.factors[0] * total / self.scale_rad
 
     def first_slope_Nm_rad(self, theta_rad: float) -> float:
-        """Least slope of the torque at the first sample, which softens itself by its own strain.
-
-        Parameters
-        ----------
-        theta_rad : float
-            For deflections up to this magnitude.
-
-        Returns
-        -------
-        float
-            A lower bound of the springs' slope; all else is at rest.  With d = 1/(1 + x/a) the
-            slope of x d is d^2, that of x/(1 + x/b) d is a b (a b - x^2)/((a + x)^2 (b + x)^2),
-            which is below 0 beyond sqrt(a b), by a b/(sqrt(a) + sqrt(b))^4 at most.
-        """
+        """Least slope of the torque at the first sample, which softens itself by its own strain."""
         reach, total = theta_rad / self.scale_rad, 0.0
         for weight, term in self.used:
             if term.kind != "spring":
@@ -391,18 +280,7 @@ class FittedMember:
         return min(f * total for f in self.factors) / self.scale_rad
 
     def most_slope_Nm_rad(self, theta_rad: float) -> float:
-        """Largest slope of the torque over the present deflection.
-
-        Parameters
-        ----------
-        theta_rad : float
-            For deflections up to this magnitude.
-
-        Returns
-        -------
-        float
-            Every term at its steepest, none softened; a slip is twice as steep where it turns back.
-        """
+        """Largest slope of the torque over the present deflection."""
         reach, total = theta_rad / self.scale_rad, 0.0
         for weight, term in self.used:
             if term.kind != "offset":
@@ -412,18 +290,7 @@ class FittedMember:
         return self.factors[1] * total / self.scale_rad
 
     def most_Nm(self, theta_rad: float) -> float:
-        """Largest torque there can be.
-
-        Parameters
-        ----------
-        theta_rad : float
-            For deflections up to this magnitude.
-
-        Returns
-        -------
-        float
-            Sum of the terms' own largest magnitudes.
-        """
+        """Largest torque there can be."""
         reach, total = theta_rad / self.scale_rad, 0.0
         for weight, term in self.used:
             size = 1.0 if term.kind == "offset" else self.factors[1] * term.rise.most(reach)
@@ -436,20 +303,7 @@ class FittedMember:
 
 
 def softened(terms: Sequence[Term], *softenings: Softening) -> tuple[Term, ...]:
-    """Every term as it is, and once for each softening.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        Without softening.
-    *softenings : Softening
-        Any.
-
-    Returns
-    -------
-    tuple of Term
-        One and as many more as there are softenings, for each term.
-    """
+    """Every term as it is, and once for each softening."""
     return tuple(
         Term(t.kind, t.rise, t.numbers, t.exponent, s)
         for t in terms

@@ -173,25 +173,7 @@ class _FamilyInverse:
 def family_inverse(
     device: DeviceData, fitted: FittedMember, start: Start = "virgin", steps: int = STEPS
 ) -> Block:
-    """The exact inverse of a fitted member as a Block.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Domain, limits and rate.
-    fitted : FittedMember
-        The model; its slope must be above 0 (:attr:`FittedMember.least_slope_Nm_rad`).
-    start : {"virgin", "conditioned"}
-        As in :func:`esea_gen.model.family_sensor.family_sensor`.
-    steps : int
-        Newton steps a period.
-
-    Returns
-    -------
-    Block
-        Input ``tau_Nm``; outputs the set-point, its rate, the model's torque there, the residual
-        and a status word.
-    """
+    """The exact inverse of a fitted member as a Block."""
     inverse = _FamilyInverse(device, fitted, start, steps)
     return Block.define(
         "inverse",

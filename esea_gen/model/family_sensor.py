@@ -43,20 +43,7 @@ UNIT_REACH = 16.0
 
 
 def unit_terms(member: Member, period_s: float) -> Block:
-    """A member's terms, each with weight 1: what its weights are solved from.
-
-    Parameters
-    ----------
-    member : Member
-        Its form.
-    period_s : float
-        Of the grid of the recordings.
-
-    Returns
-    -------
-    Block
-        Input ``theta_rad``, here the scaled deflection x; output ``terms_Nm``, one element a term.
-    """
+    """A member's terms, each with weight 1: what its weights are solved from."""
     steps = FamilyStep(
         unit_elements(member),
         scale_rad=1.0,
@@ -89,20 +76,7 @@ def unit_terms(member: Member, period_s: float) -> Block:
 
 
 def torque_limit(device: DeviceData, fitted: FittedMember) -> float:
-    """The device's limit, or what the model can reach: the inverse is of an unclipped torque.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Limits.
-    fitted : FittedMember
-        The model.
-
-    Returns
-    -------
-    float
-        Nm, a float32 number.
-    """
+    """The device's limit, or what the model can reach: the inverse is of an unclipped torque."""
     reach = fitted.most_Nm(device.file.limits.theta_rad.value)
     return threshold(max(device.file.limits.tau_Nm.value, ROOM * reach))
 
@@ -114,26 +88,7 @@ def family_step(
     derived: bool = False,
     period_s: float | None = None,
 ) -> FamilyStep:
-    """The step of a fitted member: where sensor, inverse and prediction have it from.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Limits and rate.
-    fitted : FittedMember
-        The model.
-    start : {"virgin", "conditioned"}
-        As in :func:`family_sensor`.
-    derived : bool
-        Whether its derivative will be taken.
-    period_s : float, optional
-        Length of the step; the device's when not given.
-
-    Returns
-    -------
-    FamilyStep
-        With the weights folded in, terms merged.
-    """
+    """The step of a fitted member: where sensor, inverse and prediction have it from."""
     return FamilyStep(
         merged_elements(fitted),
         scale_rad=fitted.scale_rad,
@@ -145,21 +100,7 @@ def family_step(
 
 
 def temperature_parts(device: DeviceData, fitted: FittedMember) -> dict[str, Any]:
-    """What a Block needs so that its member knows the rubber's temperature.
-
-    Parameters
-    ----------
-    device : DeviceData
-        For where the numbers come from.
-    fitted : FittedMember
-        The model.
-
-    Returns
-    -------
-    dict
-        ``tunables``, ``coefficients`` and ``prepare`` of a Block: ``temperature_C`` becomes
-        :data:`FACTOR`.  Empty for a member that has no factor of temperature.
-    """
+    """What a Block needs so that its member knows the rubber's temperature."""
     t = fitted.temperature
     if t is None:
         return {}
@@ -177,24 +118,7 @@ def temperature_parts(device: DeviceData, fitted: FittedMember) -> dict[str, Any
 
 
 def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virgin") -> Block:
-    """A fitted member as a torque sensor Block, with the ports of the thesis' one.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Domain, limits and rate.
-    fitted : FittedMember
-        The model.
-    start : {"virgin", "conditioned"}
-        What the softening remembers at the start: nothing, or a long time at the largest trained
-        deflection.
-
-    Returns
-    -------
-    Block
-        Inputs ``theta_rad`` and ``omega_rad_s`` (which only the status word looks at); outputs the
-        torque, its parts and a status word.
-    """
+    """A fitted member as a torque sensor Block, with the ports of the thesis' one."""
     file = device.file
     theta_lim = threshold(file.limits.theta_rad.value)
     omega_lim = threshold(file.limits.omega_rad_s.value)
@@ -239,18 +163,7 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
 
 
 def factor_in(c: SimpleNamespace) -> Any:
-    """The factor of temperature among coefficients; None for a member without one.
-
-    Parameters
-    ----------
-    c : SimpleNamespace
-        Coefficients of a step.
-
-    Returns
-    -------
-    casadi.SX or None
-        What :meth:`FamilyStep.torque` takes.
-    """
+    """The factor of temperature among coefficients; None for a member without one."""
     return getattr(c, FACTOR, None)
 
 

@@ -57,22 +57,6 @@ def tracking_observer(
     gives the rate predicted for the middle of the coming step, from past samples only: the
     viscosity then holds nothing of theta(k), which keeps the sensor's inverse unique.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Rate, limits, default bandwidth.
-    joint_rad : float, optional
-        Not the deflection's rate but that of a joint that turns so far, a Block of another name.
-    bandwidth_Hz : Quantity, optional
-        Its default, other than that of section ``[velocity]``.
-
-    Returns
-    -------
-    Block
-        Input ``theta_rad``; outputs ``omega_rad_s``, ``omega_mid_rad_s`` and a status word.
-
-    Notes
-    -----
     Delay, gain and noise follow from the bandwidth alone:
     :func:`esea_gen.model.velocity_properties.velocity_properties`.
 

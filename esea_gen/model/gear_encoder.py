@@ -29,27 +29,6 @@ WHOLE = 1 << 24  # every number format holds whole numbers below exactly
 def gear_encoder(device: DeviceData) -> Block:
     """Front end of the encoder on the motor's shaft.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Rate, ``[joint]``, and ``[actuator]`` with its encoder's resolution and the gear ratio.
-
-    Returns
-    -------
-    Block
-        ``encoder_gear``: inputs ``count`` and ``frame_error``
-        (:class:`~esea_gen.model.encoder.FrameError`, 0 for a good frame); outputs
-        ``theta_gear_rad``, by which the drive has turned the joint since the first good frame, its
-        rate, ``gear_usable`` (1 or 0) and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive, or the shaft turns so fast, or the encoder is so fine, that
-        its turns could not be counted.
-
-    Notes
-    -----
     A bad frame, or one that is farther from the last good one than the drive can be, is bridged:
     angle and rate are held.  After more than can be bridged the encoder is not usable for a frame
     and goes on from where it then is: what was turned meanwhile is unknown, so ``gear_usable`` says

@@ -103,33 +103,6 @@ def exact_inverse(
 ) -> Block:
     """The exact inverse of the discrete torque sensor as a Block.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Parameters, domain, limits and rate.
-    rate : {"observer", "extrapolated"}
-        Where the rate that feeds the viscosity comes from; neither holds anything of theta(k).
-        ``observer``: the velocity Block, run on the set-point.  ``extrapolated``: ``2 w(k-1) -
-        w(k-2)`` of the set-point's differences w, which chatters at 500 Hz where the motion turns
-        round; kept to show that (``docs/inverse.md``).
-    bandwidth_Hz : float
-        Default of the observer's tunable bandwidth, lowered to what the rate allows.  With the
-        bandwidth of the device's velocity Block, sensor and inverse agree through their own rates.
-
-    Returns
-    -------
-    Block
-        Input ``tau_Nm``; outputs the set-point ``theta_rad``, the rate used ``omega_mid_rad_s``,
-        the model's torque ``tau_model_Nm``, ``residual_Nm`` (request less model), the move
-        ``step_rad`` of the deflection beyond the dead zone, and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device's linear stiffness is 0: torque must rise with deflection everywhere.
-
-    Notes
-    -----
     Straight-line: one viscosity, N breakpoints, one cubic root, one Newton step and one run of the
     sensor, whatever the request.  Every state of the model and its clips are the sensor's, so that
     a sensor fed with the set-point and the rate used holds the same state, bit for bit.
@@ -423,23 +396,7 @@ def _exact_facts(
 
 
 def chosen_inverse(device: DeviceData) -> Block:
-    """The inverse that the device file's section ``[inverse]`` asks for.
-
-    Parameters
-    ----------
-    device : DeviceData
-        The device; without such a section the exact inverse is built.
-
-    Returns
-    -------
-    Block
-        From :func:`exact_inverse` or :func:`published_inverse`.
-
-    Raises
-    ------
-    UserError
-        As these two.
-    """
+    """The inverse that the device file's section ``[inverse]`` asks for."""
     asked = device.file.inverse
     if asked is None or asked.kind == "exact":
         return exact_inverse(device)
@@ -447,20 +404,7 @@ def chosen_inverse(device: DeviceData) -> Block:
 
 
 def inverse_system(device: DeviceData, *blocks: Block) -> System:
-    """A System of inverse Blocks beside each other, all on one request.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Gives the name.
-    *blocks : Block
-        From :func:`exact_inverse` and :func:`published_inverse`, of different names.
-
-    Returns
-    -------
-    System
-        Task ``invert``: request in, set-point and status of each Block out.
-    """
+    """A System of inverse Blocks beside each other, all on one request."""
     given: Sequence[Block] = blocks or (exact_inverse(device),)
     names = [b.name for b in given]
     outputs = {}

@@ -21,25 +21,7 @@ CONTRADICTED = "another encoder or the motor's torque says otherwise, or has not
 
 
 def deflection(device: DeviceData) -> Block:
-    """Deflection from the two joint angles, and whether the torque made of it can be trusted.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Ranges of joint and coupling.
-
-    Returns
-    -------
-    Block
-        Inputs ``theta_motor_rad``, ``theta_load_rad`` and whether each encoder is usable, and with
-        ``[redundancy]`` whether what can be compared agrees; outputs ``theta_rad``, ``sensing_ok``
-        (1 or 0) and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no ``[joint]``.
-    """
+    """Deflection from the two joint angles, and whether the torque made of it can be trusted."""
     joint = device.file.joint
     if joint is None:
         raise UserError(f"{device.origin}: section [joint] is missing.", "Add it.")

@@ -24,23 +24,7 @@ POWERS = {"x": 1.0, "x^3": 3.0, "x^5": 5.0}
 
 
 def fitted_of(device: DeviceData) -> FittedMember:
-    """The member of the family that a device file's section ``[family]`` holds.
-
-    Parameters
-    ----------
-    device : DeviceData
-        With that section.
-
-    Returns
-    -------
-    FittedMember
-        Its form and weights.
-
-    Raises
-    ------
-    ValueError
-        For a device with the published model.
-    """
+    """The member of the family that a device file's section ``[family]`` holds."""
     family = device.file.family
     if family is None:
         raise ValueError(f"{device.origin} has no [family]")
@@ -66,19 +50,7 @@ def _term(t: FamilyTerm) -> Term:
 
 
 def rubber_sensor(device: DeviceData) -> Block:
-    """The torque sensor of a device's model.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Torque model, domain, limits and rate.
-
-    Returns
-    -------
-    Block
-        From :func:`~esea_gen.model.elastomer.torque_sensor` or
-        :func:`~esea_gen.model.family_sensor.family_sensor`: the ports are the same.
-    """
+    """The torque sensor of a device's model."""
     family = device.file.family
     if family is None:
         return torque_sensor(device)
@@ -86,24 +58,7 @@ def rubber_sensor(device: DeviceData) -> Block:
 
 
 def rubber_inverse(device: DeviceData) -> Block:
-    """The inverse of a device's model: desired torque to deflection set-point.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Torque model, domain, limits and rate.
-
-    Returns
-    -------
-    Block
-        From :func:`~esea_gen.model.inverse.chosen_inverse` or, of a member of the family,
-        :func:`~esea_gen.model.family_inverse.family_inverse`.
-
-    Raises
-    ------
-    UserError
-        When the model has no unique inverse.
-    """
+    """The inverse of a device's model: desired torque to deflection set-point."""
     family = device.file.family
     if family is None:
         return chosen_inverse(device)
@@ -111,19 +66,7 @@ def rubber_inverse(device: DeviceData) -> Block:
 
 
 def stiffness_range_Nm_rad(device: DeviceData) -> tuple[float, float]:
-    """Least and largest stiffness of the coupling, for what must hold whatever it remembers.
-
-    Parameters
-    ----------
-    device : DeviceData
-        With either torque model.
-
-    Returns
-    -------
-    soft, stiff : float
-        Published model: the linear spring alone, and with all stops and rate terms.  A member of
-        the family: least and largest slope inside the identified domain.
-    """
+    """Least and largest stiffness of the coupling, for what must hold whatever it remembers."""
     if device.file.family is not None:
         fitted, reach = fitted_of(device), device.file.domain.theta_max_rad.value
         return fitted.least_slope_Nm_rad(reach), fitted.most_slope_Nm_rad(reach)

@@ -42,18 +42,7 @@ ENCODER_OUTPUTS = {
 
 
 def of_axis(name: str, axis: str) -> str:
-    """A name with its axis, before the unit, which stays last: ``tau_flexion_Nm``.
-
-    Parameters
-    ----------
-    name, axis : str
-        A quantity's name and an axis; empty for a single axis without a name.
-
-    Returns
-    -------
-    str
-        The name of that axis' quantity.
-    """
+    """A name with its axis, before the unit, which stays last: ``tau_flexion_Nm``."""
     if not axis:
         return name
     unit = max((u for u in UNIT_SUFFIXES if name.endswith(u)), key=len, default="")
@@ -61,18 +50,7 @@ def of_axis(name: str, axis: str) -> str:
 
 
 def without_axis(name: str, axis: str) -> str:
-    """A name of an axis without it, as :func:`of_axis` was given it; any other name as it is.
-
-    Parameters
-    ----------
-    name, axis : str
-        As of :func:`of_axis`.
-
-    Returns
-    -------
-    str
-        The quantity's name.
-    """
+    """A name of an axis without it, as :func:`of_axis` was given it; any other name as it is."""
     bare = name.replace(f"_{axis}", "", 1) if axis else name
     return bare if of_axis(bare, axis) == name else name
 
@@ -85,20 +63,6 @@ def sensing_system(
     A device with several axes has an instance of each Block for each axis, all in the same task;
     the names of instances, inputs and outputs then carry the axis (``sensor_flexion``,
     ``theta_flexion_rad``, ``sensor_flexion_status``).
-
-    Parameters
-    ----------
-    device : DeviceData
-        What to build for.
-    velocity, sensor : Block
-        Velocity estimate and torque sensor.
-    counts : bool
-        Whether the deflection comes in counts of encoders; else there is nothing to smooth.
-
-    Returns
-    -------
-    System
-        Task ``sense``: deflection in; torque, its parts, rates and status words out.
     """
     blocks, wires, inputs, outputs = sensing_parts(device, velocity, sensor)
     order = list(blocks)
@@ -121,38 +85,13 @@ def sensing_system(
 
 
 def measures_counts(device: DeviceData) -> bool:
-    """Whether a device's file has what turns the counts of its two encoders into a deflection.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Any.
-
-    Returns
-    -------
-    bool
-        True where it has ``[encoder.motor]``, ``[encoder.load]`` and ``[joint]``.
-    """
+    """Whether a device's file has what turns the counts of its two encoders into a deflection."""
     encoders = device.file.encoder
     return None not in (encoders.motor, encoders.load, device.file.joint)
 
 
 def counting_system(device: DeviceData, velocity: Block, sensor: Block) -> System:
-    """The measuring System from the counts of both encoders: what a board without a motor runs.
-
-    Parameters
-    ----------
-    device : DeviceData
-        With ``[encoder.motor]``, ``[encoder.load]`` and ``[joint]``.
-    velocity, sensor : Block
-        Velocity estimate and torque sensor.
-
-    Returns
-    -------
-    System
-        A task ``sense`` an axis (``sense_flexion`` ...), so that its messages fit a frame: counts
-        and frame words in; torque, deflection, both angles, rates and status words out.
-    """
+    """The measuring System from the counts of both encoders: what a board without a motor runs."""
     parts = {
         "encoder_motor": encoder(device, "motor"),
         "encoder_load": encoder(device, "load"),
@@ -194,18 +133,7 @@ def _reach_rad(device: DeviceData) -> float:
 def sensing_parts(
     device: DeviceData, velocity: Block, sensor: Block
 ) -> tuple[dict[str, Component], dict[str, str], dict[str, tuple[str, ...]], dict[str, str]]:
-    """Blocks, wires, inputs and outputs of the measuring System, to which others may add theirs.
-
-    Parameters
-    ----------
-    device, velocity, sensor
-        As for :func:`sensing_system`.
-
-    Returns
-    -------
-    tuple of dict
-        In the order and form of :class:`~esea_gen.language.system.System`.
-    """
+    """Blocks, wires, inputs and outputs of the measuring System, to which others may add theirs."""
     blocks: dict[str, Component] = {}
     wires: dict[str, str] = {}
     inputs: dict[str, tuple[str, ...]] = {}

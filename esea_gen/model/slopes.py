@@ -25,23 +25,7 @@ FAR = 1e30  # range of a derivative: it has none of its own
 
 
 def sloped(block: Block, outputs: Sequence[str], by: Sequence[str]) -> Block:
-    """A Block that gives outputs of another and their derivatives by its tunables.
-
-    Parameters
-    ----------
-    block : Block
-        Straight-line, with tunables.
-    outputs : sequence of str
-        Of its outputs, those wanted; scalars.
-    by : sequence of str
-        Of its tunables.
-
-    Returns
-    -------
-    Block
-        Tunables and inputs of ``block``; outputs those wanted and ``slopes``, output by output one
-        element a tunable.
-    """
+    """A Block that gives outputs of another and their derivatives by its tunables."""
     tunables = {t.name: ca.SX.sym(t.name) for t in block.tunables}
     prepared = block.prepare(*tunables.values())
     prepared = ca.vertcat(*(prepared if isinstance(prepared, tuple) else (prepared,)))

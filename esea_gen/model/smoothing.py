@@ -27,18 +27,6 @@ def smoothed_deflection(device: DeviceData) -> Block:
     by half a count at most, so a deflection farther than a count from theirs would be wrong: it is
     held within that, lags by no more, and follows a jump at once.  With fine encoders it is the
     measured one.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Rate, resolution, range of the deflection.
-
-    Returns
-    -------
-    Block
-        Inputs ``theta_rad`` and ``omega_rad_s``, the rate over the step that ends here; outputs
-        ``theta_smooth_rad``, which lies outside the sensor's range while the input is invalid, so
-        that the sensor says so itself, and a status word.
     """
     h, limit = device.period_s, threshold(device.file.limits.theta_rad.value)
     fastest = threshold(device.file.limits.omega_rad_s.value)

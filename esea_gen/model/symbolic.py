@@ -27,25 +27,7 @@ _CASADI = {
 
 
 def to_casadi(expression: sp.Expr, values: Mapping[sp.Symbol, Any]) -> ca.SX:
-    """Carry a SymPy expression across to CasADi.
-
-    Parameters
-    ----------
-    expression : sympy.Expr
-        Expression in the thesis' symbols.
-    values : mapping of sympy.Symbol to float or casadi.SX
-        What each symbol stands for.
-
-    Returns
-    -------
-    casadi.SX
-        The same expression.
-
-    Raises
-    ------
-    ValueError
-        When a symbol has no value.
-    """
+    """Carry a SymPy expression across to CasADi."""
     missing = sorted(str(s) for s in expression.free_symbols if s not in values)
     if missing:
         raise ValueError(f"no value for the symbols {missing} of {expression}")
@@ -70,24 +52,7 @@ def _lambdified(expression: sp.Expr) -> tuple[list[sp.Symbol], Callable[..., Any
 
 @cache
 def equation(number: str, left: sp.Expr | str, right: sp.Expr, text: str) -> Equation:
-    """An equation for documents, printed from the expression that is evaluated.
-
-    Parameters
-    ----------
-    number : str
-        Its number in the source.
-    left : sympy.Expr or str
-        Left side.
-    right : sympy.Expr
-        Right side.
-    text : str
-        What it says.
-
-    Returns
-    -------
-    Equation
-        With presentation MathML.
-    """
+    """An equation for documents, printed from the expression that is evaluated."""
     lhs = sp.Symbol(left) if isinstance(left, str) else left
     # An undefined function named exp: SymPy would print exp(-x) as a fraction.
     shown = right.replace(sp.exp, sp.Function("exp"))

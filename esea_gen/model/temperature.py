@@ -12,19 +12,9 @@ from esea_gen.devices.rubber import LEAST_FACTOR
 class TemperatureFactor:
     """What a temperature multiplies every term but the offset with: 1 + per_K (T - reference).
 
-    Parameters
-    ----------
-    reference_C : float
-        Where it is 1: the weights are those at this temperature, degC.
-    per_K : float
-        Relative change of the weights, 1/K.
-    low_C, high_C : float
-        Range in which it holds, degC.
-
-    Raises
-    ------
-    ValueError
-        For an empty range, one without the reference, or a factor below 0.2 in it.
+    reference_C: where it is 1: the weights are those at this temperature, degC.
+    per_K: relative change of the weights, 1/K.
+    low_C, high_C: range in which it holds, degC.
     """
 
     reference_C: float
@@ -41,18 +31,7 @@ class TemperatureFactor:
             raise ValueError(f"a factor of temperature falls to {self.ends[0]:g}")
 
     def at(self, temperature_C: Any) -> Any:
-        """The factor.
-
-        Parameters
-        ----------
-        temperature_C : float or casadi.SX
-            The rubber's temperature, degC.
-
-        Returns
-        -------
-        float or casadi.SX
-            1 at the reference.
-        """
+        """The factor."""
         return 1 + self.per_K * (temperature_C - self.reference_C)
 
     @property

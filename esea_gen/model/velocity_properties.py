@@ -37,15 +37,9 @@ class VelocityProperties:
 
     With ``mid`` everything here means ``omega_mid_rad_s``, else ``omega_rad_s``.
 
-    Parameters
-    ----------
-    bandwidth_Hz : float
-        Bandwidth of the triple pole.
-    period_s : float
-        Sampling period h.
+    bandwidth_Hz: bandwidth of the triple pole.
+    period_s: sampling period h.
 
-    Notes
-    -----
     With p = exp(-2 pi h bandwidth), q = 1 - p, b = 3/2 q^2 (1 + p), g = q^3, from deflection::
 
         omega      H(z) = z (z - 1) (b (z - 1) + g) / (h (z - p)^3)
@@ -75,20 +69,7 @@ class VelocityProperties:
         return 0.5 * self.period_s
 
     def response(self, f_Hz: Any, mid: bool = False) -> Any:
-        """Estimate over true rate, at frequencies.
-
-        Parameters
-        ----------
-        f_Hz : float or ndarray
-            Frequencies above 0, up to half the rate.
-        mid : bool
-            Of ``omega_mid_rad_s``.
-
-        Returns
-        -------
-        complex or ndarray
-            1 would be a perfect differentiator without delay.
-        """
+        """Estimate over true rate, at frequencies."""
         s = 2j * np.pi * np.asarray(f_Hz) * self.period_s
         z, q = np.exp(s), 1 - self.pole
         b, g = 1.5 * q * q * (1 + self.pole), q**3
@@ -96,71 +77,19 @@ class VelocityProperties:
         return (z - 1) * slope / (z - self.pole) ** 3 / s
 
     def gain_at(self, f_Hz: float, mid: bool = False) -> float:
-        """Relative gain at a frequency.
-
-        Parameters
-        ----------
-        f_Hz : float
-            Frequency.
-        mid : bool
-            Of ``omega_mid_rad_s``.
-
-        Returns
-        -------
-        float
-            1 for a rate read right.
-        """
+        """Relative gain at a frequency."""
         return float(np.abs(self.response(f_Hz, mid)))
 
     def delay_at_s(self, f_Hz: float, mid: bool = False) -> float:
-        """Phase delay at a frequency.
-
-        Parameters
-        ----------
-        f_Hz : float
-            Frequency; the phase must not have turned by half a turn.
-        mid : bool
-            Of ``omega_mid_rad_s``.
-
-        Returns
-        -------
-        float
-            Seconds.
-        """
+        """Phase delay at a frequency."""
         return float(-np.angle(self.response(f_Hz, mid)) / (2 * np.pi * f_Hz))
 
     def gain_excess(self, f_Hz: float, mid: bool = False) -> float:
-        """Closed form of the relative gain's excess at low frequency.
-
-        Parameters
-        ----------
-        f_Hz : float
-            Frequency, well below the bandwidth.
-        mid : bool
-            Of ``omega_mid_rad_s``.
-
-        Returns
-        -------
-        float
-            Gain minus 1, to the second power of the frequency.
-        """
+        """Closed form of the relative gain's excess at low frequency."""
         return self._value(EXCESS[mid]) * (2 * math.pi * f_Hz * self.period_s) ** 2
 
     def delay_growth_s(self, f_Hz: float, mid: bool = False) -> float:
-        """Closed form of the delay that is added to the one at low frequency.
-
-        Parameters
-        ----------
-        f_Hz : float
-            Frequency, well below the bandwidth.
-        mid : bool
-            Of ``omega_mid_rad_s``.
-
-        Returns
-        -------
-        float
-            Seconds, to the second power of the frequency.
-        """
+        """Closed form of the delay that is added to the one at low frequency."""
         turn = 2 * math.pi * f_Hz * self.period_s
         return self._value(LAG[mid]) * turn**2 * self.period_s
 
@@ -168,18 +97,7 @@ class VelocityProperties:
         return float(expression.subs(P, self.pole))
 
     def noise_gain_1_s(self, mid: bool = False) -> float:
-        """Standard deviation of the estimate over that of white noise on the deflection.
-
-        Parameters
-        ----------
-        mid : bool
-            Of ``omega_mid_rad_s``.
-
-        Returns
-        -------
-        float
-            rad/s per rad.
-        """
+        """Standard deviation of the estimate over that of white noise on the deflection."""
         return math.sqrt(self._value(NOISE[mid])) / self.period_s
 
     def worst_gain_1_s(self, mid: bool = False) -> float:
@@ -187,32 +105,11 @@ class VelocityProperties:
 
         The sum of the magnitudes of the impulse response: it holds for any error whatever, and so
         for quantisation that is far from white, as in slow motion.
-
-        Parameters
-        ----------
-        mid : bool
-            Of ``omega_mid_rad_s``.
-
-        Returns
-        -------
-        float
-            rad/s per rad.
         """
         return float(np.sum(np.abs(self.impulse_1_s(mid))))
 
     def impulse_1_s(self, mid: bool = False) -> Array:
-        """Response to one sample of deflection of 1 rad.
-
-        Parameters
-        ----------
-        mid : bool
-            Of ``omega_mid_rad_s``.
-
-        Returns
-        -------
-        ndarray
-            rad/s, sample by sample, until below 1e-12 of the largest.
-        """
+        """Response to one sample of deflection of 1 rad."""
         p, q, h = self.pole, 1 - self.pole, self.period_s
         count = math.ceil(40 / (1 - p)) + 10
         b, g = 1.5 * q * q * (1 + p) / h, q**3 / h
@@ -233,59 +130,18 @@ class VelocityProperties:
         return float(np.max(ramp) - 1)
 
     def bandwidth_3dB_Hz(self, mid: bool = False) -> float:
-        """Highest frequency at which the relative gain is at least 1 over the square root of 2.
-
-        Parameters
-        ----------
-        mid : bool
-            Of ``omega_mid_rad_s``.
-
-        Returns
-        -------
-        float
-            Hz.
-        """
+        """Highest frequency at which the relative gain is at least 1 over the square root of 2."""
         f = np.linspace(1e-4, 0.5, 20001) / self.period_s
         above = np.flatnonzero(np.abs(self.response(f, mid)) >= math.sqrt(0.5))
         return float(f[above[-1]])
 
     def noise_rad_s(self, bits: int, mid: bool = False, encoders: int = 2) -> float:
-        """Standard deviation of the rate from quantisation, where the motion makes it white.
-
-        Parameters
-        ----------
-        bits : int
-            Counts a turn, as a power of two.
-        mid : bool
-            Of ``omega_mid_rad_s``.
-        encoders : int
-            Whose counts the deflection is made of: variance LSB^2/12 each.
-
-        Returns
-        -------
-        float
-            rad/s.
-        """
+        """Standard deviation of the rate from quantisation, where the motion makes it white."""
         count = 2 * math.pi / (1 << bits)
         return count * math.sqrt(encoders / 12) * self.noise_gain_1_s(mid)
 
     def worst_rad_s(self, bits: int, mid: bool = False, encoders: int = 2) -> float:
-        """Largest error of the rate from quantisation, whatever the motion.
-
-        Parameters
-        ----------
-        bits : int
-            Counts a turn, as a power of two.
-        mid : bool
-            Of ``omega_mid_rad_s``.
-        encoders : int
-            Whose counts the deflection is made of: half a count each.
-
-        Returns
-        -------
-        float
-            rad/s.
-        """
+        """Largest error of the rate from quantisation, whatever the motion."""
         return math.pi / (1 << bits) * encoders * self.worst_gain_1_s(mid)
 
     @property
@@ -303,20 +159,7 @@ class VelocityProperties:
         )
 
     def to_dict(self, bits: tuple[int, ...] = (12, 14), f_Hz: float = 1.5) -> dict[str, Any]:
-        """JSON-ready content.
-
-        Parameters
-        ----------
-        bits : tuple of int
-            Resolutions to state the noise for.
-        f_Hz : float
-            Frequency to state gain and delay for.
-
-        Returns
-        -------
-        dict
-            By output: delays, gains, noise.
-        """
+        """JSON-ready content."""
 
         def of(mid: bool) -> dict[str, Any]:
             return {
@@ -343,25 +186,7 @@ class VelocityProperties:
 def velocity_properties(
     device: DeviceData, bandwidth_Hz: float | None = None
 ) -> VelocityProperties:
-    """What a device's velocity estimate does to a motion and to noise.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Rate and default bandwidth.
-    bandwidth_Hz : float, optional
-        Another bandwidth, within the tunable's bounds.
-
-    Returns
-    -------
-    VelocityProperties
-        Delay, gain and noise, in closed form where there is one.
-
-    Raises
-    ------
-    ValueError
-        For a bandwidth outside the tunable's bounds.
-    """
+    """What a device's velocity estimate does to a motion and to noise."""
     chosen = device.file.velocity.bandwidth_Hz.value if bandwidth_Hz is None else bandwidth_Hz
     high = min(BANDWIDTH_MAX_HZ, 0.1 / device.period_s)
     if not BANDWIDTH_MIN_HZ <= chosen <= high * (1 + 1e-6):

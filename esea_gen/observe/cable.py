@@ -40,23 +40,7 @@ CLOSED_ABOVE = 1.5
 
 
 def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
-    """What a device file says of its cable.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    cable, redundancy : Section
-        The sections ``[cable]`` and ``[redundancy]``, which has the stiffness.
-
-    Raises
-    ------
-    UserError
-        When one of them is missing.
-    """
+    """What a device file says of its cable."""
     f = device.file
     if f.cable is None or f.redundancy is None:
         name = "cable" if f.cable is None else "redundancy"
@@ -68,36 +52,14 @@ def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
 
 
 def wound_range_rad(device: DeviceData) -> float:
-    """Largest winding of the cable, from the middle of its gap.
-
-    Parameters
-    ----------
-    device : DeviceData
-        As for :func:`cable_of`.
-
-    Returns
-    -------
-    float
-        In rad: half the largest backlash, and what the largest torque winds up.
-    """
+    """Largest winding of the cable, from the middle of its gap."""
     own, redundancy = cable_of(device)
     by_torque = drive_of(device).tau_Nm / redundancy.cable_least_Nm_rad.value
     return threshold(1.01 * (0.5 * own.backlash_most_rad.value + by_torque))
 
 
 def give_most_rad_Nm(device: DeviceData) -> float:
-    """One over the stiffness of the softest cable.
-
-    Parameters
-    ----------
-    device : DeviceData
-        As for :func:`cable_of`.
-
-    Returns
-    -------
-    float
-        In rad/Nm.
-    """
+    """One over the stiffness of the softest cable."""
     _, redundancy = cable_of(device)
     return 1 / redundancy.cable_least_Nm_rad.value
 
@@ -105,26 +67,6 @@ def give_most_rad_Nm(device: DeviceData) -> float:
 def cable_observer(device: DeviceData) -> Block:
     """Winding of the cable, and its backlash, from the encoders at both of its ends.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive and the sections ``[cable]`` and ``[redundancy]``.
-
-    Returns
-    -------
-    Block
-        Inputs: angle that the drive has turned, motor-side angle, whether both encoders are usable,
-        the interaction torque, the mode.  Outputs: ``wound_rad``, the gear's angle less the motor
-        side's, from the middle of the gap; ``gap_rad``, the whole backlash; a status word.  While
-        an impedance is rendered (mode 2) the gap counts as closed: 0, and wound by the torque only.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive or lacks a section.
-
-    Notes
-    -----
     The motor-side part is light: its torques balance within milliseconds, so that the cable carries
     the elastomer's torque, and tells by its winding less tau/k where in the gap it is.  Above
     ``contact_Nm`` it lies at one end: there that end is learnt, by a lag of ``rate_1_s``, and the

@@ -36,20 +36,6 @@ MEANING = "bandwidth L of the observer: higher follows faster and passes more no
 def bandwidth_limit_1_s(device: DeviceData, cutoff: Quantity) -> float:
     """Largest bandwidth that the velocity filter allows a disturbance observer.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Rate.
-    cutoff : Quantity
-        Default cut-off of the velocity filter, Hz.
-
-    Returns
-    -------
-    float
-        Bandwidth, rad/s.
-
-    Notes
-    -----
     A controller that takes the estimate off its command closes a loop through the filter F.  With
     Q = L/(s + L) and a motor A that follows its command, the estimate obeys
     ``d (1 - Q A (1 - F)) = Q F d_true``: stable whatever A's phase while |Q (1 - F)| < 1.  That
@@ -64,27 +50,7 @@ def bandwidth_limit_1_s(device: DeviceData, cutoff: Quantity) -> float:
 def bandwidth_tunable(
     device: DeviceData, bandwidth: Quantity, cutoff: Quantity, key: str, cutoff_key: str
 ) -> Tunable:
-    """Tunable bandwidth of a disturbance observer, within what its velocity filter allows.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Rate.
-    bandwidth, cutoff : Quantity
-        Defaults of the observer, rad/s, and of the velocity filter, Hz.
-    key, cutoff_key : str
-        Their keys in the device file, for messages.
-
-    Returns
-    -------
-    Tunable
-        ``bandwidth_1_s``.
-
-    Raises
-    ------
-    UserError
-        When the default is above :func:`bandwidth_limit_1_s`.
-    """
+    """Tunable bandwidth of a disturbance observer, within what its velocity filter allows."""
     limit = bandwidth_limit_1_s(device, cutoff)
     if bandwidth.value > limit:
         low, _ = cutoff_range(device, cutoff)
@@ -108,45 +74,13 @@ def bandwidth_tunable(
 
 
 def share_of(bandwidth_1_s: Any, h: float) -> Any:
-    """Share of the difference that a first-order lag takes up in one step.
-
-    Parameters
-    ----------
-    bandwidth_1_s : casadi.SX
-        Bandwidth L.
-    h : float
-        Period, seconds.
-
-    Returns
-    -------
-    casadi.SX
-        ``1 - exp(-L h)``: the sampled lag then has the pole of (5.5) for every L.
-    """
+    """Share of the difference that a first-order lag takes up in one step."""
     return 1 - ca.exp(-h * bandwidth_1_s)
 
 
 def drive_observer(device: DeviceData) -> Block:
     """Disturbance of the drive in momentum form, without an acceleration signal (5.5).
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    Block
-        Inputs ``u_Nm`` (the command that the motor holds from this tick on), ``omega_motor_rad_s``
-        and ``tau_Nm``; outputs the disturbance ``d4_rad_s2``, the motor's torque ``u_a_Nm`` by the
-        model of its lag (5.1), and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive, or the bandwidth is above what the velocity filter allows.
-
-    Notes
-    -----
     ``d4 = L (omega_m - integral(a_model + d4))`` has the state z = omega_m - d4/L.  Kept here is d4
     itself, which has the same values: from one sample to the next
 
@@ -180,24 +114,6 @@ def drive_observer(device: DeviceData) -> Block:
 def drive_observer_by_gear(device: DeviceData) -> Block:
     """Disturbance of the drive (5.5) from the rate of the motor's own encoder.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive and the section ``[cable]``, which has its bandwidth.
-
-    Returns
-    -------
-    Block
-        Inputs ``u_Nm``, ``omega_gear_rad_s`` and ``tau_Nm``; outputs ``d4_rad_s2`` and a status
-        word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive or no ``[cable]``.
-
-    Notes
-    -----
     That rate needs no filter: it is late by half a period, so that the bandwidth may be twenty
     times what the filter of the motor side's rate allows.  Seen from the gear, what the cable loses
     is a disturbance as the others.
@@ -225,24 +141,6 @@ def drive_observer_by_gear(device: DeviceData) -> Block:
 def gear_observer(device: DeviceData) -> Block:
     """What (5.2) leaves unexplained of the motion of the motor's own encoder.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive and the section ``[redundancy]``, which has its bandwidth.
-
-    Returns
-    -------
-    Block
-        :func:`drive_observer` with a fixed bandwidth; inputs ``u_Nm``, ``omega_gear_rad_s`` and
-        ``tau_Nm``, outputs ``d_gear_rad_s2``, ``moves_rad_s2`` and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive or no ``[redundancy]``.
-
-    Notes
-    -----
     ``moves_rad_s2`` is how hard the drive has been moved: its acceleration behind the same lag, the
     largest of the last ``MOVED_S`` or so.  A wrong inertia leaves a share of it unexplained.
 

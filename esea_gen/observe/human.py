@@ -41,23 +41,6 @@ SLOWEST_POLE = 0.9999
 def lag_observer(device: DeviceData) -> Block:
     """Torque of the person in momentum form, a first-order lag (5.10).
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    Block
-        Inputs ``omega_load_rad_s`` and ``tau_Nm``; outputs ``tau_h_Nm`` and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive, or the bandwidth is above what the velocity filter allows.
-
-    Notes
-    -----
     As :func:`esea_gen.observe.disturbance.drive_observer`, on the load side's (5.3).  In float32
     an increment below half a unit in the last place is lost, so that the estimate stops short of
     its end by up to 2^-25 of its size over L h: at 0.25 1/s and 1 kHz 1.2e-4 of the torque.
@@ -191,21 +174,7 @@ class _Lag:
 
 
 def error_matrix(device: DeviceData, decay_s: float | None = None) -> Array:
-    """How the extended-state observer's error goes on from step to step.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-    decay_s : float, optional
-        Decay of the torque's rate, seconds; the device's when not given.
-
-    Returns
-    -------
-    ndarray
-        Shape (4, 4): error after a correction, from the error after the last one; the order is
-        angle, rate, torque, rate of the torque.
-    """
+    """How the extended-state observer's error goes on from step to step."""
     drive = drive_of(device)
     d = drive.disturbance
     decay = d.decay_s.value if decay_s is None else decay_s
@@ -225,25 +194,6 @@ def error_matrix(device: DeviceData, decay_s: float | None = None) -> Array:
 def extended_state(device: DeviceData) -> Block:
     """Torque of the person, its rate, and the load side's motion, by an extended-state observer.
 
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    Block
-        Inputs ``theta_load_rad`` and ``tau_Nm``; outputs ``tau_h_Nm``, ``tau_h_rate_Nm_s``,
-        ``omega_load_rad_s``, ``theta_load_est_rad`` and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive, or the gains let an error grow or stay for some decay that
-        may be tuned.
-
-    Notes
-    -----
     Four states: angle, rate, torque of the person, its rate, which decays with its time constant.
     Each step corrects the prediction by steady gains on the encoder's innovation, and predicts the
     next step with the torque measured now.  Without a valid angle it predicts only: the rate of the

@@ -49,25 +49,7 @@ STATE_ROOM = 5.0
 
 
 def cutoff_range(device: DeviceData, cutoff: Quantity) -> tuple[float, float]:
-    """Range in which the cut-off of a velocity filter may be tuned.
-
-    Parameters
-    ----------
-    device : DeviceData
-        Rate.
-    cutoff : Quantity
-        The default, Hz.
-
-    Returns
-    -------
-    low, high : float
-        Hz.
-
-    Raises
-    ------
-    UserError
-        When the default is above 0.4 of the sensing rate.
-    """
+    """Range in which the cut-off of a velocity filter may be tuned."""
     top = HIGHEST_SHARE / device.period_s
     if cutoff.value > top:
         raise UserError(
@@ -79,35 +61,12 @@ def cutoff_range(device: DeviceData, cutoff: Quantity) -> tuple[float, float]:
 
 
 def filter_delay_s(cutoff_Hz: float) -> float:
-    """Delay of the filter at low frequency.
-
-    Parameters
-    ----------
-    cutoff_Hz : float
-        Cut-off.
-
-    Returns
-    -------
-    float
-        Group delay at rest, seconds: the sum of the sections' 1/Q over the cut-off in rad/s.
-        The difference adds half a period.
-    """
+    """Delay of the filter at low frequency."""
     return sum(DAMPING) / (2 * math.pi * cutoff_Hz)
 
 
 def tangent(x: Any) -> Any:
-    """Tangent by Lambert's continued fraction, eight levels, for 0 <= x <= 0.4 pi.
-
-    Parameters
-    ----------
-    x : float or casadi.SX
-        Angle, rad.
-
-    Returns
-    -------
-    float or casadi.SX
-        tan(x); relative error below 3e-12 over the range (test_observers).
-    """
+    """Tangent by Lambert's continued fraction, eight levels, for 0 <= x <= 0.4 pi."""
     square = x * x
     below: Any = 2 * LEVELS - 1
     for odd in range(2 * LEVELS - 3, 0, -2):
@@ -118,27 +77,6 @@ def tangent(x: Any) -> Any:
 def butterworth_rate(device: DeviceData, name: str, cutoff: Quantity) -> Block:
     """Rate of a joint angle behind a fourth-order Butterworth filter.
 
-    Parameters
-    ----------
-    device : DeviceData
-        Rate and ranges; a device with a drive.
-    name : str
-        Name of the Block in C.
-    cutoff : Quantity
-        Default of the tunable cut-off, Hz.
-
-    Returns
-    -------
-    Block
-        Input ``theta_rad``; outputs ``omega_rad_s`` and a status word.
-
-    Raises
-    ------
-    UserError
-        When the device has no drive, or the cut-off is above 0.4 of the rate.
-
-    Notes
-    -----
     The first valid sample primes the filter: from rest it starts without a transient.  While the
     input is invalid the rate is held; the sample after a gap stands for the held rate too, so that
     what was moved meanwhile makes no spike.  The delay at low frequency is :func:`filter_delay_s`
@@ -319,32 +257,10 @@ class _Butterworth:
 
 
 def motor_rate(device: DeviceData) -> Block:
-    """Rate of the motor side, cut-off ``joint.motor_velocity_Hz``.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    Block
-        :func:`butterworth_rate` named ``motor_rate``.
-    """
+    """Rate of the motor side, cut-off ``joint.motor_velocity_Hz``."""
     return butterworth_rate(device, "motor_rate", drive_of(device).joint.motor_velocity_Hz)
 
 
 def load_rate(device: DeviceData) -> Block:
-    """Rate of the load side, cut-off ``joint.load_velocity_Hz``.
-
-    Parameters
-    ----------
-    device : DeviceData
-        A device with a drive.
-
-    Returns
-    -------
-    Block
-        :func:`butterworth_rate` named ``load_rate``.
-    """
+    """Rate of the load side, cut-off ``joint.load_velocity_Hz``."""
     return butterworth_rate(device, "load_rate", drive_of(device).joint.load_velocity_Hz)

@@ -135,13 +135,7 @@ class SpecimenResults:
 def gather_specimen(
     mapping: Path, results: Sequence[Path], data: Path | None, tell: Progress
 ) -> SpecimenResults:
-    """Read what is known of a specimen; identify it where no result says how.
-
-    Raises
-    ------
-    UserError
-        For a file that is missing, no result, of another specimen, or there twice.
-    """
+    """Read what is known of a specimen; identify it where no result says how."""
     source = load_mapping(mapping, data)
     given: dict[str, tuple[Path, dict[str, Any]]] = {}
     for path in results:

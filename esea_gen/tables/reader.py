@@ -38,40 +38,7 @@ def read_table(
     fields: int | None = None,
     drop_ragged: bool = False,
 ) -> FileTable:
-    """Read a table completely, or refuse it with file, line, column and remedy.
-
-    Parameters
-    ----------
-    source : Path
-        The file.
-    wanted : sequence of str, optional
-        Columns that are needed; by default all are read.
-    form : TableFormat, optional
-        How it is written; what is left out is detected.
-    optional : sequence of str, optional
-        Columns that are read as well if they are there.
-    name : str, optional
-        The file in messages.
-    raw : bytes, optional
-        Its content, if it has been read already.
-    settings : str, optional
-        Where the user sets a key of the format, such as "the mapping's [format]"; empty: nowhere.
-    fields : int, optional
-        Cells of each row of a CSV; by default as many as the header has.
-    drop_ragged : bool, optional
-        Leave out and count rows of a CSV that have another number of cells.  For logs that begin
-        in the middle of a line; a table that was moved by a column has none of the right number.
-
-    Returns
-    -------
-    FileTable
-        Cells as written; its methods ``numbers`` and ``texts`` convert and check them.
-
-    Raises
-    ------
-    UserError
-        For a file that is not such a table.
-    """
+    """Read a table completely, or refuse it with file, line, column and remedy."""
     form, name = form or TableFormat(), name or str(source)
     raw = _content(source, name) if raw is None else raw
     digest = hashlib.sha256(raw).hexdigest()[:16]

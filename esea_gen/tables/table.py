@@ -33,25 +33,15 @@ EXACT = 2**53  # whole numbers up to here are doubles
 class FileTable:
     """A table of one file.
 
-    Parameters
-    ----------
-    name : str
-        The file, for messages.
-    names : tuple of str
-        All columns of the file, in its order.
-    cells : dict
-        The columns that were read: texts of a CSV, else NumPy arrays; an empty cell is ``""``,
+    name: the file, for messages.
+    names: all columns of the file, in its order.
+    cells: the columns that were read: texts of a CSV, else NumPy arrays; an empty cell is ``""``,
         NaN or None.
-    lines : array
-        Line of each row as an editor counts it; of files without lines the row, from 1.
-    form : TableFormat
-        How the file is written, as given or as detected.
-    digest : str
-        First 16 digits of the file's SHA-256.
-    left_out : tuple of str
-        What was left out, with counts and lines.
-    settings : str
-        Where :class:`TableFormat` is set by the caller's user, for remedies; empty: nowhere.
+    lines: line of each row as an editor counts it; of files without lines the row, from 1.
+    form: how the file is written, as given or as detected.
+    digest: First 16 digits of the file's SHA-256.
+    left_out: what was left out, with counts and lines.
+    settings: where :class:`TableFormat` is set by the caller's user, for remedies; empty: nowhere.
     """
 
     name: str
@@ -78,25 +68,7 @@ class FileTable:
         return place + (f", column '{column}'" if column else "")
 
     def numbers(self, column: str, holes: bool = False) -> Array:
-        """Return a column of numbers.
-
-        Parameters
-        ----------
-        column : str
-            Its name.
-        holes : bool
-            Whether an empty, NaN or infinite cell may stand there: NaN or the infinity.
-
-        Returns
-        -------
-        array, shape (rows,)
-            Finite, unless ``holes``.
-
-        Raises
-        ------
-        UserError
-            For a cell that is not a number, with its line and the remedy.
-        """
+        """Return a column of numbers."""
         cells = self._column(column)
         values = self._parsed(column, cells) if isinstance(cells, list) else self._cast(column)
         bad = np.flatnonzero(~np.isfinite(values))

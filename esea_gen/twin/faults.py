@@ -50,13 +50,7 @@ class EncoderFault:
 
 
 def parse_fault(text: str) -> EncoderFault:
-    """From ``freeze:load@4`` or ``drift:gear@4=0.1``.
-
-    Raises
-    ------
-    UserError
-        For any other form, kind, side or number.
-    """
+    """From ``freeze:load@4`` or ``drift:gear@4=0.1``."""
     found = _FORM.fullmatch(text)
     if found is None:
         raise UserError(

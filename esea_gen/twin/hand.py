@@ -50,24 +50,12 @@ _END_NM_RAD, _END_NMS_RAD = 60.0, 0.5
 class CoupledHand:
     """A hand on two axes, each number a pair in the order of the device's axes.
 
-    Parameters
-    ----------
-    people : pair of Person
-        Inertia, pull towards the intended path, own damping, gravity and noise of each axis.
-    passive_Nm_rad, passive_cross_Nm_rad : pair of float, float
-        Passive stiffness: diagonal, and the element off it.
-    inertia_cross_kgm2, damping_cross_Nms_rad : float
-        Elements off the diagonal of inertia and of the hand's own damping.
-    rest_rad : pair of float
-        Angles at which the passive joint rests.
-    ends_rad : pair of pairs
-        Anatomical range of motion.
-
-    Raises
-    ------
-    UserError
-        When one of the matrices is not positive definite (a passive or damping one of zeros may
-        be).
+    people: inertia, pull towards the intended path, own damping, gravity and noise of each axis.
+    passive_Nm_rad, passive_cross_Nm_rad: passive stiffness: diagonal, and the element off it.
+    inertia_cross_kgm2, damping_cross_Nms_rad: elements off the diagonal of inertia and of the
+        hand's own damping.
+    rest_rad: angles at which the passive joint rests.
+    ends_rad: anatomical range of motion.
     """
 
     people: tuple[Person, Person]
@@ -229,10 +217,7 @@ def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) 
 class SteppedHand:
     """A plant of two axes, driven tick by tick: motor commands in, encoder counts out.
 
-    Parameters
-    ----------
-    variant : PlantVariant
-        As :func:`hand_variant` makes it.
+    variant: as :func:`hand_variant` makes it.
     """
 
     def __init__(self, variant: PlantVariant) -> None:

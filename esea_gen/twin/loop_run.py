@@ -52,7 +52,18 @@ class ClosedLoopRun:
         return len(self.time_s)
 
     def of_axis(self, axis: str) -> ClosedLoopRun:
-        """The run of one axis, its arrays by their names without the axis."""
+        """The run of one axis, its arrays by their names without the axis.
+
+        Parameters
+        ----------
+        axis : str
+            Its name.
+
+        Returns
+        -------
+        ClosedLoopRun
+            With names that carry no axis.
+        """
         if not axis:
             return self
         plant, controller = (

@@ -148,12 +148,8 @@ class PassiveRun:
 class PassiveTwin:
     """A passive device in simulation: plant and encoders compiled, and the C that it ships.
 
-    Parameters
-    ----------
-    device : Device
-        With a sensor and no motor.
-    encoder_noise_rad : float
-        Effective value of the noise of each encoder.
+    device: with a sensor and no motor.
+    encoder_noise_rad: effective value of the noise of each encoder.
     """
 
     def __init__(self, device: Device, encoder_noise_rad: float = ENCODER_NOISE_RAD) -> None:
@@ -166,20 +162,7 @@ class PassiveTwin:
     def run(
         self, time_s: Array, tau_hand_Nm: Array, theta_l_rad: Array, rng: np.random.Generator
     ) -> PassiveRun:
-        """Render hands and a limb that moves; encoders start anywhere in a turn.
-
-        Parameters
-        ----------
-        time_s, tau_hand_Nm, theta_l_rad : ndarray, shape (n,)
-            Times, rising; torque of the hands on the cuff; angle of the limb.
-        rng : numpy.random.Generator
-            For the noise of the encoders and where they start.
-
-        Returns
-        -------
-        PassiveRun
-            From the first time on, at the device's rate.
-        """
+        """Render hands and a limb that moves; encoders start anywhere in a turn."""
         h, tick_s = STEP_S, self.device.period_s
         every, settle = round(tick_s / h), round(SETTLE_S / tick_s)
         ticks = settle + int((time_s[-1] - time_s[0]) / tick_s + 1e-9)

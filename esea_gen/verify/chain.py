@@ -99,11 +99,6 @@ def search_chain(
 
     formats: each has a search of its own, half with ideal encoders and half with the device's.
     trials: motions a format; half are drawn, half change the worst so far.
-
-    Raises
-    ------
-    UserError
-        For a device with a drive, whose deflection comes from counts.
     """
     if device.file.joint is not None:
         raise UserError(

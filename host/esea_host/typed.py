@@ -21,13 +21,7 @@ def shown_number(value: float) -> str:
 
 
 def read_number(text: str, low: float, high: float, unit: str = "") -> float:
-    """The number that was typed; point and comma are both decimal separators.
-
-    Raises
-    ------
-    UserError
-        For anything else: the text, the limits, and what to write.
-    """
+    """The number that was typed; point and comma are both decimal separators."""
     of = f" {unit}" if unit else ""
     limits = f"{shown_number(low)} to {shown_number(high)}{of}"
     typed = text.strip(" \t\r\n")

@@ -17,23 +17,7 @@ LAWS: dict[str, Law] = {
 
 
 def find_law(text: str) -> Law:
-    """A law by its name, or one from outside the package.
-
-    Parameters
-    ----------
-    text : str
-        Key of :data:`LAWS`, or ``FILE.py:law``.
-
-    Returns
-    -------
-    Law
-        The law.
-
-    Raises
-    ------
-    UserError
-        When there is none.
-    """
+    """A law by its name, or one from outside the package."""
     if text in LAWS:
         return LAWS[text]
     if ".py:" in text:

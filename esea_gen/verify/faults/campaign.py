@@ -244,28 +244,7 @@ def fault_campaign(
     folder: Path | None = None,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> FaultCampaign:
-    """Let a device's board ``sim`` fail in so many ways, with plant and person in the loop.
-
-    Parameters
-    ----------
-    origin : str
-        Shipped device with a drive, or path of a device file.
-    runs : int
-        Number of runs; the first round has every input with every kind, and every word of memory.
-    seed : int
-        Of what is drawn.
-    workers : Workers or int
-        Who runs them.
-    folder : path, optional
-        Journal: an interrupted campaign goes on where it was.
-    progress : callable, optional
-        ``progress(done, total, failed)``.
-
-    Raises
-    ------
-    UserError
-        For a device without a drive, or a run that could not be made.
-    """
+    """Let a device's board ``sim`` fail in so many ways, with plant and person in the loop."""
     device = loaded(origin)
     if not device.laws:
         raise UserError(

@@ -40,22 +40,14 @@ class Therapist(Protocol):
 class KneeBoard:
     """Takes the samples of a board that measures a knee.
 
-    Parameters
-    ----------
-    device : ConnectedDevice
-        Passive, with both encoders.
-    comfort : Comfort
-        Limits that are warned of.
-    session_file : Path, optional
-        The recording is written beside it: ``session-1.mcap``; without it nothing is recorded.
-    advance : callable, optional
-        Moves the clock of a board whose clock stands still.
-    paced : bool
-        Such a clock follows the time of the day; otherwise it is as fast as can be.
-    therapist : Therapist, optional
-        A simulated one.
-    kept_s : float
-        So much of the stream stays in ``rows``.
+    device: passive, with both encoders.
+    comfort: limits that are warned of.
+    session_file: the recording is written beside it: ``session-1.mcap``; without it nothing is
+        recorded.
+    advance: moves the clock of a board whose clock stands still.
+    paced: such a clock follows the time of the day; otherwise it is as fast as can be.
+    therapist: A simulated one.
+    kept_s: so much of the stream stays in ``rows``.
     """
 
     def __init__(
@@ -112,13 +104,7 @@ class KneeBoard:
         return self.device.state()
 
     def zero(self) -> None:
-        """Take the straight leg as 0 deg: coupling unloaded, at rest.
-
-        Raises
-        ------
-        UserError
-            When it stays unreferenced: somebody moves it.
-        """
+        """Take the straight leg as 0 deg: coupling unloaded, at rest."""
         why = ""
         until_s = self.clock_s() + ZEROED_S
         while self.clock_s() < until_s:

@@ -116,24 +116,14 @@ def conclusion(session: Assessment) -> list[str]:
 class ClinicDesk:
     """Proposes, takes in, remembers; after every step the session is in its file.
 
-    Parameters
-    ----------
-    session : Assessment
-        What is known.
-    comfort : Comfort
-        Reach and speed.
-    height_m, mass_kg : float
-        Of the body.
-    patient : KneePatient, optional
-        A simulated one, whose leg can be moved.
-    file : Path, optional
-        Where the session is written after every step.
-    seed : int
-        Of the simulated hands.
-    measure : str
-        By which movements are chosen: ``expected``, ``thesis`` or ``inherent``.
-    board : KneeBoard, optional
-        That measures the leg.
+    session: what is known.
+    comfort: reach and speed.
+    height_m, mass_kg: of the body.
+    patient: A simulated one, whose leg can be moved.
+    file: where the session is written after every step.
+    seed: of the simulated hands.
+    measure: by which movements are chosen: ``expected``, ``thesis`` or ``inherent``.
+    board: that measures the leg.
     """
 
     def __init__(

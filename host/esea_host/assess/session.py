@@ -106,20 +106,12 @@ class _Before:
 class Assessment:
     """Probabilities of the categories of a data base, after each movement.
 
-    Parameters
-    ----------
-    data : ResponseDataBase
-        Whose categories, any number of them.
-    kind : str
-        Its summary: ``people``, ``distributions``, ``centroids`` or ``kernel``.
-    mixed : bool
-        Whether pairs of disorders are categories too.
-    prior : mapping of str to float, optional
-        Probabilities to begin with; equal by default.
-    hypotheses : Hypotheses, optional
-        As made of the data base before.
-    clock : callable
-        Gives the time of a step, for the trail.
+    data: whose categories, any number of them.
+    kind: its summary: ``people``, ``distributions``, ``centroids`` or ``kernel``.
+    mixed: whether pairs of disorders are categories too.
+    prior: probabilities to begin with; equal by default.
+    hypotheses: as made of the data base before.
+    clock: gives the time of a step, for the trail.
     """
 
     def __init__(

@@ -51,14 +51,9 @@ APPLICATIONS: dict[str, tuple[str, tuple[str, ...]]] = {
 class BoardProcess:
     """A simulated board in another process, which can be powered off and on.
 
-    Parameters
-    ----------
-    device : str
-        Its name.
-    pty : bool
-        At a pseudo terminal instead of TCP.
-    speed : float
-        Of the board's time against the clock's.
+    device: its name.
+    pty: at a pseudo terminal instead of TCP.
+    speed: of the board's time against the clock's.
     """
 
     def __init__(self, device: str, pty: bool, speed: float) -> None:

@@ -115,12 +115,8 @@ _NOBODY: tuple[bytes, int, _Kept | None] = b"", -1, None
 class TelemetryDecoder:
     """Takes bytes in pieces of any size.
 
-    Parameters
-    ----------
-    dialect : module
-        The device's generated MAVLink module.
-    units, texts : mapping of str to mapping, optional
-        By message, by field.
+    dialect: the device's generated MAVLink module.
+    units, texts: by message, by field.
     """
 
     def __init__(

@@ -13,24 +13,7 @@ from esea_host.connection.named import named_streams
 def listen_named(
     device: ConnectedDevice, signals: Iterable[str], rate_Hz: float = 0.0, name: str = "chosen"
 ) -> list[str]:
-    """Have a board send some values of its tasks, and make rows of them.
-
-    Parameters
-    ----------
-    device : ConnectedDevice
-        The board.
-    signals : iterable of str
-        ``tau_Nm``, ``sense.tau_Nm``, ``sense.*``.
-    rate_Hz : float
-        Rows a second; 0: every run.
-    name : str
-        Of the stream; with several, their task and a number stand behind it.
-
-    Returns
-    -------
-    list of str
-        Names of the streams; what is recorded or subscribed to by them.
-    """
+    """Have a board send some values of its tasks, and make rows of them."""
     try:
         with device._lock:
             made = device.session.stream(signals, rate_Hz)

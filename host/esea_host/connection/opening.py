@@ -15,29 +15,7 @@ from esea_host.connection.identity import identify, passive
 def open_device(
     address: str, device: str | None = None, key: Path | None = None
 ) -> ConnectedDevice:
-    """Connect to a board, waiting until it has answered.
-
-    Parameters
-    ----------
-    address : str
-        ``tcp:host:port``, ``serial:/dev/...``, ``pty:...``, ``sim:elbow_drive``.
-    device : str, optional
-        Name or file of the device that it must be; default: any shipped one.
-    key : Path, optional
-        File of its key, where it is paired; default: the stored one that it takes.
-
-    Returns
-    -------
-    ConnectedDevice
-        A context manager.
-
-    Raises
-    ------
-    UserError
-        For no address, another device, or C that is not what this tree makes.
-    LinkError
-        When nobody answers, or the board is paired and its key is not at hand.
-    """
+    """Connect to a board, waiting until it has answered."""
     place = parse_address(address)
     transport = open_transport(place)
     try:

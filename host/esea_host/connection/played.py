@@ -47,12 +47,8 @@ class NobodyListens:
 class PlayedBoard(ConnectedDevice):
     """A recording that is listened to as a board is; whoever has subscribed gets its rows.
 
-    Parameters
-    ----------
-    log : Log
-        Open; it stays the caller's.
-    speed : float
-        1: as it was.
+    log: open; it stays the caller's.
+    speed: 1: as it was.
     """
 
     def __init__(self, log: Log, speed: float = 1.0) -> None:

@@ -130,18 +130,12 @@ class SessionTransport:
 class Receiver:
     """Reads a link and hands out what comes.
 
-    Parameters
-    ----------
-    transport : Transport
-        Open.
-    decoder : TelemetryDecoder
-        Of the device's dialect.
-    tick_ns : int
-        The board's base tick.
-    reopen : callable, optional
-        Opens the link anew after it broke, or raises LinkError; without it a broken link ends it.
+    transport: open.
+    decoder: of the device's dialect.
+    tick_ns: the board's base tick.
+    reopen: opens the link anew after it broke, or raises LinkError; without it a broken link ends
+        it.
 
-    ``away``: the link is broken, and not, or not yet, open again.
     """
 
     def __init__(

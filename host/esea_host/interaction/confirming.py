@@ -157,26 +157,7 @@ def judge(
     deflections_rad: Sequence[float],
     stiffness_Nm_deg: float = 0.0,
 ) -> ElementFinding:
-    """Judge the means of the five phases.
-
-    Parameters
-    ----------
-    device : Device
-        Whose elastomer and encoders.
-    element : str
-        What the protocol says: spring, elastomer or equal.
-    known : KnownLoad
-        The hanging mass.
-    deflections_rad : sequence of float
-        Motor side minus load side, in the order of ``PHASES``.
-    stiffness_Nm_deg : float
-        Of the protocol's spring; 0: as much stiffer than the elastomer as published.
-
-    Raises
-    ------
-    UserError
-        For a load that is not known well enough, or does not bend the coupling both ways.
-    """
+    """Judge the means of the five phases."""
     _, plus, between, minus, last = deflections_rad
     count = 2 * math.pi / 2 ** round(device.file.encoder.resolution_bits.value)
     u_rad = count / math.sqrt(6)  # two encoders, each within half a count

@@ -21,18 +21,7 @@ TICK_NS = 1_000_000  # of the sensing task
 
 
 def cut_trials(study: StudyFolder) -> int:
-    """Write the recording of every completed interaction trial that has none yet.
-
-    Parameters
-    ----------
-    study : StudyFolder
-        With ``device-<n>.mcap`` beside the logs of its sessions.
-
-    Returns
-    -------
-    int
-        How many were written.
-    """
+    """Write the recording of every completed interaction trial that has none yet."""
     written = 0
     for _, _, path in study.sessions():
         recordings = BoardRecordings(path.parent)

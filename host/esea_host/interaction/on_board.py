@@ -90,16 +90,10 @@ class ProcessHands:
 class ElementBoard(InputSource):
     """A board with one of the study's elements in its coupling.
 
-    Parameters
-    ----------
-    inner : BoardSource
-        The board.
-    known : KnownLoad, optional
-        The mass that the element is confirmed by.
-    hands : ElementHands, optional
-        Loads the element; default: the operator is asked to.
-    who : VirtualParticipant, optional
-        Plays, by the hands; default: whoever wears the board.
+    inner: the board.
+    known: the mass that the element is confirmed by.
+    hands: loads the element; default: the operator is asked to.
+    who: plays, by the hands; default: whoever wears the board.
     """
 
     def __init__(

@@ -37,18 +37,11 @@ class MovedRig(Protocol):
 class RigPlayer(MovingHand):
     """A person on the rig, for one trial.
 
-    Parameters
-    ----------
-    who : VirtualParticipant
-        Learns how far the hand goes for what it was told.
-    rig : MovedRig
-        The device.
-    aims : list of float
-        Where the hand is held, deg; goes on from trial to trial.
-    situation : Situation
-        What is asked.
-    paused : callable
-        Whether the task is held.
+    who: learns how far the hand goes for what it was told.
+    rig: the device.
+    aims: where the hand is held, deg; goes on from trial to trial.
+    situation: what is asked.
+    paused: whether the task is held.
 
     Attributes
     ----------

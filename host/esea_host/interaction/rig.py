@@ -26,12 +26,8 @@ def law_ends(element: str) -> tuple[float, float]:
 class ElementRig(SensedRig):
     """A wrist on the rig.
 
-    Parameters
-    ----------
-    element : str
-        What is built in: spring, elastomer or equal.
-    limb : Limb
-        The wrist in flexion and extension.
+    element: what is built in: spring, elastomer or equal.
+    limb: the wrist in flexion and extension.
 
     Attributes
     ----------
@@ -54,18 +50,7 @@ class ElementRig(SensedRig):
         return float(self.board.values[self._at[1]])
 
     def advance(self, muscle: Sequence[float]) -> list[float]:
-        """A frame; the board's angle at each of its milliseconds.
-
-        Parameters
-        ----------
-        muscle : sequence of float
-            As of :meth:`CoupledLimb.step`.
-
-        Raises
-        ------
-        UserError
-            Where the element is bent further than its law goes.
-        """
+        """A frame; the board's angle at each of its milliseconds."""
         wrist, read = self.axes[0], self.frame((muscle,), "theta_rad")
         if abs(wrist.theta_rad) > self._most_rad:
             raise UserError(

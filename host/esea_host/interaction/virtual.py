@@ -37,14 +37,9 @@ LAST_S = 45.0
 class RigSource(PersonSource):
     """A person on the virtual rig, for a session; the encoder is recorded at 1 kHz.
 
-    Parameters
-    ----------
-    who : VirtualParticipant
-        The person.
-    folder : Path
-        Where the recordings of the session go.
-    pointer : callable, optional
-        Somebody real who points moves this person's hand.
+    who: the person.
+    folder: where the recordings of the session go.
+    pointer: somebody real who points moves this person's hand.
     """
 
     def __init__(
@@ -119,34 +114,7 @@ def run_crossover(
     cluster: str | None = None,
     say: Callable[[str], None] | None = None,
 ) -> list[str]:
-    """The cross-over with virtual participants, ready for ``analyse interaction``.
-
-    Parameters
-    ----------
-    folder : Path
-        A new folder.
-    participants : int
-        How many.
-    seed : int
-        Of the study and of the people: the same seed is the same study.
-    jobs : int
-        Processes; the data does not depend on it.
-    model : PersonModel, optional
-        The people, other than the default ones.
-    protocol : Protocol, optional
-        Another one of these tasks, with the same two groups.
-    last_s : float, optional
-        Analysed of each task, other than the published 45 s.
-    cluster : str, optional
-        In place of processes: address of a Dask scheduler.
-    say : callable, optional
-        Is told whenever a participant is through.
-
-    Returns
-    -------
-    list of str
-        Sessions that ended early, with the reason.
-    """
+    """The cross-over with virtual participants, ready for ``analyse interaction``."""
     asked = protocol or interaction_protocol(seed)
     for element in ELEMENTS:
         compile_rig(element_device(element))

@@ -156,23 +156,7 @@ def gains(
     noise: float,
     contracted: AxisBelief,
 ) -> Gains:
-    """Solve for the controller and both estimators, once a combination.
-
-    Parameters
-    ----------
-    load : AxisBelief
-        Internal model.
-    bits_s : float
-        Accuracy that is gained in a second; practice brings it back under a load [5].
-    runs_1_s : float
-        Rate at which the target's speed goes to the hand's.
-    delays : tuple of int
-        Frames until something is felt, and seen, each at least 2.
-    noise : float
-        Of the command over the command, a frame.
-    contracted : AxisBelief
-        The wrist with the impedance of its muscles about the estimate.
-    """
+    """Solve for the controller and both estimators, once a combination."""
     felt_frames, seen_frames = delays
     a, drive = _wrist(load)
     # What is off from the estimate is met by the impedance, too; angles are under way behind it.
@@ -199,16 +183,10 @@ def gains(
 class AxisController:
     """Who moves one axis of a wrist: muscle, estimates, and the goal; goes on from trial to trial.
 
-    Parameters
-    ----------
-    model : PersonModel
-        Delays, noise, strength, bits a second.
-    limb : Limb
-        The wrist, which its owner knows.
-    handle_kgm2 : float
-        What the hand holds.
-    rng : numpy.random.Generator
-        Noise of command and senses.
+    model: delays, noise, strength, bits a second.
+    limb: the wrist, which its owner knows.
+    handle_kgm2: what the hand holds.
+    rng: noise of command and senses.
 
     Attributes
     ----------

@@ -43,14 +43,9 @@ def shape(scene: Scene, role: str) -> Shape | None:
 class ActingHand(Actor):
     """A person with a hand in a device, for one trial; frames of 10 ms.
 
-    Parameters
-    ----------
-    who : VirtualParticipant
-        Learns by it.
-    aims : list of float
-        Where the hand is held on each axis, deg; goes on from trial to trial.
-    handle_kgm2 : float
-        What the hand holds, which its damping is set for.
+    who: learns by it.
+    aims: where the hand is held on each axis, deg; goes on from trial to trial.
+    handle_kgm2: what the hand holds, which its damping is set for.
     """
 
     def __init__(self, who: VirtualParticipant, aims: list[float], handle_kgm2: float) -> None:
@@ -93,15 +88,7 @@ class ActingHand(Actor):
         return muscles
 
     def pointed_deg(self, scene: Scene, across: float, up: float) -> tuple[float, ...]:
-        """Where the hand is to be when somebody points there; a scene in degrees is taken as it is.
-
-        Parameters
-        ----------
-        scene : Scene
-            That is pointed into.
-        across, up : float
-            1 is its edge.
-        """
+        """Where the hand is to be when somebody points there, in a scene in degrees."""
         return across * scene.half_width, up * scene.half_width
 
     def _follow_pointer(self, scene: Scene, across: float, up: float) -> list[Muscle]:

@@ -95,40 +95,25 @@ class Limb:
 class PersonModel:
     """Numbers of the people, before they differ.
 
-    Parameters
-    ----------
-    delay_s : float
-        From the screen to a correction [3].
-    reaction_s : float
-        To a target that appears; a simple choice takes about 0.25 s.
-    submovement_s, every_s : float
-        Length of a submovement of a few degrees, and least time between two [2].
-    noise : float
-        Standard deviation of a submovement's size over its size [4].
-    retain, learn : tuple of float
-        Fast and slow process [5].
-    stiffness_Nm_rad, damping_ratio : float
-        Of the hand on its aim; wrists reach some 3 to 10 Nm/rad when they work.
-    effort_Nm : float
-        The torque at which people stop; assumed, a third of the most [8].
-    gain_rate : float
-        Share by which the sense of how far the cursor goes is corrected in a trial; assumed.
-    spread : float
-        Between people: coefficient of variation of each of these; assumed.
-    range_deg : tuple of float
-        Flexion, extension, ulnar, radial [6].
-    felt_s : float
-        From a motion to a reaction to what is felt of it [13].
-    bits_s : float
-        Accuracy gained in a second of a movement [9].
-    torque_noise : float
-        Standard deviation of a steady torque over its mean [10].
-    sense_noise : float
-        Share of the noise of the senses that is there.
-    contracted_Nm_rad : float
-        Stiffness that contracted muscles add about where the hand is taken to be; assumed.
-    comfortable_deg_s : tuple of float
-        Mean speed from end to end of FE and RU [11]; shorter ways take as long [12].
+    delay_s: from the screen to a correction [3].
+    reaction_s: to a target that appears; a simple choice takes about 0.25 s.
+    submovement_s, every_s: length of a submovement of a few degrees, and least time between two
+        [2].
+    noise: standard deviation of a submovement's size over its size [4].
+    retain, learn: fast and slow process [5].
+    stiffness_Nm_rad, damping_ratio: of the hand on its aim; wrists reach some 3 to 10 Nm/rad when
+        they work.
+    effort_Nm: the torque at which people stop; assumed, a third of the most [8].
+    gain_rate: share by which the sense of how far the cursor goes is corrected in a trial; assumed.
+    spread: between people: coefficient of variation of each of these; assumed.
+    range_deg: flexion, extension, ulnar, radial [6].
+    felt_s: from a motion to a reaction to what is felt of it [13].
+    bits_s: accuracy gained in a second of a movement [9].
+    torque_noise: standard deviation of a steady torque over its mean [10].
+    sense_noise: share of the noise of the senses that is there.
+    contracted_Nm_rad: stiffness that contracted muscles add about where the hand is taken to be;
+        assumed.
+    comfortable_deg_s: mean speed from end to end of FE and RU [11]; shorter ways take as long [12].
     """
 
     delay_s: float = 0.16
@@ -187,20 +172,7 @@ class VirtualParticipant:
 
 
 def person(rng: np.random.Generator, model: PersonModel) -> VirtualParticipant:
-    """Draw a person.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Its own.
-    model : PersonModel
-        The people it comes from.
-
-    Returns
-    -------
-    VirtualParticipant
-        Each number by a normal factor, cut at two deviations.
-    """
+    """Draw a person."""
 
     def about(value: float) -> float:
         return value * (1.0 + model.spread * float(np.clip(rng.normal(), -2, 2)))

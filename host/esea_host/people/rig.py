@@ -53,17 +53,7 @@ class CoupledLimb:
         self.deflection_rad = self.deflection_rad_s = 0.0
 
     def step(self, muscle: Sequence[float], share: float, other_rad_s: float) -> None:
-        """A millisecond.
-
-        Parameters
-        ----------
-        muscle : (stiffness, damping, aim at the start, aim at the end, largest torque)
-            Of the frame: Nm/rad, Nms/rad, rad, rad, Nm.
-        share : float
-            Of the frame that has passed at its end.
-        other_rad_s : float
-            How fast the coupling's other side turns.
-        """
+        """A millisecond."""
         h, given, theta, omega = self._h, self._in, self.theta_rad, self.omega_rad_s
         given.theta_rad, given.omega_rad_s = self.deflection_rad, self.deflection_rad_s
         self._bend(self._state, given, self._out)
@@ -84,14 +74,9 @@ def compile_rig(device: Device) -> None:
 class SensedRig(ABC):
     """A device with a limb on every axis, and its board.
 
-    Parameters
-    ----------
-    device : Device
-        One that senses 1000 times a second.
-    limbs : sequence of Limb
-        One an axis.
-    handle_kgm2 : float
-        What each holds.
+    device: one that senses 1000 times a second.
+    limbs: one an axis.
+    handle_kgm2: what each holds.
     """
 
     def __init__(self, device: Device, limbs: Sequence[Limb], handle_kgm2: float) -> None:
@@ -119,20 +104,7 @@ class SensedRig(ABC):
         return self._still
 
     def frame(self, muscles: Sequence[Sequence[float]], signal: str = "") -> list[float]:
-        """A frame; a signal of the board at each of its milliseconds, where one is asked for.
-
-        Parameters
-        ----------
-        muscles : sequence of sequence of float
-            Of each axis, as of :meth:`CoupledLimb.step`.
-        signal : str
-            What the board was given or made of it in its first task.
-
-        Raises
-        ------
-        UserError
-            Where the board no longer runs.
-        """
+        """A frame; a signal of the board at each of its milliseconds, where one is asked for."""
         board, read = self.board, []
         place = board.places[signal] if signal else None
         for k in range(STEPS):

@@ -16,12 +16,8 @@ from esea_host.study.task import Actor, Situation, StudyTask
 class PersonSource(InputSource):
     """A person in a virtual device, for a session.
 
-    Parameters
-    ----------
-    who : VirtualParticipant
-        Comes again another day.
-    pointer : callable, optional
-        Somebody real who points moves this person's hand; the device stays simulated.
+    who: comes again another day.
+    pointer: somebody real who points moves this person's hand; the device stays simulated.
     """
 
     def __init__(self, who: VirtualParticipant, pointer: Pointer | None = None) -> None:

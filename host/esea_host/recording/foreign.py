@@ -128,23 +128,7 @@ class ImportReport:
 
 
 def read_mapping(path: Path) -> ForeignMapping:
-    """Read a mapping file.
-
-    Parameters
-    ----------
-    path : Path
-        TOML.
-
-    Returns
-    -------
-    ForeignMapping
-        Checked.
-
-    Raises
-    ------
-    UserError
-        With file and key of what is wrong.
-    """
+    """Read a mapping file."""
     text = read_text(path, "docs/host.md has a mapping file.")
     document = parse_toml(text, path.name, "docs/host.md")
     mapping = checked(ForeignMapping, document, path.name, lambda _: None, text)
@@ -160,27 +144,7 @@ def read_mapping(path: Path) -> ForeignMapping:
 
 
 def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport:
-    """Make a recording of a foreign log.
-
-    Parameters
-    ----------
-    source : Path
-        A table of any kind that :func:`esea_gen.tables.read_table` reads.
-    mapping : ForeignMapping
-        What its columns are.
-    target : Path
-        Must not exist, and does so only after the import was completed.
-
-    Returns
-    -------
-    ImportReport
-        Its faults, which are in the recording as well.
-
-    Raises
-    ------
-    UserError
-        When the table is refused, a column is missing, or there is no row with a time.
-    """
+    """Make a recording of a foreign log."""
     with new_whole(target) as part:
         return _import(source, mapping, part)
 

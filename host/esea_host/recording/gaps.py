@@ -65,12 +65,8 @@ class Gap:
 class GapError(UserError):
     """A figure was asked for over a stretch with a hole in it.
 
-    Parameters
-    ----------
-    what : str
-        Which stretch, which hole.
-    gaps : tuple of Gap
-        The holes.
+    what: which stretch, which hole.
+    gaps: the holes.
     """
 
     def __init__(self, what: str, gaps: tuple[Gap, ...]) -> None:

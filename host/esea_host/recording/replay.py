@@ -100,25 +100,7 @@ class _KeyFrame:
 
 
 def verify(log: Log, progress: Callable[[float], None] | None = None) -> ReplayVerdict:
-    """Compute a recording again.
-
-    Parameters
-    ----------
-    log : Log
-        With the inputs and outputs of every tick, and key frames.
-    progress : callable, optional
-        Hears the share that is done.
-
-    Returns
-    -------
-    ReplayVerdict
-        Counts, and the first differences.
-
-    Raises
-    ------
-    UserError
-        When the recording cannot be computed again: other C, no inputs, no key frames.
-    """
+    """Compute a recording again."""
     replay = _Replay(log)
     found = replay.run(progress or (lambda _: None))
     if any(p.problem and not p.compression for p in log.file.pieces):

@@ -25,12 +25,8 @@ AIM_TICKS = 10  # from one aim to the next: a frame of a study
 class Attendant:
     """Does at the virtual machine what a person does at a real one.
 
-    Parameters
-    ----------
-    drive : SimulatedBoard
-        Of one axis.
-    seed : int
-        Of the noise of the person who is led.
+    drive: of one axis.
+    seed: of the noise of the person who is led.
     """
 
     def __init__(self, drive: SimulatedBoard, seed: int = 0) -> None:

@@ -48,26 +48,15 @@ class SimulatedBoard:
     While the board of a drive is active the person moves to and fro; otherwise the person rests.
     A passive joint rests until its encoders are zeroed; from then on it moves.
 
-    Parameters
-    ----------
-    device : Device or str
-        Of a passive one without encoders its board's is simulated.
-    plant : str, optional
-        Of a drive: ``ideal``, ``real`` or ``random``.
-    person : str, optional
-        At a drive: ``nobody``, ``none`` (the joint is held), ``ideal``, ``uncertain`` ...
-    seed : int
-        Of the plant, of the person, and of all noise.
-    board : str
-        ``sim``, which computes in f32, or ``sim-q31``.
-    motion : JointMotion or str, optional
-        Of a passive joint: ``person``, ``therapist``, or a table's file.  A motion that is an
+    device: of a passive one without encoders its board's is simulated.
+    plant: of a drive: ``ideal``, ``real`` or ``random``.
+    person: at a drive: ``nobody``, ``none`` (the joint is held), ``ideal``, ``uncertain`` ...
+    seed: of the plant, of the person, and of all noise.
+    board: ``sim``, which computes in f32, or ``sim-q31``.
+    motion: of a passive joint: ``person``, ``therapist``, or a table's file.  A motion that is an
         object goes on where it is after a restart.
-    spring_Nm_rad : float
-        Of a spring in place of the elastomer, in a drive of one axis; 0: the elastomer.
+    spring_Nm_rad: of a spring in place of the elastomer, in a drive of one axis; 0: the elastomer.
 
-    ``plant`` has the truth: ``board.plant.truth()``.  ``pushes_rad`` is how far somebody pushes
-    each axis away from what the person intends; ``led``: the person intends nothing else.
     """
 
     def __init__(

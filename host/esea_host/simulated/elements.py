@@ -9,20 +9,7 @@ from esea_gen.errors import UserError
 
 
 def with_spring(device: DeviceData, stiffness_Nm_rad: float) -> DeviceData:
-    """The device with an ideal spring in its coupling.
-
-    Parameters
-    ----------
-    device : DeviceData
-        With the elastomer of table 3.2, not a member of the family.
-    stiffness_Nm_rad : float
-        Of the spring.
-
-    Raises
-    ------
-    UserError
-        For a stiffness that is no coupling's, or another torque model.
-    """
+    """The device with an ideal spring in its coupling."""
     if not 0.1 <= stiffness_Nm_rad <= 1000:
         raise UserError(f"A spring of {stiffness_Nm_rad:g} Nm/rad.", "Give 0.1 to 1000 Nm/rad.")
     rubber = device.file.elastomer

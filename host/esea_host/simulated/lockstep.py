@@ -45,10 +45,7 @@ class LockstepTransport:
 class LockstepDevice(ConnectedDevice):
     """A simulated board, connected, moved by :meth:`advance`.
 
-    Parameters
-    ----------
-    drive : SimulatedBoard
-        Powered on.
+    drive: powered on.
     """
 
     def __init__(self, drive: SimulatedBoard) -> None:
@@ -58,13 +55,7 @@ class LockstepDevice(ConnectedDevice):
         self.session.clock_s = lambda: drive.ticks * 1e-3
 
     def advance(self, time_s: float) -> None:
-        """Let time pass.
-
-        Parameters
-        ----------
-        time_s : float
-            In whole ticks.
-        """
+        """Let time pass."""
         for i in range(round(time_s * 1000)):
             if self.drive.ticks % BEAT_TICKS == 0:
                 self.drive.write(self._heartbeat())

@@ -12,14 +12,9 @@ KINDS = ("flip", "cut", "repeat", "swap")
 class NoisyTransport:
     """A link that damages what comes in.
 
-    Parameters
-    ----------
-    transport : Transport
-        The good one.
-    seed : int
-        Of what happens where.
-    every_bytes : float
-        Mean distance of two accidents.
+    transport: the good one.
+    seed: of what happens where.
+    every_bytes: mean distance of two accidents.
     """
 
     def __init__(self, transport: Transport, seed: int, every_bytes: float = 2000.0) -> None:

@@ -32,10 +32,7 @@ class Timed(Actor):
 class SimulatedSource(InputSource):
     """Each trial is done by :meth:`StudyTask.simulate`; rests pass in no time.
 
-    Parameters
-    ----------
-    seed : int
-        Of the simulated people.
+    seed: of the simulated people.
     """
 
     def __init__(self, seed: int) -> None:

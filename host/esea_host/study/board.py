@@ -39,16 +39,10 @@ REST_SHARE = 0.1  # of the largest torque: more at rest is a zero that is not on
 class BoardSource(InputSource):
     """A board that somebody wears, for a session.
 
-    Parameters
-    ----------
-    device : ConnectedDevice
-        Connected.
-    folder : Path, optional
-        Of the session: its recording goes there.
-    drive : bool
-        Zero and arm it before the first trial, and after it was lost.
-    advance : callable, optional
-        Moves the clock of a board whose clock stands still.
+    device: connected.
+    folder: of the session: its recording goes there.
+    drive: zero and arm it before the first trial, and after it was lost.
+    advance: moves the clock of a board whose clock stands still.
     """
 
     def __init__(
@@ -188,13 +182,7 @@ class BoardSource(InputSource):
     # -- time --------------------------------------------------------------------------------------
 
     def pull(self) -> None:
-        """Take the next frame of the board's time in.
-
-        Raises
-        ------
-        UserError
-            When nothing comes, or the board's clock begins again.
-        """
+        """Take the next frame of the board's time in."""
         due_ns = self.board_ns + round(FRAME_S * 1e9)
         until_s, tries = time.monotonic() + SILENT_S, round(SILENT_S / FRAME_S)
         while True:
@@ -239,13 +227,7 @@ class BoardSource(InputSource):
         return _Wearer(self)
 
     def begin(self, task: StudyTask, situation: Situation, number: int) -> None:
-        """Have the board hold what the task's conditions are, and its inputs at hand.
-
-        Raises
-        ------
-        UserError
-            For a device that lacks them, or does not come to hold them.
-        """
+        """Have the board hold what the task's conditions are, and its inputs at hand."""
         conditions = task.conditions(situation.parameters)
         self.signals.must_fit([(task, conditions)])
         self._taps, self._asked = self.signals.taps(task), self.signals.wanted(conditions)
@@ -300,13 +282,7 @@ class BoardSource(InputSource):
             self._recording.event(topic, board_ns=self.board_ns, **content)
 
     def want(self, requests: Mapping[str, float]) -> None:
-        """Ask the board for what the task asks for, beside the conditions of its trial.
-
-        Raises
-        ------
-        UserError
-            For what it has not, and when it is in no state to do anything.
-        """
+        """Ask the board for what the task asks for, beside the conditions of its trial."""
         wanted = self._none | self._asked | self.signals.wanted(requests)
         self._state = state = self.device.state()
         if state in ("FAULT", "STOPPED"):
@@ -319,13 +295,7 @@ class BoardSource(InputSource):
             self.device.want(DEADLINE_MS, mode=TORQUE_MODE, **wanted)
 
     def frame(self, requests: Mapping[str, float]) -> Inputs:
-        """Ask for what the task asks for, and take the next frame in.
-
-        Raises
-        ------
-        UserError
-            When the board is lost, or no longer holds the trial's condition.
-        """
+        """Ask for what the task asks for, and take the next frame in."""
         try:
             if self._recording is not None and self._recording.error is not None:
                 raise UserError(f"The recording failed: {self._recording.error}", "")

@@ -67,23 +67,14 @@ def appears(before: Scene, now: Scene) -> bool:
 class Conductor(SessionWatcher):
     """Runs a participant's session, and tells of it.
 
-    Parameters
-    ----------
-    study : StudyFolder
-        The study.
-    code : str
-        Participant.
-    number : int
-        Which session, from 0.
-    source : InputSource
-        Where inputs come from.
-    speed : float
-        Of a simulated source's time against the clock's; infinite for one that has its own clock,
-        or where nobody waits.
-    hold : bool
-        Whether the session waits after a trial that was not good enough.
-    day, early : int, str
-        As of :meth:`StudyFolder.session`.
+    study: the study.
+    code: participant.
+    number: which session, from 0.
+    source: where inputs come from.
+    speed: of a simulated source's time against the clock's; infinite for one that has its own
+        clock, or where nobody waits.
+    hold: whether the session waits after a trial that was not good enough.
+    day, early: as of :meth:`StudyFolder.session`.
 
     Attributes
     ----------

@@ -29,13 +29,7 @@ def of_task(task: StudyTask, part: Callable[..., Any], *given: Any) -> Any:
 
 
 def checked_step(task: StudyTask, step: Any) -> TaskStep:
-    """A step as it may be shown, asked of the device and written: NumPy scalars are numbers.
-
-    Raises
-    ------
-    TaskBrokenError
-        For anything that cannot be: which value, and why.
-    """
+    """A step as it may be shown, asked of the device and written: NumPy scalars are numbers."""
     try:
         _is(isinstance(step, TaskStep), "step", step, "a TaskStep")
         _scene(step.scene)

@@ -61,18 +61,7 @@ class TrialTrace:
 
 
 def traces(path: Path) -> list[TrialTrace]:
-    """The completed trials of a session's log; of a repeated one the last time.
-
-    Parameters
-    ----------
-    path : Path
-        The log.
-
-    Returns
-    -------
-    list of TrialTrace
-        By number.
-    """
+    """The completed trials of a session's log; of a repeated one the last time."""
     with well_formed(path):
         found = read_log(path).sound(path)
         state_of(found, path)  # whatever it lacks is said of the whole session
@@ -102,22 +91,7 @@ def _traces(entries: Sequence[LoggedEvent]) -> list[TrialTrace]:
 
 
 def to_parquet(study: StudyFolder, out: Path, seed: int = 0) -> int:
-    """Rows of all participants as one Parquet file; lists stay lists.
-
-    Parameters
-    ----------
-    study : StudyFolder
-        The study.
-    out : Path
-        A new folder; gets ``rows.parquet``.
-    seed : int
-        Of the order of the new codes.
-
-    Returns
-    -------
-    int
-        Number of rows.
-    """
+    """Rows of all participants as one Parquet file; lists stay lists."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -132,20 +106,6 @@ def to_parquet(study: StudyFolder, out: Path, seed: int = 0) -> int:
 
 def to_bids(study: StudyFolder, out: Path, seed: int = 0) -> int:
     """A BIDS data set: one run a completed trial, its inputs as motion, its events beside it.
-
-    Parameters
-    ----------
-    study : StudyFolder
-        The study.
-    out : Path
-        A new folder.
-    seed : int
-        Of the order of the new codes.
-
-    Returns
-    -------
-    int
-        Number of runs.
 
     References
     ----------

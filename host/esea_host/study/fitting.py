@@ -34,10 +34,7 @@ class Tap:
 class DeviceSignals:
     """What a device tells and takes, by axis.
 
-    Parameters
-    ----------
-    device : Device
-        Connected, or to be.
+    device: connected, or to be.
     """
 
     def __init__(self, device: Device) -> None:
@@ -69,24 +66,12 @@ class DeviceSignals:
         return {a: tap for a, tap in taps.items() if tap is not None}
 
     def taps(self, task: StudyTask) -> dict[str, Tap]:
-        """Where each input of a task is told.
-
-        Raises
-        ------
-        UserError
-            For what is not.
-        """
+        """Where each input of a task is told."""
         self.must_fit([(task, {})])
         return {n: tap for n, s in task.inputs.items() if (tap := self.tap(s, n)) is not None}
 
     def wanted(self, requests: Mapping[str, float]) -> dict[str, float]:
-        """What a task asks for, as the board is asked; nothing of what is not there is no request.
-
-        Raises
-        ------
-        UserError
-            For what this device does not take.
-        """
+        """What a task asks for, as the board is asked for it."""
         found, unknown = {}, []
         for request, value in requests.items():
             name = self._wanted_name(request)
@@ -140,18 +125,7 @@ class DeviceSignals:
         return lines + [f"{r}: asked for as {n}, confirmed by {acts}" for r, n in asked.items()]
 
     def must_fit(self, uses: Iterable[tuple[StudyTask, Mapping[str, float]]]) -> None:
-        """Refuse a device that lacks what tasks need.
-
-        Parameters
-        ----------
-        uses : iterable of (task, conditions)
-            As they will be run.
-
-        Raises
-        ------
-        UserError
-            With all that is missing, each once.
-        """
+        """Refuse a device that lacks what tasks need."""
         found: dict[str, list[str]] = {}
         for task, conditions in uses:
             for lack in self.lacks(task, conditions):

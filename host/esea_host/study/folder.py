@@ -49,14 +49,9 @@ def _lack(e: LoggedEvent) -> str:
 class StudyFolder:
     """A study on disk.
 
-    Parameters
-    ----------
-    path : Path
-        The folder.
-    protocol : Protocol
-        As kept in it.
-    durable : bool
-        Whether every event waits for the disk.
+    path: the folder.
+    protocol: as kept in it.
+    durable: whether every event waits for the disk.
     """
 
     def __init__(self, path: Path, protocol: Protocol, durable: bool = True) -> None:
@@ -235,26 +230,7 @@ class StudyFolder:
     def session(
         self, code: str, number: int, source: InputSource, day: int | None = None, early: str = ""
     ) -> StudySession:
-        """A participant's session, new or to be gone on with.
-
-        Parameters
-        ----------
-        code : str
-            An enrolled participant.
-        number : int
-            Which session, from 0.
-        source : InputSource
-            Where inputs come from.
-        day : int, optional
-            Today, as a number of days; the washout is held to where it is given.
-        early : str
-            Why a session comes before its washout is over, where it has to.
-
-        Returns
-        -------
-        StudySession
-            Ready to run.
-        """
+        """A participant's session, new or to be gone on with."""
         index = self.participants().get(code)
         if index is None or any(
             k == "deleted" and d["participant"] == code for k, d in self.audited()
@@ -322,20 +298,7 @@ class StudyFolder:
         ]
 
     def export(self, out: Path, seed: int = 0) -> int:
-        """Scrubbed data for others: new codes in random order, no notes, no audit, no group order.
-
-        Parameters
-        ----------
-        out : Path
-            A new folder; gets ``rows.jsonl``, ``rows.csv`` (lists left out) and ``protocol.toml``.
-        seed : int
-            Of the order of the new codes; whoever knows it and the study can undo it.
-
-        Returns
-        -------
-        int
-            Number of rows.
-        """
+        """Write data for others: new codes in random order, no notes, no audit, no group order."""
         rows = self.scrubbed(seed)
         names = sorted({n for r in rows for n, x in r.items() if not isinstance(x, list | dict)})
         with new_whole(out) as scratch:

@@ -76,13 +76,7 @@ def well_formed(path: Path) -> Iterator[None]:
 
 
 def plain(value: Any, where: str, depth: int = 0) -> Any:
-    """A value as JSON holds it: NumPy's scalars and arrays are numbers and lists.
-
-    Raises
-    ------
-    UserError
-        For what JSON cannot hold, or other readers could not take: where it is, and what.
-    """
+    """A value as JSON holds it: NumPy's scalars and arrays are numbers and lists."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, int) and -(2**63) <= value < 2**64:
@@ -125,18 +119,7 @@ def _hash(fields: Mapping[str, Any]) -> str:
 
 
 def read_log(path: Path) -> LogFound:
-    """Read a log, whatever state it is in.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    LogFound
-        All whole lines; the cut one and the breaks of the chain beside them.
-    """
+    """Read a log, whatever state it is in."""
     raw = path.read_bytes()
     whole, _, torn = raw.rpartition(b"\n")
     entries: list[LoggedEvent] = []
@@ -167,12 +150,8 @@ def read_log(path: Path) -> LogFound:
 class EventLog:
     """A log open for appending.
 
-    Parameters
-    ----------
-    path : Path
-        The file; made if it is not there, gone on with if it is.
-    durable : bool
-        Whether every event waits for the disk.  Off only for simulated people.
+    path: the file; made if it is not there, gone on with if it is.
+    durable: whether every event waits for the disk.  Off only for simulated people.
     """
 
     def __init__(self, path: Path, durable: bool = True) -> None:
@@ -204,17 +183,7 @@ class EventLog:
         return self._before
 
     def append(self, time_s: float, kind: str, data: Mapping[str, Any]) -> None:
-        """Write an event; it is on disk when this returns.
-
-        Parameters
-        ----------
-        time_s : float
-            Since the session began, by the source's clock.
-        kind : str
-            What sort of event.
-        data : mapping
-            Of JSON's types; see :func:`plain`.
-        """
+        """Write an event; it is on disk when this returns."""
         held = plain({"t": time_s, "data": data}, kind)
         fields = {"n": self._count, "kind": kind, "before": self._before, **held}
         # As read back: tuples are lists, and the hash is that of what is on disk.

@@ -53,35 +53,7 @@ def run_everybody(
     cluster: str | None = None,
     say: Callable[[str], None] | None = None,
 ) -> list[str]:
-    """Every session of a study with simulated participants.
-
-    Parameters
-    ----------
-    folder : Path
-        A new folder.
-    protocol : Protocol
-        The study.
-    participants : int
-        How many.
-    sources : callable
-        From a participant's number to the source of each of their sessions.
-    jobs : int
-        Processes, as joblib counts them.  What is recorded does not depend on it.
-    cluster : str, optional
-        In place of processes here: address of a Dask scheduler, whose workers see the same folder.
-    say : callable, optional
-        Is told whenever a participant is through.
-
-    Returns
-    -------
-    list of str
-        Sessions that ended early, with the reason.
-
-    Raises
-    ------
-    UserError
-        For a cluster that will not do, or whose workers died of somebody.
-    """
+    """Every session of a study with simulated participants."""
     folder = folder.resolve()
     study = StudyFolder.create(folder, protocol, simulated=True, durable=False)
     codes = [code_of(k) for k in range(participants)]

@@ -21,14 +21,9 @@ LATE_S = 0.25  # who is later than that does not hurry to catch up
 class OperatedSource(InputSource):
     """A source inside, slowed down to the clock, with what is pressed put to its inputs.
 
-    Parameters
-    ----------
-    inner : InputSource
-        Where inputs come from.
-    speed : float
-        Of its time against the clock's; infinite: nothing is waited for.
-    pressed : callable
-        Switches that are pressed now; those that a task has not are left out.
+    inner: where inputs come from.
+    speed: of its time against the clock's; infinite: nothing is waited for.
+    pressed: switches that are pressed now; those that a task has not are left out.
     """
 
     def __init__(

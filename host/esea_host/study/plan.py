@@ -74,22 +74,7 @@ def group_of(protocol: Protocol, index: int) -> str:
 
 
 def build_plan(protocol: Protocol, index: int, session: int) -> Plan:
-    """The list of trials of one session.
-
-    Parameters
-    ----------
-    protocol : Protocol
-        Checked.
-    index : int
-        The participant's number in order of coming, from 0.
-    session : int
-        Which session, from 0.
-
-    Returns
-    -------
-    Plan
-        The same for the same protocol, participant and session.
-    """
+    """The list of trials of one session."""
     file = protocol.file
     if not 0 <= session < len(file.session):
         raise UserError(

@@ -108,26 +108,7 @@ class Protocol:
 
 
 def load_protocol(path: Path, task_files: Sequence[Path] = ()) -> Protocol:
-    """Read a protocol, and run the files with tasks that it names, if they are trusted.
-
-    Parameters
-    ----------
-    path : Path
-        The TOML file.
-    task_files : sequence of Path
-        Files with tasks beside those that the protocol names; to name one here is to trust it.
-
-    Returns
-    -------
-    Protocol
-        Of known keys and right types, every task's parameters included.
-
-    Raises
-    ------
-    UserError
-        For anything else: the line, the value, what may stand there; for code that has not been
-        trusted, with its hash.
-    """
+    """Read a protocol, and run the files with tasks that it names, if they are trusted."""
     text = read_text(path, "Name a protocol file.")
     named = [read_code(f) for f in task_files]
     allow(c.sha256 for c in named)

@@ -33,10 +33,7 @@ class TrialAttempt:
 class BoardRecordings:
     """The recordings of a session, ``device-<n>.mcap`` beside its log.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the session.
+    folder: of the session.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -92,15 +89,7 @@ class BoardRecordings:
 class BoardInputs:
     """A session's inputs as the board recorded them, for :func:`esea_host.study.session.replay`.
 
-    Parameters
-    ----------
-    path : Path
-        The session's log.
-
-    Raises
-    ------
-    UserError
-        Where the recordings have other trials than the log.
+    path: the session's log.
     """
 
     def __init__(self, path: Path) -> None:

@@ -109,20 +109,7 @@ class _Numbers(Formatter):
 
 
 def draw(scene: Scene, language: str = "en") -> Figure:
-    """A scene as a picture, for reports and tests.
-
-    Parameters
-    ----------
-    scene : Scene
-        What to draw.
-    language : str
-        Of its texts.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Square, without axes.
-    """
+    """A scene as a picture, for reports and tests."""
     figure = Figure(figsize=(5, 5), facecolor=COLOURS["background"])
     axes = figure.add_axes((0, 0, 1, 1))
     half = scene.half_width

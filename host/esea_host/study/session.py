@@ -134,20 +134,12 @@ def _corrected(row: Mapping[str, Any], change: Mapping[str, Any]) -> Mapping[str
 class StudySession:
     """One participant's session.
 
-    Parameters
-    ----------
-    path : Path
-        Its log; a log that is there is gone on with.
-    plan : Plan
-        What is to be done; the one in the log wins, and must be the same.
-    participant : str
-        The code.
-    source : InputSource
-        Where inputs come from.
-    earlier : sequence of mapping
-        Rows of the participant's earlier sessions.
-    durable : bool
-        Whether every event waits for the disk.
+    path: its log; a log that is there is gone on with.
+    plan: what is to be done; the one in the log wins, and must be the same.
+    participant: the code.
+    source: where inputs come from.
+    earlier: rows of the participant's earlier sessions.
+    durable: whether every event waits for the disk.
     """
 
     def __init__(
@@ -185,22 +177,7 @@ class StudySession:
         stop: Stop = not_stopped,
         watcher: SessionWatcher | None = None,
     ) -> str:
-        """Run what remains.
-
-        Parameters
-        ----------
-        show : callable
-            Draws each scene.
-        stop : callable
-            Asked at every step why to stop; empty while nobody wants to.
-        watcher : SessionWatcher, optional
-            Looks on and decides in the place of both.
-
-        Returns
-        -------
-        str
-            Why it ended; empty when all trials are done.
-        """
+        """Run what remains."""
         watcher = watcher or SessionWatcher(show, stop)
         source = self.source
         source.ask, source.waits, source.say = watcher.turn, watcher.waits, self.say
@@ -413,22 +390,7 @@ def replay(
     earlier: Sequence[Mapping[str, Any]] = (),
     told: Callable[[int, StudyTask, float], Inputs] | None = None,
 ) -> Iterator[tuple[int, Scene, bool]]:
-    """Replay a session: the scenes that its log makes again.
-
-    Parameters
-    ----------
-    path : Path
-        The log.
-    earlier : sequence of mapping
-        Rows of the participant's earlier sessions, as at the time.
-    told : callable, optional
-        Inputs in place of the log's, of the trial begun as number n, from 0, at a time in it.
-
-    Yields
-    ------
-    trial, scene, same
-        ``same`` is False where the scenes up to there are not, bit for bit, those that were shown.
-    """
+    """Replay a session: the scenes that its log makes again."""
     with well_formed(path):
         yield from _replay(read_log(path).sound(path).entries, path, earlier, told)
 

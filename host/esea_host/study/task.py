@@ -96,12 +96,8 @@ class Actor(ABC):
 class TaskSignal:
     """What a task has to be told of a device: in degrees where the input's name ends so.
 
-    Parameters
-    ----------
-    quantity : str
-        Of an axis, as the device tells it: ``theta_load_rad``, the joint's angle; ``tau_Nm``.
-    axis : str
-        By its name in the device file; empty for the axis of a device that has one.
+    quantity: of an axis, as the device tells it: ``theta_load_rad``, the joint's angle; ``tau_Nm``.
+    axis: by its name in the device file; empty for the axis of a device that has one.
     """
 
     quantity: str
@@ -138,18 +134,7 @@ class StudyTask(ABC):
         """How long a trial can take."""
 
     def conditions(self, parameters: Any) -> Mapping[str, float]:
-        """What the device must hold from before the first step to the last.
-
-        Parameters
-        ----------
-        parameters : TaskParameters
-            Of the trial.
-
-        Returns
-        -------
-        mapping of str to float
-            By request: ``impairment``, 1 or 0.
-        """
+        """What the device must hold from before the first step to the last."""
         return {}
 
     @abstractmethod

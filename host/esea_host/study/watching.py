@@ -49,12 +49,8 @@ def shown_nowhere(_: Scene) -> None:
 class SessionWatcher:
     """Is told all that happens, in the session's thread; this one only draws and stops.
 
-    Parameters
-    ----------
-    show : callable
-        Draws each scene.
-    stop : callable
-        Says why to stop; empty while nobody wants to.
+    show: draws each scene.
+    stop: says why to stop; empty while nobody wants to.
     """
 
     def __init__(self, show: Show = shown_nowhere, stop: Stop = not_stopped) -> None:

@@ -37,16 +37,10 @@ class BoardNews:
 class LiveFeed:
     """Fills rings from a connected board, and asks it what one sees.
 
-    Parameters
-    ----------
-    device : ConnectedDevice
-        Listened to.
-    recording : LiveRecording, optional
-        That runs; notes go into it.
-    kept_s : float
-        So much of each stream is kept.
-    threaded : bool
-        Gather by itself; otherwise by :meth:`gather` and :meth:`ask`.
+    device: listened to.
+    recording: that runs; notes go into it.
+    kept_s: so much of each stream is kept.
+    threaded: gather by itself; otherwise by :meth:`gather` and :meth:`ask`.
     """
 
     def __init__(

@@ -131,22 +131,13 @@ class _FactorPlot:
 class WristWindow(QMainWindow):
     """A window on a :class:`WristDisplay`.
 
-    Parameters
-    ----------
-    feed : LiveFeed
-        Of the board: state, faults, stop.
-    display : WristDisplay
-        What is shown.
-    keeper : ConstraintKeeper
-        Asks for the constraint.
-    dark : bool
-        Colours.
-    lead : callable, optional
-        Leads a simulated hand to angles in deg.
-    save_to : Path
-        Where a calibration goes as soon as it is complete; no file is overwritten.
-    guide : callable
-        Makes a guide.
+    feed: of the board: state, faults, stop.
+    display: what is shown.
+    keeper: asks for the constraint.
+    dark: colours.
+    lead: leads a simulated hand to angles in deg.
+    save_to: where a calibration goes as soon as it is complete; no file is overwritten.
+    guide: makes a guide.
     """
 
     def __init__(

@@ -36,18 +36,12 @@ class Arm:
 class WristActor(ActingHand):
     """A person in the virtual device, for one trial.
 
-    Parameters
-    ----------
-    who : VirtualParticipant
-        Learns by it.
-    rig : WornWrist
-        The device.
-    arm : Arm
-        The person's.
-    task : str
-        Name of the task: people are told what to do.
-    parameters : TaskParameters
-        Whether the target runs away, which is seen in time, and the impairment acts, which is felt.
+    who: learns by it.
+    rig: the device.
+    arm: the person's.
+    task: name of the task: people are told what to do.
+    parameters: whether the target runs away, which is seen in time, and the impairment acts, which
+        is felt.
     """
 
     def __init__(

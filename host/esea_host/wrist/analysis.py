@@ -104,23 +104,7 @@ class WristResult:
 
 
 def analyse(folder: Path) -> WristResult:
-    """Every metric and test of the wrist study.
-
-    Parameters
-    ----------
-    folder : Path
-        A study's folder.
-
-    Returns
-    -------
-    WristResult
-        Tables 7.1 to 7.4.
-
-    Raises
-    ------
-    UserError
-        For a folder without a row of it.
-    """
+    """Every metric and test of the wrist study."""
     study = StudyFolder.open(folder, durable=False, runs=False)
     simulated = study.simulated
     codes = sorted({c for c, _, _ in study.sessions()})

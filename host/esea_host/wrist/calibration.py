@@ -26,20 +26,7 @@ class Crossings:
 
 
 def crossings(time_s: npt.ArrayLike, theta_deg: npt.ArrayLike, node_deg: float) -> Crossings:
-    """Speeds at which a trace goes through a node.
-
-    Parameters
-    ----------
-    time_s, theta_deg : array_like
-        Samples, rising in time.
-    node_deg : float
-        The node; a sample on it counts as beyond it.
-
-    Returns
-    -------
-    Crossings
-        One speed a pass: the slope between the samples on either side.
-    """
+    """Speeds at which a trace goes through a node."""
     t, th = np.asarray(time_s, np.float64), np.asarray(theta_deg, np.float64)
     beyond = th >= node_deg
     k = np.flatnonzero(beyond[1:] != beyond[:-1])
@@ -50,20 +37,7 @@ def crossings(time_s: npt.ArrayLike, theta_deg: npt.ArrayLike, node_deg: float) 
 def node_speeds(
     low_deg: float, high_deg: float, traces: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]]
 ) -> NodeSpeeds:
-    """Mean speed at every node of a range.
-
-    Parameters
-    ----------
-    low_deg, high_deg : float
-        Range of motion.
-    traces : sequence of (time_s, theta_deg)
-        The movements.
-
-    Returns
-    -------
-    NodeSpeeds
-        None where a node was never crossed.
-    """
+    """Mean speed at every node of a range."""
     if not high_deg > low_deg:
         raise UserError(
             f"The range of motion, {low_deg:.1f} to {high_deg:.1f} deg, is empty.",
@@ -101,22 +75,7 @@ def quality(
     traces: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]],
     least_passes: int = LEAST_PASSES,
 ) -> list[Complaint]:
-    """What is wrong with movements so far: too slow, not far enough, too few passes.
-
-    Parameters
-    ----------
-    low_deg, high_deg : float
-        Range of motion that was measured.
-    traces : sequence of (time_s, theta_deg)
-        The movements.
-    least_passes : int
-        Fewer while movements are still to come.
-
-    Returns
-    -------
-    list of Complaint
-        Empty when all is well.
-    """
+    """What is wrong with movements so far: too slow, not far enough, too few passes."""
     found: list[Complaint] = []
     width = high_deg - low_deg
     if traces:

@@ -74,20 +74,7 @@ def outcome(method: str, folder: Path, refused: list[str]) -> MethodOutcome:
 def compare_methods(
     folder: Path, participants: int, seed: int, jobs: int = 1, cluster: str | None = None
 ) -> tuple[MethodOutcome, ...]:
-    """Run the study under every method.
-
-    Parameters
-    ----------
-    folder : Path
-        A new folder; one study below it a method.
-    participants, seed, jobs, cluster
-        As for :func:`esea_host.wrist.virtual.run_study`.
-
-    Returns
-    -------
-    tuple of MethodOutcome
-        In the order of ``METHODS``.
-    """
+    """Run the study under every method."""
     found = []
     for method in METHODS:
         refused = run_study(folder / method, participants, seed, jobs, method, cluster=cluster)

@@ -17,15 +17,10 @@ TURN_S, AGAIN_S = 0.05, 0.5
 class ConstraintKeeper:
     """Keeps 0 Nm and the constraint asked for; a stop, a fault or a closed link ends it.
 
-    Parameters
-    ----------
-    device : ConnectedDevice
-        One without ``constrained`` is asked for nothing.
-    arms : bool
-        Zero and arm it until it is stopped: only done to simulated boards, which nobody stands
+    device: one without ``constrained`` is asked for nothing.
+    arms: zero and arm it until it is stopped: only done to simulated boards, which nobody stands
         beside.
-    threaded : bool
-        Ask by itself; otherwise by :meth:`turn`.
+    threaded: ask by itself; otherwise by :meth:`turn`.
 
     Attributes
     ----------

@@ -85,12 +85,8 @@ class _Pending:
 class WristDisplay:
     """Takes telemetry, gives pictures; a guide takes the same frames.
 
-    Parameters
-    ----------
-    device : Device
-        With the axes flexion (extension positive) and deviation (radial positive).
-    calibration : WristCalibration, optional
-        To normalise with.
+    device: with the axes flexion (extension positive) and deviation (radial positive).
+    calibration: to normalise with.
 
     Attributes
     ----------
@@ -121,13 +117,7 @@ class WristDisplay:
     # -- telemetry ---------------------------------------------------------------------------------
 
     def receive(self, batches: Sequence[Batch]) -> None:
-        """Take rows as they came: a frame each 10 ms of the board's time.
-
-        Parameters
-        ----------
-        batches : sequence of Batch
-            Of any streams; how rows are grouped does not matter.
-        """
+        """Take rows as they came: a frame each 10 ms of the board's time."""
         for batch in batches:
             if axis := self.streams.get(batch.layout.name):
                 self._take(axis, batch)

@@ -15,20 +15,7 @@ from esea_host.wrist.normalisation import CursorMap, NodeSpeeds, fit_rbf
 
 
 def distributions(result: WristResult, title: str) -> Figure:
-    """One table's metrics: each participant a line between the two sides, the median beside.
-
-    Parameters
-    ----------
-    result : WristResult
-        The analysis.
-    title : str
-        Which table.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel a metric.
-    """
+    """One table's metrics: each participant a line between the two sides, the median beside."""
     tracked = title.startswith(("7.1", "7.2"))
     metrics = (
         [(m, unit, a, b) for m, unit, a, b in TRACKED]

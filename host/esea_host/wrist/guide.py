@@ -63,14 +63,9 @@ def guide_steps(constraint: bool, range_s: float, movements: int) -> tuple[Guide
 class CalibrationGuide:
     """Leads through a calibration, frame by frame.
 
-    Parameters
-    ----------
-    constraint : bool
-        Whether the board has a constraint: then both states are calibrated.
-    range_s : float
-        Time for each end of a range.
-    movements : int
-        Of each sweep, from end to end.
+    constraint: whether the board has a constraint: then both states are calibrated.
+    range_s: time for each end of a range.
+    movements: of each sweep, from end to end.
 
     Attributes
     ----------
@@ -107,17 +102,7 @@ class CalibrationGuide:
         self._state = None
 
     def step(self, time_s: float, inputs: Inputs, acts: bool) -> None:
-        """One frame.
-
-        Parameters
-        ----------
-        time_s : float
-            By the board's clock.
-        inputs : mapping
-            ``fe_deg`` and ``ru_deg``.
-        acts : bool
-            Whether the constraint acts, as the board reports.
-        """
+        """One frame."""
         step = self.current
         if step is None:
             return

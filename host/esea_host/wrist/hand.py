@@ -32,17 +32,7 @@ class WanderingHand:
     def aim(
         self, time_s: float, scene: Scene | None, angles_deg: tuple[float, float]
     ) -> tuple[float, float]:
-        """The next place, FE and RU in deg.
-
-        Parameters
-        ----------
-        time_s : float
-            By the board's clock.
-        scene : Scene or None
-            The guide's, with what to reach; None without a guide.
-        angles_deg : pair of float
-            Where the joint is.
-        """
+        """The next place, FE and RU in deg."""
         if self.dragged_deg is not None:
             goal = self.dragged_deg
         elif scene is not None:

@@ -25,20 +25,7 @@ def speed(time_s: npt.ArrayLike, x_deg: npt.ArrayLike) -> tuple[Array, float]:
 
 
 def dominant(values: Array, step_s: float) -> tuple[float, float]:
-    """Frequency of the largest component, Hz, and its amplitude.
-
-    Parameters
-    ----------
-    values : ndarray
-        At equal steps; the mean is taken off.
-    step_s : float
-        The step.
-
-    Returns
-    -------
-    frequency_Hz, amplitude : float
-        A sine of amplitude A over whole periods gives A.
-    """
+    """Frequency of the largest component, Hz, and its amplitude."""
     n = len(values)
     spectrum = 2.0 / n * np.abs(np.fft.rfft(values - np.mean(values), PADDED * n))
     k = int(np.argmax(spectrum))
@@ -80,19 +67,7 @@ def after_effect_deg(row: Row, pulls_away: bool) -> float:
 
 
 def learning(rows: Sequence[Row]) -> dict[str, float | None]:
-    """What the motor-learning task reports of one session.
-
-    Parameters
-    ----------
-    rows : sequence of rows
-        Of ``wrist.catch``, familiarisation left out.
-
-    Returns
-    -------
-    dict
-        Per axis the targets achieved in a block and the SSE of an achieved target, medians over
-        the blocks; the after-effect, median over the catch trials; None where there is nothing.
-    """
+    """What the motor-learning task reports of one session."""
     found: dict[str, float | None] = {}
     blocks = list(dict.fromkeys(r["block"] for r in rows))
     for axis in ("FE", "RU"):

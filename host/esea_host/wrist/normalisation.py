@@ -36,14 +36,9 @@ LEAST_SPEED_SHARE = 0.25
 class NodeSpeeds:
     """Speeds of one axis in one state.
 
-    Parameters
-    ----------
-    low_deg, high_deg : float
-        Range of motion.
-    nodes_deg : tuple of float
-        Where the speeds were taken, rising.
-    speeds_deg_s : tuple of float
-        Mean speed there; None where a node was never crossed.
+    low_deg, high_deg: range of motion.
+    nodes_deg: where the speeds were taken, rising.
+    speeds_deg_s: mean speed there; None where a node was never crossed.
     """
 
     low_deg: float
@@ -56,16 +51,10 @@ class NodeSpeeds:
 class RbfNetwork:
     """A sum of Gaussians of one width on a constant and a slope.
 
-    Parameters
-    ----------
-    centres_deg, weights : ndarray
-        One a node.
-    sigma_deg : float
-        Width: the mean distance between nodes.
-    base : float
-        The constant; 0 in the published form.
-    slope_1_deg : float
-        The linear term's weight w; 0 unless asked for.
+    centres_deg, weights: one a node.
+    sigma_deg: width: the mean distance between nodes.
+    base: the constant; 0 in the published form.
+    slope_1_deg: the linear term's weight w; 0 unless asked for.
     """
 
     centres_deg: Array
@@ -101,22 +90,6 @@ def fit_rbf(
 ) -> RbfNetwork:
     """Fit a network through values at nodes.
 
-    Parameters
-    ----------
-    nodes_deg, values : array_like
-        As many of either, 3 or more.
-    slope : bool
-        Whether w is fitted too.
-    base : bool
-        Whether the Gaussians stand on the mean of the values, or on 0 as published.
-
-    Returns
-    -------
-    RbfNetwork
-        Through every value.
-
-    Notes
-    -----
     With w there is one unknown more than values: of all networks through the values, the one with
     the least sum of a_n^2 + (w sigma)^2 is taken (the least-norm solution; in w sigma, so that the
     unit of the angle does not matter).  Without w the Gaussian matrix of separate nodes is
@@ -140,14 +113,9 @@ def fit_rbf(
 class CursorMap:
     """From the wrist's angle to the cursor's position, one axis.
 
-    Parameters
-    ----------
-    middle_deg : float
-        Middle of the constrained range, which is shown at 0.
-    low_deg, high_deg : float
-        The constrained range.
-    factor : RbfNetwork
-        The scaling factor over the angle from the middle.
+    middle_deg: middle of the constrained range, which is shown at 0.
+    low_deg, high_deg: the constrained range.
+    factor: the scaling factor over the angle from the middle.
     """
 
     middle_deg: float
@@ -193,28 +161,7 @@ def linear_map(healthy: NodeSpeeds, constrained: NodeSpeeds) -> CursorMap:
 def normalise(
     healthy: NodeSpeeds, constrained: NodeSpeeds, *, slope: bool = False, base: bool = True
 ) -> CursorMap:
-    """The cursor map of one axis.
-
-    Parameters
-    ----------
-    healthy, constrained : NodeSpeeds
-        The two calibrations.
-    slope : bool
-        Whether the linear term w is fitted (published for flexion; advised against there).
-    base : bool
-        Whether the networks stand on a constant; False is the published form.
-
-    Returns
-    -------
-    CursorMap
-        Monotone: its scaling factor is proven positive over the range.
-
-    Raises
-    ------
-    UserError
-        Fewer than 3 nodes, a node never crossed, no speed at one, a constrained range larger than
-        the healthy one, or a factor that is not positive somewhere.
-    """
+    """The cursor map of one axis."""
     for name, speeds in (("healthy", healthy), ("constrained", constrained)):
         check_nodes(name, speeds)
     _check_range(healthy, constrained)

@@ -85,21 +85,7 @@ def calibrated(past: Sequence[Row], impairment: bool) -> Calibrated:
 
 
 def cursor_maps(past: Sequence[Row], method: Method) -> dict[str, CursorMap]:
-    """The map of each axis in the constrained state.
-
-    Parameters
-    ----------
-    past : sequence of rows
-        With both calibrations.
-    method : {"none", "linear", "published", "rbf"}
-        No normalisation but the shift; the ratio of the ranges; the thesis' networks, with the
-        linear term in FE; ours, on a constant and with w = 0.
-
-    Returns
-    -------
-    dict of str to CursorMap
-        By axis.
-    """
+    """The map of each axis in the constrained state."""
     healthy, constrained = calibrated(past, False), calibrated(past, True)
     found = {}
     for axis in AXES:

@@ -51,23 +51,7 @@ class ScreenReach:
 
 
 def reaches(table: Table) -> tuple[ScreenReach, ...]:
-    """Every reach of a recording, without what came before the first target changed.
-
-    Parameters
-    ----------
-    table : Table
-        With the columns ``x_px``, ``y_px``, ``target_x_px``, ``target_y_px`` and ``inside``.
-
-    Returns
-    -------
-    tuple of ScreenReach
-        In order.
-
-    Raises
-    ------
-    UserError
-        For a column that is missing, or where no target changes.
-    """
+    """Every reach of a recording, without what came before the first target changed."""
     missing = [c for c in COLUMNS if c not in table.names]
     if missing:
         raise UserError(

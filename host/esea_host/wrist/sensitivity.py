@@ -127,23 +127,7 @@ def sensitivity(
     cluster: str | None = None,
     spans: Sequence[PersonSpan] = SPANS,
 ) -> tuple[ShiftedRun, ...]:
-    """Run the study as it is and with each number shifted, one acquisition block a session.
-
-    Parameters
-    ----------
-    folder : Path
-        One study below it a run.  Runs that are there, of an interrupted call with as many people
-        and the same seed, are taken as they are.
-    participants, seed, jobs, cluster
-        As for :func:`esea_host.wrist.virtual.run_study`.
-    spans : sequence of PersonSpan
-        What is shifted.
-
-    Returns
-    -------
-    tuple of ShiftedRun
-        The study as it is first.
-    """
+    """Run the study as it is and with each number shifted, one acquisition block a session."""
     text = PROTOCOL.read_text(encoding="utf-8").replace("copies = 3\n", "copies = 1\n")
     protocol = parse_protocol(text.replace("seed = 1\n", f"seed = {seed}\n", 1), PROTOCOL.name)
     plan: list[tuple[str, str, str, Mapping[str, Any]]] = [("as it is", "", "", {})]

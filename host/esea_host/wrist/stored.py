@@ -131,27 +131,7 @@ def _table(name: str, content: Mapping[str, Any]) -> list[str]:
 def calibration_of(
     past: Sequence[Mapping[str, Any]], device: str, content_hash: str, simulated: bool
 ) -> WristCalibration:
-    """Calibration from the rows of the study's calibration tasks.
-
-    Parameters
-    ----------
-    past : sequence of rows
-        Of ``wrist.neutral``, ``wrist.range`` and ``wrist.velocity``.
-    device, content_hash : str
-        The board.
-    simulated : bool
-        Whether hand or board were simulated.
-
-    Returns
-    -------
-    WristCalibration
-        Complete, with its hash.
-
-    Raises
-    ------
-    UserError
-        When the movements give no cursor map.
-    """
+    """Calibration from the rows of the study's calibration tasks."""
     healthy, constrained = calibrated(past, False), calibrated(past, True)
     if constrained.complete:
         constrained = replace(constrained, ends=_within(constrained, healthy))
@@ -191,20 +171,7 @@ def _state(name: str, found: Calibrated) -> StoredState:
 
 
 def save_calibration(path: Path, calibration: WristCalibration) -> Path:
-    """Write a calibration file, completely or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        If it exists, the next free name is taken: ``wrist-2.toml``.
-    calibration : WristCalibration
-        What to write.
-
-    Returns
-    -------
-    Path
-        Where it is.
-    """
+    """Write a calibration file, completely or not at all."""
     names = (path.with_stem(f"{path.stem}-{n}") for n in count(2))
     free = next(p for p in chain([path], names) if not p.exists())
     write_whole(free, calibration.text())
@@ -212,23 +179,7 @@ def save_calibration(path: Path, calibration: WristCalibration) -> Path:
 
 
 def load_calibration(path: Path) -> WristCalibration:
-    """Read and check a calibration file.
-
-    Parameters
-    ----------
-    path : Path
-        As :func:`save_calibration` wrote it.
-
-    Returns
-    -------
-    WristCalibration
-        Its cursor maps are monotone.
-
-    Raises
-    ------
-    UserError
-        For any other file: what is wrong, where, and what to do.
-    """
+    """Read and check a calibration file."""
     data = read_whole(path, MAKE, MOST_BYTES)
     try:
         text = data.decode()

@@ -23,24 +23,7 @@ class Moving:
 def advance(
     target: Moving, cursor_from_deg: float, cursor_to_deg: float, dt_s: float, rate_1_s: float
 ) -> Moving:
-    """One step of equation 7.7, exact for a cursor that moves evenly between two samples.
-
-    Parameters
-    ----------
-    target : Moving
-        Before the step.
-    cursor_from_deg, cursor_to_deg : float
-        Cursor at its ends.
-    dt_s : float
-        Its length.
-    rate_1_s : float
-        c / m.
-
-    Returns
-    -------
-    Moving
-        After it.
-    """
+    """One step of equation 7.7, exact for a cursor that moves evenly between two samples."""
     speed = (cursor_to_deg - cursor_from_deg) / dt_s
     slip = target.v_deg_s - speed
     kept = math.exp(-rate_1_s * dt_s)
@@ -49,23 +32,7 @@ def advance(
 
 
 def target_distance_deg(smallest_deg: float) -> float:
-    """Where targets stand: a fifth of the smallest range, a quarter where that is too near.
-
-    Parameters
-    ----------
-    smallest_deg : float
-        Smallest range of motion of any direction.
-
-    Returns
-    -------
-    float
-        Distance from the origin, deg.
-
-    Raises
-    ------
-    UserError
-        Where a quarter lies within the 2 deg of success as well.
-    """
+    """Where targets stand: a fifth of the smallest range, a quarter where that is too near."""
     for share in (SHARE, LARGER_SHARE):
         if share * smallest_deg > WITHIN_DEG:
             return share * smallest_deg

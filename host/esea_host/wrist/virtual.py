@@ -24,16 +24,10 @@ PROTOCOL = Path(__file__).parent / "protocol.toml"
 class VirtualPerson(WornWrist):
     """A person in the simulated wrist drive, for a session.
 
-    Parameters
-    ----------
-    who : VirtualParticipant
-        Comes again another day.
-    folder : Path, optional
-        Of the session, for the board's recording.
-    pointer : callable, optional
-        Somebody real who points moves this person's hand; the device stays simulated.
-    device : Device, optional
-        Default: ``wrist_drive``.
+    who: comes again another day.
+    folder: of the session, for the board's recording.
+    pointer: somebody real who points moves this person's hand; the device stays simulated.
+    device: default: ``wrist_drive``.
     """
 
     def __init__(
@@ -89,34 +83,7 @@ def run_study(
     cluster: str | None = None,
     say: Callable[[str], None] | None = None,
 ) -> list[str]:
-    """The wrist study with virtual participants.
-
-    Parameters
-    ----------
-    folder : Path
-        A new folder.
-    participants : int
-        How many.
-    seed : int
-        Of the study and of the people: the same seed is the same study.
-    jobs : int
-        Processes; the data does not depend on it.
-    method : str
-        Normalisation in the constrained state.
-    model : PersonModel, optional
-        The people, other than the default ones.
-    protocol : Protocol, optional
-        Another one of wrist tasks.
-    cluster : str, optional
-        In place of processes: address of a Dask scheduler.
-    say : callable, optional
-        Is told whenever a participant is through.
-
-    Returns
-    -------
-    list of str
-        Sessions that ended early, with the reason.
-    """
+    """The wrist study with virtual participants."""
     asked = protocol or wrist_protocol(seed, method)
     SimulatedBoard(wrist_drive(), person="nobody").close()  # compiled before the processes start
     people = WristPeople(seed, model or PersonModel())

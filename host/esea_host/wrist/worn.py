@@ -72,12 +72,8 @@ def hand_of(limbs: Sequence[Limb]) -> CoupledHand:
 class Muscles:
     """What the muscles of both axes do, asked once a tick.
 
-    Parameters
-    ----------
-    board : SimulatedBoard
-        Whose truth they feel.
-    limbs : sequence of Limb
-        FE and RU.
+    board: whose truth they feel.
+    limbs: FE and RU.
     """
 
     def __init__(self, board: SimulatedBoard, limbs: Sequence[Limb]) -> None:
@@ -112,14 +108,9 @@ class Muscles:
 class WornWrist(BoardSource):
     """A participant in the simulated drive, through its link, in lockstep.
 
-    Parameters
-    ----------
-    who : VirtualParticipant
-        Comes again another day.
-    folder : Path, optional
-        Of the session: its recording goes there.
-    device : Device, optional
-        Default: ``wrist_drive``.
+    who: comes again another day.
+    folder: of the session: its recording goes there.
+    device: default: ``wrist_drive``.
     """
 
     def __init__(

@@ -17,25 +17,7 @@ def summary(
     refresh_Hz: float,
     ages_s: Sequence[float] = (),
 ) -> dict[str, Any]:
-    """Intervals between frames in numbers.
-
-    Parameters
-    ----------
-    intervals_s : sequence of float
-        From one painted frame to the next.
-    delays_s : sequence of float
-        From the step that made something appear to its painting.
-    refresh_Hz : float
-        Of the screen.
-    ages_s : sequence of float
-        Of each sample that was painted first then: from the device's tick to its painting.
-
-    Returns
-    -------
-    dict
-        ``dropped``: refreshes without a new frame, by intervals rounded to whole ones; None where
-        there was nothing.
-    """
+    """Intervals between frames in numbers."""
     found: dict[str, Any] = {"refresh_Hz": refresh_Hz, "intervals": len(intervals_s)}
     refreshes = np.round(np.asarray(intervals_s, np.float64) * refresh_Hz)
     found["dropped"] = int(np.sum(np.maximum(refreshes - 1, 0)))

@@ -51,16 +51,10 @@ BY_STATE = {"completed": "good", "running": "measured", "failed": "alarm", "abor
 class OperatorWindow(QMainWindow):
     """A window on a :class:`Conductor`: it reads, and what it asks for is done beside it.
 
-    Parameters
-    ----------
-    conductor : Conductor
-        The session.
-    board : ConnectedDevice, optional
-        That the stop goes to first.
-    language : str
-        Of the participant's scene.
-    dark : bool
-        Colours.
+    conductor: the session.
+    board: that the stop goes to first.
+    language: of the participant's scene.
+    dark: colours.
     """
 
     def __init__(

@@ -19,16 +19,10 @@ Patch = Literal["off", "frame", "onset"]
 class ParticipantWindow(SceneView):
     """Full screen on a second monitor where there is one.
 
-    Parameters
-    ----------
-    conductor : Conductor
-        Whose session it shows.
-    language : str
-        Of the texts.
-    dark : bool
-        Ground of the scene.
-    patch : str
-        A square in the corner for a photodiode: ``off``, ``frame``: it changes with every frame,
+    conductor: whose session it shows.
+    language: of the texts.
+    dark: ground of the scene.
+    patch: A square in the corner for a photodiode: ``off``, ``frame``: it changes with every frame,
         ``onset``: whenever something appears.
     """
 

@@ -82,12 +82,8 @@ def _paint_shape(
 class SceneView(QWidget):
     """Shows one scene after another.
 
-    Parameters
-    ----------
-    language : str
-        Of the texts.
-    dark : bool
-        Light shapes on dark, or the other way round.
+    language: of the texts.
+    dark: light shapes on dark, or the other way round.
     """
 
     def __init__(self, language: str = "en", dark: bool = True) -> None:
