@@ -341,8 +341,10 @@ class SimulatedImpairment(Section):
         description="given: gains as above; published: those of thesis section 7.2.4 in their "
         "place, which swing on the virtual drive.",
     )
-    wall_axes: tuple[str, ...] = Field(
-        (), description="Axes that have a wall; empty: all.  The others have resistance only."
+    wall_axes: tuple[Annotated[str, Field(pattern=AXIS_PATTERN)], ...] = Field(
+        default=(),
+        max_length=MOST_AXES,
+        description="Axes that have a wall; empty: all.  The others have resistance only.",
     )
 
 
