@@ -327,6 +327,8 @@ class BoardSource(InputSource):
             what = "The board began again, healthy and not armed: it lost its power, or was zeroed."
         elif not isinstance(error, LinkError):
             fix = ""
+        if what.endswith(fix):  # the error says it itself
+            fix = ""
         self._broken = what
         raise UserError(what, fix) from None
 
