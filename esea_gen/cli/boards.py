@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +25,8 @@ from esea_gen.files import write_json
 from esea_gen.targets import BOARDS, DEFAULT_BOARD
 
 if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
     from esea_gen.device import Device
 
 
@@ -146,6 +149,10 @@ def emulate(
     out.next(*following)
 
 
+def _show(progress: Progress, bar: TaskID, done: int, _: int) -> None:
+    progress.update(bar, completed=done)
+
+
 def emulate_deflections(
     loaded: Device, board: str, deflections: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
@@ -165,7 +172,7 @@ def emulate_deflections(
                     loaded,
                     image,
                     {t.name: deflection_inputs(loaded.system, theta, t) for t in tasks},
-                    progress=lambda done, _, bar=bar: p.update(bar, completed=done),  # type: ignore[misc]
+                    progress=partial(_show, p, bar),
                 )
                 results |= {
                     f"{name}, {task}" if len(tasks) > 1 else name: result.to_dict()

@@ -263,7 +263,8 @@ def _have_streams() -> None:
             with suppress(OSError):
                 while os.open(os.devnull, os.O_RDWR) < number:
                     pass
-            setattr(sys, name, open(os.devnull, "r" if number == 0 else "w", encoding="utf-8"))  # noqa: SIM115 - stays open
+            nothing = os.open(os.devnull, os.O_RDWR)  # stays open
+            setattr(sys, name, os.fdopen(nothing, "w" if number else "r", encoding="utf-8"))
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a name that this terminal's letters cannot write
             stream.reconfigure(errors="backslashreplace")

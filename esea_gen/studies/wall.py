@@ -16,7 +16,7 @@ from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Case
 from esea_gen.twin.loop_run import ClosedLoopRun
-from esea_gen.twin.trajectories import RATE_HZ, Trajectory
+from esea_gen.twin.trajectories import RATE_HZ, Trajectory, minimum_jerk
 
 PUSH_NM = (0.5, 1.0, 2.0, 3.0, 4.0)
 HANDS_NM_RAD = (0.0, 2.0, 8.0, 20.0, 60.0)
@@ -39,23 +39,13 @@ class Pushed(Trajectory):
         return super().signals() | {"tau_muscle_Nm": self.tau_muscle_Nm, "constrained": asked}
 
 
-def _ramp(t: Array, start_s: float) -> tuple[Array, Array, Array]:
-    # From 0 to 1 in a second, of least jerk, with speed and acceleration.
-    x = np.clip(t - start_s, 0, 1)
-    return (
-        x**3 * (10 - 15 * x + 6 * x**2),
-        30 * x**2 * (1 - x) ** 2,
-        60 * x * (1 - x) * (1 - 2 * x),
-    )
-
-
 def push_case(push_Nm: float, hand_Nm_rad: float) -> Case:
     """A hand of this stiffness that goes as deep as the torque takes it, and pushes there."""
     place_rad = WALL_RAD + push_Nm / WALL_NM_RAD
     n = round(END_S * RATE_HZ)
     t = np.arange(n) / RATE_HZ
-    theta, omega, alpha = (place_rad * x for x in _ramp(t, RISE_S))
-    muscle = push_Nm * _ramp(t, PUSH_S)[0]
+    theta, omega, alpha = (place_rad * x for x in minimum_jerk(t - RISE_S))
+    muscle = push_Nm * minimum_jerk(t - PUSH_S)[0]
     start = round(JUDGED_S * RATE_HZ)
     path = Pushed("wall", theta, omega, alpha, np.zeros(n), start, n, tau_muscle_Nm=muscle)
     damping = 2 * RATIO * math.sqrt(hand_Nm_rad * LIGHTEST_KGM2)
@@ -113,6 +103,9 @@ class Wall(ClosedLoopStudy):
         largest = generated = 0.0
         for name, entries in by_name.items():
             good = [e for e in entries if e["max_true_Nm"] is not None]
+            if not good:
+                lines.append(f"{name:32}{'every run ended early':>42}")
+                continue
             ripple = [e["max_true_Nm"] for e in good]
             largest = max(largest, *ripple)
             generated = max(generated, *(e["generated_J"] for e in good))

@@ -11,7 +11,7 @@ Every number is assumed; what is published gives the order and the shape:
   2779): the damping is assumed proportional to the passive stiffness.
 - The cable's loss and backlash over the elbow's: assumed, as of a capstan.  The encoders have the
   device file's bits.
-- Ends of the range of motion: Ryu, Cooney, Askew, An and Chao 1991, J. CoupledHand Surg. 16A, 409.
+- Ends of the range of motion: Ryu, Cooney, Askew, An and Chao 1991, J. Hand Surg. 16A, 409.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -155,6 +156,19 @@ def bread(tau_Nm: float = 0.0) -> Trajectory:
     return _made("bread cutting", p.duration_s, (p.settle_s, p.duration_s), path, tau_Nm)
 
 
+def minimum_jerk(share: Any) -> tuple[Any, Any, Any]:
+    """Way, speed and acceleration of a minimum-jerk movement from 0 to 1; at rest outside.
+
+    share: of its time, a number or an array.
+    """
+    s = np.clip(share, 0.0, 1.0)
+    return (
+        s**3 * (10 - 15 * s + 6 * s**2),
+        30 * s**2 * (1 - s) ** 2,
+        60 * s * (1 - s) * (1 - 2 * s),
+    )
+
+
 def impedance(tau_Nm: float = 0.0) -> Trajectory:
     """Reaching from 0 to 90 degrees and back with minimum jerk each way.
 
@@ -166,10 +180,8 @@ def impedance(tau_Nm: float = 0.0) -> Trajectory:
     def path(t: Array) -> tuple[Array, Array, Array]:
         phase = np.mod(t, 2 * half)
         back = phase >= half
-        s = np.where(back, phase - half, phase) / half
-        theta = s**3 * (10 - 15 * s + 6 * s**2)
-        omega = 30 * s**2 * (1 - s) ** 2 / half
-        alpha = 60 * s * (1 - s) * (1 - 2 * s) / half**2
+        way, speed, rise = minimum_jerk(np.where(back, phase - half, phase) / half)
+        theta, omega, alpha = way, speed / half, rise / half**2
         sign = np.where(back, -1.0, 1.0)
         return reach * np.where(back, 1 - theta, theta), reach * sign * omega, reach * sign * alpha
 

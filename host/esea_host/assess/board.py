@@ -23,14 +23,14 @@ COLUMNS = ("theta_load_rad", "omega_load_rad_s", "tau_Nm", "sensing_ok")
 USELESS = ("UNREFERENCED", "FAULT", "STOPPED")  # states in which nothing is measured
 SILENT_S, KNOWN_S, ZEROED_S, FRAME_S, KEPT_S = 0.5, 3.0, 8.0, 0.02, 30.0
 MOST_FRAME_S = 0.1  # of a simulated board's time, however long a window was busy
-FALL_rad_s, FALLEN_RAD = 30 * DEG, 10 * DEG
+FALL_RAD_S, FALLEN_RAD = 30 * DEG, 10 * DEG
 
 Row = tuple[float, float, float, float]  # time, angle, rate, torque
 Say = Callable[[str], None]
 
 
 class Therapist(Protocol):
-    """Who is told of the movement proposed, where a simulated one moves the leg."""
+    """A simulated therapist, who makes the movements that the session proposes."""
 
     def follow(self, asked: ProbingMovement) -> None:
         """Make this movement."""
@@ -46,7 +46,7 @@ class KneeBoard:
         recorded.
     advance: moves the clock of a board whose clock stands still.
     paced: such a clock follows the time of the day; otherwise it is as fast as can be.
-    therapist: A simulated one.
+    therapist: a simulated one.
     kept_s: so much of the stream stays in ``rows``.
     """
 
@@ -249,7 +249,7 @@ def await_fall(board: KneeBoard, say: Say, longest_s: float) -> Segment:
             if event.kind == "broken":
                 raise UserError(f"pendulum test: {event.text}.", "Repeat the test.")
             s = event.segment
-            if s is not None and np.max(s.rate_rad_s) >= FALL_rad_s:
+            if s is not None and np.max(s.rate_rad_s) >= FALL_RAD_S:
                 if s.angle_rad[-1] - s.angle_rad[0] >= FALLEN_RAD:
                     return s
                 say("That was no fall; hold the leg straight, keep still, let go.")

@@ -87,7 +87,7 @@ class BoardProcess:
         self._process.stdin.flush()
 
     def build_in(self, spring_Nm_rad: float) -> None:
-        """See :class:`esea_host.interaction.on_board.Hands`, as the next three."""
+        """See :class:`esea_host.interaction.on_board.ElementHands`, as the next three."""
         self.hand("spring", spring_Nm_rad)
 
     def hang(self, load_Nm: float) -> None:

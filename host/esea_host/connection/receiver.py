@@ -136,6 +136,7 @@ class Receiver:
     reopen: opens the link anew after it broke, or raises LinkError; without it a broken link ends
         it.
 
+    ``away``: the link is broken, and not, or not yet, open again.
     """
 
     def __init__(

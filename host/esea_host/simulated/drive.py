@@ -57,6 +57,8 @@ class SimulatedBoard:
         object goes on where it is after a restart.
     spring_Nm_rad: of a spring in place of the elastomer, in a drive of one axis; 0: the elastomer.
 
+    ``plant`` has the truth: ``board.plant.truth()``.  ``pushes_rad`` is how far somebody pushes
+    each axis away from what the person intends; ``led``: the person intends nothing else.
     """
 
     def __init__(

@@ -16,6 +16,7 @@ from esea_gen.model.sensing import of_axis
 from esea_gen.tables import read_table
 from esea_gen.twin.passive import passive_system
 from esea_gen.twin.people import STEP_S
+from esea_gen.twin.trajectories import minimum_jerk
 from esea_host.recording.export import column_of
 
 TICK_S = 1e-3
@@ -144,10 +145,8 @@ def _there_and_back(t_s: float, move_s: float) -> tuple[float, float, float]:
     back = t_s > move_s + 0.5 * PAUSE_S
     if back:
         t_s -= move_s + PAUSE_S
-    s = min(max(t_s / move_s, 0.0), 1.0)
-    x = s**3 * (10 - 15 * s + 6 * s * s)
-    v = 30 * s * s * (1 - s) ** 2 / move_s
-    a = 60 * s * (1 - s) * (1 - 2 * s) / move_s**2
+    way, speed, rise = map(float, minimum_jerk(t_s / move_s))
+    x, v, a = way, speed / move_s, rise / move_s**2
     return (1 - x, -v, -a) if back else (x, v, a)
 
 

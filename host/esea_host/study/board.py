@@ -273,7 +273,6 @@ class BoardSource(InputSource):
     def over(self, number: int, state: str) -> None:
         """What was wanted holds no longer than its deadline."""
         self._asked, self._held = {}, None
-        self.say("link", trial=number, **self.device.health())
         self._event("trial_end", number=number, state=state)
         self.say("link", trial=number, **self.device.health())
 

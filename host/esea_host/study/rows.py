@@ -23,6 +23,9 @@ class LatestRows:
     device: connected.
     always: signals that are read at any time.
 
+    ``board_ns``, ``tick``: of the newest moment of which all that is needed is known.
+    ``taken_s``: when it was taken, by the host's monotonic clock; None while nobody knows.
+    ``began_again``: whether the board's ticks have gone back, as after a loss of power, or zeroing.
     """
 
     def __init__(self, device: ConnectedDevice, always: Iterable[Tap]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from esea_host.people.person import minimum_jerk
 from esea_host.study.scene import Scene
 
 LIMITS_DEG = (-55.0, 45.0), (-25.0, 18.0)
@@ -66,7 +67,6 @@ class WanderingHand:
                 self._to = fe, ru
             length = math.dist(self._from, self._to) * MIN_JERK / PEAK_DEG_S
             self._length_s = max(length, LEAST_S)
-        s = min((time_s - self._begun_s) / self._length_s, 1.0)
-        share = s**3 * (10 - 15 * s + 6 * s * s)
+        share = minimum_jerk((time_s - self._begun_s) / self._length_s)
         fe, ru = (a + share * (b - a) for a, b in zip(self._from, self._to, strict=True))
         return fe, ru
