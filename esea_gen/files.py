@@ -13,6 +13,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pydantic_core import to_jsonable_python
+
 from esea_gen import __version__
 from esea_gen.errors import UserError, choose
 
@@ -111,16 +113,26 @@ def new_whole(path: Path) -> Iterator[Path]:
 SCHEMA_VERSION = 1
 
 
+def plain(result: object) -> Any:
+    """A result as JSON's own types: dataclasses by field, arrays and tuples as lists."""
+    return to_jsonable_python(result, fallback=lambda v: v.tolist())
+
+
 def stamped(what: str, content: Mapping[str, Any]) -> dict[str, Any]:
     """A result with its head: the schema that it follows, that one's version, and the tool's.
 
     what: name of the schema, a file in ``esea_gen/schemas``.
     """
-    head = {"schema": what, "schema_version": SCHEMA_VERSION, "tool_version": __version__}
-    taken = head.keys() & content.keys()
+    body: dict[str, Any] = plain(content)
+    head: dict[str, Any] = {
+        "schema": what,
+        "schema_version": SCHEMA_VERSION,
+        "tool_version": __version__,
+    }
+    taken = head.keys() & body.keys()
     if taken:
         raise ValueError(f"{what}: the content has {', '.join(sorted(taken))} itself")
-    return head | dict(content)
+    return head | body
 
 
 def result_schemas() -> dict[str, Path]:
