@@ -1,0 +1,1 @@
+"""What code costs on a board: bounds of instructions, releases, counted steps."""
