@@ -15,30 +15,20 @@ SIGNED = 0x01
 
 @dataclass
 class Counters:
-    """What has come in.
+    """What has come in."""
 
-    frames: good ones.
-    bad_frames: those with a wrong checksum, or with flags that nobody knows.
-    unknown_frames: those of a message that the dialect does not have.
-    noise_bytes: all bytes outside good frames.
-    lost_frames: good ones that are missing by their sequence numbers, 8 bits for each sender.
-    """
-
-    frames: int = 0
-    bad_frames: int = 0
-    unknown_frames: int = 0
-    noise_bytes: int = 0
+    frames: int = 0  # good ones
+    bad_frames: int = 0  # those with a wrong checksum, or with flags that nobody knows
+    unknown_frames: int = 0  # those of a message that the dialect does not have
+    noise_bytes: int = 0  # all bytes outside good frames
     lost_frames: int = 0
 
 
 class FrameReader:
-    """Takes bytes in pieces of any size and gives the messages in them.
+    """Takes bytes in pieces of any size and gives the messages in them."""
 
-    After a bad frame it goes on one byte behind that frame's start: a stray start byte hides no
-    frame that follows it, as it does in MAVLink's own parsers.
-
-    dialect: a device's generated MAVLink module.
-    """
+    # After a bad frame it goes on one byte behind that frame's start: a stray start byte hides no
+    # frame that follows it, as it does in MAVLink's own parsers.
 
     def __init__(self, dialect: Any) -> None:
         self.counters = Counters()

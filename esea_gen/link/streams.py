@@ -13,20 +13,13 @@ _SIDES = ("IN", "OUT")
 
 @dataclass(frozen=True)
 class StreamSignal:
-    """A value that a stream can sample.
+    """A value that a stream can sample."""
 
-    name: ``tau_Nm``, of an array ``pair_rad[0]``.
-    task: whose runs have it.
-    number: its number in ESEA_STREAM.
-    whole: whether it is a whole number (a status word) rather than a float.
-    unit: as the dialect has it; empty where MAVLink knows none.
-    """
-
-    name: str
-    task: str
-    number: int
-    whole: bool
-    unit: str
+    name: str  # tau_Nm, of an array pair_rad[0]
+    task: str  # whose runs have it
+    number: int  # its number in ESEA_STREAM
+    whole: bool  # whether it is a whole number (a status word) rather than a float
+    unit: str  # as the dialect has it; empty where MAVLink knows none
 
     @property
     def full_name(self) -> str:
@@ -41,37 +34,25 @@ class StreamSignal:
 
 @dataclass(frozen=True)
 class StreamSamples:
-    """StreamSamples out of one message, in the order of time.
+    """StreamSamples out of one message, in the order of time."""
 
-    names: full names of the values.
-    times: device clock of each sample, base ticks since power-on.
-    sequences: base tick of each sample's run, which a reset sets back.
-    values: a tuple each sample.
-    """
-
-    names: tuple[str, ...]
-    times: tuple[int, ...]
-    sequences: tuple[int, ...]
-    values: tuple[tuple[float, ...], ...]
+    names: tuple[str, ...]  # full names of the values
+    times: tuple[int, ...]  # device clock of each sample, base ticks since power-on
+    sequences: tuple[int, ...]  # base tick of each sample's run, which a reset sets back
+    values: tuple[tuple[float, ...], ...]  # a tuple each sample
 
 
 @dataclass(frozen=True)
 class BoardStream:
-    """What a board sends over and over.
+    """What a board sends over and over."""
 
-    number, choice: by which its messages are known.
-    interval: base ticks from one sample to the next, as the board rounded it.
-    samples: in a full message.
-    rate_Hz: samples a second.
-    """
-
-    number: int
+    number: int  # with choice: by which its messages are known
     choice: int
     task: str
     signals: tuple[StreamSignal, ...]
-    interval: int
-    samples: int
-    rate_Hz: float
+    interval: int  # base ticks from one sample to the next, as the board rounded it
+    samples: int  # in a full message
+    rate_Hz: float  # samples a second
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -126,11 +107,7 @@ def _fields(cls: Any) -> Iterator[tuple[str, int, bool, str]]:
 
 
 def choose(known: Sequence[StreamSignal], names: Iterable[str]) -> dict[str, list[StreamSignal]]:
-    """Signals by name, a list for each task that has some.
-
-    names: ``tau_Nm`` where one task has it alone, ``sense.tau_Nm``, ``sense.*`` for all of a task;
-        an array's name stands for all its elements.
-    """
+    """Signals of each task: ``tau_Nm`` where one task has it, ``sense.tau_Nm``, ``sense.*``."""
     found: dict[str, list[StreamSignal]] = {}
     for name in names:
         fits = [s for s in known if name in (s.full_name, f"{s.task}.{s.array}", f"{s.task}.*")]

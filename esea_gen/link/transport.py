@@ -19,10 +19,7 @@ STOP_S = 3.0
 
 
 class LinkError(RuntimeError):
-    """The board did not answer, or not as the protocol says.
-
-    said: what the other end said beside the link.
-    """
+    """The board did not answer, or not as the protocol says."""
 
     def __init__(self, what: str, fix: str = "", said: str = "") -> None:
         text = f"{what}. {fix}" if fix else what
@@ -53,7 +50,6 @@ class SocketTransport:
         self._link = link
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`Transport`."""
         try:
             self._link.settimeout(timeout_s)
             data = self._link.recv(RECEIVE_CHUNK_BYTES)
@@ -66,7 +62,6 @@ class SocketTransport:
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`Transport`."""
         try:
             self._link.settimeout(timeout_s)  # closed meanwhile: an error as well
             self._link.sendall(data)
@@ -75,7 +70,6 @@ class SocketTransport:
             raise LinkError(what, said=self.said()) from None
 
     def close(self) -> None:
-        """See :class:`Transport`."""
         self._link.close()
 
     def said(self) -> str:
@@ -84,10 +78,7 @@ class SocketTransport:
 
 
 class TcpTransport(SocketTransport):
-    """A TCP connection to a board, or to what stands before it.
-
-    host: by default this computer: what listens elsewhere must be named.
-    """
+    """A TCP connection to a board, or to what stands before it."""
 
     def __init__(self, port: int, host: str = "127.0.0.1", timeout_s: float = STOP_S) -> None:
         try:
@@ -100,10 +91,7 @@ class TcpTransport(SocketTransport):
 
 
 class SerialTransport:
-    """A serial port.
-
-    port: ``/dev/ttyUSB0``, ``COM3``.
-    """
+    """A serial port."""
 
     def __init__(self, port: str, baud: int = 115200) -> None:
         try:
@@ -120,7 +108,6 @@ class SerialTransport:
             ) from None
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`Transport`."""
         try:
             self._port.timeout = timeout_s
             first = self._port.read(1)
@@ -129,7 +116,6 @@ class SerialTransport:
             raise LinkError(f"the serial link broke ({error})") from None
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`Transport`."""
         try:
             self._port.write_timeout = timeout_s
             self._port.write(data)
@@ -137,7 +123,6 @@ class SerialTransport:
             raise LinkError(f"the board does not take data ({error})") from None
 
     def close(self) -> None:
-        """See :class:`Transport`."""
         self._port.close()
 
     def said(self) -> str:
@@ -146,10 +131,7 @@ class SerialTransport:
 
 
 class PtyTransport:
-    """A terminal without a device behind it, as a simulated board offers one.
-
-    path: its name, ``/dev/pts/4``.
-    """
+    """A terminal without a device behind it, as a simulated board offers one."""
 
     def __init__(self, path: str | Path) -> None:
         try:
@@ -181,7 +163,6 @@ class PtyTransport:
     _other: int = -1
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`Transport`."""
         try:
             ready, _, _ = select.select([self._handle], [], [], timeout_s)
             if not ready:
@@ -196,7 +177,6 @@ class PtyTransport:
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`Transport`."""
         end_s = time.monotonic() + timeout_s
         left = memoryview(data)
         while left:
@@ -211,7 +191,6 @@ class PtyTransport:
                 raise LinkError(f"the link broke ({error})") from None
 
     def close(self) -> None:
-        """See :class:`Transport`."""
         for name in ("_handle", "_other"):
             if getattr(self, name) >= 0:
                 os.close(getattr(self, name))
@@ -226,10 +205,7 @@ FROM_FILE = "Name a board; of a recording: esea-host show, or esea-host replay."
 
 
 class FileTransport:
-    """Bytes that a link once carried, out of a file; it takes none.
-
-    path: the bytes as they came.
-    """
+    """Bytes that a link once carried, out of a file; it takes none."""
 
     def __init__(self, path: str | Path) -> None:
         try:
@@ -238,18 +214,15 @@ class FileTransport:
             raise LinkError(f"{path} cannot be read ({error.strerror})") from None
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`Transport`."""
         data = self._file.read(RECEIVE_CHUNK_BYTES)
         if not data:
             raise LinkError("the file has ended")
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`Transport`."""
         raise LinkError(f"{self._file.name} is a file, and takes no commands", FROM_FILE)
 
     def close(self) -> None:
-        """See :class:`Transport`."""
         self._file.close()
 
     def said(self) -> str:
@@ -258,11 +231,7 @@ class FileTransport:
 
 
 def open_transport(address: str) -> Transport:
-    """A transport by its address.
-
-    address: ``serial:/dev/ttyUSB0:921600``, ``tcp:5760`` of this computer, ``tcp:host:5760``,
-        ``pty:/dev/pts/4``, ``file:recording.bin``.
-    """
+    """A transport by its address, such as ``serial:/dev/ttyUSB0:921600`` or ``tcp:host:5760``."""
     kind, _, rest = address.partition(":")
     before, _, last = rest.rpartition(":")
     if kind == "serial" and rest:
@@ -324,7 +293,6 @@ class ProcessTransport(SocketTransport):
             return cls(Process(command, theirs.fileno(), log_output=False), ours)
 
     def close(self) -> None:
-        """See :class:`Transport`."""
         super().close()
         self._process.stop()
 

@@ -13,19 +13,14 @@ from esea_gen.identify.bringup.checks import StartupCheck
 
 @dataclass(frozen=True)
 class StepResult:
-    """Of one step.
-
-    problem: what is wrong and the fix, where a comparison would say nothing.
-    found: numbers by name with unit.
-    picture: drawn, not yet written.
-    """
+    """Of one step."""
 
     step: str
     title: str
-    picture: Figure
+    picture: Figure  # drawn, not yet written
     checks: tuple[StartupCheck, ...] = ()
     problem: tuple[str, str] | None = None
-    found: Mapping[str, Any] = field(default_factory=dict)
+    found: Mapping[str, Any] = field(default_factory=dict)  # numbers by name with unit
 
     @property
     def passed(self) -> bool:

@@ -45,7 +45,6 @@ class HandledJoint:
         self._path = iter([at + angle for angle in path])
 
     def step(self) -> Mapping[str, tuple[float, float]]:
-        """See :class:`esea_host.simulated.motion.JointMotion`."""
         held = self._at_rad
         if self._returns:
             held -= min(max(held, -RETURN_RAD), RETURN_RAD)
@@ -56,12 +55,7 @@ class HandledJoint:
 
 
 class SimulatedHands:
-    """Does what is asked of a person, in the virtual exoskeleton.
-
-    drive: a simulated board whose clock the caller moves.
-    torque_error: share by which the simulated load is not what it is said to be.
-    axis: on which; the others are left alone.
-    """
+    """Does what is asked of a person, in the virtual exoskeleton."""
 
     def __init__(
         self, drive: SimulatedBoard, torque_error: float = 0.0, axis: str | None = None

@@ -45,13 +45,9 @@ TIME = "time, s"
 
 @dataclass(frozen=True)
 class StepOptions:
-    """What a person chooses.
+    """What a person chooses."""
 
-    known: the hanging mass.
-    settle_s, record_s, repeats: of the torque check.
-    """
-
-    known: KnownLoad | None = None
+    known: KnownLoad | None = None  # the hanging mass
     settle_s: float = SETTLE_S
     record_s: float = RECORD_S
     repeats: int = REPEATS
@@ -59,18 +55,13 @@ class StepOptions:
 
 @dataclass(frozen=True)
 class CommissioningStep:
-    """One step.
-
-    finds: what it is for.
-    motor: whether the motor moves.
-    run: does it.
-    """
+    """One step."""
 
     name: str
     title: str
-    finds: str
-    run: Callable[[CommissioningBench, StepOptions], StepResult] = field(repr=False)
-    motor: bool = False
+    finds: str  # what it is for
+    run: Callable[[CommissioningBench, StepOptions], StepResult] = field(repr=False)  # does it
+    motor: bool = False  # whether the motor moves
 
 
 # -- zero -----------------------------------------------------------------------------------------

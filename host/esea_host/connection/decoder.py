@@ -32,35 +32,23 @@ WINDOW, LATE_ROW = 128, 32
 
 @dataclass
 class LinkHealth:
-    """What came over a link.
+    """What came over a link."""
 
-    frames: good ones.
-    bad_frames: those with a wrong checksum, a length that cannot be, or unknown flags.
-    unknown_frames: those of a message that the dialect does not have.
-    noise_bytes: all bytes outside good frames.
-    lost_frames: missing by their sequence numbers.
-    repeated_frames: of runs, those that came again or after a later one; not taken.
-    """
-
-    frames: int = 0
-    bad_frames: int = 0
-    unknown_frames: int = 0
-    noise_bytes: int = 0
-    lost_frames: int = 0
-    repeated_frames: int = 0
+    frames: int = 0  # good ones
+    bad_frames: int = 0  # those with a wrong checksum, a length that cannot be, or unknown flags
+    unknown_frames: int = 0  # those of a message that the dialect does not have
+    noise_bytes: int = 0  # all bytes outside good frames
+    lost_frames: int = 0  # missing by their sequence numbers
+    repeated_frames: int = 0  # of runs, those that came again or after a later one; not taken
 
 
 class Decoded(NamedTuple):
-    """Rows of a stream, as they came.
-
-    changes: from which row on, what :class:`LinkHealth` had counted as lost and as bad by then.
-    late_rows: those that came again, or after a later one.
-    """
+    """Rows of a stream, as they came."""
 
     layout: StreamLayout
     rows: Array
     changes: list[tuple[int, int, int]]
-    late_rows: list[int]
+    late_rows: list[int]  # those that came again, or after a later one
 
     def counted(self) -> tuple[Array, Array]:
         """Counted as lost, and as bad, when each row came; each of shape (n,)."""
@@ -113,11 +101,7 @@ _NOBODY: tuple[bytes, int, _Kept | None] = b"", -1, None
 
 
 class TelemetryDecoder:
-    """Takes bytes in pieces of any size.
-
-    dialect: the device's generated MAVLink module.
-    units, texts: by message, by field.
-    """
+    """Takes bytes in pieces of any size."""
 
     def __init__(
         self,

@@ -32,11 +32,7 @@ class NamedStream:
 def named_streams(
     made: Iterable[BoardStream], name: str, units: Texts, meanings: Texts
 ) -> list[NamedStream]:
-    """Layouts of what a board has agreed to send.
-
-    name: of the streams; with several, their task and a number behind it.
-    units, meanings: of whole messages, by message and field.
-    """
+    """Layouts of what a board has agreed to send."""
     found = []
     boards = list(made)
     for i, board in enumerate(boards):

@@ -45,11 +45,7 @@ class NobodyListens:
 
 
 class PlayedBoard(ConnectedDevice):
-    """A recording that is listened to as a board is; whoever has subscribed gets its rows.
-
-    log: open; it stays the caller's.
-    speed: 1: as it was.
-    """
+    """A recording that is listened to as a board is; whoever has subscribed gets its rows."""
 
     def __init__(self, log: Log, speed: float = 1.0) -> None:
         if not SLOWEST <= speed <= FASTEST:

@@ -27,24 +27,17 @@ KEY = "key"  # a stream whose rows are parts of a frame
 
 @dataclass(frozen=True)
 class Batch:
-    """Rows of a stream that came together, and the holes before and between them.
-
-    board_ns: on the board's clock; it goes on where the board's ticks start again at 0.
-    arrived_ns: since 1970, as :meth:`Receiver.now_ns`.
-    """
+    """Rows of a stream that came together, and the holes before and between them."""
 
     layout: StreamLayout
     rows: Array
-    board_ns: Array
-    arrived_ns: int
+    board_ns: Array  # on the board's clock; it goes on where the board's ticks start again at 0
+    arrived_ns: int  # since 1970, as :meth:`Receiver.now_ns`
     gaps: tuple[Gap, ...] = ()
 
 
 class Subscription:
-    """A queue of batches for one reader; filling it never waits.
-
-    dropped_rows: those for which there was no room.
-    """
+    """A queue of batches for one reader; filling it never waits."""
 
     def __init__(self, streams: Collection[str] | None = None, most_rows: int = MOST_ROWS) -> None:
         self.streams = None if streams is None else frozenset(streams)
@@ -111,33 +104,20 @@ class SessionTransport:
         self._receiver = receiver
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`esea_gen.link.transport.Transport`."""
         return self._receiver.other_bytes(timeout_s)
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         self._receiver.write(data, timeout_s)
 
     def close(self) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         self._receiver.close()
 
     def said(self) -> str:
-        """See :class:`esea_gen.link.transport.Transport`."""
         return self._receiver.transport.said()
 
 
 class Receiver:
-    """Reads a link and hands out what comes.
-
-    transport: open.
-    decoder: of the device's dialect.
-    tick_ns: the board's base tick.
-    reopen: opens the link anew after it broke, or raises LinkError; without it a broken link ends
-        it.
-
-    ``away``: the link is broken, and not, or not yet, open again.
-    """
+    """Reads a link and hands out what comes."""
 
     def __init__(
         self,
@@ -258,10 +238,7 @@ class Receiver:
             subscription.put(batch)
 
     def add_named(self, stream: NamedStream, number: int) -> None:
-        """Make rows of a stream that the board was asked for by names.
-
-        number: of the messages that carry it.
-        """
+        """Make rows of a stream that the board was asked for by names."""
         self.decoder.keep_back(number)
         self.named = {**self.named, stream.key: stream}
 

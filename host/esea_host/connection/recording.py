@@ -21,16 +21,11 @@ CLOCK_S, CLOSE_S = 1.0, 60.0
 
 
 class LiveRecording:
-    """Writes what comes, in a thread of its own.
+    """Writes what comes, in a thread of its own; ``error`` has the reason of an early end.
 
-    When the board goes away for good, the file is ended with a gap ``disconnected`` in every
-    stream; when the disk is full, with its last complete piece.  ``error`` has the reason.
-
-    Time in the file is the board's, put onto the host's clock once, at the first row; every
-    second an event ``clock`` tells both, and by how much the wall clock has been set since.
-
-    health: of link and board, told with the clocks.
-    ended: called once the file is closed.
+    A board that goes away for good leaves a gap ``disconnected`` in every stream; a full disk the
+    last complete piece.  Time in the file is the board's, put onto the host's clock once, at the
+    first row; every second an event ``clock`` tells both, and how far the wall clock was set.
     """
 
     def __init__(

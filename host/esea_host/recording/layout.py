@@ -29,17 +29,13 @@ _KINDS = {"f4": (5, 2), "u4": (5, 7), "i4": (5, 15), "f8": (1, 1), "u8": (1, 6),
 
 @dataclass(frozen=True)
 class StreamColumn:
-    """A column of a stream.
-
-    kind: ``f4``, ``u4``, ``i4``, ``f8``, ``u8`` or ``i8``.
-    size: elements; above 1 the column is a vector.
-    """
+    """A column of a stream."""
 
     name: str
-    kind: str = "f4"
+    kind: str = "f4"  # f4, u4, i4, f8, u8 or i8
     unit: str = ""
     meaning: str = ""
-    size: int = 1
+    size: int = 1  # elements; above 1 the column is a vector
 
 
 @dataclass(frozen=True)
@@ -177,11 +173,7 @@ def _number(number: int, value: int) -> bytes:
 def layout_of(
     message: Any, name: str, units: dict[str, str], texts: dict[str, str]
 ) -> StreamLayout:
-    """Layout of a message of a generated dialect.
-
-    message: its class in the dialect's module.
-    units, texts: by field.
-    """
+    """Layout of a message of a generated dialect."""
     letters = bytes(message.native_format).decode().lstrip("<")
     kinds = {"f": "f4", "I": "u4", "i": "i4", "d": "f8", "Q": "u8", "q": "i8"}
     columns = [

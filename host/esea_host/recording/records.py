@@ -36,10 +36,7 @@ class PieceError(ValueError):
 
 
 class Fields:
-    """A record's fields, one after another, each within the record.
-
-    at, end: bytes of ``data`` that are the record's content.
-    """
+    """A record's fields, one after another, each within the record."""
 
     def __init__(self, data: bytes | mmap.mmap | memoryview, at: int, end: int) -> None:
         self.data, self.at, self.end = data, at, end
@@ -111,13 +108,10 @@ class Channel:
 
 @dataclass(frozen=True)
 class AttachmentPlace:
-    """An attachment: its name, and the bytes of the file from ``start`` to ``end``.
-
-    body: start of what its checksum covers.
-    """
+    """An attachment: its name, and the bytes of the file from ``start`` to ``end``."""
 
     name: str
-    body: int
+    body: int  # start of what its checksum covers
     start: int
     end: int
 
@@ -138,14 +132,11 @@ def attachment(data: mmap.mmap, at: int, end: int) -> AttachmentPlace:
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """A chunk's own fields; ``data`` is where its records begin.
-
-    size: of its records when unpacked.
-    """
+    """A chunk's own fields; ``data`` is where its records begin."""
 
     start_ns: int
     end_ns: int
-    size: int
+    size: int  # of its records when unpacked
     crc: int
     compression: str
     data: int

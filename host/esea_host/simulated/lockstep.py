@@ -21,7 +21,6 @@ class LockstepTransport:
         self.drive = drive
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`esea_gen.link.transport.Transport`."""
         data = self.drive.read()
         last = self.drive.ticks + round(timeout_s * 1000)
         while not data and self.drive.ticks < last:
@@ -30,23 +29,17 @@ class LockstepTransport:
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         self.drive.write(data)
 
     def close(self) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         self.drive.close()
 
     def said(self) -> str:
-        """See :class:`esea_gen.link.transport.Transport`."""
         return ""
 
 
 class LockstepDevice(ConnectedDevice):
-    """A simulated board, connected, moved by :meth:`advance`.
-
-    drive: powered on.
-    """
+    """A simulated board, connected, moved by :meth:`advance`."""
 
     def __init__(self, drive: SimulatedBoard) -> None:
         self.drive = drive
