@@ -15,8 +15,6 @@ SIGNED = 0x01
 
 @dataclass
 class Counters:
-    """What has come in."""
-
     frames: int = 0  # good ones
     bad_frames: int = 0  # those with a wrong checksum, or with flags that nobody knows
     unknown_frames: int = 0  # those of a message that the dialect does not have
@@ -41,7 +39,6 @@ class FrameReader:
         self._next: dict[tuple[int, int], int] = {}
 
     def feed(self, data: bytes) -> list[Any]:
-        """The messages that these bytes complete."""
         self._buffer += data
         messages: list[Any] = []
         while True:

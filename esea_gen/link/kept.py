@@ -41,8 +41,6 @@ class KeptValue:
 
 @dataclass(frozen=True)
 class CouplingLife:
-    """What a coupling has borne."""
-
     serial: int  # number on it; 0: nobody said
     axis: int | None  # of the device, from 0 on, that it is fitted to; None: it lies aside
     seconds: int  # time counted
@@ -54,15 +52,12 @@ class CouplingLife:
 
 @dataclass(frozen=True)
 class RawBlackbox:
-    """A frozen black box as it came."""
-
     fault: int  # number of the fault that froze it; 0: a reset while the motor was on
     tick: int  # base tick at which that was
     records: tuple[bytes | None, ...]  # bytes of each, the oldest first; None where its check fails
 
 
 def kept_use(session: Session) -> KeptUse:
-    """Ask the board what it keeps."""
     return _use(session.ask_for("ESEA_KEPT"))
 
 
@@ -139,7 +134,6 @@ def name_coupling(session: Session, axis: int, serial: int) -> None:
 
 
 def forget_coupling(session: Session, serial: int) -> None:
-    """Forget a coupling that lies aside."""
     _name(session, _FORGET, serial, f"{serial}: no coupling of this number lies aside")
 
 

@@ -29,15 +29,11 @@ CLOCK_ERROR_MS = 20  # where its clock goes as ours does
 
 
 class Address(NamedTuple):
-    """Who sends a message, or whom a command is for."""
-
     system: int
     component: int
 
 
 class BoardTime(NamedTuple):
-    """What the board last said of its time."""
-
     boot: int  # number of its start
     time_ms: int  # its clock then, and so at least so much
     at_s: float  # our clock when it came
@@ -110,12 +106,10 @@ class Messenger:
         return int(self.dialect.MAV_RESULT_DENIED)
 
     def close(self) -> None:
-        """Let go of the board."""
         self.transport.close()
 
     @property
     def counters(self) -> Counters:
-        """What has come in since the session began."""
         return self._reader.counters
 
     def message(self, name: str, *values: Any) -> Any:
@@ -130,7 +124,6 @@ class Messenger:
         return frame
 
     def send(self, message: Any) -> None:
-        """Send a message."""
         self.send_bytes(self.frames(message))
 
     def frames(self, message: Any) -> bytes:
@@ -228,7 +221,6 @@ class Messenger:
         own.sign_outgoing = self._key is not None
 
     def send_bytes(self, data: bytes) -> None:
-        """Send bytes as they are."""
         try:
             self.transport.write(data, self.timeout_s)
         except LinkError:
@@ -246,7 +238,6 @@ class Messenger:
         return found
 
     def receive(self, timeout_s: float | None = None) -> Any:
-        """The next message, whatever it is."""
         return self._wait(lambda _: True, "message", timeout_s)
 
     def wait_for(
@@ -332,8 +323,6 @@ class Messenger:
     def command(
         self, command: int, param1: float = 0.0, param2: float = 0.0, *, drop_before: bool = False
     ) -> int:
-        """Give a command and wait for its result."""
-
         def fits(message: Any) -> bool:
             return message.get_type() == "COMMAND_ACK" and bool(message.command == command)
 
@@ -385,15 +374,12 @@ class Messenger:
         return self.wait_for(name)
 
     def info(self) -> Any:
-        """What runs on the board, and its counters."""
         return self.ask_for("ESEA_INFO")
 
     def state(self) -> str:
-        """State of the board, as its last HEARTBEAT said."""
         return self._entry("ESEA_STATE", self.heartbeat.custom_mode)[0]
 
     def fault(self) -> str:
-        """The latched fault: its name and meaning."""
         name, meaning = self._entry("ESEA_FAULT", self.info().fault)
         return f"{name}: {meaning}"
 

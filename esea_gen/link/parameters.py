@@ -8,8 +8,6 @@ from typing import Any
 
 @dataclass(frozen=True)
 class BoardParameter:
-    """A parameter."""
-
     name: str  # full, velocity.bandwidth_Hz
     id: str  # on the wire, at most 16 characters
     index: int  # its number
@@ -22,7 +20,6 @@ class BoardParameter:
 
 
 def known_parameters(dialect: Any) -> list[BoardParameter]:
-    """A device's parameters, by index."""
     entries = dialect.enums.get("ESEA_PARAM", {})
     found = []
     for index, entry in sorted(entries.items()):
@@ -37,7 +34,6 @@ def known_parameters(dialect: Any) -> list[BoardParameter]:
 
 
 def find_parameter(known: list[BoardParameter], name: str) -> BoardParameter:
-    """By full name or id."""
     for p in known:
         if name in (p.name, p.id):
             return p

@@ -22,16 +22,12 @@ RESETS = 20
 
 
 class TimeSync(NamedTuple):
-    """Device clock against the host's, at one moment."""
-
     offset_ns: int  # device clock minus host clock (time.monotonic_ns)
     round_trip_ns: int  # of the fastest question; the offset is off by less than half of it
     host_ns: int  # host clock at that moment
 
 
 class Session(Messenger):
-    """A board at the other end of a transport."""
-
     def __init__(
         self,
         transport: Transport,
@@ -152,7 +148,6 @@ class Session(Messenger):
         return answer
 
     def stop_streams(self) -> None:
-        """End every stream, those of a session before this one too."""
         self._streams.clear()
         for number in range(STREAMS):
             self._ask_stream(number, 0, self._choice, 0, [])
@@ -170,7 +165,6 @@ class Session(Messenger):
         return known_parameters(self.dialect)
 
     def parameters(self) -> dict[str, float]:
-        """The values in force, by full name."""
         known = self.known_parameters()
         found: dict[int, float] = {}
         self.send(self.message("PARAM_REQUEST_LIST", *self.board))
@@ -191,7 +185,6 @@ class Session(Messenger):
         return {p.name: found[p.index] for p in known}
 
     def parameter(self, name: str) -> float:
-        """One value in force, by full name or id."""
         p = find_parameter(self.known_parameters(), name)
         self.send(self.message("PARAM_REQUEST_READ", *self.board, p.id.encode(), -1))
         answer = self._told_of(p)

@@ -24,7 +24,6 @@ def new_key() -> bytes:
 
 
 def key_folder() -> Path:
-    """Folder of this user's keys."""
     given = os.environ.get("XDG_CONFIG_HOME") or "~/.config"
     return Path(given).expanduser() / "esea-gen" / "keys"
 

@@ -13,8 +13,6 @@ _SIDES = ("IN", "OUT")
 
 @dataclass(frozen=True)
 class StreamSignal:
-    """A value that a stream can sample."""
-
     name: str  # tau_Nm, of an array pair_rad[0]
     task: str  # whose runs have it
     number: int  # its number in ESEA_STREAM
@@ -23,19 +21,15 @@ class StreamSignal:
 
     @property
     def full_name(self) -> str:
-        """With the task before it, ``sense.tau_Nm``."""
         return f"{self.task}.{self.name}"
 
     @property
     def array(self) -> str:
-        """Name without the element's number."""
         return self.name.partition("[")[0]
 
 
 @dataclass(frozen=True)
 class StreamSamples:
-    """StreamSamples out of one message, in the order of time."""
-
     names: tuple[str, ...]  # full names of the values
     times: tuple[int, ...]  # device clock of each sample, base ticks since power-on
     sequences: tuple[int, ...]  # base tick of each sample's run, which a reset sets back
@@ -44,8 +38,6 @@ class StreamSamples:
 
 @dataclass(frozen=True)
 class BoardStream:
-    """What a board sends over and over."""
-
     number: int  # with choice: by which its messages are known
     choice: int
     task: str
@@ -56,11 +48,9 @@ class BoardStream:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Full names of the values."""
         return tuple(s.full_name for s in self.signals)
 
     def decode(self, message: Any) -> StreamSamples:
-        """The samples of one of its messages."""
         width = len(self.signals)
         layout = "<" + "".join("I" if s.whole else "f" for s in self.signals)
         data = bytes(message.data[: 4 * width * message.count])
@@ -74,7 +64,6 @@ class BoardStream:
 
 
 def tasks(dialect: Any) -> list[str]:
-    """Names of the device's tasks, by number."""
     first = dialect.MAVLINK_MSG_ID_ESEA_INFO + 1
     found: list[str] = []
     while (cls := dialect.mavlink_map.get(first + 2 * len(found))) is not None:
@@ -128,7 +117,6 @@ def _names(known: Sequence[StreamSignal]) -> str:
 
 
 def gaps(samples: Iterable[StreamSamples], interval: int) -> int:
-    """How many samples are missing between those that came."""
     times = [t for s in samples for t in s.times]
     return sum((b - a) // interval - 1 for a, b in pairwise(times))
 

@@ -19,8 +19,6 @@ STOP_S = 3.0
 
 
 class LinkError(RuntimeError):
-    """The board did not answer, or not as the protocol says."""
-
     def __init__(self, what: str, fix: str = "", said: str = "") -> None:
         text = f"{what}. {fix}" if fix else what
         super().__init__(f"{text}; it said:\n{said}" if said else text)
@@ -44,8 +42,6 @@ class Transport(Protocol):
 
 
 class SocketTransport:
-    """A connected stream socket."""
-
     def __init__(self, link: socket.socket) -> None:
         self._link = link
 
@@ -73,13 +69,10 @@ class SocketTransport:
         self._link.close()
 
     def said(self) -> str:
-        """Nothing: a socket has no second channel."""
         return ""
 
 
 class TcpTransport(SocketTransport):
-    """A TCP connection to a board, or to what stands before it."""
-
     def __init__(self, port: int, host: str = "127.0.0.1", timeout_s: float = STOP_S) -> None:
         try:
             link = socket.create_connection((host, port), timeout_s)
@@ -91,8 +84,6 @@ class TcpTransport(SocketTransport):
 
 
 class SerialTransport:
-    """A serial port."""
-
     def __init__(self, port: str, baud: int = 115200) -> None:
         try:
             import serial
@@ -126,7 +117,6 @@ class SerialTransport:
         self._port.close()
 
     def said(self) -> str:
-        """Nothing: a serial port has no second channel."""
         return ""
 
 
@@ -197,7 +187,6 @@ class PtyTransport:
                 setattr(self, name, -1)
 
     def said(self) -> str:
-        """Nothing: a terminal has no second channel."""
         return ""
 
 
@@ -226,7 +215,6 @@ class FileTransport:
         self._file.close()
 
     def said(self) -> str:
-        """Nothing: a file has no second channel."""
         return ""
 
 
@@ -257,7 +245,6 @@ class Process:
         self._process = subprocess.Popen(command, stdin=link, stdout=output, stderr=self._log)
 
     def runs(self) -> bool:
-        """Whether it has not ended."""
         return self._process.poll() is None
 
     def said(self) -> str:
@@ -268,7 +255,6 @@ class Process:
         return self._log.read().decode(errors="replace").strip()
 
     def stop(self) -> None:
-        """End it."""
         self._process.terminate()
         try:
             self._process.wait(STOP_S)
@@ -279,8 +265,6 @@ class Process:
 
 
 class ProcessTransport(SocketTransport):
-    """A link to a process that ends with the link."""
-
     def __init__(self, process: Process, link: socket.socket) -> None:
         super().__init__(link)
         self._process = process
@@ -297,5 +281,4 @@ class ProcessTransport(SocketTransport):
         self._process.stop()
 
     def said(self) -> str:
-        """What the process said beside the link."""
         return self._process.said()

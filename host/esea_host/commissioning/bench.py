@@ -33,8 +33,6 @@ class CommissioningEndedError(Exception):
 
 @dataclass(frozen=True)
 class HandAct:
-    """What a person is asked to do at the machine."""
-
     kind: ActKind
     text: str
     torque_Nm: float = 0.0  # of the load
@@ -55,7 +53,6 @@ class Capture:
 
     @property
     def time_s(self) -> Array:
-        """Since the first row, shape (n,)."""
         return np.asarray((self.told["sequence"] - self.told["sequence"][0]) * self.tick_s)
 
     def __getitem__(self, name: str) -> Array:
@@ -96,7 +93,6 @@ class CommissioningBench:
         self._cancelled = threading.Event()
 
     def change_hands(self, hands: Callable[[HandAct], None]) -> None:
-        """Somebody else does what is asked."""
         self._hands = hands
 
     def cancel(self) -> None:
@@ -105,21 +101,17 @@ class CommissioningBench:
 
     @property
     def cancelled(self) -> bool:
-        """Whether the step that runs is to end."""
         return self._cancelled.is_set()
 
     def begin(self) -> None:
-        """A new step."""
         self._cancelled.clear()
 
     def ask(self, act: HandAct) -> None:
-        """Have a person do something."""
         self.say(act.text)
         self._hands(act)
         self._check()
 
     def wait(self, seconds: float) -> None:
-        """Let time go by."""
         for _ in range(max(1, round(seconds / TURN_S))):
             self._check()
             self._pass_time(TURN_S)

@@ -32,8 +32,6 @@ SLOWEST_RAD_S, MOST_BEND_RAD_S2, LEAST_ROWS = 0.1, 1.5, 10
 
 @dataclass(frozen=True)
 class JudgedEncoders:
-    """Joint encoders against the motor's."""
-
     checks: tuple[StartupCheck, ...]
     problem: tuple[str, str] | None
     found: dict[str, Any]

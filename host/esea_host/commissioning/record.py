@@ -68,7 +68,6 @@ class CommissioningRecord:
         return next((e for e in fits if e["device_digest"] == digest), None)
 
     def summary(self, steps: tuple[tuple[str, str], ...], digest: str) -> list[str]:
-        """Where each step stands."""
         lines = []
         for name, title in steps:
             entry = self.last(name, digest)

@@ -37,7 +37,6 @@ class HandledJoint:
         self._returns = True
 
     def act(self, act: HandAct, torque_Nm: float) -> None:
-        """Do it from now on."""
         self._load_Nm = torque_Nm
         self._returns = act.kind == "rest"
         path = act.path.theta_rad.tolist() if act.path is not None else []
@@ -69,7 +68,6 @@ class SimulatedHands:
             drive.set_up(motion=self._joint)
 
     def __call__(self, act: HandAct) -> None:
-        """Do it."""
         before, self._load_Nm = self._load_Nm, None
         if self._joint is not None:
             self._joint.act(act, act.torque_Nm * (1 + self._error))

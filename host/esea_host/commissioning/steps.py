@@ -45,8 +45,6 @@ TIME = "time, s"
 
 @dataclass(frozen=True)
 class StepOptions:
-    """What a person chooses."""
-
     known: KnownLoad | None = None  # the hanging mass
     settle_s: float = SETTLE_S
     record_s: float = RECORD_S
@@ -55,8 +53,6 @@ class StepOptions:
 
 @dataclass(frozen=True)
 class CommissioningStep:
-    """One step."""
-
     name: str
     title: str
     finds: str  # what it is for
@@ -353,7 +349,6 @@ def steps_of(device: Device) -> tuple[CommissioningStep, ...]:
 
 
 def guide(device: Device) -> list[str]:
-    """What there is to do, as lines of text."""
     reach = math.degrees(_reach_rad(device))
     lines = [
         f"Commissioning of {device.name} ({device.title}); joint free from 0 to {reach:.0f} deg.",
@@ -367,6 +362,5 @@ def guide(device: Device) -> list[str]:
 def run_step(
     bench: CommissioningBench, step: CommissioningStep, options: StepOptions
 ) -> StepResult:
-    """Do a step."""
     bench.begin()
     return step.run(bench, options)

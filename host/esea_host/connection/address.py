@@ -26,8 +26,6 @@ FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0
 
 @dataclass(frozen=True)
 class BoardAddress:
-    """A parsed address."""
-
     kind: str
     place: str  # what stands behind the first colon
 
@@ -36,7 +34,6 @@ class BoardAddress:
 
 
 def parse_address(text: str) -> BoardAddress:
-    """An address from what somebody typed."""
     file = text.removeprefix("file:")
     if file.endswith(".mcap"):
         raise UserError(

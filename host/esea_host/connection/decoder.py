@@ -32,8 +32,6 @@ WINDOW, LATE_ROW = 128, 32
 
 @dataclass
 class LinkHealth:
-    """What came over a link."""
-
     frames: int = 0  # good ones
     bad_frames: int = 0  # those with a wrong checksum, a length that cannot be, or unknown flags
     unknown_frames: int = 0  # those of a message that the dialect does not have
@@ -85,7 +83,6 @@ class _Kept:
         return Decoded(layout, rows, *self.begin_anew())
 
     def begin_anew(self) -> tuple[list[tuple[int, int, int]], list[int]]:
-        """What was counted when, and what was late, until now."""
         told = self.changes, self.late
         if len(self.changes) > 1:
             # What was counted behind the last frame is for the next.
@@ -101,8 +98,6 @@ _NOBODY: tuple[bytes, int, _Kept | None] = b"", -1, None
 
 
 class TelemetryDecoder:
-    """Takes bytes in pieces of any size."""
-
     def __init__(
         self,
         dialect: Any,

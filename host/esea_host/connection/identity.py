@@ -35,8 +35,6 @@ PACKAGES = ("esea-gen", "numpy", "casadi", "pymavlink", "mcap")
 
 @dataclass(frozen=True)
 class Identity:
-    """A board that we understand."""
-
     device: Device
     real: str  # number format of its C
     content_hash: str
@@ -46,7 +44,6 @@ class Identity:
 
     @property
     def simulated(self) -> bool:
-        """Whether no hardware is behind it."""
         return self.board in SIMULATED_BOARDS
 
     def facts(self) -> dict[str, Any]:
@@ -108,7 +105,6 @@ def _zipped(files: Any) -> bytes:
 def identify(
     transport: Transport, expected: str | None = None, key: Path | None = None
 ) -> Identity:
-    """Ask a board who it is."""
     device = loaded_device(expected or ANYBODY)
     session = Session(transport, load_dialect(device), PROBE_S)
     try:

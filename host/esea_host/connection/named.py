@@ -25,7 +25,6 @@ class NamedStream:
 
     @property
     def key(self) -> tuple[int, int]:
-        """By which its messages are known."""
         return self.board.number, self.board.choice
 
 
@@ -54,7 +53,6 @@ def named_streams(
 
 
 def data_key(payload: bytes) -> tuple[int, int]:
-    """Which stream a message is of."""
     return payload[14], payload[15]
 
 

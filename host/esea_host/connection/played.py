@@ -29,18 +29,14 @@ class NobodyListens:
     """The link of a recording: nothing comes, nothing can be said."""
 
     def read(self, timeout_s: float) -> bytes:
-        """Nothing."""
         return b""
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """Refused."""
         raise LinkError("This is a recording: there is no board to command", "")
 
-    def close(self) -> None:
-        """Nothing is open."""
+    def close(self) -> None: ...
 
     def said(self) -> str:
-        """Nothing."""
         return ""
 
 
@@ -78,11 +74,9 @@ class PlayedBoard(ConnectedDevice):
         return {"gaps": len(self.log.gaps)}
 
     def play(self) -> None:
-        """Begin, in a thread."""
         self._player.start()
 
     def close(self) -> None:
-        """Stop playing."""
         self._halt.set()
         if self._player.ident is not None:
             self._player.join(5.0)

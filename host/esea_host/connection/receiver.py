@@ -50,7 +50,6 @@ class Subscription:
         self._error: Exception | None = None
 
     def put(self, batch: Batch) -> None:
-        """Take a batch, or count it as dropped."""
         name = batch.layout.name
         if self.streams is not None and name not in self.streams:
             return
@@ -85,7 +84,6 @@ class Subscription:
             self._changed.notify_all()
 
     def take(self, timeout_s: float) -> list[Batch]:
-        """All that waits; empty when nothing comes in time."""
         with self._changed:
             if not self._batches and self._error is None and timeout_s > 0:
                 self._changed.wait(timeout_s)
@@ -117,8 +115,6 @@ class SessionTransport:
 
 
 class Receiver:
-    """Reads a link and hands out what comes."""
-
     def __init__(
         self,
         transport: Transport,
@@ -157,7 +153,6 @@ class Receiver:
 
     @property
     def health(self) -> LinkHealth:
-        """What came."""
         return self.decoder.health
 
     def subscribe(
@@ -171,16 +166,13 @@ class Receiver:
         return made
 
     def unsubscribe(self, subscription: Subscription) -> None:
-        """Give a queue back."""
         self._subscriptions = [s for s in self._subscriptions if s is not subscription]
 
     def start(self) -> None:
-        """Listen in a thread from now on."""
         self._thread = threading.Thread(target=self._run, name="esea-receiver", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread and the link."""
         self._stopped.set()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(2.0)
@@ -217,7 +209,6 @@ class Receiver:
         return bool(data)
 
     def take(self, data: bytes) -> None:
-        """Hand out what these bytes complete."""
         decoded, others = self.decoder.feed(data)
         now = self.now_ns()
         if self.named:
@@ -232,7 +223,6 @@ class Receiver:
                 self._changed.notify_all()
 
     def hand_out(self, batch: Batch) -> None:
-        """To everybody who has subscribed."""
         self.gap_count += len(batch.gaps)
         for subscription in self._subscriptions:
             subscription.put(batch)

@@ -69,17 +69,14 @@ class LiveRecording:
         self.close()
 
     def note(self, text: str, **facts: Any) -> None:
-        """Write down what somebody saw or did."""
         with self._lock:
             self.recorder.note(text, **facts)
 
     def event(self, topic: str, **content: Any) -> None:
-        """Write an event."""
         with self._lock:
             self.recorder.event(topic, content)
 
     def drain(self, timeout_s: float) -> None:
-        """Write what waits."""
         for batch in self.subscription.take(timeout_s):
             if self._start is None:
                 self._start = batch.arrived_ns, int(batch.board_ns[0])
@@ -106,7 +103,6 @@ class LiveRecording:
             self.error = error  # who holds the recording sees it
 
     def close(self) -> None:
-        """End the file; more than once does no harm."""
         self._receiver.unsubscribe(self.subscription)  # else a slow disk is never done
         self._stopped.set()
         if self._thread is not None:

@@ -32,8 +32,6 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$", max_length=100)]
 
 
 class ForeignColumn(BaseModel):
-    """A column of the file."""
-
     model_config = _STRICT
     source: str | int  # its header, or its number from 0
     name: Name  # ours, with the unit at its end
@@ -46,8 +44,6 @@ class ForeignColumn(BaseModel):
 
 
 class ForeignTime(BaseModel):
-    """How time runs."""
-
     model_config = _STRICT
     source: str | int | None = None  # column of the time; without it period_s counts
     scale: Annotated[float, Field(gt=0)] = 1.0  # seconds of its unit
@@ -56,8 +52,6 @@ class ForeignTime(BaseModel):
 
 
 class ForeignMapping(BaseModel):
-    """A mapping file."""
-
     model_config = _STRICT
     stream: Name = "foreign"  # name of the stream that is made
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
@@ -83,8 +77,6 @@ class ForeignMapping(BaseModel):
 
 @dataclass
 class ImportReport:
-    """What an import did."""
-
     rows: int = 0  # written
     read: str = ""  # how the file was read and what was left out, with counts and lines
     left_out: tuple[str, ...] = ()  # the latter alone
@@ -96,7 +88,6 @@ class ImportReport:
 
 
 def read_mapping(path: Path) -> ForeignMapping:
-    """Read a mapping file."""
     text = read_text(path, "docs/host.md has a mapping file.")
     document = parse_toml(text, path.name, "docs/host.md")
     mapping = checked(ForeignMapping, document, path.name, lambda _: None, text)
@@ -112,7 +103,6 @@ def read_mapping(path: Path) -> ForeignMapping:
 
 
 def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport:
-    """Make a recording of a foreign log."""
     with new_whole(target) as part:
         return _import(source, mapping, part)
 

@@ -44,7 +44,6 @@ class Gap:
         return cls(**found | {"stream": shown(texts[0]), "reason": shown(texts[1])})
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return asdict(self)
 
     def __str__(self) -> str:

@@ -30,8 +30,6 @@ MEANINGS = {
 
 @dataclass(frozen=True)
 class Damage:
-    """A place of the file that cannot be used."""
-
     offset: int
     end: int
     what: str  # what is wrong there
@@ -46,14 +44,11 @@ class Damage:
         return f"{what}; messages lost: {lost}" if lost else what
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {**vars(self), "lost": dict(self.lost)}
 
 
 @dataclass(frozen=True)
 class Integrity:
-    """What is known of a recording's completeness."""
-
     states: tuple[RecordingState, ...]  # all that apply, the worst first
     damages: tuple[Damage, ...]  # places that cannot be used
     readable_bytes: int
@@ -63,12 +58,10 @@ class Integrity:
 
     @property
     def state(self) -> RecordingState:
-        """The worst that applies."""
         return self.states[0]
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is missing or changed."""
         return self.state is RecordingState.COMPLETE
 
     def __str__(self) -> str:
@@ -83,7 +76,6 @@ class Integrity:
         return f"{text}; messages missing: {lost}" if lost else text
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {
             "state": self.state.value,
             "states": [s.value for s in self.states],

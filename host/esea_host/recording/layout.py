@@ -29,8 +29,6 @@ _KINDS = {"f4": (5, 2), "u4": (5, 7), "i4": (5, 15), "f8": (1, 1), "u8": (1, 6),
 
 @dataclass(frozen=True)
 class StreamColumn:
-    """A column of a stream."""
-
     name: str
     kind: str = "f4"  # f4, u4, i4, f8, u8 or i8
     unit: str = ""
@@ -63,16 +61,13 @@ class StreamLayout:
 
     @property
     def shape(self) -> list[tuple[str, str, int]]:
-        """Name, kind and size of every column."""
         return [(c.name, c.kind, c.size) for c in self.columns]
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of every column that has one."""
         return {c.name: c.unit for c in self.columns if c.unit}
 
     def record(self, rows: Array) -> Array:
-        """Rows as protobuf messages."""
         out = np.zeros(len(rows), self.record_dtype)
         for number, column in enumerate(self.columns, 1):
             out[f"tag {number}"] = list(_tag(number, column))
@@ -114,7 +109,6 @@ class StreamLayout:
         return _text(1, file + _text(12, "proto3"))
 
     def to_json(self) -> str:
-        """Columns, units and meanings."""
         return json.dumps([asdict(c) for c in self.columns])
 
     @classmethod

@@ -89,7 +89,6 @@ class PieceFile:
         self.holes.sort()
 
     def close(self) -> None:
-        """Let go of the file."""
         self._kept.clear()
         self._map.close()
 

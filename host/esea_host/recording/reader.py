@@ -204,7 +204,6 @@ class LogFile(PieceFile):
     # -- reading ---------------------------------------------------------------------------------
 
     def topics(self) -> dict[str, list[int]]:
-        """Channels of every topic, without the slash before it."""
         found: dict[str, list[int]] = {}
         for number in self.channels:
             found.setdefault(self._topic(number), []).append(number)
@@ -235,7 +234,6 @@ class LogFile(PieceFile):
         return found
 
     def read(self, piece: Piece, topic: str, damaged: bool = False) -> Rows | None:
-        """Messages of a topic in a piece."""
         numbers = self.topics()[topic]
         if piece.problem and (not damaged or piece.compression):
             raise PieceError(f"{self.path.name}: the piece at byte {piece.offset} {piece.problem}")

@@ -42,28 +42,23 @@ class Fields:
         self.data, self.at, self.end = data, at, end
 
     def bytes(self, count: int) -> bytes:
-        """So many bytes."""
         start, self.at = self.at, self.at + count
         if not start <= self.at <= self.end:
             raise PieceError("has a length that goes beyond its end")
         return bytes(self.data[start : self.at])
 
     def skip(self, count: int) -> None:
-        """Go on behind so many bytes."""
         if not 0 <= count <= self.end - self.at:
             raise PieceError("has a length that goes beyond its end")
         self.at += count
 
     def number(self, size: int) -> int:
-        """An unsigned number of so many bytes."""
         return int.from_bytes(self.bytes(size), "little")
 
     def text(self) -> str:
-        """A text behind its length."""
         return self.bytes(self.number(4)).decode("utf-8", "replace")
 
     def pairs(self) -> dict[str, str]:
-        """A map of texts."""
         size = self.number(4)
         inner = type(self)(self.data, self.at, self.at + size)
         self.skip(size)
@@ -76,22 +71,17 @@ class Fields:
 
 @dataclass(frozen=True)
 class Schema:
-    """What messages of a channel look like."""
-
     number: int
     name: str
     encoding: str
 
     @classmethod
     def read(cls, fields: Fields) -> Self:
-        """Out of its record."""
         return cls(fields.number(2), shown(fields.text()), shown(fields.text()))
 
 
 @dataclass(frozen=True)
 class Channel:
-    """Where messages belong to."""
-
     number: int
     schema: int
     topic: str
@@ -100,7 +90,6 @@ class Channel:
 
     @classmethod
     def read(cls, fields: Fields) -> Self:
-        """Out of its record."""
         number, schema = fields.number(2), fields.number(2)
         topic, encoding = shown(fields.text()), shown(fields.text())
         return cls(number, schema, topic, encoding, fields.pairs())
@@ -117,7 +106,6 @@ class AttachmentPlace:
 
 
 def attachment(data: mmap.mmap, at: int, end: int) -> AttachmentPlace:
-    """The attachment in a record."""
     fields = Fields(data, at + HEAD.size, end)
     fields.skip(16)
     name = shown(fields.text())

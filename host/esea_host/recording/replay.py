@@ -56,8 +56,6 @@ class ReplayDifference:
 
 @dataclass
 class ReplayVerdict:
-    """What came of a replay."""
-
     integrity: Integrity  # of the recording
     ticks: int = 0  # base ticks that were computed again
     values: int = 0  # outputs that were compared
@@ -85,7 +83,6 @@ class _KeyFrame:
 
 
 def verify(log: Log, progress: Callable[[float], None] | None = None) -> ReplayVerdict:
-    """Compute a recording again."""
     replay = _Replay(log)
     found = replay.run(progress or (lambda _: None))
     if any(p.problem and not p.compression for p in log.file.pieces):

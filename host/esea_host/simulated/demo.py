@@ -33,8 +33,6 @@ SETTLE_S, ZERO_S, ZERO_TRIES = 0.3, 0.4, 5
 
 @dataclass(frozen=True)
 class Demo:
-    """What a demonstration left."""
-
     recording: Path
     report: Path
     verdict: ReplayVerdict

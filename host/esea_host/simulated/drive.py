@@ -227,15 +227,12 @@ class SimulatedBoard:
         return paths
 
     def write(self, data: bytes) -> None:
-        """Bytes from the host."""
         self._transport.write(data, 0.0)
 
     def read(self) -> bytes:
-        """Bytes for the host."""
         return self._transport.read(0.0)
 
     def close(self) -> None:
-        """Let go of the board."""
         self.board.close()
 
 

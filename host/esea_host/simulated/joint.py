@@ -34,7 +34,6 @@ class MovedJoint:
                 self._mounted.append((turned, zero))
 
     def start(self) -> list[int]:
-        """Where the motion begins."""
         self._noise = np.random.default_rng([self._seed, 3])
         self._ticks = 0
         self._moved = self.motion.step()

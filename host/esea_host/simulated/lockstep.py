@@ -48,7 +48,6 @@ class LockstepDevice(ConnectedDevice):
         self.session.clock_s = lambda: drive.ticks * 1e-3
 
     def advance(self, time_s: float) -> None:
-        """Let time pass."""
         for i in range(round(time_s * 1000)):
             if self.drive.ticks % BEAT_TICKS == 0:
                 self.drive.write(self._heartbeat())

@@ -31,8 +31,6 @@ MOST_GAP_S = 0.1
 
 
 class JointMotion(Protocol):
-    """A simulated movement of a passive joint."""
-
     def step(self) -> Mapping[str, tuple[float, float]]:
         """One base tick on; of each axis the angles of motor side and load side in rad."""
         ...

@@ -18,7 +18,6 @@ class NoisyTransport:
         self.accidents = dict.fromkeys(KINDS, 0)
 
     def damage(self, data: bytes) -> bytes:
-        """What arrives of some bytes."""
         out = bytearray(data)
         for _ in range(self._random.poisson(len(data) / self.every_bytes)):
             kind = KINDS[self._random.integers(len(KINDS))]

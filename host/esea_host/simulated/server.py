@@ -151,7 +151,6 @@ def serve(
     hands: int | None = None,
     spring_Nm_rad: float = 0.0,
 ) -> None:
-    """Serve a simulated board until somebody ends it."""
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
     tell = say or (lambda text: print(text, flush=True))
@@ -201,7 +200,6 @@ class Hands:
             os.set_blocking(source, False)
 
     def reach(self, drive: SimulatedBoard) -> None:
-        """Do what was said last."""
         if self._source is None:
             return
         try:
