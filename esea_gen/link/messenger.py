@@ -10,7 +10,7 @@ from itertools import islice
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, Counters, FrameReader
+from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, FrameReader, LinkHealth
 from esea_gen.link.received import shown
 from esea_gen.link.transport import LinkError, Transport
 
@@ -109,8 +109,8 @@ class Messenger:
         self.transport.close()
 
     @property
-    def counters(self) -> Counters:
-        return self._reader.counters
+    def counters(self) -> LinkHealth:
+        return self._reader.health
 
     def message(self, name: str, *values: Any) -> Any:
         """A message of the dialect by name, its values in the order of the definition."""

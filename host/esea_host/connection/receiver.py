@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from esea_gen.link.frames import LinkHealth
 from esea_gen.link.transport import LinkError, Transport
-from esea_host.connection.decoder import TICK, Decoded, LinkHealth, TelemetryDecoder
+from esea_host.connection.decoder import TICK, Decoded, TelemetryDecoder
 from esea_host.connection.named import NamedStream, data_key, data_rows
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import Array, StreamLayout
