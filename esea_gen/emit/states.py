@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from esea_gen.control.faults import FAULT_CODES
+from esea_gen.control.limits.faults import FAULT_CODES
 from esea_gen.language.ports import Code
 
 
