@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from esea_gen.bench.bound import BoundError, blocks_of, disassemble
 from esea_gen.bench.predictive import (
     AIM_BOUND,
     AIM_TYPICAL,
@@ -19,6 +18,7 @@ from esea_gen.bench.predictive import (
 )
 from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.bench.predictive_peer import flat_residuals
+from esea_gen.board.bound import BoundError, blocks_of, disassemble
 from esea_gen.control.predictive.box_qp import packed
 from esea_gen.control.predictive.box_qp_program import box_qp
 from esea_gen.control.predictive.drive import drive_model, predictive_controller

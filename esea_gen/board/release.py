@@ -1,6 +1,6 @@
 """When a device's control task has surely ended on a board, and its command may be released.
 
-The bound of every task is that of its object code (:mod:`esea_gen.bench.bound`), latches included.
+The bound of every task is that of its object code (:mod:`esea_gen.board.bound`), latches included.
 Cycles an instruction are assumed: nobody has measured them (:data:`esea_gen.targets.Processor`).
 """
 
@@ -12,7 +12,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from esea_gen.bench.bound import step_bound
+from esea_gen.board.bound import step_bound
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.program_c import LoopBound, loop_lines

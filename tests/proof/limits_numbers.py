@@ -7,8 +7,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from esea_gen.verify.c_values import literal
-from esea_gen.verify.smt import TRUE, every, negated, whole
+from .c_values import literal
+from .smt import TRUE, every, negated, whole
 
 WIDE = 96  # bits in which numbers of different scale are compared; nothing here needs as many
 

@@ -12,10 +12,10 @@ import esea_gen
 from esea_gen.cli import app
 from esea_gen.emit.fixed.functions import source_files
 from esea_gen.verify import fixed_report
-from esea_gen.verify.certificates import prove_rounding
 from esea_gen.verify.proof import prove_block, prove_drive
 
-from .conftest import require_tool
+from ..conftest import require_tool
+from .certificates import prove_rounding
 
 pytestmark = pytest.mark.slow
 
@@ -207,7 +207,7 @@ def test_any_coefficient_bits_overflow_only_blocks_of_q31_that_do_not_check_thei
 
 def test_the_mean_square_of_the_speed_fits():
     """The product of WORDS_APART, from the bounds that stand in the C: it is far below 2^31."""
-    folder = Path(__file__).parents[1] / "generated" / "elbow_drive" / "q31"
+    folder = Path(__file__).parents[2] / "generated" / "elbow_drive" / "q31"
     text = (folder / "esea_elbow_drive_passivity.c").read_text()
     found = re.search(
         r"const int64_t (\w+) = \(\(\(int64_t\)v\d+_q22\) \* INT64_C\(2\)\)\s*"

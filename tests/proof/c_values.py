@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from esea_gen.verify.smt import (
+from .smt import (
     FALSE,
     FLOAT,
     TRUE,

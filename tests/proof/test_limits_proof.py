@@ -9,10 +9,9 @@ import re
 
 import pytest
 
-from esea_gen.verify.limits_proof import POSSIBLE, PROPERTIES, prove_limits, show_possible
-from esea_gen.verify.limits_step import compiled
-
-from .conftest import require_tool
+from ..conftest import require_tool
+from .limits_proof import POSSIBLE, PROPERTIES, prove_limits, show_possible
+from .limits_step import compiled
 
 slow = pytest.mark.slow
 REALS = ("f32", "q31")
@@ -153,7 +152,7 @@ def test_a_comparison_that_lets_nan_through_breaks_a_property(drive):
     ["while (v) { v = 0; }", "double v = 0.0;", "int v = (int)0.5f;", "int v = other(1);"],
 )
 def test_c_that_is_not_understood_is_refused(drive, line):
-    from esea_gen.verify.limits_step import LimitsC, Step
+    from .limits_step import LimitsC, Step
 
     require_tool("gcc")
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from esea_gen.control.limits.faults import Fault
-from esea_gen.verify.limits_proof import POSSIBLE, PROPERTIES
-from esea_gen.verify.limits_step import compiled
 
-from .limits_model import FLAGS
+from ..limits_model import FLAGS
+from .limits_proof import POSSIBLE, PROPERTIES
+from .limits_step import compiled
 from .smt_terms import parsed, value_of
 from .typed_limits_step import (
     CUT,

@@ -16,9 +16,10 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
-from esea_gen.verify.emitted_c import Reader
-from esea_gen.verify.limits_numbers import Number, of_field, snapped
-from esea_gen.verify.smt import TRUE, Script, every, negated, some
+
+from .emitted_c import Reader
+from .limits_numbers import Number, of_field, snapped
+from .smt import TRUE, Script, every, negated, some
 
 Change = Callable[[str, str], str]
 """``change(file name, text) -> text``: a deliberate fault."""

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.board.emulator import qemu_command
 from esea_gen.cache import cache_folder
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
@@ -33,7 +34,6 @@ from esea_gen.targets import (
     boards_for,
     firmware_folder,
 )
-from esea_gen.verify.emulator import qemu_command
 
 Array = np.ndarray[Any, np.dtype[Any]]
 TIMEOUT_S = 300

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 from esea_gen import __version__
+from esea_gen.board.firmware import FirmwareImage
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.export.ipk import ipk
@@ -14,7 +15,6 @@ from esea_gen.export.library import FORMS, library_files
 from esea_gen.files import write_whole
 from esea_gen.hostlib import find_compiler
 from esea_gen.targets import CONTROL_FLAGS, SECTION_FLAGS, find_board
-from esea_gen.verify.firmware import FirmwareImage
 
 # Only what is declared in the header can be called.
 _LIBRARY = ("-fPIC", "-fvisibility=hidden", *SECTION_FLAGS)

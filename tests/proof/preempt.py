@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.board.firmware import FirmwareImage
+from esea_gen.board.gdb import HeldProcessor, addresses
 from esea_gen.device import Device
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.language.system import Task
 from esea_gen.targets import ARM_GCC, find_board, firmware_folder
-from esea_gen.verify.firmware import FirmwareImage
-from esea_gen.verify.gdb import HeldProcessor
 
 Array = npt.NDArray[Any]
 
@@ -87,16 +87,6 @@ def instructions_of(image: FirmwareImage, functions: Sequence[str]) -> list[int]
         if row and name in functions and not row.group(2).startswith("."):
             found.append(int(row.group(1), 16))
     return found
-
-
-def addresses(image: FirmwareImage) -> dict[str, int]:
-    """Where an image's functions and objects stand."""
-    tool = find_compiler(*ARM_GCC.tool("nm"))
-    said = subprocess.run(
-        [tool, "-P", image.elf], capture_output=True, text=True, check=True
-    ).stdout
-    rows = [line.split() for line in said.splitlines()]
-    return {r[0]: int(r[2], 16) & ~1 if r[1] in "tT" else int(r[2], 16) for r in rows if len(r) > 2}
 
 
 def slower_task(device: Device) -> Task:

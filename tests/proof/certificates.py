@@ -17,9 +17,10 @@ from pathlib import Path
 
 from esea_gen.emit.fixed.functions import source_files
 from esea_gen.files import template_folder
-from esea_gen.verify.emitted_c import Reader
-from esea_gen.verify.smt import Script
 from esea_gen.verify.tools import TIMEOUT_S, tool
+
+from .emitted_c import Reader
+from .smt import Script
 
 Change = Callable[[str, str], str]
 

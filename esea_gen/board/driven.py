@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from esea_gen.device import Device
-from esea_gen.verify.chips import (
+from esea_gen.board.chips import (
     WIRE_FAULTS,
     Amplifier,
     As5048a,
@@ -13,6 +12,7 @@ from esea_gen.verify.chips import (
     Drivers,
     Workbench,
 )
+from esea_gen.device import Device
 
 MOTOR_SIDE, LOAD_SIDE, GEAR, ADC = range(4)
 _LINES = {"motor": MOTOR_SIDE, "load": LOAD_SIDE, "gear": GEAR}

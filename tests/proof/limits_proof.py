@@ -21,9 +21,10 @@ from esea_gen.control.limits.safety import STALE_PERIODS
 from esea_gen.device import Device
 from esea_gen.language.ports import Port
 from esea_gen.language.watch import LATE_MOST
-from esea_gen.verify.limits_numbers import Number
-from esea_gen.verify.limits_step import Change, LimitsC, Step
-from esea_gen.verify.smt import Answer, ask, every, implied, negated, some
+
+from .limits_numbers import Number
+from .limits_step import Change, LimitsC, Step
+from .smt import Answer, ask, every, implied, negated, some
 
 LIMIT_S = 120  # of processor time, about
 TOGETHER = 3  # properties in one question: reading one costs as much as answering it

@@ -13,11 +13,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from esea_gen.board.firmware import build_firmware
+from esea_gen.board.gdb import HeldProcessor, addresses
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device
-from esea_gen.verify.firmware import build_firmware
-from esea_gen.verify.gdb import HeldProcessor
-from esea_gen.verify.preempt import addresses
-from esea_gen.verify.sim import SimBoard
 
 # Ticks between two looks of the debugger, which does not wait for ever.  A look moves the clock to
 # the next tick at once: at none of these does the host speak.

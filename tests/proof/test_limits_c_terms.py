@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.verify.limits_proof import PROPERTIES
-from esea_gen.verify.limits_step import LimitsC, Step, compiled
 
-from .conftest import require_tool
-from .limits_model import FLAGS
+from ..conftest import require_tool
+from ..limits_model import FLAGS
+from .limits_proof import PROPERTIES
+from .limits_step import LimitsC, Step, compiled
 from .smt_terms import Terms
 from .typed_limits_step import INITIAL, RUNNING, TINY, U
 
@@ -153,7 +153,7 @@ def test_the_emitted_c_keeps_every_property(step):
 
 
 def test_a_fault_is_put_into_the_file_that_is_named(drive, monkeypatch):
-    from esea_gen.verify import limits_step
+    from . import limits_step
 
     class Files:
         prefix = "esea_x"

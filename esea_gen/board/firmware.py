@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from esea_gen.board.stack import CallGraph, deepest_stack, stack_by_priority
 from esea_gen.cache import cache_folder
 from esea_gen.device import Device
 from esea_gen.emit.build import render_device
@@ -35,7 +36,6 @@ from esea_gen.targets import (
     firmware_boards,
     firmware_folder,
 )
-from esea_gen.verify.stack import CallGraph, deepest_stack, stack_by_priority
 
 # What control code may ask of the compiler's own library: moving memory and dividing integers.
 _ALLOWED = re.compile(

@@ -6,9 +6,8 @@ import re
 
 import pytest
 
-from esea_gen.verify.firmware_proof import CONTRACTS, PARTS, prove_firmware
-
-from .conftest import require_tool
+from ..conftest import require_tool
+from .firmware_proof import CONTRACTS, PARTS, prove_firmware
 
 pytestmark = pytest.mark.slow
 

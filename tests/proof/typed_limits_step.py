@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.verify.limits_numbers import WIDE, Number
-from esea_gen.verify.limits_step import Step
-from esea_gen.verify.smt import whole
-
-from .limits_model import FLAGS
+from ..limits_model import FLAGS
+from .limits_numbers import WIDE, Number
+from .limits_step import Step
+from .smt import whole
 
 KEY = 5592405.5
 NAN, INF = float("nan"), float("inf")

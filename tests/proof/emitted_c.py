@@ -19,7 +19,9 @@ from typing import Any
 
 from pycparser import c_ast, c_parser
 
-from esea_gen.verify.c_values import (
+from esea_gen.verify.tools import tool
+
+from .c_values import (
     BASIC,
     INT,
     LONG,
@@ -33,8 +35,7 @@ from esea_gen.verify.c_values import (
     literal,
     single,
 )
-from esea_gen.verify.smt import FALSE, TRUE, Script, every, negated, some
-from esea_gen.verify.tools import tool
+from .smt import FALSE, TRUE, Script, every, negated, some
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ import pytest
 
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
-from esea_gen.verify.sanitize import replay_device, undefined_behaviour
 
-from .conftest import require_tool
+from ..conftest import require_tool
+from .sanitize import replay_device, undefined_behaviour
 
 pytestmark = pytest.mark.ci
 

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import socket
 import struct
+import subprocess
 import tempfile
 from types import TracebackType
 from typing import Self
 
+from esea_gen.board.emulator import qemu_command
+from esea_gen.board.firmware import FirmwareImage
+from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.link.transport import LinkError, Process
-from esea_gen.targets import find_board
-from esea_gen.verify.emulator import qemu_command
-from esea_gen.verify.firmware import FirmwareImage
+from esea_gen.targets import ARM_GCC, find_board
 
 TIMEOUT_S = 30.0
 PC, XPSR = 15, 25
@@ -171,3 +173,13 @@ class HeldProcessor:
             return
         self._ask(f"z1,{address:x},2")
         self._breaks.discard(address)
+
+
+def addresses(image: FirmwareImage) -> dict[str, int]:
+    """Where an image's functions and objects stand."""
+    tool = find_compiler(*ARM_GCC.tool("nm"))
+    said = subprocess.run(
+        [tool, "-P", image.elf], capture_output=True, text=True, check=True
+    ).stdout
+    rows = [line.split() for line in said.splitlines()]
+    return {r[0]: int(r[2], 16) & ~1 if r[1] in "tT" else int(r[2], 16) for r in rows if len(r) > 2}

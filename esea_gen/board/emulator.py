@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.board.firmware import FirmwareImage
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.dialect import load_dialect
@@ -30,7 +31,6 @@ from esea_gen.language.system import Task
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, Process, ProcessTransport, Transport
 from esea_gen.targets import Board, find_board
-from esea_gen.verify.firmware import FirmwareImage
 
 Array = npt.NDArray[Any]
 Progress = Callable[[int, int], None]
@@ -80,7 +80,7 @@ def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] =
     if "-shared" in board.link:
         raise UserError(
             f"Board '{board.name}' is a library: nothing runs it by itself.",
-            "Drive it from Python (esea_gen.verify.sim.SimBoard), or choose another board.",
+            "Drive it from Python (esea_gen.board.sim.SimBoard), or choose another board.",
         )
     if not board.machine:
         return ProcessTransport.over_stdio([*program_command(image, board), *options])

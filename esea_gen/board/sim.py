@@ -15,6 +15,8 @@ from typing import Any
 
 import cffi
 
+from esea_gen.board.blackbox import BlackboxRecord, read_record, record_bytes
+from esea_gen.board.firmware import build_firmware
 from esea_gen.device import Device
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.emit.roles import board_roles, every_tick
@@ -22,8 +24,6 @@ from esea_gen.emit.states import EVENTS, GUARDS, STATES
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import firmware_folder
-from esea_gen.verify.blackbox import BlackboxRecord, read_record, record_bytes
-from esea_gen.verify.firmware import build_firmware
 
 _LINE_BYTES = 1 << 16
 
