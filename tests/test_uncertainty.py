@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from esea_gen.bench.peers import NumpyPeer
 from esea_gen.cli import app
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
@@ -41,6 +40,7 @@ from esea_gen.studies.uncertainty.study import (
     torque_uncertainty,
 )
 from esea_gen.studies.uncertainty.tally import RATES, TORQUES, Tally
+from tests.benchmarks.peers import NumpyPeer
 
 from .conftest import require_tool
 from .observed import filtered

@@ -1,4 +1,4 @@
-"""``python -m esea_host.bench.smoothness FILE``: against the published package, in the same run.
+"""``python -m tests.benchmarks.smoothness FILE``: against the published package, in the same run.
 
 FILE is its ``smoothness.py``, from github.com/siva82kb/SPARC.
 """

@@ -1,4 +1,4 @@
-"""Figures of link and recording: ``python -m esea_host.bench --json FILE``.
+"""Figures of link and recording: ``python -m tests.benchmarks.link --json FILE``.
 
 All on the simulated board.  What is compared is compared in the same run, on the same bytes.
 """
@@ -19,7 +19,6 @@ import numpy as np
 
 from esea_gen.files import write_json
 from esea_gen.link.transport import RECEIVE_CHUNK_BYTES
-from esea_host.bench.plotting import memory_bytes, plot_latency, window_soak
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.receiver import KEY, Receiver
 from esea_host.recording.log import open_log
@@ -27,6 +26,7 @@ from esea_host.recording.writer import Recorder
 from esea_host.simulated.drive import SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
 from esea_host.simulated.noise import NoisyTransport
+from tests.benchmarks.live_view import memory_bytes, plot_latency, window_soak
 
 PIECE_BYTES = 4096
 SAMPLE_S = 20.0

@@ -1,6 +1,6 @@
 """What predictive control costs: bound, worst seen and typical instructions; peers beside it.
 
-    python -m esea_gen.bench.predictive --json predictive.json
+    python -m tests.benchmarks.predictive --json predictive.json
 
 Instructions are counted on the object code (the bound) and in an emulator (what was seen); they are
 not cycles.  Times are of this machine, the thread's own, in turns with each peer.
@@ -22,8 +22,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.bench.predictive_loop import recorded_rows
-from esea_gen.bench.predictive_peer import step_times
 from esea_gen.board.bound import InstructionBound, step_bound
 from esea_gen.control.laws.predictive import device_horizon, drive_train
 from esea_gen.control.predictive.box_qp_program import box_qp
@@ -41,6 +39,8 @@ from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, boards_for
 from esea_gen.twin.controllers import controller_device
+from tests.benchmarks.predictive_loop import recorded_rows
+from tests.benchmarks.predictive_peer import step_times
 
 CORES = {b.core: b.processor for b in boards_for("instructions")}
 FLAGS = (*EXACT_FLAGS, *SECTION_FLAGS, "-g")

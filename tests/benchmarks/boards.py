@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from esea_gen.bench.peers import BARE_FLAGS, Sources, _call, _place, _short
 from esea_gen.cache import cache_folder
 from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.language.ports import Array
 from esea_gen.targets import BARE_LINK, HOST_GCC, Board, boards_for, firmware_folder
+from tests.benchmarks.peers import BARE_FLAGS, Sources, _call, _place, _short
 
 BOARDS = boards_for("instructions")
 

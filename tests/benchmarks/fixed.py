@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.bench.row import Row
 from esea_gen.board.bare import BARE_BOARDS, emulate, run_bare
 from esea_gen.device import Device
 from esea_gen.emit.fixed.kept import plan_block
@@ -24,6 +23,7 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import from_raw, to_raw
 from esea_gen.language.ports import Array
 from esea_gen.verify.streams import domain_chirp
+from tests.benchmarks.row import Row
 
 STEPS = 400
 CHIRP_S = 8.0

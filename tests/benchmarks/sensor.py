@@ -18,8 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
-from esea_gen.bench.fixed import fixed_rows
-from esea_gen.bench.peers import (
+from esea_gen.device import Device, load_device
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.render import Renderer
+from esea_gen.errors import UserError
+from esea_gen.files import write_json
+from esea_gen.language.block import Block
+from esea_gen.language.stream import Stream
+from esea_gen.verify.streams import domain_chirp, recorded_stream
+from tests.benchmarks.fixed import fixed_rows
+from tests.benchmarks.peers import (
     REALS,
     CompiledPeer,
     EvaluatorPeer,
@@ -30,17 +38,9 @@ from esea_gen.bench.peers import (
     count_host_instructions,
     peer_sources,
 )
-from esea_gen.bench.row import Row, compare
-from esea_gen.bench.steps import drive_load, drive_rows, step_cost_rows, step_table
-from esea_gen.bench.twin import twin_rows, twin_table
-from esea_gen.device import Device, load_device
-from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.render import Renderer
-from esea_gen.errors import UserError
-from esea_gen.files import write_json
-from esea_gen.language.block import Block
-from esea_gen.language.stream import Stream
-from esea_gen.verify.streams import domain_chirp, recorded_stream
+from tests.benchmarks.row import Row, compare
+from tests.benchmarks.steps import drive_load, drive_rows, step_cost_rows, step_table
+from tests.benchmarks.twin import twin_rows, twin_table
 
 STEPS = 4000
 COUNTED_STEPS = 400
@@ -204,7 +204,7 @@ def table(rows: list[Row]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line: print the table, write the JSON."""
-    parser = argparse.ArgumentParser(prog="python -m esea_gen.bench", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description=__doc__)
     parser.add_argument("device", nargs="?", default="elbow", help="shipped device or device file")
     parser.add_argument("--json", type=Path, default=Path("bench.json"), metavar="FILE")
     parser.add_argument("--pairs", type=int, default=101, help="pairs of measurements a row")

@@ -1,6 +1,6 @@
 """Predictive and sliding mode control in closed loop with the standard plants, side by side.
 
-    python -m esea_gen.bench.predictive_loop --seeds 10 --random 200 --resume journal
+    python -m tests.benchmarks.predictive_loop --seeds 10 --random 200 --resume journal
 
 The controllers are the generated f32 C of their device files (``devices/controllers``); plants,
 people and trajectories are the standard ones (``twin/plants.toml``).  Printed is the true error

@@ -1,4 +1,4 @@
-"""A study on a simulated board in another process, for long: ``python -m esea_host.bench.soak``.
+"""A study on a simulated board in another process, for long: ``python -m tests.benchmarks.soak``.
 
 Over TCP or a pseudo terminal; counts rows, gaps by reason, frames and their delay.  With
 ``--unplug`` the cable is pulled within a trial, with ``--power-off`` the board loses its power.

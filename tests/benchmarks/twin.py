@@ -11,9 +11,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from esea_gen.bench.peers import NumpyPeer
-from esea_gen.bench.row import Row
-from esea_gen.bench.twin_peers import (
+from esea_gen.device import Device
+from esea_gen.language.ports import Array
+from esea_gen.twin.closed_loop import ClosedLoop
+from esea_gen.twin.recorded import tuning_signals
+from esea_gen.twin.run import plant_variant
+from tests.benchmarks.peers import NumpyPeer
+from tests.benchmarks.row import Row
+from tests.benchmarks.twin_peers import (
     LoopPeer,
     PlantEquations,
     SolvePeer,
@@ -21,11 +26,6 @@ from esea_gen.bench.twin_peers import (
     python_peers,
     replay_system,
 )
-from esea_gen.device import Device
-from esea_gen.language.ports import Array
-from esea_gen.twin.closed_loop import ClosedLoop
-from esea_gen.twin.recorded import tuning_signals
-from esea_gen.twin.run import plant_variant
 
 REAL_TIME_NS = 1e6  # a millisecond
 FAST_MS, SLOW_MS = 20_000, 1000  # how much is simulated in C, and in Python

@@ -1,6 +1,6 @@
 """What an encoder's fault does before it is found, and how often none is found by mistake.
 
-    python -m esea_gen.bench.encoder_faults --plants 200 --json faults.json
+    python -m tests.benchmarks.encoder_faults --plants 200 --json faults.json
 
 Everything is simulated: the generated f32 C of the shipped controllers in closed loop with the
 standard plants and people.  The first table has random plants and people without a fault: how near

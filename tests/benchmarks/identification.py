@@ -7,7 +7,7 @@ Ours solves the linear ones and follows exact gradients on the generated C; the 
 in NumPy as fast as one can write it: only the stops and the Maxwell element's recursion are a loop
 over time.  What counts is processor time until 1 % above the optimum, in one run of this program.
 
-    python -m esea_gen.bench.identification [--budget 1200] [--json FILE]
+    python -m tests.benchmarks.identification [--budget 1200] [--json FILE]
 """
 
 from __future__ import annotations

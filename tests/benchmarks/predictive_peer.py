@@ -17,7 +17,6 @@ import casadi as ca
 import cffi
 import numpy as np
 
-from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.control.laws.predictive import device_horizon, drive_train
 from esea_gen.control.predictive.drive import drive_model
 from esea_gen.control.predictive.horizon import Horizon, Model, linearise
@@ -28,6 +27,7 @@ from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
 from esea_gen.studies.tuning import TuningCase
 from esea_gen.twin.controllers import controller_device
+from tests.benchmarks.predictive_loop import recorded_rows
 
 
 def flat_residuals(model: Model, horizon: Horizon) -> ca.Function:

@@ -1,4 +1,4 @@
-"""What a tick costs a board with link and drivers: ``python -m esea_gen.bench.whole_tick DEVICE``.
+"""What a tick costs a board with link and drivers: ``python -m tests.benchmarks.whole_tick``.
 
 The image is the STM32F405's, its drivers by registers included, in the emulator; what it counts are
 instructions.  Waiting for a bus is time, not instructions: it is left out, and told apart.
@@ -236,7 +236,7 @@ def whole_tick(device: Device, runs: int = RUNS) -> WholeTick:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(prog="python -m esea_gen.bench.whole_tick")
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.whole_tick")
     parser.add_argument("device", nargs="?", default="elbow_drive")
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args(arguments)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from esea_gen.bench.peers import Peer, finite
+from tests.benchmarks.peers import Peer, finite
 
 MEASURE_S = 0.0015  # one measurement; long against the clock, short against what else runs
 

@@ -15,10 +15,6 @@ from typing import get_args
 
 import numpy as np
 
-from esea_gen.bench.boards import BOARDS, checksum, count_step
-from esea_gen.bench.peers import CompiledPeer, Sources, peer_sources
-from esea_gen.bench.recorded import block_streams, task_rows
-from esea_gen.bench.row import Row, compare
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
@@ -32,6 +28,10 @@ from esea_gen.model.published_inverse import FilterName, published_inverse
 from esea_gen.targets import DEFAULT_BOARD, find_board
 from esea_gen.twin.recorded import RecordedDrive, record_drive
 from esea_gen.verify.streams import domain_chirp, recorded_stream
+from tests.benchmarks.boards import BOARDS, checksum, count_step
+from tests.benchmarks.peers import CompiledPeer, Sources, peer_sources
+from tests.benchmarks.recorded import block_streams, task_rows
+from tests.benchmarks.row import Row, compare
 
 # At most so many instructions a step on the Cortex-M4F: a 1 kHz task of both takes 3.4 million a
 # second, a fiftieth of what that part issues at its clock.
