@@ -1,1 +1,1 @@
-"""What code costs on a board: bounds of instructions, releases, counted steps."""
+"""What runs the C: images, emulators, the simulated board, models of chips, bounds of time."""

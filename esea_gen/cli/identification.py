@@ -186,8 +186,8 @@ def _identify_model(
 def _compare_models(
     mapping: Path, data: Path | None, json_file: Path | None, how: Searching
 ) -> str:
-    from esea_gen.board.step_count import missing_tool, sensor_instructions
     from esea_gen.identify.compare import compare
+    from esea_gen.verify.step_count import missing_tool, sensor_instructions
 
     missing = missing_tool()
     if missing:

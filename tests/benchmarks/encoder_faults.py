@@ -20,7 +20,7 @@ from scipy import stats
 
 from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, rooms_digest
-from esea_gen.control.redundancy import shares_of_room
+from esea_gen.control.limits.redundancy import shares_of_room
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate_case
 from esea_gen.twin.case import Setting

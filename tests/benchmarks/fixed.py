@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.board.bare import BARE_BOARDS, emulate, run_bare
 from esea_gen.device import Device
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import FieldPlan
@@ -20,7 +21,6 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import from_raw, to_raw
 from esea_gen.language.ports import Array
-from esea_gen.verify.bare import BARE_BOARDS, emulate, run_bare
 from esea_gen.verify.streams import domain_chirp
 
 from .peers import exact, renderer_of

@@ -15,7 +15,6 @@ import cffi
 import jinja2
 import numpy as np
 
-from esea_gen.board.step_count import stream_program
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.formats.f64 import casadi_c
@@ -26,6 +25,7 @@ from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System
 from esea_gen.model.elastomer import stop_grid
+from esea_gen.verify.step_count import stream_program
 
 # A call from one file to another is direct, as in a program, not through a loader's table.
 LIBRARY_FLAGS = ("-fvisibility=hidden",)

@@ -11,7 +11,6 @@ from typing import Any, get_args
 
 import numpy as np
 
-from esea_gen.board.step_count import checksum, count_step
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.runner import run_schedule
@@ -23,6 +22,7 @@ from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import FilterName, published_inverse
 from esea_gen.targets import boards_for
 from esea_gen.twin.recorded import record_drive
+from esea_gen.verify.step_count import checksum, count_step
 from esea_gen.verify.streams import domain_chirp, recorded_stream
 
 from .peers import (

@@ -1,1 +1,0 @@
-"""Bounds of instructions and releases of tasks."""
