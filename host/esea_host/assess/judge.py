@@ -82,7 +82,6 @@ def final(m: Met) -> Array:
 
 
 def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> dict[str, Any]:
-    """All numbers of the evaluation, with intervals."""
     names = hypothesis_names(data)
     ways = [w for w in WAYS if any(m.way == w for m in met)]
     inside = {w: [m for m in met if m.group == "inside" and m.way == w] for w in ways}
@@ -289,8 +288,6 @@ def _mixed(
 
 
 def table(result: dict[str, Any]) -> list[str]:
-    """As lines of text."""
-
     def ends(key: str, form: str = "{:.2f}") -> str:
         low, high = result[f"{key}_interval"]
         return f"{form.format(result[key])} ({form.format(low)} to {form.format(high)})"

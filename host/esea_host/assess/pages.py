@@ -77,7 +77,6 @@ def dated(session: Assessment, who: str) -> str:
 
 
 def allowed(c: Comfort) -> str:
-    """Reach and comfort in words."""
     return (
         f"Moved only between {c.low_rad / DEG:.0f}° and {c.high_rad / DEG:.0f}° of bending, at up "
         f"to {c.rate_rad_s / DEG:.0f}°/s."
@@ -147,7 +146,6 @@ def _map(ax: Axes, session: Assessment, comfort: Comfort, measure: str) -> None:
 
 
 def step_text(entry: AuditEntry) -> str:
-    """A step of the trail in words."""
     d = entry.details
     said = {
         "begin": "begun, all equally likely",
@@ -207,7 +205,6 @@ def write_session_page(
 
 
 def confusion_picture(result: Mapping[str, Any]) -> Figure:
-    """Truth against what was said."""
     counts = np.array(result["confusion"])
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     with mpl.rc_context(STYLE):
@@ -236,7 +233,6 @@ def confusion_picture(result: Mapping[str, Any]) -> Figure:
 
 
 def calibration_picture(result: Mapping[str, Any]) -> Figure:
-    """Confidence against how often it was right."""
     curve = {k: np.array(v) for k, v in result["calibration_curve"].items()}
     seen = curve["count"] > 0
     with mpl.rc_context(STYLE):
@@ -263,7 +259,6 @@ def calibration_picture(result: Mapping[str, Any]) -> Figure:
 
 
 def motions_picture(result: Mapping[str, Any]) -> Figure:
-    """Movements to 95 %."""
     names = {
         "expected": "expected\ninformation",
         "thesis": "thesis'\nmeasure",
@@ -285,7 +280,6 @@ def motions_picture(result: Mapping[str, Any]) -> Figure:
 
 
 def loop_picture(found: Any) -> Figure:
-    """Torque over angle, both ways."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(6.4, 4.2), layout="constrained")
         ax = figure.add_subplot()
@@ -310,8 +304,6 @@ def _render(template: str, notice: str, **context: Any) -> str:
 
 
 def evaluation_page(result: Mapping[str, Any]) -> str:
-    """The evaluation as a page."""
-
     def row(text: str, key: str, aim: str, form: str = "{:.2f}") -> tuple[str, str, str, str]:
         low, high = result[f"{key}_interval"]
         ends = f"{form.format(low)} to {form.format(high)}"

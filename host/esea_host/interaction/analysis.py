@@ -87,7 +87,6 @@ class ElementComparison:
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         made = replace(self.made, value=0.0).to_dict()
         del made["value"]
         simple = {
@@ -127,7 +126,6 @@ class InteractionAnalysis:
     comments: Comments | None
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {
             "folder": self.folder,
             "simulated": self.simulated,
@@ -147,7 +145,6 @@ class InteractionAnalysis:
 
 
 def printed(task: str, metric: str) -> dict[str, Any] | None:
-    """The published rows of a task and metric, if there are any."""
     if task not in TASKS or metric not in METRICS:
         return None
     return {

@@ -37,7 +37,6 @@ class Comments:
     read: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {
             "coders": list(self.coders),
             "comments": self.comments,
@@ -54,7 +53,6 @@ class Comments:
         }
 
     def lines(self) -> list[str]:
-        """For a terminal."""
         out = [self.read] if self.read else []
         out += [f"{self.comments} comments, coded by {' and '.join(self.coders)}"]
         for theme, found in self.theme_agreement.items():
@@ -96,7 +94,6 @@ def _said(found: Agreement | None) -> str:
 
 
 def read_comments(path: Path) -> Comments:
-    """Coded comments from their CSV file."""
     codes: dict[str, dict[tuple[str, str], str]] = {}
     elements: dict[str, str] = {}
     table, rows = read_rows(path, ("comment", "element", "coder", "theme", "tone"))

@@ -31,10 +31,7 @@ THRESHOLDS = (0.02, 0.05, 0.1)
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric of a filtered angle.
-
-    tuned: settings that it depends on beside the filter.
-    """
+    """A metric of a filtered angle."""
 
     name: str
     convention: str

@@ -78,12 +78,10 @@ class NamedColumn:
 
     @property
     def is_position(self) -> bool:
-        """Whether its unit is an angle's or a length's."""
         return self.unit in POSITIONS
 
     @property
     def is_speed(self) -> bool:
-        """Whether its unit is a position's per second."""
         return (self.unit or "").removesuffix("/s") in POSITIONS and not self.is_position
 
     def __str__(self) -> str:
@@ -94,10 +92,7 @@ class NamedColumn:
 
 @dataclass(frozen=True)
 class OwnSmoothness:
-    """Results and bands of one file; refused: metrics without an answer, and why.
-
-    read: how the file was read, and what was left out.
-    """
+    """Results and bands of one file; refused: metrics without an answer, and why."""
 
     file: str
     simulated: bool
@@ -109,7 +104,6 @@ class OwnSmoothness:
     refused: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {
             "file": self.file,
             "simulated": self.simulated,
@@ -123,7 +117,6 @@ class OwnSmoothness:
         }
 
     def lines(self) -> list[str]:
-        """For a terminal."""
         first = self.results[0][0]
         whose = f"{self.file}{', SIMULATED' if self.simulated else ''}"
         out = [*self.read]
@@ -153,11 +146,7 @@ def measure_file(
     resample_Hz: float | None = None,
     time_unit: str | None = None,
 ) -> OwnSmoothness:
-    """Metrics of a column of a table.
-
-    column, time: as in the file, with or without a unit in brackets; chosen by name and unit.
-    resample_Hz: new rate for frames at irregular times.  time_unit: of a time whose name has none.
-    """
+    """Metrics of a column of a table."""
     table = read_table(path)
     over = _time(table, time, time_unit)
     moved = _position(table, column, over)

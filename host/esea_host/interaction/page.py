@@ -16,7 +16,6 @@ from esea_host.interaction.survey import diverging_bars
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """For people."""
     if value is None or not math.isfinite(value):
         return "-"
     # A true minus sign; no exponent for what fits in a column.
@@ -25,7 +24,6 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def render_report(found: InteractionAnalysis) -> str:
-    """The analysis as a page."""
     env = environment()
     env.filters["num"] = number
 

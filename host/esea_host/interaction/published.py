@@ -80,7 +80,6 @@ COMMENTS = 30
 
 
 def published(table: tuple[PublishedRow, ...], task: str, metric: str) -> PublishedRow:
-    """One row of a table."""
     return next(r for r in table if (r.task, r.metric) == (task, metric))
 
 

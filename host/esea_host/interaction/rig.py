@@ -24,16 +24,7 @@ def law_ends(element: str) -> tuple[float, float]:
 
 
 class ElementRig(SensedRig):
-    """A wrist on the rig.
-
-    element: what is built in: spring, elastomer or equal.
-    limb: the wrist in flexion and extension.
-
-    Attributes
-    ----------
-    theta_rad, tau_Nm : float
-        Angle of the wrist and torque on it, as the board has them.
-    """
+    """A wrist on the rig."""
 
     def __init__(self, element: str, limb: Limb) -> None:
         super().__init__(element_device(element), (limb,), HANDLE_KGM2)

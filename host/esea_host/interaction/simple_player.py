@@ -19,7 +19,6 @@ class SimplePlayer(Actor):
         self.rng, self.time_s, self.theta_rad = rng, 0.0, 0.0
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
-        """One frame of 10 ms."""
         self.time_s = round(self.time_s + 0.01, 6)
         by_role = {s.role: s for s in scene.shapes}
         if "target" in by_role and "cursor" in by_role:

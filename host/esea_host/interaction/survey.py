@@ -28,10 +28,7 @@ COLOURS = ("#8c510a", "#d8b365", "#d0d4d8", "#5ab4ac", "#01665e")
 
 @dataclass(frozen=True)
 class Question:
-    """Answers to one question as spring against elastomer: negative is "spring less".
-
-    test: against no difference; None where all answered that.  p_holm: over the four questions.
-    """
+    """Answers to one question as spring against elastomer: negative is "spring less"."""
 
     name: str
     answers: tuple[int, ...]
@@ -45,7 +42,6 @@ class Question:
 
     @property
     def mean(self) -> float:
-        """As the published summary has it."""
         return float(np.mean(self.answers))
 
     @property
@@ -54,7 +50,6 @@ class Question:
         return TABLE_6_4[self.name]
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {
             "question": self.name,
             "mean": self.mean,
@@ -76,12 +71,10 @@ class Survey:
     read: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         questions = [q.to_dict() for q in self.questions]
         return {"people": self.people, "questions": questions, "read": self.read}
 
     def lines(self) -> list[str]:
-        """For a terminal."""
         out = [self.read] if self.read else []
         out += [f"survey, {len(self.people)} people, spring against elastomer (-2 to 2)"]
         for q in self.questions:
@@ -96,7 +89,6 @@ class Survey:
 
 
 def answer(word: str, where: str) -> int:
-    """A level by its number or its words."""
     plain = " ".join(word.lower().replace("_", " ").split())
     known = {**LEVELS, **_SYNONYMS}
     if plain in known:
@@ -116,7 +108,6 @@ def spring_against_elastomer(level: int, group: str) -> int:
 
 
 def read_survey(path: Path) -> Survey:
-    """A survey from its CSV file."""
     people: dict[str, str] = {}
     answers: dict[str, list[int]] = {q: [] for q in QUESTIONS}
     table, rows = read_rows(path, ("participant", "group", *QUESTIONS))

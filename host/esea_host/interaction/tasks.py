@@ -42,8 +42,6 @@ ELEMENT = DataColumn("element", str, "which compliant element was built in")
 
 
 class WithElement(TaskParameters):
-    """What every task is told."""
-
     element: Literal["spring", "elastomer", "equal"] = Field(
         "spring", description="the element in the rig: spring, elastomer or equal"
     )
@@ -81,8 +79,6 @@ class _InteractionTask(StudyTask):
 
 
 class TrackingParameters(WithElement):
-    """Which target."""
-
     target: Literal["four sines", "one sine"] = Field(
         "four sines", description='"four sines" of equation 6.1, or "one sine" to get used to it'
     )
@@ -90,10 +86,7 @@ class TrackingParameters(WithElement):
 
 @dataclass(frozen=True)
 class TrackingState:
-    """The clock of the target stands still in a pause.
-
-    elapsed_s: of the target; squared_rad2_s: integral of the squared error, for the score.
-    """
+    """The clock of the target stands still in a pause."""
 
     parameters: TrackingParameters
     last_s: float = 0.0
@@ -103,13 +96,11 @@ class TrackingState:
 
     @property
     def target_rad(self) -> float:
-        """Where the wrist should be."""
         four = self.parameters.target == "four sines"
         return (tracked_rad if four else familiar_rad)(self.elapsed_s)
 
     @property
     def rms_error_rad(self) -> float:
-        """Score so far: root mean square error."""
         return math.sqrt(self.squared_rad2_s / self.elapsed_s) if self.elapsed_s > 0 else 0.0
 
 
@@ -200,10 +191,7 @@ class PongParameters(WithElement):
 
 @dataclass(frozen=True)
 class PongState:
-    """State of the game: paddle at the left edge, ball, counts, seed of the serves.
-
-    lost: the paddle is off the screen.
-    """
+    """State of the game: paddle at the left edge, ball, counts, seed of the serves."""
 
     parameters: PongParameters
     seed: int

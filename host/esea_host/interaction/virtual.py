@@ -35,12 +35,7 @@ LAST_S = 45.0
 
 
 class RigSource(PersonSource):
-    """A person on the virtual rig, for a session; the encoder is recorded at 1 kHz.
-
-    who: the person.
-    folder: where the recordings of the session go.
-    pointer: somebody real who points moves this person's hand.
-    """
+    """A person on the virtual rig, for a session; the encoder is recorded at 1 kHz."""
 
     def __init__(
         self, who: VirtualParticipant, folder: Path, pointer: Pointer | None = None

@@ -43,20 +43,8 @@ def ldlj(
     jerk : array_like, optional
         Jerk in the speed's unit per s^2, of a filter chain; without it second differences of the
         speed.
-    time_s : array_like, optional
-        Times of the samples, to find gaps, shape (samples,).
-    processing : Processing, optional
-        What filtered the signal, to stand beside the number.
-
-    Returns
-    -------
-    SmoothnessResult
-        One value for each movement.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, too short, has gaps, or is aliased.
+    time_s, processing : optional
+        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
 
     Notes
     -----
@@ -107,20 +95,8 @@ def dimensionless_jerk(
         As in :func:`ldlj`; the reference's is negative, the thesis' positive.
     jerk : array_like, optional
         As in :func:`ldlj`.
-    time_s : array_like, optional
-        Times of the samples, to find gaps, shape (samples,).
-    processing : Processing, optional
-        What filtered the signal, to stand beside the number.
-
-    Returns
-    -------
-    SmoothnessResult
-        One value for each movement.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, too short, has gaps, or is aliased.
+    time_s, processing : optional
+        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
     """
     found, stacked = _dimensionless(speed, fs_Hz, convention, jerk, time_s)
     thesis = convention == "thesis"
