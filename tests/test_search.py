@@ -10,15 +10,20 @@ import pytest
 from esea_gen.bench.identification import KEYS, NumpyPopulation
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
-from esea_gen.identify import searches
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.mapping import load_mapping
-from esea_gen.identify.plant import FittedPlant
-from esea_gen.identify.recording import load_recordings
-from esea_gen.identify.search_memo import HEAD, SearchMemo
-from esea_gen.identify.search_problem import Searching, SearchProblem
-from esea_gen.identify.searches import GeneticSettings, genetic, interior_point, search_named
-from esea_gen.identify.space import Space
+from esea_gen.identify.published import searches
+from esea_gen.identify.published.plant import FittedPlant
+from esea_gen.identify.published.search_memo import HEAD, SearchMemo
+from esea_gen.identify.published.search_problem import Searching, SearchProblem
+from esea_gen.identify.published.searches import (
+    GeneticSettings,
+    genetic,
+    interior_point,
+    search_named,
+)
+from esea_gen.identify.published.space import Space
+from esea_gen.identify.recording.mapping import load_mapping
+from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable, around
 from esea_gen.language.system import System, Task

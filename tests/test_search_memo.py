@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.identify.search_memo import HEAD, SearchMemo
+from esea_gen.identify.published.search_memo import HEAD, SearchMemo
 
 
 def test_names_are_digests_of_their_parts_in_order():

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from esea_gen.identify.parameters import bounds_of
-from esea_gen.identify.space import Space, linear_bounds, parameters_of
+from esea_gen.identify.published.parameters import bounds_of
+from esea_gen.identify.published.space import Space, linear_bounds, parameters_of
 
 LINEAR = np.array([12.0, 90.0, 40.0, 5.0])
 X = np.array([math.log(0.01), 0.7, math.log(0.5), math.log(20.0), 1.5, math.log(4.0), 0.6])

@@ -26,7 +26,7 @@ from esea_gen.errors import UserError, choose
 from esea_gen.files import write_json, write_whole
 
 if TYPE_CHECKING:
-    from esea_gen.identify.search_problem import PresentBest, Searching
+    from esea_gen.identify.published.search_problem import PresentBest, Searching
 
 PUBLISHED = "published"
 LEAST_BETWEEN_S = 2.0  # two drawings of a search
@@ -118,8 +118,8 @@ def identify(
 
 
 def _searching(method: str, jobs: int, resume: Path | None, draw: Path | None) -> Searching:
-    from esea_gen.identify.search_problem import Searching
-    from esea_gen.identify.searches import search_named
+    from esea_gen.identify.published.search_problem import Searching
+    from esea_gen.identify.published.searches import search_named
 
     search_named(method)
     return Searching(method, jobs, resume, None if draw is None else _Drawing(draw).seen)
@@ -149,7 +149,7 @@ def _identify_model(
     how: Searching,
 ) -> None:
     from esea_gen.identify import identify as identify_published
-    from esea_gen.identify.family_identification import identify_member
+    from esea_gen.identify.family.identification import identify_member
     from esea_gen.identify.identified import Identified
     from esea_gen.identify.inverse import refit_identified
     from esea_gen.report.identification import identification_page
@@ -187,7 +187,7 @@ def _compare_models(
     mapping: Path, data: Path | None, json_file: Path | None, how: Searching
 ) -> str:
     from esea_gen.bench.sensor_cost import missing_tool, sensor_instructions
-    from esea_gen.identify.compare import compare
+    from esea_gen.identify.family.compare import compare
 
     missing = missing_tool()
     if missing:
@@ -398,8 +398,8 @@ def friction(
     figure: FigureOption = None,
 ) -> None:
     """Friction of a drive from runs at steady speeds: Coulomb, viscous, Stribeck, load."""
-    from esea_gen.identify.bringup.device_text import actuator_text, with_actuator
-    from esea_gen.identify.friction import fit_friction, read_run
+    from esea_gen.identify.drive.device_text import actuator_text, with_actuator
+    from esea_gen.identify.drive.friction import fit_friction, read_run
     from esea_gen.report.friction_picture import friction_picture
 
     if (device is None) != (folder is None):
@@ -444,7 +444,7 @@ def encoder_table(
     json_file: JsonOption = None,
 ) -> None:
     """Correction table of an encoder from a recording beside a better one."""
-    from esea_gen.identify.encoder_table import fit_table, read_counts, with_table
+    from esea_gen.identify.drive.encoder_table import fit_table, read_counts, with_table
 
     choose("side", side, ("motor", "load"))
     loaded = esea_gen.load_device(device)

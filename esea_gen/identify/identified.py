@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.identify.channels import ChannelNumber
 from esea_gen.identify.device_file import marked_toml, write_marked
-from esea_gen.identify.mapping import MappingFile
-from esea_gen.identify.recorded import Recording, recording_rows
+from esea_gen.identify.recording.channels import ChannelNumber
+from esea_gen.identify.recording.mapping import MappingFile
+from esea_gen.identify.recording.recorded import Recording, recording_rows
 from esea_gen.identify.verdict import Verdict
 from esea_gen.identify.worth import TorqueWorth, worth_rows
 from esea_gen.language.ports import Array

@@ -25,11 +25,10 @@ from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.drafting import files_of
-from esea_gen.identify.fit import Progress
 from esea_gen.identify.identification import Identification
-from esea_gen.identify.misfit import Misfits
-from esea_gen.identify.plant import ROWS_REFINE, ROWS_SEARCH
-from esea_gen.identify.plays import (
+from esea_gen.identify.published.fit import Progress
+from esea_gen.identify.published.plant import ROWS_REFINE, ROWS_SEARCH
+from esea_gen.identify.published.plays import (
     SEEN,
     PlayPlant,
     phi_range,
@@ -38,14 +37,15 @@ from esea_gen.identify.plays import (
     play_space,
     play_spread,
 )
-from esea_gen.identify.population import (
+from esea_gen.identify.published.population import (
     Residual,
     finalists,
     polished,
     runner_up,
     sobol_population,
 )
-from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording.misfit import Misfits
+from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import chosen_inverse, inverse_system
 from esea_gen.model.published_inverse import PLAY_DEFAULTS, PLAYS

@@ -9,13 +9,18 @@ import numpy as np
 
 from esea_gen.devices.rubber import LEAST_FACTOR
 from esea_gen.identify.drafting import largest_torque, scales_assumed
-from esea_gen.identify.fit import Fit
-from esea_gen.identify.mapping import MappingFile
-from esea_gen.identify.parameters import at_bound
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.resampling import LeftOut, covered
-from esea_gen.identify.temperatures import LEAST_APART_K, at_edge, far_apart, temperatures_of
-from esea_gen.identify.uncertainty import Uncertainty
+from esea_gen.identify.published.fit import Fit
+from esea_gen.identify.published.parameters import at_bound
+from esea_gen.identify.published.uncertainty import Uncertainty
+from esea_gen.identify.recording.mapping import MappingFile
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.resampling import LeftOut, covered
+from esea_gen.identify.recording.temperatures import (
+    LEAST_APART_K,
+    at_edge,
+    far_apart,
+    temperatures_of,
+)
 from esea_gen.identify.verdict import Verdict
 from esea_gen.model.family import FittedMember
 from esea_gen.model.temperature import TemperatureFactor

@@ -17,13 +17,13 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.fit import Progress
 from esea_gen.identify.identification import fit_split
-from esea_gen.identify.mapping import load_mapping
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.recording import load_recordings
+from esea_gen.identify.published.fit import Progress
+from esea_gen.identify.published.search_problem import Searching
+from esea_gen.identify.recording.mapping import load_mapping
+from esea_gen.identify.recording.reading import load_recordings
+from esea_gen.identify.recording.recorded import Recording
 from esea_gen.identify.reliability import Reliability, reliability
-from esea_gen.identify.search_problem import Searching
 from esea_gen.language.ports import Array
 
 NODES = 9  # deflections at which specimens are compared, each way

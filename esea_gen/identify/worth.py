@@ -1,7 +1,7 @@
 """What the sensed torque is worth, by class of torque and rate.
 
 In each class: the half width that holds 95 % of the errors in blocks left out
-(:mod:`esea_gen.identify.resampling`), and how many held-out samples, which no fit has seen, lie in
+(``recording.resampling``), and how many held-out samples, which no fit has seen, lie in
 it.  Torque and rate of a sample are the measured ones.
 """
 
@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.resampling import LeftOut, covered, half_width_Nm
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.resampling import LeftOut, covered, half_width_Nm
 from esea_gen.identify.verdict import Verdict
 from esea_gen.language.ports import Array
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from esea_gen.analysis.plots import finished, new_figure
-from esea_gen.identify.friction import Friction, SteadyRun, run_means
+from esea_gen.identify.drive.friction import Friction, SteadyRun, run_means
 from esea_gen.plotting import MEASURED, MODEL, STYLE
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from esea_gen.analysis.plots import finished, new_figure
-from esea_gen.identify.search_problem import PresentBest
+from esea_gen.identify.published.search_problem import PresentBest
 from esea_gen.plotting import MEASURED, MODEL, STYLE
 
 MOST_LOOPS = 5

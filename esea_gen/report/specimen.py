@@ -14,7 +14,7 @@ import numpy as np
 from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
 from esea_gen.identify import MappingFile
-from esea_gen.identify.compare import THESIS
+from esea_gen.identify.family.compare import THESIS
 from esea_gen.identify.notes import LIKELY
 from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
 from esea_gen.report import figures

@@ -20,9 +20,9 @@ from esea_gen.devices.fields import Fatigue
 from esea_gen.errors import UserError
 from esea_gen.files import read_result
 from esea_gen.identify import MappingFile, Recording, identify, judge, load_mapping, load_recordings
-from esea_gen.identify.compare import THESIS, CompareRow
-from esea_gen.identify.family_identification import identify_member
-from esea_gen.identify.fit import Progress
+from esea_gen.identify.family.compare import THESIS, CompareRow
+from esea_gen.identify.family.identification import identify_member
+from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.reliability import Reliability
 from esea_gen.identify.verdict import Verdict
 from esea_gen.identify.worth import TorqueWorth
