@@ -70,11 +70,7 @@ class Commands(GroupedCommands):
 
 
 def stopped(words: Sequence[str], resumable: bool) -> str:
-    """What is said of a command that was ended by Ctrl-C.
-
-    words: the command line, less the program.
-    resumable: whether the command can keep a journal.
-    """
+    """What is said of a command that was ended by Ctrl-C."""
     again = shlex.join(["esea-gen", *words])
     if not resumable:
         return f"stopped; no file is left half written. From the start again:\n  {again}"
@@ -96,10 +92,7 @@ app = typer.Typer(
 
 
 class Out:
-    """What is printed: lines as they are, tables by rich, nothing where it is ``quiet``.
-
-    verbose: steps of the work stay on the terminal, errors come with where they were raised.
-    """
+    """What is printed: lines as they are, tables by rich, nothing where it is ``quiet``."""
 
     quiet = verbose = False
 

@@ -53,10 +53,8 @@ DataOption = Annotated[
 
 
 def writable(path: Path | None) -> Path | None:
-    """An output file that can be written, tried before the run whose result it is to hold.
-
-    Nothing is left behind: folders that are missing are made when there is something to write.
-    """
+    """An output file that can be written, tried before the run whose result it is to hold."""
+    # Nothing is left behind: folders that are missing are made when there is something to write.
     if path is None:
         return None
     fix = "Give another file."
@@ -120,10 +118,7 @@ BoardOption = Annotated[
 
 
 def chosen_formats(real: list[str] | None, known: Collection[str] = ()) -> list[str]:
-    """Number formats that were asked for, each once; the default ones without ``--real``.
-
-    known: those that the command reads; the floating-point ones where none are given.
-    """
+    """Number formats that were asked for, each once; the default ones without ``--real``."""
     from esea_gen.emit.formats import DEFAULT_FORMATS, FLOATING_FORMATS, FORMATS
 
     allowed = list(known or FLOATING_FORMATS)

@@ -21,10 +21,7 @@ def marked_toml(device: Device) -> str:
 
 
 def write_marked(device: Device, path: Path, overwrite: bool) -> None:
-    """Write :func:`marked_toml`.
-
-    overwrite: also replace a file that this program did not write, or that was changed since.
-    """
+    """Write :func:`marked_toml`."""
     text = marked_toml(device)
     if parse_device(text, path.name).canonical() != device.canonical():
         raise RuntimeError(f"{path.name} does not read back to what was identified")

@@ -20,26 +20,16 @@ from esea_gen.language.ports import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Identified:
-    """Result of an identification, whatever the model.
+    """Result of an identification, whatever the model."""
 
-    device: identified device, its parameters of status ``identified``.
-    source: what was asked.
-    recordings: data.
-    verdict: errors of the device's C.
-    notes: what the reader must know.
-    worth: errors by class of torque and rate; empty where nothing was free in the fit.
-    channels: what the mapping left to the fit; empty where it left nothing.
-    seconds: time taken; not part of :meth:`to_dict`, which is the same every time.
-    """
-
-    device: Device
+    device: Device  # identified device, its parameters of status identified
     source: MappingFile
     recordings: tuple[Recording, ...]
     verdict: Verdict
     notes: tuple[str, ...]
     worth: tuple[TorqueWorth, ...] = ()
     channels: tuple[ChannelNumber, ...] = ()
-    seconds: float = field(compare=False)
+    seconds: float = field(compare=False)  # taken; in no result, which is the same every time
 
     @property
     def full_scale_Nm(self) -> float:
@@ -48,10 +38,8 @@ class Identified:
 
     @property
     def series(self) -> dict[str, dict[str, Array]]:
-        """Per recording: ``time_s``, ``theta_rad``, ``tau_Nm``, ``tau_model_Nm``, ``role``.
-
-        ``role`` is 1 in training, 2 in held-out and 0 in other samples.
-        """
+        """Per recording: ``time_s``, ``theta_rad``, ``tau_Nm``, ``tau_model_Nm``, ``role``."""
+        # ``role`` is 1 in training, 2 in held-out and 0 in other samples.
         out = {}
         for r in self.recordings:
             role = np.zeros(len(r.time_s))
@@ -130,6 +118,3 @@ class Identified:
         path = Path(folder) / f"{self.device.name}.toml"
         write_marked(self.device, path, overwrite)
         return path
-
-
-__all__ = ["Identified"]

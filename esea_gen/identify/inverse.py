@@ -72,39 +72,23 @@ def judge_inverse(device: Device, recordings: Sequence[Recording]) -> Misfits:
 
 @dataclass(frozen=True)
 class InverseFit:
-    """A refitted inverse.
+    """A refitted inverse."""
 
-    device: the device with ``[inverse]`` of kind ``published`` and the parameters found.
-    values: ``kappa_rad``, ``phi_1_rad``, ``chi_rad``.
-    sigma: standard deviation of each; None for one at a bound or without effect.
-    correlation: of each pair that has standard deviations, ``"kappa_rad phi_1_rad"``.
-    phi_range_1_rad: range of phi over which the RMS error, kappa and chi refitted, rises by less
-        than 1 %.
-    sets, published: errors of the parameters found, and of table 4.2's on the same data.
-    seed, population, evaluations: of the search; runs of the C over all training data.
-    runner_up: cost of the second best finalist over the best's: 1 when the optimum was found
-        repeatedly.
-    """
-
-    device: Device
-    values: dict[str, float]
-    sigma: dict[str, float | None]
+    device: Device  # the device with [inverse] of kind published and the parameters found
+    values: dict[str, float]  # kappa_rad, phi_1_rad, chi_rad
+    sigma: dict[str, float | None]  # None: at a bound, or without effect
     correlation: dict[str, float]
-    phi_range_1_rad: tuple[float, float]
-    sets: Misfits
+    phi_range_1_rad: tuple[float, float]  # over it the RMS error rises by less than 1 %
+    sets: Misfits  # errors of the parameters found, and of table 4.2's on the same data
     published: Misfits
-    seed: int
+    seed: int  # of the search; runs of the C over all training data
     population: int
     evaluations: int
-    runner_up: float
+    runner_up: float  # second finalist's cost over the best's
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content, the same for the same input.
-
-        return: parameters with standard deviation and bounds, errors per data set in rad and in %
-            of the largest identified deflection, notes.
-        """
+        """JSON-ready content, the same for the same input."""
         full = self.device.file.domain.theta_max_rad.value
         parameters = {}
         for key, value in self.values.items():
@@ -163,12 +147,7 @@ def refit_inverse(
     population: int = POPULATION,
     progress: Progress | None = None,
 ) -> InverseFit:
-    """Refit kappa, phi and chi to recordings.
-
-    device: forward model: k1 and k3 of the envelope. It must have no dead zone.
-    source: what the device file shall name as the parameters' source.
-    progress: ``progress(share, text)``.
-    """
+    """Refit kappa, phi and chi to recordings."""
     tell: Progress = progress or (lambda share, text: None)
     _check(device, recordings)
     coarse = PlayPlant(device, recordings, ROWS_SEARCH)
@@ -216,12 +195,7 @@ def refit_inverse(
 def refit_identified(
     result: Identification, progress: Progress | None = None
 ) -> tuple[Identification, InverseFit]:
-    """Refit the inverse of a device that has just been identified, on the same recordings.
-
-    result: its device is the forward model; the mapping's search seed is used.
-    progress: ``progress(share, text)``.
-    return: the same, its device with ``[inverse]``, so that :meth:`Identification.write` writes it.
-    """
+    """Refit the inverse of a device that has just been identified, on the same recordings."""
     source = f"{files_of(result.recordings)} ({result.source.origin})"
     seed = result.source.mapping.search.seed
     fit = refit_inverse(result.device, result.recordings, source, seed=seed, progress=progress)
@@ -329,6 +303,3 @@ def _notes(
         'chosen with inverse.filter, and kind = "exact" needs none of these numbers.'
     )
     return tuple(notes)
-
-
-__all__ = ["InverseFit", "judge_inverse", "refit_identified", "refit_inverse"]

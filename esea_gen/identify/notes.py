@@ -181,10 +181,7 @@ def temperature_notes(
     factor: TemperatureFactor | None = None,
     sigma_per_K: float | None = None,
 ) -> list[str]:
-    """What the recordings' temperatures tell; nothing where none was recorded.
-
-    factor, sigma_per_K: of the model, and its standard deviation; the published model has none.
-    """
+    """What the recordings' temperatures tell; nothing where none was recorded."""
     known = temperatures_of(recordings, training=True)
     if not known:
         return []
@@ -220,11 +217,7 @@ def temperature_notes(
 def told_apart_notes(
     fitted: FittedMember, twins: Mapping[int, int], sigma: Mapping[int, float]
 ) -> list[str]:
-    """Which terms of a member what trains does not tell apart, and what would.
-
-    twins: places of terms that others stand for, with these.
-    sigma: of the weights, by place.
-    """
+    """Which terms of a member what trains does not tell apart, and what would."""
     terms, notes, others = fitted.member.terms, [], []
     softened: dict[str, int] = {}
     for i, k in twins.items():

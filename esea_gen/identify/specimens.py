@@ -32,14 +32,11 @@ INSIDE = 0.9  # of the deflection that all of them reach
 
 @dataclass(frozen=True)
 class JointFit:
-    """One model for all specimens against one each.
-
-    joint_pct, own_pct: held-out RMS error of each specimen, % of full scale.
-    """
+    """One model for all specimens against one each."""
 
     title: str
     full_scale_Nm: float
-    joint_pct: dict[str, float]
+    joint_pct: dict[str, float]  # held-out RMS error of each specimen, % of full scale
     own_pct: dict[str, float]
     agreement: Reliability
 
@@ -142,6 +139,3 @@ def _means(r: Recording, used: npt.NDArray[np.intp], edges: Array) -> Array:
             if np.any(inside):
                 out[k * NODES + node] = tau[inside].mean()
     return out
-
-
-__all__ = ["JointFit", "joint_fit", "torque_table"]

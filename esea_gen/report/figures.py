@@ -33,22 +33,15 @@ MARKS = (
 
 @dataclass(frozen=True)
 class Curve:
-    """Torque over one recording, for plots.
-
-    time_s, theta_rad, model_Nm: samples, shape (n,).
-    measured_Nm: measured torque at the same samples.
-    parts: data sets: title and their samples; one panel of loops each.
-    held_out: samples that served no training.
-    components: parts of the model's torque, for a panel of their own.
-    """
+    """Torque over one recording, for plots."""
 
     label: str
-    time_s: Array
+    time_s: Array  # samples, shape (n,)
     theta_rad: Array
     model_Nm: Array
-    measured_Nm: Array | None
-    parts: tuple[tuple[str, npt.NDArray[np.intp]], ...]
-    held_out: npt.NDArray[np.bool_] | None = None
+    measured_Nm: Array | None  # measured torque at the same samples
+    parts: tuple[tuple[str, npt.NDArray[np.intp]], ...]  # title and samples of each panel
+    held_out: npt.NDArray[np.bool_] | None = None  # samples that served no training
     model_name: str = "C, float32"
     components: tuple[tuple[str, Array], ...] = ()
 
@@ -60,11 +53,7 @@ def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
 
 
 def data_sets(recording: Recording, samples: int) -> tuple[tuple[str, npt.NDArray[np.intp]], ...]:
-    """A recording's data sets, as a curve's parts.
-
-    samples: all of the recording's: shown once more where no set has them all, conditioning cycles
-        and transitions too, so that nothing is hidden.
-    """
+    """A recording's data sets, as a curve's parts."""
     parts = [
         (
             f"{s.label}, amplitude {np.degrees(s.amplitude_rad):.3g}°",
@@ -80,10 +69,7 @@ def data_sets(recording: Recording, samples: int) -> tuple[tuple[str, npt.NDArra
 def plots(
     traces: Sequence[Curve], full_scale_Nm: float, roundings: Sequence[tuple[Array, Array] | None]
 ) -> list[dict[str, Any]]:
-    """Loops and torque over time of every curve, with what their captions need.
-
-    roundings: by curve: times, and float32 less float64.
-    """
+    """Loops and torque over time of every curve, with what their captions need."""
     points = POINTS_PER_PAGE // (2 * max(len(traces), 4))
     shared = _share_loops(traces)
     drawn = []
@@ -107,10 +93,7 @@ def plots(
 
 
 def _share_loops(traces: Sequence[Curve]) -> Curve | None:
-    """Recordings of one loop each as one trace, so that their loops share a figure.
-
-    return: none when there is only one, or some have several data sets.
-    """
+    """Recordings of one loop each as one trace, so that their loops share a figure."""
     if len(traces) < 2 or any(len(t.parts) > 1 or t.components for t in traces):
         return None
     return joined(traces)
@@ -277,11 +260,7 @@ StreamErrors = tuple[str, float | None, float | None, float | None]
 
 
 def error_overview(rows: Sequence[StreamErrors], fit: float | None, name: str) -> Markup:
-    """Errors of the torque on a logarithmic scale, one line a stream.
-
-    rows: stream, and in % of full scale the errors of f64 and f32, and what f32 must not exceed.
-    fit: RMS error against the measured torque, in % of full scale.
-    """
+    """Errors of the torque on a logarithmic scale, one line a stream."""
     values = [v for _, *found in rows for v in found if v]
     if fit:
         values.append(fit)
@@ -325,10 +304,7 @@ def _decade(value: float, floor: float) -> str:
 
 
 def spread(rows: Sequence[tuple[str, float, float | None]], name: str) -> Markup:
-    """Parameters with their standard deviation, relative to their value.
-
-    rows: name, value, standard deviation (None when there is none).
-    """
+    """Parameters with their standard deviation, relative to their value."""
     shown = [(n, abs(s / v)) for n, v, s in rows if s is not None and v != 0]
     with mpl.rc_context(STYLE):
         figure, axes = _new(9.6, 0.75 + 0.27 * max(len(shown), 1))

@@ -29,6 +29,3 @@ def friction_picture(runs: Sequence[SteadyRun], found: Friction) -> Figure:
         axes.set_ylabel("mN·m at the motor shaft")
         axes.legend(loc="upper left")
         return finished(figure)
-
-
-__all__ = ["friction_picture"]

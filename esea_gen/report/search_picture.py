@@ -37,6 +37,3 @@ def search_picture(best: PresentBest) -> Figure:
         loops[0].set_ylabel("torque, N·m")
         loops[0].legend(loc="lower right")
         return finished(figure)
-
-
-__all__ = ["search_picture"]

@@ -35,10 +35,7 @@ PARTS = (
 def deflect(
     device: Device, recording: Path | None, data: Path | None, say: Say
 ) -> tuple[tuple[Run, ...], MappingFile | None]:
-    """Run the C on recorded deflections, or on a chirp where there is no recording.
-
-    data: folder of the recordings; the mapping file's own when not given.
-    """
+    """Run the C on recorded deflections, or on a chirp where there is no recording."""
     if recording is None:
         return (_run(device, CHIRP, domain_chirp(device), None, say),), None
     source = load_mapping(recording, data)

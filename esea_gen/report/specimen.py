@@ -24,10 +24,7 @@ from esea_gen.report.specimen_results import AGREED, COMPARED, LIFE, NAMES, Spec
 
 
 def specimen_page(found: SpecimenResults, command: str) -> str:
-    """The page, one self-contained file.
-
-    command: that makes it again.
-    """
+    """The page, one self-contained file."""
     content = found.identified | {"command": command, "content_hash": device_hash(found.device)}
     model = content["model"]["member"] if "model" in content else THESIS
     shown = {
@@ -171,5 +168,3 @@ SECTIONS = (
     PageSection("specimen/life", "Life used", shown=_lived),
     PageSection("specimen/files", "Files"),
 )
-
-__all__ = ["specimen_page"]

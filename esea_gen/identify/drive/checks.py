@@ -12,18 +12,14 @@ FRICTION_SHARE = 0.5
 
 @dataclass(frozen=True)
 class StartupCheck:
-    """One comparison with a limit.
-
-    value, limit: in ``unit``; the value must not be above.
-    fix: what to do otherwise.
-    """
+    """One comparison with a limit."""
 
     procedure: str
     what: str
-    value: float
+    value: float  # in unit; the value must not be above
     limit: float
     unit: str
-    fix: str
+    fix: str  # what to do otherwise
 
     @property
     def passed(self) -> bool:

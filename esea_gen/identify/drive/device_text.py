@@ -36,10 +36,7 @@ def _quantity(e: Estimate, source: str, key: str) -> Quantity:
 
 
 def with_actuator(device: Device, found: Mapping[str, Estimate], source: str, title: str) -> Device:
-    """The device with these numbers in ``[actuator]``.
-
-    title: what was done, for the device's.
-    """
+    """The device with these numbers in ``[actuator]``."""
     a = device.file.actuator
     assert a is not None
     numbers = {k: _quantity(e, source, k) for k, e in found.items()}
@@ -54,10 +51,7 @@ def with_actuator(device: Device, found: Mapping[str, Estimate], source: str, ti
 
 
 def actuator_text(base: Device, updated: Device, head: Sequence[str]) -> str:
-    """A device file: as ``extends`` where the base is a shipped one, else whole.
-
-    head: comment lines above it.
-    """
+    """A device file: as ``extends`` where the base is a shipped one, else whole."""
     file, before = updated.file, base.file.actuator
     if base.given[0] in shipped_devices():
         assert file.actuator is not None

@@ -29,19 +29,14 @@ COLUMNS = ("count", "reference_rad")
 
 @dataclass(frozen=True)
 class EncoderTable:
-    """A table, and what it is worth.
-
-    values: of each node; None where the recording never was beside it.
-    play_rad: whole play between encoder and reference.
-    before_rad, after_rad: effective error of the angle without and with the table.
-    """
+    """A table, and what it is worth."""
 
     side: str
     direction: int
-    values: tuple[Estimate | None, ...]
+    values: tuple[Estimate | None, ...]  # of each node; None: never seen
     zero_rad: float
-    play_rad: Estimate | None
-    before_rad: float
+    play_rad: Estimate | None  # whole play between encoder and reference
+    before_rad: float  # effective error of the angle without and with the table
     after_rad: float
     samples: int
 
@@ -106,10 +101,7 @@ def read_counts(path: Path, full: int) -> tuple[FileTable, Array, Array]:
 
 
 def fit_table(side: str, count: Array, reference_rad: Array, full: int, nodes: int) -> EncoderTable:
-    """The table of so many nodes that leaves least.
-
-    count, reference_rad: shape (n,), in the order in which they were recorded.
-    """
+    """The table of so many nodes that leaves least."""
     if nodes not in TABLE_SIZES:
         raise UserError(f"A table of {nodes} values.", f"Give {', '.join(map(str, TABLE_SIZES))}.")
     if len(count) < LEAST_SAMPLES:
@@ -166,10 +158,7 @@ def _turned(e: Estimate) -> tuple[float, float]:
 
 
 def with_table(device: Device, found: EncoderTable, orientation_rad: float, source: str) -> Device:
-    """The device with the table in it.
-
-    orientation_rad: at which the encoder was mounted.
-    """
+    """The device with the table in it."""
     own = getattr(device.file.encoder, found.side) or EncoderSide()
     text = f"{source}; 95 % intervals of up to {_widest(found):.2g} rad either way"
     at = Quantity(value=orientation_rad, status="identified", source=source)
@@ -194,11 +183,3 @@ def with_table(device: Device, found: EncoderTable, orientation_rad: float, sour
 
 def _widest(found: EncoderTable) -> float:
     return max(v.half for v in found.values if v is not None)
-
-
-__all__ = [
-    "EncoderTable",
-    "fit_table",
-    "read_counts",
-    "with_table",
-]

@@ -40,36 +40,27 @@ LINE_END = re.compile("\r\n|\r|\n")
 
 @dataclass(frozen=True)
 class SteadyRun:
-    """A run at one speed.
-
-    omega_rad_s, tau_Nm: at the motor shaft, shape (n,).
-    read_as: how the file was read, and what was left out.
-    """
+    """A run at one speed."""
 
     name: str
-    omega_rad_s: Array
+    omega_rad_s: Array  # at the motor shaft, shape (n,)
     tau_Nm: Array
-    read_as: str = ""
+    read_as: str = ""  # how the file was read, and what was left out
 
 
 @dataclass(frozen=True)
 class Friction:
-    """What was found, at the motor shaft.
-
-    fs_Nm, vs_rad_s: Stribeck's rise and its speed; None where its interval holds 0: none is seen.
-    left_Nm, moved_Nm: effective value of what the model leaves of the runs' means, and of these.
-    used, outside: samples that were used, and that were left out.
-    """
+    """What was found, at the motor shaft."""
 
     load_Nm: Estimate
     fc_Nm: Estimate
-    fs_Nm: Estimate | None
+    fs_Nm: Estimate | None  # Stribeck's rise; None: none is seen
     vs_rad_s: Estimate | None
     fv_Nms_rad: Estimate
-    left_Nm: float
+    left_Nm: float  # effective value of what the model leaves of the runs' means, and of these
     moved_Nm: float
     runs: int
-    used: int
+    used: int  # samples that were used, and that were left out
     outside: int
 
     def torque_Nm(self, omega_rad_s: Array) -> Array:
@@ -141,10 +132,7 @@ def _times(e: Estimate, by: float) -> Estimate:
 
 
 def read_run(path: Path, full_Nm: float | None) -> SteadyRun:
-    """A run from an export of EPOS Studio, or a CSV with columns omega_rad_s and tau_Nm.
-
-    full_Nm: torque that an export means by 100 %.
-    """
+    """A run from an export of EPOS Studio, or a CSV with columns omega_rad_s and tau_Nm."""
     table, omega, tau = _epos(path, full_Nm) if _is_epos(path) else _plain(path)
     if len(tau) < 2:
         raise UserError(f"{path}: {len(tau)} samples.", "Record the run again.")
@@ -241,6 +229,3 @@ def _enough(speeds: Array) -> None:
             f"{spread:.3g} times the slowest.",
             f"Give {LEAST_RUNS} or more, both ways, over {LEAST_SPREAD:g} times the slowest speed.",
         )
-
-
-__all__ = ["UNITS", "Friction", "SteadyRun", "fit_friction", "read_run", "run_means"]

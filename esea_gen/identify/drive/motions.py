@@ -25,10 +25,7 @@ class GearPath:
     def through(
         cls, legs: Sequence[tuple[float, float]], tick_s: float, accel_rad_s2: float = 4.0
     ) -> GearPath:
-        """From 0 through ends: each leg an end and the speed on the way, with a rest behind it.
-
-        legs: (end relative to the start in rad, speed in rad/s).
-        """
+        """From 0 through ends: each leg an end and the speed on the way, with a rest behind it."""
         rates: list[Array] = []
         at = 0.0
         for end, speed in legs:

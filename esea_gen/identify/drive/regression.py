@@ -25,13 +25,10 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its interval.
-
-    low, high: ends of the interval that holds the true value with 95 % confidence.
-    """
+    """A value with its interval."""
 
     value: float
-    low: float
+    low: float  # ends of the interval that holds the true value with 95 % confidence
     high: float
 
     @classmethod
@@ -55,10 +52,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Coefficients, their covariance, and what is left.
-
-    blocks: how many there were.
-    """
+    """Coefficients, their covariance, and what is left."""
 
     values: Array
     covariance: Array
@@ -108,11 +102,7 @@ def fit_separable(
     high: Array,
     blocks: Array,
 ) -> LeastSquares:
-    """As :func:`fit_linear`, where what is wanted depends on a few more parameters.
-
-    wanted: of those parameters, from ``start`` within ``low`` and ``high``.
-    return: those parameters first, then the terms' coefficients.
-    """
+    """As :func:`fit_linear`, where what is wanted depends on a few more parameters."""
     from scipy.optimize import least_squares
 
     inverse = np.linalg.pinv(terms)
@@ -135,6 +125,3 @@ def fit_separable(
     values = np.concatenate([p, inverse @ y])
     covariance, count = _sandwich(jacobian, residual, blocks)
     return LeastSquares(values, covariance, residual, count)
-
-
-__all__ = ["CONFIDENCE", "Estimate", "LeastSquares", "fit_linear", "fit_separable"]

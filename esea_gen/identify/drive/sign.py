@@ -14,11 +14,7 @@ STANDS = 0.1  # of it, at most, where a side is clamped
 
 @dataclass(frozen=True)
 class SignCheck:
-    """Motions between a command one way and the other.
-
-    command_Nm: of the motor.
-    gear_rad, motor_rad, load_rad: by the motor's encoder and the joint's.
-    """
+    """Motions between a command one way and the other."""
 
     command_Nm: float
     gear_rad: float

@@ -60,11 +60,7 @@ def rubber_torque_Nm(device: Device, deflection_rad: Array, tick_s: float) -> Ar
 
 
 def motor_torque(u_Nm: Array, lag_s: float, delay_s: float, tick_s: float) -> Array:
-    """Torque of the motor at every tick, by (5.1), from commands that are held for a tick.
-
-    delay_s: from the start of the tick that commands to the torque's first change; more than minus
-        one tick.
-    """
+    """Torque of the motor at every tick, by (5.1), from commands that are held for a tick."""
     from scipy.signal import lfilter
 
     decay = math.exp(-tick_s / lag_s)
@@ -78,13 +74,7 @@ def motor_torque(u_Nm: Array, lag_s: float, delay_s: float, tick_s: float) -> Ar
 
 
 class Signals:
-    """One recording, ready for regression.
-
-    gear_rad, omega_rad_s, alpha_rad_s2: of the gear, before the filter, shape (n,).
-    rubber_Nm: torque of the rubber, shape (n,).
-    way: 1 or -1, which way the gear turns, shape (n,).
-    blocks: of the samples that are used, the number of the block each is in.
-    """
+    """One recording, ready for regression."""
 
     def __init__(self, device: Device, recording: DriveRecording, rest_rad: float) -> None:
         r, h = recording, recording.tick_s
@@ -130,6 +120,3 @@ class Signals:
     def cable_Nm(self, loss: float) -> Array:
         """Torque of the cable on the gear, before the filter: the rubber's and what is lost."""
         return self.rubber_Nm + loss * self.way * np.abs(self.rubber_Nm)
-
-
-__all__ = ["Signals", "motor_torque", "rubber_torque_Nm"]

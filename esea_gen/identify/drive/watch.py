@@ -9,14 +9,11 @@ from esea_gen.language.ports import Array
 
 @dataclass(frozen=True)
 class DriveRecording:
-    """What one procedure recorded, a row a tick; ``u_Nm[k]`` is held from tick k to k + 1.
-
-    gear_rad: at the joint, whole turns of the shaft found by the joint's encoder.
-    """
+    """What one procedure recorded, a row a tick; ``u_Nm[k]`` is held from tick k to k + 1."""
 
     tick_s: float
     u_Nm: Array
-    gear_rad: Array
+    gear_rad: Array  # at the joint, whole turns of the shaft found by the joint's encoder
     motor_rad: Array
     load_rad: Array
 

@@ -47,18 +47,13 @@ Cost = Callable[[Device], float]
 
 @dataclass(frozen=True)
 class CompareRow:
-    """Errors of one model on one split, % of full scale: mean over data sets of the RMS error.
-
-    model, condition: what was fitted, and what judges it: left out of the training.
-    training, held_out: errors.
-    instructions: of a step on the Cortex-M4F; None for a model that is no Block, or not counted.
-    """
+    """Errors of one model on one split, % of full scale: mean over data sets of the RMS error."""
 
     model: str
     condition: str
     training: float
     held_out: float
-    instructions: float | None
+    instructions: float | None  # of a step on the Cortex-M4F, where counted
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready."""
@@ -67,26 +62,15 @@ class CompareRow:
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """What :func:`compare` found.
-
-    source: what was asked.
-    full_scale_Nm: 100 % of errors.
-    rows: model by model, split by split.
-    chosen: the cheapest model within one standard error of the best.
-    best: the one of least mean error over the conditions left out.
-    standard_error: of the chosen one's mean excess over the best one, %.
-    devices: by model: the device fitted on the file's own division.
-    notes: what the reader must know.
-    recordings: data.
-    """
+    """What :func:`compare` found."""
 
     source: MappingFile
-    full_scale_Nm: float
-    rows: tuple[CompareRow, ...]
-    chosen: str
-    best: str
-    standard_error: float
-    devices: dict[str, Device]
+    full_scale_Nm: float  # 100 % of errors
+    rows: tuple[CompareRow, ...]  # model by model, split by split
+    chosen: str  # the cheapest model within one standard error of the best
+    best: str  # the one of least mean error over the conditions left out
+    standard_error: float  # of the chosen one's mean excess over the best one, %
+    devices: dict[str, Device]  # by model: the device fitted on the file's own division
     notes: tuple[str, ...]
     recordings: tuple[Recording, ...] = ()
 
@@ -278,6 +262,3 @@ def _notes(timed: bool, splits: Sequence[Split], able: Sequence[Any]) -> tuple[s
             "There is one condition only: nothing could be left out as a whole. Give conditions."
         )
     return tuple(notes)
-
-
-__all__ = ["CompareRow", "ModelComparison", "choose", "compare"]

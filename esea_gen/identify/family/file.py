@@ -34,12 +34,7 @@ def family_section(
     sigma: Mapping[int, float] | None = None,
     warmth: FamilyTemperature | None = None,
 ) -> Family:
-    """The section of a device file; terms of weight 0 are left out.
-
-    source: where scale and weights come from.
-    sigma: standard deviations of weights, by place among the terms.
-    warmth: the factor of temperature with its sources; of ``source`` as a whole when not given.
-    """
+    """The section of a device file; terms of weight 0 are left out."""
     if warmth is None and fitted.temperature is not None:
         warmth = temperature_section(fitted.temperature, dict.fromkeys(TEMPERATURE_KEYS, source))
     told = {i: _sureness(source, s) for i, s in (sigma or {}).items()}
@@ -59,11 +54,7 @@ def family_section(
 def temperature_section(
     factor: TemperatureFactor, sources: Mapping[str, str], status: Status = "identified"
 ) -> FamilyTemperature:
-    """The factor of temperature in a device file.
-
-    sources: by key.
-    status: of all of its numbers.
-    """
+    """The factor of temperature in a device file."""
     found = {
         k: Quantity(value=getattr(factor, k), status=status, source=sources[k])
         for k in TEMPERATURE_KEYS
@@ -111,10 +102,7 @@ def family_device(
     sigma: Mapping[int, float] | None = None,
     warmth: FamilyTemperature | None = None,
 ) -> Device:
-    """A device whose torque model is a fitted member; checked as one that is read.
-
-    template: its other sections, and limits.
-    """
+    """A device whose torque model is a fitted member; checked as one that is read."""
     file = template.file
     reach = ROOM * fitted.most_Nm(file.limits.theta_rad.value)
     limit = file.limits.tau_Nm
@@ -168,6 +156,3 @@ def _recorded_warmth(
         "high_C": f"highest temperature recorded{beyond}",
     }
     return temperature_section(factor, sources, "assumed" if assumed else "identified")
-
-
-__all__ = ["drafted_member", "family_device", "family_section"]

@@ -52,11 +52,7 @@ LEAST_STIFFNESS = 0.01
 
 
 class UnitTerms:
-    """A member's terms over recordings, each with weight 1.
-
-    rate_Hz: grid on which the recordings are run; their own samples where the member does not need
-        time.
-    """
+    """A member's terms over recordings, each with weight 1."""
 
     def __init__(self, member: Member, recordings: Sequence[Recording], rate_Hz: float) -> None:
         self.member, self.recordings = member, tuple(recordings)
@@ -75,10 +71,7 @@ class UnitTerms:
         self._known: dict[float, list[Array]] = {}
 
     def over(self, scale_rad: float) -> list[Array]:
-        """Terms at each recording's samples, shape (samples, terms).
-
-        scale_rad: deflection for which x is 1.
-        """
+        """Terms at each recording's samples, shape (samples, terms)."""
         if scale_rad not in self._known:
             self._known[scale_rad] = [self._run(r, scale_rad) for r in self.recordings]
         return self._known[scale_rad]
@@ -113,12 +106,7 @@ def trained_scale(recordings: Sequence[Recording]) -> float:
 
 
 def solve_weights(basis: Array, target: Array, free: Sequence[bool], floor: Array) -> Array:
-    """Weights of least square error, each at its floor or above, a free one of either sign.
-
-    basis: shape (rows, terms).
-    target: shape (rows,).
-    free, floor: one a term; the floor of a free one does not count.
-    """
+    """Weights of least square error, each at its floor or above, a free one of either sign."""
     both = np.flatnonzero(free)
     low = np.where(free, 0.0, floor)
     wide = np.concatenate([basis, -basis[:, both]], axis=1)
@@ -135,11 +123,7 @@ def fit_member(
     full_scale_Nm: float,
     least_share: float = LEAST_SHARE,
 ) -> FittedMember:
-    """Solve a member's weights on the training samples of recordings.
-
-    terms: of the same recordings, however these are divided.
-    full_scale_Nm: by which a term is called negligible, below least_share of it.
-    """
+    """Solve a member's weights on the training samples of recordings."""
     member, scale = terms.member, trained_scale(recordings)
     basis, target = _weighted(terms, recordings, scale)
     free = [t.kind == "offset" for t in member.terms]
@@ -179,15 +163,12 @@ def _weighted(
 
 
 def alike(member: Member, basis: Array) -> dict[int, int]:
-    """Terms that rows do not tell from simpler ones, with what stands for each, by place.
-
-    Any split between two such terms is as good a fit, and says something else elsewhere: so the
-    simpler one carries the torque, an unsoftened one and a spring before others.  Alike are columns
-    that, once scaled to each other, differ by less than :data:`LEAST_SHARE`: with all of full scale
-    on one of them, the difference would still be a torque that is left out as too small.
-
-    basis: shape (rows, terms).
-    """
+    """Terms that rows do not tell from simpler ones, with what stands for each, by place."""
+    # Any split between two such terms is as good a fit, and says something else elsewhere: so the
+    # simpler one carries the torque, an unsoftened one and a spring before others. Alike are
+    # columns that, once scaled to each other, differ by less than :data:`LEAST_SHARE`: with all of
+    # full scale on one of them, the difference would still be a torque that is left out as too
+    # small.
     size = np.sqrt(np.einsum("ij,ij->j", basis, basis))
     scaled = basis / np.where(size > 0, size, 1.0)
     near = scaled.T @ scaled
@@ -226,11 +207,9 @@ def _temperatures(recordings: Sequence[Recording]) -> Array:
 def member_spread(
     terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
 ) -> tuple[dict[int, float], LeftOut]:
-    """Standard deviations of the weights above 0, by place among the terms.
-
-    Which terms carry torque is taken as it was found.  With a factor of temperature its ``per_K``
-    is the last parameter of what leaving out says.
-    """
+    """Standard deviations of the weights above 0, by place among the terms."""
+    # Which terms carry torque is taken as it was found. With a factor of temperature its ``per_K``
+    # is the last parameter of what leaving out says.
     used, basis, residual, weight, rows = _fitted_rows(terms, recordings, fitted)
     # An offset may change its sign, and the change a kelvin; no other weight.
     low = np.full(basis.shape[1], -np.inf)
@@ -268,10 +247,7 @@ def _fitted_rows(
 
 
 class MemberChannels:
-    """A member as a ``ChannelModel`` of ``recording.channels``: nothing in it is searched.
-
-    full_scale_Nm: of which the linear spring keeps a little.
-    """
+    """A member as a ``ChannelModel`` of ``recording.channels``: nothing in it is searched."""
 
     def __init__(self, terms: UnitTerms, full_scale_Nm: float) -> None:
         self.terms, self.full_scale_Nm = terms, full_scale_Nm
@@ -331,17 +307,3 @@ def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
     term = member.terms[i]
     linear = term.kind == "spring" and term.softening is None and term.rise.least_slope(1.0) == 1.0
     return LEAST_STIFFNESS * full_scale_Nm if linear else 0.0
-
-
-__all__ = [
-    "MemberChannels",
-    "UnitTerms",
-    "alike",
-    "fit_member",
-    "member_spread",
-    "misfits_of",
-    "not_seen",
-    "solve_weights",
-    "term_rows",
-    "trained_scale",
-]

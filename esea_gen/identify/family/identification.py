@@ -42,19 +42,11 @@ from esea_gen.model.family import FittedMember, Member
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyIdentification(Identified):
-    """Result of an identification of a member of the family.
-
-    fitted: the model.
-    sigma: standard deviations of the weights above 0, by place among the terms.
-    spread: what leaving blocks out says; its band is the torque's.  With a factor of temperature
-        ``per_K`` is its last parameter.
-    device, source, recordings, verdict, notes, worth, channels, seconds: as in
-        :class:`~esea_gen.identify.identified.Identified`.
-    """
+    """Result of an identification of a member of the family."""
 
     fitted: FittedMember
-    sigma: dict[int, float]
-    spread: LeftOut
+    sigma: dict[int, float]  # standard deviations of the weights above 0, by place among the terms
+    spread: LeftOut  # last parameter: per_K, where fitted
 
     @property
     def sigma_per_K(self) -> float | None:
@@ -176,6 +168,3 @@ def _notes(
             'start = "conditioned".'
         )
     return tuple(notes)
-
-
-__all__ = ["FamilyIdentification", "identify_member"]

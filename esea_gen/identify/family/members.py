@@ -66,6 +66,3 @@ def members() -> tuple[Member, ...]:
             "fractional, strain", "fractional, softened by strain", softened(fractional, STRAIN)
         ),
     )
-
-
-__all__ = ["members"]

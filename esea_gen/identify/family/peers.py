@@ -80,10 +80,7 @@ PEERS: dict[str, tuple[Columns, Array, Array]] = {
 
 
 def fit_peer(name: str, recordings: Sequence[Recording], seed: int) -> list[Array]:
-    """Fit a peer on the training samples.
-
-    return: its torque at each recording's samples.
-    """
+    """Fit a peer on the training samples."""
     columns, low, high = PEERS[name]
     scale = trained_scale(recordings)
     grids = [np.linspace(0, r.time_s[-1], min(len(r.time_s), MOST_SAMPLES)) for r in recordings]

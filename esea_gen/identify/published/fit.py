@@ -23,7 +23,7 @@ from esea_gen.device import Device
 from esea_gen.identify.published.plant import ROWS_REFINE, ROWS_SEARCH, FittedPlant
 from esea_gen.identify.published.population import runner_up
 from esea_gen.identify.published.search_memo import SearchMemo
-from esea_gen.identify.published.search_problem import Searching, SearchProblem, solve_linear
+from esea_gen.identify.published.search_problem import Searching, SearchProblem
 from esea_gen.identify.published.searches import POPULATION, best_of, search_named
 from esea_gen.identify.published.space import Space, edges_of, parameters_of
 from esea_gen.identify.recording.recorded import Recording
@@ -40,25 +40,15 @@ USUAL = {False: 550, True: 650}
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model.
+    """A fitted model."""
 
-    values: elastomer parameters by key; without rate terms only the first five.
-    cost: mean over data sets of the mean square error, Nm^2, training data.
-    population, evaluations: size of the starting population; runs of the C over all training data.
-    runner_up: cost of the second best finalist over the best's: near 1 the optimum was found
-        repeatedly.
-    rate_dropped: the fit gave the Maxwell element no stiffness: it is left out.
-    edges: what ended at the edge of the searched space, and what that means.
-    method: how it was searched.
-    """
-
-    values: dict[str, float]
-    cost: float
-    population: int
+    values: dict[str, float]  # elastomer parameters by key; without rate terms only the first five
+    cost: float  # mean over data sets of the mean square error, Nm^2, training data
+    population: int  # size of the starting population; runs of the C over all training data
     evaluations: int
-    runner_up: float
-    rate_dropped: bool = False
-    edges: tuple[str, ...] = ()
+    runner_up: float  # second finalist's cost over the best's
+    rate_dropped: bool = False  # the fit gave the Maxwell element no stiffness: it is left out
+    edges: tuple[str, ...] = ()  # what ended at the edge of the searched space, and what that means
     method: str = "multi-start"
 
 
@@ -107,10 +97,7 @@ def search(
 
 
 class PublishedChannels:
-    """The published model as :class:`esea_gen.identify.recording.channels.ChannelModel`.
-
-    device, space, rate_Hz, seed, population_size, how: as of :func:`search`.
-    """
+    """The published model as :class:`esea_gen.identify.recording.channels.ChannelModel`."""
 
     def __init__(
         self,
@@ -172,6 +159,3 @@ def _parameters(problem: SearchProblem, x: Array) -> tuple[dict[str, float], boo
     if problem.space.rate_terms:
         share = float(np.linalg.norm(linear[3] * basis[:, 3]) / np.linalg.norm(target))
     return parameters_of(problem.space, x, linear, share)
-
-
-__all__ = ["Fit", "Progress", "PublishedChannels", "search", "solve_linear"]

@@ -33,11 +33,7 @@ RATE_SHAPE = ("A_Nms_rad", "m", "eps1_Nms_rad", "B", "n")
 
 
 def tunable_system(device: Device) -> System:
-    """Velocity estimate and torque sensor with the elastomer's parameters as tunables.
-
-    device: rate, limits, number of stops, with or without Maxwell element.
-    return: wired like the sensing System, so that it is the same code.
-    """
+    """Velocity estimate and torque sensor with the elastomer's parameters as tunables."""
     return System(
         device.name,
         device.period_s,
@@ -62,28 +58,16 @@ def equal_weights(sets: Sequence[Array]) -> Array:
 
 @dataclass(frozen=True)
 class FitStream:
-    """A recording on the grid on which the C runs.
+    """A recording on the grid on which the C runs."""
 
-    theta_rad, omega_rad_s: inputs of the sensor, shape (n,).
-    tau_Nm: measured torque, shape (n,).
-    training: grid samples of each data set that trains.
-    """
-
-    theta_rad: Array
+    theta_rad: Array  # inputs of the sensor, shape (n,)
     omega_rad_s: Array
-    tau_Nm: Array
-    training: tuple[npt.NDArray[np.intp], ...]
+    tau_Nm: Array  # measured torque, shape (n,)
+    training: tuple[npt.NDArray[np.intp], ...]  # grid samples of each data set that trains
 
 
 class FittedPlant:
-    """The compiled sensor over all recordings at one rate.
-
-    device: template; its limits must hold every recording.
-    rate_Hz: grid rate; the recordings' own samples when not given (right without rate terms:
-        nothing in the model then depends on time).
-    rows: most samples of a data set to compare with, evenly spread; all when not given. The C runs
-        over all samples in any case.
-    """
+    """The compiled sensor over all recordings at one rate."""
 
     def __init__(
         self,
@@ -223,10 +207,7 @@ class FittedPlant:
         return torque
 
     def basis(self, shape: Mapping[str, float]) -> Array:
-        """Torque per unit of k1, k3, alpha (and kv) at the training rows.
-
-        shape: ``beta_1_rad``, ``omega_rad`` and, with rate terms, the viscosity over kv.
-        """
+        """Torque per unit of k1, k3, alpha (and kv) at the training rows."""
         outputs = self.run({**shape, **self._unit})
         names = ["tau_hysteresis_Nm"] + (["tau_rate_Nm"] if self.rate_terms else [])
         rest = self._collect([tuple(y[n] for n in names) for y in outputs])
@@ -238,12 +219,7 @@ class FittedPlant:
         return {"k1_Nm_rad": 0.0, "k3_Nm_rad3": 0.0, "alpha_Nm_rad": 1.0} | rate
 
     def tangent(self, shape: Mapping[str, float], linear: Array) -> Array:
-        """Derivative of the torque by the shape's parameters, at the training rows.
-
-        shape: as for :meth:`basis`.
-        linear: k1, k3, alpha (and kv).
-        return: shape (rows, parameters), in the order of :attr:`shape_keys`.
-        """
+        """Derivative of the torque by the shape's parameters, at the training rows."""
         outputs = self.run({**shape, **self._unit}, "slopes")
         stiffness, keys = linear[2:], len(self.shape_keys)
         parts = []

@@ -52,12 +52,7 @@ def play_at_bound(key: str, value: float) -> str | None:
 
 
 class PlayPlant:
-    """The compiled play operators over all recordings.
-
-    device: gives the envelope's k1 and k3.
-    rows: most training samples of a data set to compare with, evenly spread; all when not given.
-        The C runs over all samples in any case.
-    """
+    """The compiled play operators over all recordings."""
 
     def __init__(
         self, device: Device, recordings: Sequence[Recording], rows: int | None = None
@@ -90,11 +85,7 @@ class PlayPlant:
         return np.concatenate(out)
 
     def solve(self, phi: float, chi: float) -> tuple[float, Array]:
-        """Best weight for given decay and spacing.
-
-        return: weighted deflection error at the training rows, its square sum the mean square
-            error.
-        """
+        """Best weight for given decay and spacing."""
         unit = self.weight * self.set_point(1.0, phi, chi)
         wanted = self.weight * self.measured
         size = float(unit @ unit)
@@ -122,10 +113,7 @@ def play_space(device: Device, recordings: Sequence[Recording]) -> tuple[Array, 
 def play_spread(
     plant: PlayPlant, values: dict[str, float]
 ) -> tuple[dict[str, float | None], dict[str, float]]:
-    """Standard deviations and correlations from the Jacobian, as the forward model's are.
-
-    Assumed: the model form is right, the residuals a first-order autoregressive noise.
-    """
+    """Standard deviations and correlations from the Jacobian, as the forward model's are."""
     sigma: dict[str, float | None] = dict.fromkeys(values)
     free = [k for k in KEYS if play_at_bound(k, values[k]) is None]
 

@@ -27,10 +27,7 @@ def sobol_population(
     seed: int,
     tell: Callable[[int, float], None],
 ) -> tuple[Array, Array]:
-    """Points of a Sobol sequence, and the square sum of the residual at each.
-
-    tell: called with each point's number and the least cost so far.
-    """
+    """Points of a Sobol sequence, and the square sum of the residual at each."""
     points = sobol_points(low, high, count, seed)
     costs = np.empty(count)
     for i, x in enumerate(points):
@@ -55,10 +52,7 @@ def finalists(points: Array, costs: Array, low: Array, high: Array, most: int) -
 def polished(
     residual: Residual, start: Array, low: Array, high: Array, **settings: Any
 ) -> tuple[float, Array]:
-    """Square sum and place of the bounded least-squares minimum next to a start.
-
-    settings: of :func:`scipy.optimize.least_squares`.
-    """
+    """Square sum and place of the bounded least-squares minimum next to a start."""
     width = high - low
     inside = np.clip(start, low + 1e-6 * width, high - 1e-6 * width)
     done = scipy.optimize.least_squares(

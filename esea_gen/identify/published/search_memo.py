@@ -68,6 +68,3 @@ class SearchMemo:
         if self.path is not None and rows:
             with self.path.open("a", encoding="utf-8") as file:
                 file.write("".join(json.dumps([n, *values]) + "\n" for n, values in rows))
-
-
-__all__ = ["SearchMemo"]

@@ -34,16 +34,11 @@ BATCH = 64  # points between two words of progress
 
 @dataclass(frozen=True)
 class PresentBest:
-    """The best of a search so far.
+    """The best of a search so far."""
 
-    cost: mean over data sets of the mean square error, Nm^2.
-    curve: RMS error after so many points, at each improvement; shape (improvements, 2).
-    sets: deflection, measured and modelled torque of each data set's training samples.
-    """
-
-    cost: float
-    curve: Array
-    sets: tuple[tuple[Array, Array, Array], ...]
+    cost: float  # mean over data sets of the mean square error, Nm^2
+    curve: Array  # RMS error after so many points, at each improvement; shape (improvements, 2)
+    sets: tuple[tuple[Array, Array, Array], ...]  # deflection, torque, modelled
 
 
 Watch = Callable[[PresentBest, bool], None]
@@ -51,27 +46,16 @@ Watch = Callable[[PresentBest, bool], None]
 
 @dataclass(frozen=True)
 class Searching:
-    """How to search.
+    """How to search."""
 
-    method: a name of :data:`esea_gen.identify.published.searches.SEARCHES`.
-    jobs: threads; -1 for all cores.  The answer does not depend on it.
-    resume: file that keeps what was computed.
-    watch: called with the best so far at each improvement, and whether the search is over.
-    """
-
-    method: str = "multi-start"
-    jobs: int = -1
-    resume: Path | None = None
-    watch: Watch | None = None
+    method: str = "multi-start"  # a name of :data:`esea_gen.identify.published.searches.SEARCHES`
+    jobs: int = -1  # threads; -1 for all cores.  The answer does not depend on it
+    resume: Path | None = None  # file that keeps what was computed
+    watch: Watch | None = None  # called at each improvement, and at the end
 
 
 def solve_linear(basis: Array, target: Array, low: Array, high: Array) -> Array:
-    """Bounded linear least squares of few columns.
-
-    basis: shape (rows, columns).
-    target: shape (rows,).
-    low, high: bounds, shape (columns,); ``low`` is 0.
-    """
+    """Bounded linear least squares of few columns."""
     if not len(high):  # SciPy's nnls ends the whole process here
         return np.zeros(0)
     size = np.sqrt(np.einsum("ij,ij->j", basis, basis))
@@ -90,10 +74,7 @@ def solve_linear(basis: Array, target: Array, low: Array, high: Array) -> Array:
 
 
 class SearchProblem:
-    """The torque model over recordings, as a function of the searched numbers alone.
-
-    tell: called with the evaluations so far and the least cost.
-    """
+    """The torque model over recordings, as a function of the searched numbers alone."""
 
     def __init__(
         self,
@@ -132,10 +113,7 @@ class SearchProblem:
         return np.asarray(basis @ linear - target)
 
     def jacobian(self, x: Array, basis: Array, linear: Array) -> Array:
-        """Derivative of the residual by the searched numbers, shape (rows, numbers).
-
-        basis, linear: of :meth:`weighted` at the same place.
-        """
+        """Derivative of the residual by the searched numbers, shape (rows, numbers)."""
         by_shape = self.plant.tangent(self.space.shape(x), linear) * self.plant.weight[:, None]
         chain = np.zeros((by_shape.shape[1], len(x)))
         slopes = self.space.shape_slopes(x)
@@ -178,11 +156,7 @@ class SearchProblem:
         return float(error @ error)
 
     def refined(self, starts: Sequence[Array], steps: int) -> list[tuple[float, Array]]:
-        """Least-squares minima next to starts, each on a core, with exact gradients.
-
-        steps: most evaluations of each.
-        return: cost and place.
-        """
+        """Least-squares minima next to starts, each on a core, with exact gradients."""
         names = [self.memo.name(self.plant.digest, f"refined {steps}", x.tobytes()) for x in starts]
         missing = [i for i, n in enumerate(names) if self.memo.get(n) is None]
         with self._pool() as spread:
@@ -243,6 +217,3 @@ class SearchProblem:
                 sets.append((s.theta_rad[rows], self.plant.measured[part], model[part]))
                 first += len(rows)
         return PresentBest(self.best[0], np.array(self._curve), tuple(sets))
-
-
-__all__ = ["PresentBest", "SearchProblem", "Searching", "solve_linear"]

@@ -109,11 +109,7 @@ def genetic(
     seed: int,
     settings: GeneticSettings | None = None,
 ) -> Array:
-    """The best point of a genetic algorithm over a box.
-
-    costs: of points, shape (points, numbers).
-    return: shape (numbers,).
-    """
+    """The best point of a genetic algorithm over a box."""
     s, rng, n = settings or GeneticSettings(), np.random.default_rng(seed), len(low)
     kept, crossed = round(s.elite * s.population), round(s.crossed * s.population)
     points = low + (high - low) * rng.random((s.population, n))
@@ -250,6 +246,3 @@ def search_named(name: str) -> Search:
             f"{nearest(name, SEARCHES)}Known: {', '.join(SEARCHES)}.",
         )
     return SEARCHES[name]
-
-
-__all__ = ["POPULATION", "SEARCHES", "GeneticSettings", "genetic", "interior_point", "search_named"]

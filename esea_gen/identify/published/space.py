@@ -24,16 +24,12 @@ GAIN = (1e-3, 1e5)
 
 @dataclass(frozen=True)
 class Space:
-    """The searched numbers and how they become parameters.
-
-    theta_rad, omega_rad_s: largest deflection and rate in the training data.
-    duration_s: longest recording: longer time constants than ten times it cannot be told apart.
-    """
+    """The searched numbers and how they become parameters."""
 
     rate_terms: bool
-    theta_rad: float
+    theta_rad: float  # largest deflection and rate in the training data
     omega_rad_s: float
-    duration_s: float
+    duration_s: float  # of the longest recording
     low: Array = field(init=False)
     high: Array = field(init=False)
 
@@ -50,10 +46,7 @@ class Space:
         object.__setattr__(self, "high", np.array(high))
 
     def shape(self, x: Array) -> dict[str, float]:
-        """Parameters of the basis: stops' thresholds and decay, viscosity over kv.
-
-        x: searched numbers, shape (2,) or (7,).
-        """
+        """Parameters of the basis: stops' thresholds and decay, viscosity over kv."""
         out = {"omega_rad": math.exp(x[0]), "beta_1_rad": math.expm1(x[1]) / self.theta_rad}
         if self.rate_terms:
             m, n, eps1 = float(x[4]), float(x[6]), math.exp(x[2])
@@ -96,13 +89,7 @@ def linear_bounds(rate_terms: bool) -> tuple[Array, Array]:
 def parameters_of(
     space: Space, x: Array, linear: Array, rate_share: float
 ) -> tuple[dict[str, float], bool]:
-    """Turn searched numbers and linear coefficients into the device file's parameters.
-
-    x: searched numbers, shape (2,) or (7,).
-    linear: k1, k3, alpha (and kv), shape (3,) or (4,).
-    rate_share: RMS of the Maxwell element's torque over that of the measured torque.
-    return: whether the Maxwell element was left out because it carries next to nothing.
-    """
+    """Turn searched numbers and linear coefficients into the device file's parameters."""
     shape = space.shape(x)
     values = {
         "k1_Nm_rad": float(linear[0]),

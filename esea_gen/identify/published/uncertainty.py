@@ -21,11 +21,7 @@ def relative_jacobian(
     keys: Sequence[str],
     share: float,
 ) -> Array:
-    """What a relative change of each parameter does, by central differences.
-
-    share: step, relative to the parameter.
-    return: shape (rows, keys).
-    """
+    """What a relative change of each parameter does, by central differences."""
     columns = []
     for k in keys:
         step = share * values[k]
@@ -36,21 +32,12 @@ def relative_jacobian(
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What the Jacobian says at the optimum.
+    """What the Jacobian says at the optimum."""
 
-    sigma: standard deviation by key; infinite where the torque does not depend on the parameter;
-        None for one that is fixed or at a bound.
-    resampled: what leaving blocks out says; None where no parameter is free.
-    weakest: relative direction in which the fit is weakest, and what a change by a tenth along it
-        does to the torque: ``{"direction": {key: share}, "rms_change_Nm": ...}``.
-    correlation_factor: by how much the deviations were raised because neighbouring residuals are
-        alike.
-    """
-
-    sigma: dict[str, float | None]
+    sigma: dict[str, float | None]  # inf: no effect; None: fixed or at a bound
     weakest: dict[str, Any]
-    correlation_factor: float
-    resampled: LeftOut | None = None
+    correlation_factor: float  # by which neighbouring residuals raise sigma
+    resampled: LeftOut | None = None  # None: no parameter is free
 
 
 class Fitted(Protocol):
@@ -72,11 +59,9 @@ def free_keys(values: Mapping[str, float]) -> list[str]:
 
 
 def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
-    """Standard deviations from blocks left out (:mod:`esea_gen.identify.recording.resampling`).
-
-    The Jacobian says which parameters the torque does not depend on, and in which direction the fit
-    is weakest.
-    """
+    """Standard deviations from blocks left out (:mod:`esea_gen.identify.recording.resampling`)."""
+    # The Jacobian says which parameters the torque does not depend on, and in which direction the
+    # fit is weakest.
     free = free_keys(values)
     rows = len(plant.measured)
     scale = plant.weight * math.sqrt(rows)  # unit weight on average

@@ -87,19 +87,13 @@ class ChannelModel(Protocol):
 
 @dataclass(frozen=True)
 class ChannelNumber:
-    """A number that the mapping left to the fit.
+    """A number that the mapping left to the fit."""
 
-    key: in the mapping file, as ``torque.lag_s``.
-    value: what is taken, s or rad; 0 where it is not known.
-    found, sigma: what the fit says and its standard deviation; None where it could not be asked.
-    why: what keeps it from being taken: not known, or not seen; None for one that is.
-    """
-
-    key: str
-    value: float
-    found: float | None
+    key: str  # in the mapping file, as torque.lag_s
+    value: float  # what is taken, s or rad; 0 where it is not known
+    found: float | None  # None where it could not be asked
     sigma: float | None
-    why: str | None
+    why: str | None  # what keeps it from being taken: not known, or not seen; None for one that is
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready."""
@@ -193,10 +187,7 @@ def _judged(key: str, found: float, sigma: float, bounds: tuple[float, float]) -
 
 
 def moved(recording: Recording, numbers: Mapping[str, float]) -> Recording:
-    """A recording whose deflection is the rubber's, at the torque's own samples.
-
-    numbers: by key of the mapping file, and :data:`PHASE`; what is not there is 0.
-    """
+    """A recording whose deflection is the rubber's, at the torque's own samples."""
     r, theta = recording, recording.theta_rad
     late_s = numbers.get(LAG, 0.0) + numbers.get(PHASE, 0.0) * _durations_s(r)
     if np.any(late_s):
@@ -294,10 +285,7 @@ def _sharpened(
     numbers: dict[str, float],
     bounds: Mapping[str, tuple[float, float]],
 ) -> dict[str, float]:
-    """Standard deviations from blocks left out; a lag freed of what loss the model lacks.
-
-    numbers: changed in place.
-    """
+    """Standard deviations from blocks left out; a lag freed of what loss the model lacks."""
     at = [moved(r, numbers) for r in recordings]
     model.solve(at)
     jacobian, residual, weight, rows = model.linearised()
@@ -325,6 +313,3 @@ def _sharpened(
             low, high = bounds[k]
             numbers[k] = float(np.clip(numbers[k] + change[first + i], low, high))
     return {k: float(found.sigma[first + i]) for i, k in enumerate(numbers)}
-
-
-__all__ = ["ChannelModel", "ChannelNumber", "moved", "settled"]

@@ -19,17 +19,12 @@ LEAST_CONDITIONS = 3
 
 @dataclass(frozen=True)
 class Split:
-    """Recordings, divided into what trains and what judges.
+    """Recordings, divided into what trains and what judges."""
 
-    condition: what judges; of the file's own division "last cycles" or "as declared".
-    declared: whether it is the file's own division.
-    whole: whether a whole condition is left out.
-    """
-
-    condition: str
+    condition: str  # what judges; of the file's own division "last cycles" or "as declared"
     recordings: tuple[Recording, ...]
-    declared: bool
-    whole: bool
+    declared: bool  # whether it is the file's own division
+    whole: bool  # whether a whole condition is left out
 
 
 def conditions_of(recording: Recording, data: DataSet) -> tuple[str, ...]:
@@ -44,11 +39,9 @@ def _names_of(recording: Recording, data: DataSet) -> tuple[str, ...]:
 
 
 def splits_of(recordings: Sequence[Recording]) -> tuple[Split, ...]:
-    """The file's own division, and one split for each condition left out as a whole.
-
-    A condition that is just what the file holds out stands for both; one that has the same files as
-    another, as where a temperature has one file, is tried once.
-    """
+    """The file's own division, and one split for each condition left out as a whole."""
+    # A condition that is just what the file holds out stands for both; one that has the same files
+    # as another, as where a temperature has one file, is tried once.
     used = [(r, s) for r in recordings for s in r.sets if len(s.training) or len(s.held_out)]
     warm = [temperature_name(r) for r, _ in used if r.temperature_C is not None]
     known = list(dict.fromkeys([*warm, *(c for r, s in used for c in conditions_of(r, s))]))
@@ -72,11 +65,9 @@ def splits_of(recordings: Sequence[Recording]) -> tuple[Split, ...]:
 
 
 def divided(recordings: list[Recording], rules: Cycles) -> list[Recording]:
-    """Recordings as their mapping divides them: with ``hold_out``, a whole condition judges.
-
-    Where the mapping says neither which condition nor how many cycles to hold out, and every file
-    is used by cycles, the condition of middle amplitude is held out: what lies inside.
-    """
+    """Recordings as their mapping divides them: with ``hold_out``, a whole condition judges."""
+    # Where the mapping says neither which condition nor how many cycles to hold out, and every file
+    # is used by cycles, the condition of middle amplitude is held out: what lies inside.
     used = [(r, s) for r in recordings for s in r.sets if len(s.training) or len(s.held_out)]
     known = list(dict.fromkeys(c for r, s in used for c in conditions_of(r, s)))
     asked = rules.hold_out
@@ -106,6 +97,3 @@ def _without(recording: Recording, condition: str) -> Recording:
         training, held_out = (every[:0], every) if out else (every, every[:0])
         sets.append(replace(s, training=training, held_out=held_out))
     return replace(recording, sets=tuple(sets))
-
-
-__all__ = ["Split", "conditions_of", "divided", "splits_of"]

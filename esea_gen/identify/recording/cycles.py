@@ -18,38 +18,27 @@ Role = Literal["lead_in", "transition", "conditioning", "training", "held_out", 
 
 @dataclass(frozen=True)
 class Cycle:
-    """One cycle, from a reversal to the next one of the same kind.
-
-    amplitude_rad: half of the deflection's range.
-    block: number of the block of equal amplitude, from 0.
-    """
+    """One cycle, from a reversal to the next one of the same kind."""
 
     start: int
     stop: int
-    amplitude_rad: float
-    block: int
+    amplitude_rad: float  # half of the deflection's range
+    block: int  # number of the block of equal amplitude, from 0
     role: Role
 
 
 @dataclass(frozen=True)
 class DataSet:
-    """What one error figure is given for: a block of equal amplitude, or a whole file.
-
-    amplitude_rad: median amplitude of its cycles.
-    asymmetry: stiffness to the positive extreme minus that to the negative one, over their mean;
-        None when the deflection does not change sign.
-    work_first_J, work_last_J: loss of the block's first full cycle and of its last; None with fewer
-        than two cycles, without loss, or for a whole file.
-    """
+    """What one error figure is given for: a block of equal amplitude, or a whole file."""
 
     label: str
-    amplitude_rad: float
+    amplitude_rad: float  # median amplitude of its cycles
     training: npt.NDArray[np.intp]
     held_out: npt.NDArray[np.intp]
     cycles: dict[str, int]
-    asymmetry: float | None
-    work_first_J: float | None
-    work_last_J: float | None
+    asymmetry: float | None  # of the stiffness; None: deflection to one side
+    work_first_J: float | None  # loss of its first full cycle
+    work_last_J: float | None  # and of its last
 
     @property
     def softening(self) -> float | None:
@@ -60,12 +49,7 @@ class DataSet:
 
 
 def reversals(theta: Array, threshold: float) -> list[int]:
-    """Find the turning points of a deflection, first and last sample included.
-
-    theta: deflection, shape (n,).
-    threshold: a reversal counts when the deflection has come back by this much, so that noise makes
-        none.
-    """
+    """Find the turning points of a deflection, first and last sample included."""
     points = [0]
     direction, best = 0, 0
     low = high = 0
@@ -93,15 +77,10 @@ def reversals(theta: Array, threshold: float) -> list[int]:
 
 
 def divide(theta: Array, rules: Cycles, use: str) -> tuple[Cycle, ...]:
-    """Divide a recording into cycles and give each its role.
-
-    A cycle runs from one reversal to the next of the same kind.  Before the first reversal is the
-    lead-in; a cycle that no neighbour equals in amplitude leads from one block to the next, and so
-    does the last one of a block that ends where the next, smaller one begins.
-
-    theta: deflection, shape (n,).
-    use: whether the rules apply, or the whole file serves one purpose.
-    """
+    """Divide a recording into cycles and give each its role."""
+    # A cycle runs from one reversal to the next of the same kind. Before the first reversal is the
+    # lead-in; a cycle that no neighbour equals in amplitude leads from one block to the next, and
+    # so does the last one of a block that ends where the next, smaller one begins.
     points = reversals(theta, rules.hysteresis * float(np.ptp(theta)))
     # Loaded to one side, a specimen rests at the recording's ends: they are reversals.
     one_sided = theta.min() > -0.1 * theta.max() or theta.max() < -0.1 * theta.min()

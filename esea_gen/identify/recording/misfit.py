@@ -15,12 +15,9 @@ from esea_gen.language.ports import Array
 
 @dataclass(frozen=True)
 class Misfit:
-    """Errors of one data set, in the unit of what is compared.
+    """Errors of one data set, in the unit of what is compared."""
 
-    rms, largest: root mean square and largest magnitude.
-    """
-
-    rms: float
+    rms: float  # root mean square and largest magnitude
     largest: float
 
     @classmethod
@@ -42,12 +39,9 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Misfits:
-    """Errors of all data sets, in order: data set, in training, held out.
+    """Errors of all data sets, in order: data set, in training, held out."""
 
-    unit: ``Nm`` of a torque, ``rad`` of a deflection.
-    """
-
-    unit: str
+    unit: str  # Nm of a torque, rad of a deflection
     sets: tuple[tuple[DataSet, Misfit | None, Misfit | None], ...]
 
     @classmethod

@@ -54,26 +54,18 @@ NO_LOSS, MOST_LAG = 1e-3, 51  # of the loop's box; steps between samples
 
 @dataclass(frozen=True)
 class Finding:
-    """Something wrong with a recording.
-
-    kind: jumps, spikes, noise, gap, frozen, saturated, deflection frozen, offset, backlash, lag,
-        sign, read as, or what was taken out of a channel.
-    stops: whether parameters that were fitted to it are not called ``identified``.
-    advice: what to do, where the model has no term for it.
-    """
+    """Something wrong with a recording."""
 
     kind: str
     text: str
-    stops: bool
-    advice: str = ""
+    stops: bool  # whether parameters that were fitted to it are not called identified
+    advice: str = ""  # what to do, where the model has no term for it
 
 
 def spikes(theta: Array, tau: Array) -> Mask:
-    """Samples at which the torque leaves and comes back while the deflection hardly moves.
-
-    Relaxation alone leaves and does not come back.  Up to three samples may stand off wherever the
-    deflection does not turn as sharply; of wider spikes the size counts against all its motion.
-    """
+    """Samples at which the torque leaves and comes back while the deflection hardly moves."""
+    # Relaxation alone leaves and does not come back. Up to three samples may stand off wherever the
+    # deflection does not turn as sharply; of wider spikes the size counts against all its motion.
     wide = _wide_spikes(theta, tau)
     calm = bridged(tau, wide)
     turns = scipy.ndimage.maximum_filter(_standing_off(theta), 2 * SPIKE_WIDTH + 1)
@@ -132,10 +124,7 @@ def _range(tau: Array) -> float:
 
 
 def jumps(theta: Array) -> Mask:
-    """Up to three samples of the deflection, to one side, that no motion as that around explains.
-
-    return: none where there are so many that the sensor is noisy.
-    """
+    """Up to three samples that no motion around explains, to one side; none of a noisy sensor."""
     width = SPIKE_WIDTH + 1
     calm = _calm(theta)
     steps = np.pad(np.abs(calm[width:] - calm[:-width]) / width, width // 2, mode="edge")
@@ -183,11 +172,7 @@ def after_gaps(count: int, found: Sequence[int], cycles: Sequence[Cycle]) -> Mas
 
 
 def still(moving: Array, standing: Array) -> Iterator[tuple[int, int]]:
-    """Stretches in which one channel stands still although the other one moves.
-
-    moving: as the deflection, shape (n,).
-    standing: as the torque, where that is frozen, shape (n,).
-    """
+    """Stretches in which one channel stands still although the other one moves."""
     calm = _calm(moving)
     least = STILL_SHARE * float(np.ptp(moving)) + _noise(moving, calm)
     first = last = 0  # of stretches that overlap
@@ -232,11 +217,9 @@ def runs(mask: Mask) -> list[tuple[int, int]]:
 
 
 def stuck(theta: Array, tau: Array) -> Iterator[tuple[int, int]]:
-    """Stretches in which the deflection stands still for a fault, not as it is held.
-
-    While it is held the torque relaxes or recovers: it stays below the largest that was there, to
-    its side, at this deflection.  One that goes beyond is of a deflection that goes on unseen.
-    """
+    """Stretches in which the deflection stands still for a fault, not as it is held."""
+    # While it is held the torque relaxes or recovers: it stays below the largest that was there, to
+    # its side, at this deflection. One that goes beyond is of a deflection that goes on unseen.
     reach, calm = float(np.ptp(theta)), _calm(tau)
     for a, b in still(tau, theta):
         same = np.abs(theta - theta[a]) <= SAME_SHARE * reach
@@ -249,10 +232,7 @@ def stuck(theta: Array, tau: Array) -> Iterator[tuple[int, int]]:
 
 
 def offset_Nm(theta: Array, tau: Array, spoilt: Mask | None = None) -> float | None:
-    """Torque in the middle of the loops; None where the deflection goes to one side only.
-
-    spoilt: samples that do not count.
-    """
+    """Torque in the middle of the loops; None where the deflection goes to one side only."""
     kept = np.ones(len(tau), dtype=bool) if spoilt is None else ~spoilt
     way = np.sign(np.gradient(scipy.ndimage.uniform_filter1d(theta, 5)))[kept]
     theta, tau = theta[kept], tau[kept]
@@ -269,10 +249,7 @@ def offset_Nm(theta: Array, tau: Array, spoilt: Mask | None = None) -> float | N
 
 
 def backlash_rad(theta: Array, tau: Array, full_scale_Nm: float, cycles: Sequence[Cycle]) -> float:
-    """Width in which there is next to no torque, beyond what the stiffness beside it explains.
-
-    return: median over passes; 0 where there is none.
-    """
+    """Width in which there is next to no torque, beyond what the stiffness beside it explains."""
     small = LOOSE_TORQUE * full_scale_Nm
     reach, found = float(np.ptp(theta)), []
     for c in cycles:
@@ -383,20 +360,3 @@ def _shortened(findings: Sequence[Finding]) -> tuple[Finding, ...]:
         more = f", and {len(same) - 1} more such stretches" if len(same) > 1 else ""
         out.append(replace(same[0], text=same[0].text + more))
     return tuple(out)
-
-
-__all__ = [
-    "MOST_SPIKES",
-    "Finding",
-    "after_gaps",
-    "backlash_rad",
-    "bridged",
-    "examined",
-    "gaps",
-    "jumps",
-    "offset_Nm",
-    "runs",
-    "spikes",
-    "still",
-    "stuck",
-]

@@ -55,10 +55,7 @@ def gated(device: Device, recordings: Sequence[Recording]) -> Device:
 
 
 def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -> tuple[str, ...]:
-    """What was found, recording by recording, and whether the gate is shut.
-
-    excused: kinds of findings that the model has a term for.
-    """
+    """What was found, recording by recording, and whether the gate is shut."""
     labels: dict[str, list[str]] = {}
     for r in recordings:
         for f in r.findings:
@@ -76,6 +73,3 @@ def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -
             "identified.",
         )
     return tuple(notes)
-
-
-__all__ = ["excused_of", "gate_notes", "gated"]

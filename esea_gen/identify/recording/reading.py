@@ -382,19 +382,12 @@ def _zeroed(x: Array, zero: str) -> Array:
 
 
 def beyond_rad(theta_rad: Array, half_width_rad: float) -> Array:
-    """Deflection beyond a dead zone, as the device's sensor takes it; 0 inside.
-
-    theta_rad: shape (n,).
-    """
+    """Deflection beyond a dead zone, as the device's sensor takes it; 0 inside."""
     return np.asarray(theta_rad - np.clip(theta_rad, -half_width_rad, half_width_rad))
 
 
 def followed_rad(theta_rad: Array, gap_rad: float) -> Array:
-    """Deflection behind a gap: it stands still until the gap has been crossed.
-
-    theta_rad: before the gap, shape (n,); it begins in the middle of it.
-    gap_rad: the whole gap.
-    """
+    """Deflection behind a gap: it stands still until the gap has been crossed."""
     half, at = 0.5 * gap_rad, float(theta_rad[0])
     out = []
     for x in theta_rad.tolist():
@@ -404,10 +397,6 @@ def followed_rad(theta_rad: Array, gap_rad: float) -> Array:
 
 
 def resample(time_s: Array, values: Array, grid_s: Array) -> Array:
-    """Linear interpolation onto a grid.
-
-    time_s, values: recording, shape (n,).
-    grid_s: new times, shape (m,).
-    """
+    """Linear interpolation onto a grid."""
     out: Any = np.interp(grid_s, time_s, values)
     return np.asarray(out, dtype=np.float64)

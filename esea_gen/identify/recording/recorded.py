@@ -13,31 +13,21 @@ from esea_gen.language.ports import Array
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording in SI units, at its own samples.
-
-    file: file name as the mapping gives it.
-    digest: first 16 hexadecimal digits of the file's SHA-256.
-    time_s, theta_rad, tau_Nm: shape (n,).
-    timed: whether the time was recorded (or a period is published), not assumed.
-    dropped: samples dropped by the glitch rule.
-    findings: what is wrong with it; samples that are spoilt are in no data set.
-    conditions: those of the mapping that the file belongs to.
-    temperature_C: of the rubber; None where no one said it.
-    """
+    """A recording in SI units, at its own samples."""
 
     label: str
-    file: str
-    digest: str
+    file: str  # file name as the mapping gives it
+    digest: str  # first 16 hexadecimal digits of the file's SHA-256
     time_s: Array
     theta_rad: Array
     tau_Nm: Array
-    timed: bool
-    dropped: int
+    timed: bool  # whether the time was recorded (or a period is published), not assumed
+    dropped: int  # samples dropped by the glitch rule
     cycles: tuple[Cycle, ...]
     sets: tuple[DataSet, ...]
-    conditions: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    temperature_C: float | None = None
+    conditions: tuple[str, ...] = ()  # those of the mapping that the file belongs to
+    findings: tuple[Finding, ...] = ()  # spoilt samples are in no data set
+    temperature_C: float | None = None  # of the rubber; None where no one said it
 
 
 def recording_rows(recordings: Iterable[Recording]) -> list[dict[str, Any]]:

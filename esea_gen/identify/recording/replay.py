@@ -17,22 +17,15 @@ from esea_gen.language.ports import Array
 
 @dataclass(frozen=True)
 class Replay:
-    """A recording resampled to the sensing rate.
-
-    label: name in reports.
-    time_s, theta_rad, tau_Nm: shape (steps,); deflection and measured torque.
-    timed: whether the time was recorded, not assumed.
-    held_out: samples that identification did not see, shape (steps,).
-    digest: First 16 hexadecimal digits of the file's SHA-256.
-    """
+    """A recording resampled to the sensing rate."""
 
     label: str
-    time_s: Array
+    time_s: Array  # shape (steps,); deflection and measured torque
     theta_rad: Array
     tau_Nm: Array
-    timed: bool
-    held_out: Array
-    digest: str
+    timed: bool  # whether the time was recorded, not assumed
+    held_out: Array  # samples that identification did not see, shape (steps,)
+    digest: str  # First 16 hexadecimal digits of the file's SHA-256
 
 
 def recordings_for(device: Device, mapping: Path, data: Path | None = None) -> list[Replay]:

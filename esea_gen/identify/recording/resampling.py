@@ -48,24 +48,16 @@ ALONE = 1e-4
 
 @dataclass(frozen=True)
 class FitRows:
-    """Which block each row belongs to.
+    """Which block each row belongs to."""
 
-    cycle, condition: numbers of blocks, shape (rows,).
-    way: direction of the deflection, -1 to 1, shape (rows,).
-    alone: whether cycles alone say how far parameters may be off.
-    """
-
-    cycle: Blocks
+    cycle: Blocks  # numbers of blocks, shape (rows,)
     condition: Blocks
-    way: Array
-    alone: bool = False
+    way: Array  # direction of the deflection, -1 to 1, shape (rows,)
+    alone: bool = False  # whether cycles alone say how far parameters may be off
 
     @classmethod
     def of(cls, sets: Sequence[tuple[int, int, Array]]) -> FitRows:
-        """Of data sets, in the order of the rows.
-
-        sets: of each its condition, how many cycles its rows span, and the rows' direction.
-        """
+        """Of data sets, in the order of the rows."""
         cut = -(-LEAST_BLOCKS // len(sets))
         cycle, condition, first = [], [], 0
         for number, cycles, way in sets:
@@ -104,10 +96,7 @@ def whole_conditions(recordings: Sequence[Recording]) -> bool:
 def rests_on_one(
     recordings: Sequence[Recording], lost: Callable[[list[Recording]], object]
 ) -> bool:
-    """Whether a condition left out would leave what tells no more: its move is no deviation then.
-
-    lost: whether recordings do not tell; asked of those without each condition's training.
-    """
+    """Whether some condition alone tells: left out, its move would be no deviation."""
     used = {conditions_of(r, s)[0] for r in recordings for s in r.sets if len(s.training)}
 
     def left(r: Recording, condition: str) -> Recording:
@@ -122,25 +111,15 @@ def rests_on_one(
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What leaving blocks out says.
+    """What leaving blocks out says."""
 
-    covariance: of the parameters, in their own units.
-    band_Nm: half width that holds 95 % of the torque errors in blocks left out.
-    friction_Nm: Coulomb friction that the residuals show and the model has not; None where they
-        show none.
-    conditions: how many there are.
-    outside_Nm, weight: error of every row by the fit to the other blocks, measured less modelled,
-        and the row's weight in the fit, shape (rows,).
-    unknown: parameters that may change with others without changing any torque.
-    """
-
-    covariance: Array
-    band_Nm: float
-    friction_Nm: float | None
+    covariance: Array  # of the parameters, in their own units
+    band_Nm: float  # half width that holds 95 % of the torque errors in blocks left out
+    friction_Nm: float | None  # that the model has not
     conditions: int
-    outside_Nm: Array
-    weight: Array
-    unknown: npt.NDArray[np.bool_]
+    outside_Nm: Array  # error of each row by the fit to the other blocks
+    weight: Array  # of each row in the fit
+    unknown: npt.NDArray[np.bool_]  # parameters that the rows do not determine
 
     @property
     def sigma(self) -> Array:
@@ -167,15 +146,7 @@ def resampled(
     whole_conditions: bool,
     room: tuple[Array, Array] | None = None,
 ) -> LeftOut:
-    """Leave every cycle and every condition out, in turn.
-
-    jacobian: torque by parameter, shape (rows, parameters).
-    residual: measured less modelled torque, shape (rows,).
-    weight: of each row in the fit, shape (rows,); residuals are multiplied with it.
-    whole_conditions: whether the torque's band is of conditions left out, or of cycles.
-    room: least and largest change of each parameter that the fit would allow, shape (parameters,)
-        each; for the band, which a fit to the rest would keep too.  Without bounds when not given.
-    """
+    """Leave every cycle and every condition out, in turn."""
     few = len(np.unique(rows.condition)) < LEAST_CONDITIONS
     used = (rows.cycle,) if few or rows.alone else (rows.cycle, rows.condition)
     fit = _Determined.of(jacobian, residual, weight)
@@ -200,18 +171,11 @@ def resampled(
 
 @dataclass(frozen=True)
 class _Determined:
-    """A fit in coordinates in which what determines it is the identity.
+    """A fit in coordinates in which what determines it is the identity."""
 
-    basis: torque by coordinate, rows with their weight, orthonormal, shape (rows, coordinates).
-    back: parameters by coordinate, shape (parameters, coordinates).
-    error: residuals with their weight, shape (rows,).
-    weight: shape (rows,).
-    unknown: parameters in a direction that changes no torque, shape (parameters,).
-    """
-
-    basis: Array
-    back: Array
-    error: Array
+    basis: Array  # torque by coordinate, orthonormal
+    back: Array  # parameters by coordinate, shape (parameters, coordinates)
+    error: Array  # residuals with their weight, shape (rows,)
     weight: Array
     unknown: npt.NDArray[np.bool_]
 
@@ -239,11 +203,9 @@ class _Determined:
         return np.asarray(noise * np.eye(coordinates))
 
     def covariance(self, names: Sequence[Blocks]) -> Array:
-        """Mean over kinds of blocks, the finest first.
-
-        In a direction that a block alone determines, leaving it out moves nothing that could be
-        compared: there the finer blocks speak, below the finest the plain covariance.
-        """
+        """Mean over kinds of blocks, the finest first."""
+        # In a direction that a block alone determines, leaving it out moves nothing that could be
+        # compared: there the finer blocks speak, below the finest the plain covariance.
         finer, every = None, []
         for blocks in names:
             moves, seen = self._moves(blocks)
@@ -313,16 +275,3 @@ def half_width_Nm(error_Nm: Array, weight: Array) -> float:
 def covered(error: Array, band_Nm: float) -> float:
     """Share of errors inside a band."""
     return float(np.mean(np.abs(error) <= band_Nm)) if len(error) else float("nan")
-
-
-__all__ = [
-    "FitRows",
-    "LeftOut",
-    "autocorrelation",
-    "covered",
-    "half_width_Nm",
-    "resampled",
-    "rests_on_one",
-    "rows_of",
-    "whole_conditions",
-]

@@ -24,10 +24,7 @@ NEAR_EDGE = 1e-4  # of the search's range, far wider than the search ends short 
 
 
 def temperatures_of(recordings: Sequence[Recording], *, training: bool = False) -> list[float]:
-    """Known temperatures, sorted, degC.
-
-    training: only of recordings that train.
-    """
+    """Known temperatures, sorted, degC."""
     found = {
         r.temperature_C
         for r in recordings
@@ -63,11 +60,7 @@ def temperature_name(recording: Recording) -> str:
 def at_temperature(
     member: Member, factor: TemperatureFactor | None, temperature_C: Any, terms: Array
 ) -> Array:
-    """Terms with the factor of their temperature; as they are without one.
-
-    temperature_C: of each row, or one for all.
-    terms: shape (rows, terms).
-    """
+    """Terms with the factor of their temperature; as they are without one."""
     if factor is None:
         return terms
     g = np.asarray(factor.at(np.asarray(temperature_C)))[..., None]
@@ -87,14 +80,7 @@ def searched_factor(
     target: Array,
     solve: Callable[[Array, Array], Array],
 ) -> TemperatureFactor | None:
-    """The factor of temperature of least square error, the weights solved for each one tried.
-
-    recordings: all of them; the factor is to hold at each of their temperatures.
-    temperature_C: of each row that trains.
-    basis, target: terms (rows, terms) and torque (rows,), each row with its weight.
-    solve: weights from such a basis and torque.
-    return: None where the training tells of no temperature, or of none far enough apart.
-    """
+    """The factor of temperature of least square error, the weights solved for each one tried."""
     if tells_none(recordings):
         return None
     trained = temperatures_of(recordings, training=True)
@@ -129,16 +115,3 @@ def _bounds(reference_C: float, known_C: Sequence[float]) -> tuple[float, float]
     low = max(float(str(extra["low"])), -room / (known_C[-1] - reference_C))
     high = min(float(str(extra["high"])), room / (reference_C - known_C[0]))
     return low, high
-
-
-__all__ = [
-    "LEAST_APART_K",
-    "at_edge",
-    "at_temperature",
-    "far_apart",
-    "scaled_terms",
-    "searched_factor",
-    "tells_none",
-    "temperature_name",
-    "temperatures_of",
-]
