@@ -37,7 +37,7 @@ SearchOption = Annotated[
         "--search",
         metavar="NAME",
         help="How the published model's shape is searched: multi-start, evolution (SciPy's), or "
-        "thesis (its genetic algorithm, then IPOPT).",
+        "thesis (as large as its search, then an interior point method).",
     ),
 ]
 ResumeOption = Annotated[
