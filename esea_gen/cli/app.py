@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -106,6 +106,10 @@ class Out:
             from rich.console import Console
 
             Console(highlight=False, markup=False).print(what)
+
+    def lines(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            self.print(line)
 
     def next(self, *words: str) -> None:
         """Say which command comes next."""

@@ -133,10 +133,10 @@ class SearchProblem:
             basis, target, linear = self.weighted(x)
             error = basis @ linear - target
             slope = 2 * self.jacobian(x, basis, linear).T @ error
-            self.memo.put([(name, [error @ error, *slope])])
-        cost, *slope = self._kept(name)
+            self.memo.put([(name, np.array([error @ error, *slope]))])
+        cost, *rest = self._kept(name)
         self._seen(cost, x, 1)
-        return cost, np.array(slope)
+        return cost, np.array(rest)
 
     def costs(self, points: Array) -> Array:
         """Costs of many points, shape (points, numbers), on all cores."""
