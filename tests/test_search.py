@@ -26,7 +26,7 @@ from esea_gen.language.ports import Port, Tunable, around
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 from esea_gen.model.slopes import sloped
-from esea_gen.report.search_picture import search_picture
+from esea_gen.report.pictures import search_picture
 
 from .test_quality import rig, written
 

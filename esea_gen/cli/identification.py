@@ -129,7 +129,7 @@ class _Drawing:
         self.path, self.drawn_s = path, -math.inf
 
     def seen(self, best: PresentBest, last: bool) -> None:
-        from esea_gen.report.search_picture import search_picture
+        from esea_gen.report.pictures import search_picture
 
         if last or time.monotonic() - self.drawn_s > LEAST_BETWEEN_S:
             picture(self.path, lambda: search_picture(best))
@@ -370,7 +370,7 @@ def friction(
     """Friction of a drive from runs at steady speeds: Coulomb, viscous, Stribeck, load."""
     from esea_gen.identify.drive.device_text import actuator_text, with_actuator
     from esea_gen.identify.drive.friction import fit_friction, read_run
-    from esea_gen.report.friction_picture import friction_picture
+    from esea_gen.report.pictures import friction_picture
 
     if (device is None) != (folder is None):
         raise UserError("--device and --out go together.", "Give both, or neither.")

@@ -42,7 +42,7 @@ from esea_gen.identify.published.population import (
     finalists,
     polished,
     runner_up,
-    sobol_population,
+    sobol_points,
 )
 from esea_gen.identify.recording.misfit import Misfits
 from esea_gen.identify.recording.recorded import Recording
@@ -153,16 +153,18 @@ def refit_inverse(
     coarse = PlayPlant(device, recordings, ROWS_SEARCH)
     low, high = play_space(device, recordings)
 
-    def sample(i: int, best: float) -> None:
-        if i % 8 == 0:
-            tell(0.4 * i / population, f"inverse, population: best {math.sqrt(best):.4g} rad")
-
-    points, costs = sobol_population(_residual(coarse), low, high, population, seed, sample)
+    points = sobol_points(low, high, population, seed)
+    costs = np.empty(population)
+    for i, place in enumerate(points):
+        error = _residual(coarse)(place)
+        costs[i] = error @ error
+        best = math.sqrt(costs[: i + 1].min())
+        tell(0.4 * i / population, f"inverse, population: best {best:.4g} rad")
     chosen = finalists(points, costs, low, high, FINALISTS)
     ends = []
-    for place, start in enumerate(chosen, 1):
+    for number, start in enumerate(chosen, 1):
         ends.append(polished(_residual(coarse), start, low, high, **POLISH))
-        tell(0.4 + 0.2 * place / len(chosen), f"inverse, refinement {place}")
+        tell(0.4 + 0.2 * number / len(chosen), f"inverse, refinement {number}")
     ends.sort(key=lambda e: e[0])
     fine = PlayPlant(device, recordings, ROWS_REFINE)
     _, x = polished(_residual(fine), ends[0][1], low, high, **POLISH)

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -123,8 +122,3 @@ def worth_of(
     )
     most = device.file.domain.omega_max_rad_s.value
     return torque_worth(fit, unseen, device.tau_full_scale_Nm, most)
-
-
-def worth_rows(worth: Sequence[TorqueWorth]) -> list[dict[str, Any]]:
-    """JSON-ready."""
-    return [asdict(w) for w in worth]

@@ -14,7 +14,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.hostlib.library import HostLibrary, compile_system
-from esea_gen.identify.drive.watch import DriveRecording
+from esea_gen.identify.drive.startup import DriveRecording
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
 

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device
+from esea_gen.files import plain
 from esea_gen.identify.drafting import draft, grid_rate
 from esea_gen.identify.family.file import drafted_member
 from esea_gen.identify.family.fit import UnitTerms, fit_member, misfits_of, term_rows
@@ -55,10 +56,6 @@ class CompareRow:
     held_out: float
     instructions: float | None  # of a step on the Cortex-M4F, where counted
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
-        return dict(vars(self))
-
 
 @dataclass(frozen=True)
 class ModelComparison:
@@ -80,7 +77,7 @@ class ModelComparison:
             "mapping": self.source.origin,
             "recordings": recording_rows(self.recordings),
             "full_scale_Nm": self.full_scale_Nm,
-            "compare": [r.to_dict() for r in self.rows],
+            "compare": plain(self.rows),
             "chosen": self.chosen,
             "best": self.best,
             "standard_error": self.standard_error,

@@ -19,24 +19,6 @@ def sobol_points(low: Array, high: Array, count: int, seed: int) -> Array:
     return np.asarray(scipy.stats.qmc.scale(sobol.random(count), low, high))
 
 
-def sobol_population(
-    residual: Residual,
-    low: Array,
-    high: Array,
-    count: int,
-    seed: int,
-    tell: Callable[[int, float], None],
-) -> tuple[Array, Array]:
-    """Points of a Sobol sequence, and the square sum of the residual at each."""
-    points = sobol_points(low, high, count, seed)
-    costs = np.empty(count)
-    for i, x in enumerate(points):
-        e = residual(x)
-        costs[i] = e @ e
-        tell(i, float(costs[: i + 1].min()))
-    return points, costs
-
-
 def finalists(points: Array, costs: Array, low: Array, high: Array, most: int) -> list[Array]:
     """The best points that are not neighbours of a better one."""
     unit = (points - low) / (high - low)

@@ -1,12 +1,15 @@
-"""A search under way: how far it has come, and the loops of the best so far."""
+"""Pictures that a command draws: friction of a drive, a search under way."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
 from esea_gen.analysis.plots import finished, new_figure
+from esea_gen.identify.drive.friction import Friction, SteadyRun, run_means
 from esea_gen.identify.published.search_problem import PresentBest
 from esea_gen.plotting import MEASURED, MODEL, STYLE
 
@@ -36,4 +39,22 @@ def search_picture(best: PresentBest) -> Figure:
             panel.set_title(f"data set {number} of {len(best.sets)}: {rms_set:.3g} N·m")
         loops[0].set_ylabel("torque, N·m")
         loops[0].legend(loc="lower right")
+        return finished(figure)
+
+
+def friction_picture(runs: Sequence[SteadyRun], found: Friction) -> Figure:
+    """Torque over speed at the motor shaft."""
+    with mpl.rc_context(STYLE):
+        figure, axes = new_figure(7.0, 3.6)
+        speeds, torques, _ = run_means(runs)
+        axes.plot(speeds, 1e3 * torques, "o", color=MEASURED, ms=4, label="recorded, a run each")
+        most = float(np.max(np.abs(speeds)))
+        for k, way in enumerate((-1.0, 1.0)):
+            at = way * np.geomspace(most / 400, most, 200)
+            label = None if k else "model"
+            axes.plot(at, 1e3 * found.torque_Nm(at), color=MODEL, lw=1.4, label=label)
+        axes.set_title("torque that the drive takes at steady speeds")
+        axes.set_xlabel("speed of the motor shaft, rad/s")
+        axes.set_ylabel("mN·m at the motor shaft")
+        axes.legend(loc="upper left")
         return finished(figure)
