@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from esea_gen.studies.chapter3 import reproduce_chapter3
+from esea_gen.reproduce.chapter3 import reproduce_chapter3
 
 from .conftest import require_tool
 from .observed import filtered

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.model.inverse import exact_inverse, inverse_system
-from esea_gen.studies.chapter4 import SIGNALS, evaluate, evaluation_filter, reproduce_chapter4
-from esea_gen.studies.discretisation import (
+from esea_gen.reproduce.chapter4 import evaluate, reproduce_chapter4
+from esea_gen.reproduce.discretisation import (
     OURS,
     REFINE_HZ,
     SCHEMES,
@@ -20,6 +20,7 @@ from esea_gen.studies.discretisation import (
     continuous_torque,
     discretisation,
 )
+from esea_gen.studies.uncertainty.signals import SIGNALS, evaluation_filter
 
 from .conftest import require_tool
 from .test_elastomer import P, viscosity

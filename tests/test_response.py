@@ -31,8 +31,8 @@ from esea_gen.analysis.sweeps import (
     welch_response,
 )
 from esea_gen.errors import UserError
+from esea_gen.reproduce.spring_rig import author_bandwidth, check_on_data
 from esea_gen.studies.output_impedance import impedance_figure
-from esea_gen.studies.spring_rig import author_bandwidth, check_on_data
 from esea_gen.studies.tuning_sweep.figure import tuning_trade
 
 H = 1e-3

@@ -243,13 +243,14 @@ def test_the_continuous_model_has_converged(elbow):
     require_tool("gcc")
     from scipy.interpolate import CubicSpline
 
-    from esea_gen.studies.discretisation import at_rate
+    from esea_gen.device import with_numbers
 
     t = np.arange(3000) * 1e-3
     path = CubicSpline(t, 0.15 * np.sin(2 * np.pi * 0.8 * t))
     torque = {}
     for dense in (10, 40):
-        fine = compile_device(at_rate(elbow, dense * 1000.0), "f64").block("sensor")
+        finer = with_numbers(elbow, {"timing.sense_rate_Hz": dense * 1000.0})
+        fine = compile_device(finer, "f64").block("sensor")
         torque[dense] = continuous_torque(fine, path, len(t), dense, 1e-3)
     # 0.0002 % of full scale: far below what it is compared with.
     assert np.max(np.abs(torque[10] - torque[40])) < 1e-5

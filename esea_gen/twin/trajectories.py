@@ -13,6 +13,7 @@ from esea_gen.language.ports import Array
 from esea_gen.twin.published import PLANTS
 
 RATE_HZ = 1000.0
+REACH_REST_S = 0.8
 
 
 @dataclass(frozen=True)
@@ -167,6 +168,19 @@ def minimum_jerk(share: Any) -> tuple[Any, Any, Any]:
         30 * s**2 * (1 - s) ** 2,
         60 * s * (1 - s) * (1 - 2 * s),
     )
+
+
+def reaches(ends_rad: Array, lasting_s: Array, h: float) -> Array:
+    """Deflection from rest to each end in turn, by minimum jerk, with a rest after each.
+
+    return: rad, one value a step.
+    """
+    parts, last = [np.zeros(1)], 0.0
+    for end, lasting in zip(ends_rad, lasting_s, strict=True):
+        u = np.minimum(np.arange(1, round((lasting + REACH_REST_S) / h) + 1) * h / lasting, 1.0)
+        parts.append(last + (end - last) * u**3 * (10 - 15 * u + 6 * u * u))
+        last = float(end)
+    return np.concatenate(parts)
 
 
 def impedance(tau_Nm: float = 0.0) -> Trajectory:

@@ -30,9 +30,9 @@ from esea_gen.errors import UserError
 from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES, label
 from esea_gen.language.ports import Array
 from esea_gen.model.sensing import of_axis
-from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD
 from esea_gen.studies.registry import Study
 from esea_gen.studies.uncertainty.motions import Encoders, Motion, compiled_programs, motions
+from esea_gen.studies.uncertainty.signals import LOAD_HZ, LOAD_RAD
 from esea_gen.studies.uncertainty.spread import Spread, assumed_spread, elastomer_values
 from esea_gen.studies.uncertainty.tally import RATES, TORQUES, Figures, Tally
 

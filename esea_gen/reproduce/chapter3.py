@@ -17,7 +17,7 @@ import numpy as np
 from esea_gen.device import Device, load_device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
-from esea_gen.studies.reproduction import Reproduction
+from esea_gen.reproduce.reproduction import Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -23,14 +23,14 @@ import numpy as np
 from esea_gen.device import Device, load_device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
-from esea_gen.studies.reproduction import Reproduction
-from esea_gen.studies.thesis.measures import (
+from esea_gen.reproduce.measures import (
     FUNCTIONAL_CYCLES,
     SESSIONS,
     SIMPLE_CYCLES,
     FUNCTIONAL_Hz,
     SIMPLE_Hz,
 )
+from esea_gen.reproduce.reproduction import Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

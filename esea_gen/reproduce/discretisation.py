@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.device import Device, load_device
+from esea_gen.device import Device, load_device, with_numbers
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.block import Block, Guard, Labels
@@ -24,7 +24,8 @@ from esea_gen.language.ports import Array, Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import EPS1, EPS2, ETA, RATE, THETA, A, B, M, N
 from esea_gen.model.symbolic import to_casadi
-from esea_gen.studies.reproduction import Reproduction
+from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.uncertainty.signals import LOAD_HZ, LOAD_RAD, SENSE_RATE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +35,6 @@ RATES_HZ = (1000.0, 500.0)
 BITS = (14, 12)
 BANDWIDTHS_HZ = (10.0, 12.0, 15.0, 20.0, 30.0)
 CHUNK = 200_000
-LOAD_RAD, LOAD_HZ = np.deg2rad(45.0), 0.2
 
 
 def _rational(terms: int) -> Callable[[ca.SX], tuple[ca.SX, ca.SX]]:
@@ -56,14 +56,6 @@ SCHEMES: dict[str, Callable[[ca.SX], tuple[ca.SX, ca.SX]]] = {
     "explicit Euler": lambda x: (1 - x, ca.SX(1)),
 }
 OURS = "third order (the sensor's)"
-
-
-def at_rate(device: Device, rate_Hz: float) -> Device:
-    """The device with another sensing rate."""
-    timing = device.file.timing
-    rate = timing.sense_rate_Hz.model_copy(update={"value": rate_Hz})
-    update = {"timing": timing.model_copy(update={"sense_rate_Hz": rate})}
-    return Device(device.file.model_copy(update=update), device.origin)
 
 
 def maxwell_block(device: Device, scheme: str) -> Block:
@@ -166,7 +158,7 @@ def continuous_torque(device: Device, motion: EncodedMotion, duration_s: float) 
     return: torque in Nm, one value a fine step, from time 0. The exponential step is exact for a
         frozen viscosity and of second order; at this rate its error is a 400th of that at 1 kHz.
     """
-    fine = at_rate(device, REFINE_HZ)
+    fine = with_numbers(device, {SENSE_RATE: REFINE_HZ})
     runner = _compiled(fine, maxwell_block(fine, "exponential"))
     count = round(duration_s * REFINE_HZ)
     out = np.empty(count)
@@ -302,7 +294,7 @@ def _ideal(
         largest, rms = dict.fromkeys(RATES_HZ, 0.0), dict.fromkeys(RATES_HZ, 0.0)
         for rate in RATES_HZ:
             say(f"ideal encoders, {scheme}, {rate:g} Hz")
-            coarse = at_rate(device, rate)
+            coarse = with_numbers(device, {SENSE_RATE: rate})
             runner = (
                 compile_device(coarse, "f64").block("sensor")
                 if scheme == OURS
@@ -380,7 +372,7 @@ def discretisation(
         exact[motion] = continuous_torque(device, motion, min(limit_s, motion.duration_s))
     ideal = _ideal(device, limit_s, exact, say)
     say("real encoders")
-    coarse = at_rate(device, RATES_HZ[0])
+    coarse = with_numbers(device, {SENSE_RATE: RATES_HZ[0]})
     real = _real(coarse, MOTIONS[0], exact[MOTIONS[0]], limit_s)
     return Discretisation(device.name, ideal, real)
 

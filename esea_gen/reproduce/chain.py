@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.device import Device, load_device
+from esea_gen.device import load_device, with_numbers
 from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
-from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD, at_rate
-from esea_gen.studies.reproduction import Reproduction
+from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.uncertainty.signals import LOAD_HZ, LOAD_RAD, SENSE_RATE
+from esea_gen.twin.trajectories import reaches
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,32 +28,11 @@ LASTING_S = 40.0
 BANDWIDTHS_HZ = (10.0, 12.0, 15.0, 20.0, 30.0, 60.0)
 # Ideal: the finest that a device file takes, a count of 0.4 microradians.
 ENCODERS = {"12 bit": 12, "14 bit": 14, "ideal": 24}
+RESOLUTION = "encoder.resolution_bits"
 COUNTS, SMOOTHED = "counts", "smoothed"
 BLOCKS = "velocity", "smoothing", "sensor"
 START_S = 1.0
 MOVES = 10
-REST_S = 0.8
-
-
-def with_encoder(device: Device, bits: int) -> Device:
-    """The device with other encoders."""
-    encoder = device.file.encoder
-    resolution = encoder.resolution_bits.model_copy(update={"value": bits})
-    update = {"encoder": encoder.model_copy(update={"resolution_bits": resolution})}
-    return Device(device.file.model_copy(update=update), device.origin)
-
-
-def reaches(ends_rad: Array, lasting_s: Array, h: float) -> Array:
-    """Deflection from rest to each end in turn, by minimum jerk, with a rest after each.
-
-    return: rad, one value a step.
-    """
-    parts, last = [np.zeros(1)], 0.0
-    for end, lasting in zip(ends_rad, lasting_s, strict=True):
-        u = np.minimum(np.arange(1, round((lasting + REST_S) / h) + 1) * h / lasting, 1.0)
-        parts.append(last + (end - last) * u**3 * (10 - 15 * u + 6 * u * u))
-        last = float(end)
-    return np.concatenate(parts)
 
 
 def motions(most_rad: float, h: float) -> dict[str, Array]:
@@ -137,8 +117,35 @@ class ChainStudy(Reproduction[WholeChain]):
         """With the emitted C of the elbow."""
         device = load_device("elbow")
         h, full = device.period_s, device.tau_full_scale_Nm
-        exact = compile_device(at_rate(device, FINE / h), "f64").block("sensor")
-        libraries = {e: compile_device(with_encoder(device, b), "f64") for e, b in ENCODERS.items()}
+        exact = compile_device(with_numbers(device, {SENSE_RATE: FINE / h}), "f64").block("sensor")
+        read = {e: with_numbers(device, {RESOLUTION: b}) for e, b in ENCODERS.items()}
+        libraries = {e: compile_device(d, "f64") for e, d in read.items()}
+        rows = [r for r in self.rows if r.deflection == what and r.bandwidth_Hz]
+            for encoder in ENCODERS:
+                y = [next(iter(r.rms_pct[encoder].values())) for r in rows]
+                axes.loglog([r.bandwidth_Hz for r in rows], y, style, label=f"{encoder}, {what}")
+        axes.set_xlabel("bandwidth of the observer / Hz")
+        axes.set_ylabel("RMS error of the torque, sweep / % of full scale")
+        axes.legend(fontsize="small")
+        axes.grid(alpha=0.3)
+        return figure
+
+
+class ChainStudy(Reproduction[WholeChain]):
+    """The whole sensing task against the continuous model, by encoder, deflection and bandwidth."""
+
+    name = "chain"
+    title = "The sensing task's error by encoder and deflection"
+
+    def run(self, say: Callable[[str], None], folder: Path | None) -> WholeChain:
+        """With the emitted C of the elbow."""
+        device = load_device("elbow")
+        h, full = device.period_s, device.tau_full_scale_Nm
+        exact = compile_device(with_numbers(device, {SENSE_RATE: FINE / h}), "f64").block("sensor")
+        libraries = {
+            e: compile_device(with_numbers(device, {"encoder.resolution_bits": b}), "f64")
+            for e, b in ENCODERS.items()
+        }
         rows = [
             ChainRow(what, b, {e: {} for e in ENCODERS})
             for what in (COUNTS, SMOOTHED)

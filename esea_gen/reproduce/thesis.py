@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from esea_gen import __version__
-from esea_gen.studies.reproduction import Reproduction
-from esea_gen.studies.thesis.catalogue import (
+from esea_gen.reproduce.catalogue import (
     DIFFERS,
     NOT_RUN,
     REPRODUCED,
@@ -22,8 +21,9 @@ from esea_gen.studies.thesis.catalogue import (
     judge_printed,
     published,
 )
-from esea_gen.studies.thesis.given import HostResults
-from esea_gen.studies.thesis.measures import Measures
+from esea_gen.reproduce.given import HostResults
+from esea_gen.reproduce.measures import Measures
+from esea_gen.reproduce.reproduction import Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
