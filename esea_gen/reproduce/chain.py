@@ -120,32 +120,6 @@ class ChainStudy(Reproduction[WholeChain]):
         exact = compile_device(with_numbers(device, {SENSE_RATE: FINE / h}), "f64").block("sensor")
         read = {e: with_numbers(device, {RESOLUTION: b}) for e, b in ENCODERS.items()}
         libraries = {e: compile_device(d, "f64") for e, d in read.items()}
-        rows = [r for r in self.rows if r.deflection == what and r.bandwidth_Hz]
-            for encoder in ENCODERS:
-                y = [next(iter(r.rms_pct[encoder].values())) for r in rows]
-                axes.loglog([r.bandwidth_Hz for r in rows], y, style, label=f"{encoder}, {what}")
-        axes.set_xlabel("bandwidth of the observer / Hz")
-        axes.set_ylabel("RMS error of the torque, sweep / % of full scale")
-        axes.legend(fontsize="small")
-        axes.grid(alpha=0.3)
-        return figure
-
-
-class ChainStudy(Reproduction[WholeChain]):
-    """The whole sensing task against the continuous model, by encoder, deflection and bandwidth."""
-
-    name = "chain"
-    title = "The sensing task's error by encoder and deflection"
-
-    def run(self, say: Callable[[str], None], folder: Path | None) -> WholeChain:
-        """With the emitted C of the elbow."""
-        device = load_device("elbow")
-        h, full = device.period_s, device.tau_full_scale_Nm
-        exact = compile_device(with_numbers(device, {SENSE_RATE: FINE / h}), "f64").block("sensor")
-        libraries = {
-            e: compile_device(with_numbers(device, {"encoder.resolution_bits": b}), "f64")
-            for e, b in ENCODERS.items()
-        }
         rows = [
             ChainRow(what, b, {e: {} for e in ENCODERS})
             for what in (COUNTS, SMOOTHED)
