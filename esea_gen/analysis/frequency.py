@@ -23,17 +23,7 @@ HALF_POWER_DB = 10 * math.log10(2.0)
 
 @dataclass(frozen=True)
 class Bandwidth:
-    """Where a gain has fallen, and by which definition.
-
-    bandwidth_Hz: lowest frequency at which the gain falls through the level; the lowest of the data
-        when it is below there already, None when it does not fall through within the data.
-    passband_gain: gain that the fall counts from.
-    passband: where that comes from.
-    drop_dB: the fall.
-    peak_dB, peak_Hz: highest gain relative to the passband's, and where.
-    returns: whether the gain comes back above the level at a higher frequency: then the figure
-        hangs on the definition.
-    """
+    """Where a gain has fallen, and by which definition."""
 
     bandwidth_Hz: float | None
     passband_gain: float
@@ -46,16 +36,7 @@ class Bandwidth:
 
 @dataclass(frozen=True)
 class Margins:
-    """Stability margins of an open loop; None where nothing crosses.
-
-    gain_margin_dB, gain_margin_Hz: factor to the limit at the phase crossing nearest to it, and its
-        frequency.
-    phase_margin_deg, phase_margin_Hz: smallest phase distance to -180 deg over the gain crossings,
-        and its frequency.
-    delay_margin_s: additional delay to the limit, smallest over the gain crossings with positive
-        margin.
-    modulus_margin: smallest distance of the locus from -1.
-    """
+    """Stability margins of an open loop; None where nothing crosses."""
 
     gain_margin_dB: float | None
     gain_margin_Hz: float | None
@@ -67,15 +48,7 @@ class Margins:
 
 @dataclass(frozen=True)
 class LagFit:
-    """A low-order lag with delay, fitted to a frequency response.
-
-    order: 0, 1 or 2.
-    gain: static gain.
-    natural_Hz: corner frequency (order 1) or natural frequency (order 2).
-    damping: damping ratio (order 2).
-    delay_s: delay beside it.
-    misfit: RMS of the relative complex misfit.
-    """
+    """A low-order lag with delay, fitted to a frequency response."""
 
     order: int
     gain: float
@@ -87,14 +60,7 @@ class LagFit:
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Ratio of output to input over frequency.
-
-    frequency_Hz: rising, shape (n,).
-    response: complex ratio, shape (n,).
-    coherence: share of the output's power that the input explains, shape (n,).
-    sigma: standard deviation of the response relative to its gain, shape (n,); from noise alone.
-    method: how it was found.
-    """
+    """Ratio of output to input over frequency."""
 
     frequency_Hz: Array
     response: Complex
@@ -267,7 +233,6 @@ class FrequencyResponse:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: frequency, gain, phase, coherence, sigma, method."""
         return {
             "method": self.method,
             "frequency_Hz": plain(self.frequency_Hz),
@@ -278,7 +243,6 @@ class FrequencyResponse:
         }
 
     def table(self, rows: int = 12) -> list[str]:
-        """Some frequencies as lines of text."""
         wanted = np.geomspace(max(self.frequency_Hz[0], 1e-9), self.frequency_Hz[-1], rows)
         picked = sorted({int(np.argmin(np.abs(self.frequency_Hz - w))) for w in wanted})
         lines = [f"{self.method}", f"{'Hz':>10}{'gain dB':>10}{'phase deg':>11}{'coherence':>11}"]

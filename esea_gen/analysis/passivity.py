@@ -23,11 +23,7 @@ Bools = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Hand:
-    """A passive hand or arm.
-
-    name: for tables.
-    inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad: 0 or more.
-    """
+    """A passive hand or arm."""
 
     name: str
     inertia_kgm2: float = 0.0
@@ -58,12 +54,7 @@ def hand_family(
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energy that a driving point took in over a run.
-
-    absorbed_J: taken in since the start, at the samples of the angle, shape (n,).
-    stored_J: what the driving point held at the start.
-    exchanged_J: energy that went either way, in total.
-    """
+    """Energy that a driving point took in over a run."""
 
     absorbed_J: Array
     stored_J: float
@@ -100,14 +91,7 @@ def energy_balance(
 
 @dataclass(frozen=True)
 class PassivityMap:
-    """Energy generated over gains and hands.
-
-    kp_Nm_rad, kd_Nms_rad: gains, shapes (p,) and (d,).
-    hands: the hands, h of them.
-    generated_J, index: shape (p, d, h); infinite where the run is not finite.
-    diverging: shape (p, d, h).
-    tolerance: index up to which a run counts as passive.
-    """
+    """Energy generated over gains and hands."""
 
     kp_Nm_rad: Array
     kd_Nms_rad: Array
@@ -128,7 +112,6 @@ class PassivityMap:
         return np.asarray(np.all(self.index <= self.tolerance, axis=2)) & self.stable
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: gains, hands and the arrays."""
         return {
             "kp_Nm_rad": plain(self.kp_Nm_rad),
             "kd_Nms_rad": plain(self.kd_Nms_rad),

@@ -71,10 +71,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def crossed(figure: Figure, ended: Mapping[str, str]) -> Figure:
-    """Cases that a run of did not end well: crossed where the figure names them, and said below.
-
-    ended: what came of it, by case.
-    """
+    """Cases that a run of did not end well: crossed where the figure names them, and said below."""
     if not ended:
         return figure
 
@@ -111,12 +108,7 @@ def torque_tracking(
     *,
     title: str = "",
 ) -> Figure:
-    """Torque over time: desired, true and modelled, their errors below.
-
-    time_s: shape (n,).
-    desired_Nm, true_Nm: desired torque and torque of the plant's elastomer, shape (n,).
-    modelled_Nm: torque that the controller's sensor gives, shape (n,).
-    """
+    """Torque over time: desired, true and modelled, their errors below."""
     with mpl.rc_context(STYLE):
         figure, (above, below) = new_figure(
             9.6, 4.4, nrows=2, sharex=True, height_ratios=[1.6, 1.0]
@@ -151,13 +143,7 @@ def torque_tracking(
 
 
 def torque_cases(panels: Sequence[tuple[str, Array, Array, Array, Array]], *, title: str) -> Figure:
-    """Torque over time, a panel for every case.
-
-    panels: name; time in s; desired torque, torque of the plant's elastomer and torque of the
-        controller's sensor in Nm, of the same shape (n,).
-    return: panels below each other; each heading gives the RMS of the true error over its time
-        axis.
-    """
+    """Torque over time, a panel for every case."""
     with mpl.rc_context(STYLE):
         figure, rows = new_figure(9.6, 0.6 + 1.7 * len(panels), nrows=len(panels), squeeze=False)
         for axes, (name, t, desired, true, modelled) in zip(rows[:, 0], panels, strict=True):
@@ -183,13 +169,7 @@ def rms_by_case(
     *,
     unit: str = "N·m",
 ) -> Figure:
-    """RMS error by case, the thesis' figures beside ours.
-
-    ours_Nm: by controller, shape (c,); NaN where there is none (a trip, a failure): a cross then
-        stands at the foot.
-    thesis_Nm: by controller, shape (c,); NaN where nothing is published.
-    return: filled bars for ours, open ones for the thesis, of the same colour for the same name.
-    """
+    """RMS error by case, the thesis' figures beside ours."""
     published = {k: np.asarray(v, dtype=float) for k, v in (thesis_Nm or {}).items()}
     ours = {k: np.asarray(v, dtype=float) for k, v in ours_Nm.items()}
     for name, values in (*ours.items(), *published.items()):
@@ -253,13 +233,7 @@ def bode(
     responses: Sequence[tuple[str, FrequencyResponse]],
     bandwidths: Sequence[tuple[str, Bandwidth]] = (),
 ) -> Figure:
-    """Gain, phase and coherence over frequency.
-
-    responses: name and response, drawn in one colour each.
-    bandwidths: to mark, in the colour of the response of the same name.
-    return: three panels, or two where no response has a coherence; the shade is two standard
-        deviations.
-    """
+    """Gain, phase and coherence over frequency."""
     coherent = any(r.coherence is not None for _, r in responses)
     names = [n for n, _ in responses]
     with mpl.rc_context(STYLE):
@@ -337,10 +311,7 @@ def gain_map(
     *,
     title: str = "",
 ) -> Figure:
-    """Where over the gains the port is passive, stable with every hand, or unstable with one.
-
-    marks: label, Kp and Kd of gains in use.
-    """
+    """Where over the gains the port is passive, stable with every hand, or unstable with one."""
     kinds = region.stable.astype(int) + (region.stable & region.passive)
     colours = ("#efc9b0", "#cfdde8", MODEL)
     labels = ("unstable with a hand", "stable with every hand", "passive")
@@ -382,12 +353,7 @@ def percentile_bars(
     *,
     xlabel: str = "RMS error, N·m",
 ) -> Figure:
-    """Monte-Carlo percentiles, one line a case.
-
-    rows: name and percentiles.
-    return: thick from 25 to 75 %, thin from 5 to 95 %, a dot for the largest; a failed case is
-        said.
-    """
+    """Monte-Carlo percentiles, one line a case."""
     with mpl.rc_context(STYLE):
         figure, axes = new_figure(9.6, 1.2 + 0.34 * len(rows))
         y = np.arange(len(rows))[::-1]

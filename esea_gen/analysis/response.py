@@ -81,14 +81,7 @@ def plain(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Resampled:
-    """Signals on a regular grid.
-
-    time_s: grid, shape (m,).
-    period_s: its step.
-    signals: interpolated signals, shape (m,) each.
-    dropped_s: time that was cut away because of gaps.
-    widest_s: longest interval between samples that was bridged.
-    """
+    """Signals on a regular grid."""
 
     time_s: Array
     period_s: float
@@ -104,13 +97,7 @@ def resample(
     period_s: float | None = None,
     max_gap_s: float | None = None,
 ) -> Resampled:
-    """Bring irregular samples onto a regular grid, without bridging gaps.
-
-    Linear interpolation between samples an interval d apart multiplies a sine of frequency f by
-    sinc^2(f d): 0.3 dB at f d = 0.1.  In a ratio of two signals of the same record it cancels.  A
-    grid coarser than the samples is reached through a linear-phase low-pass at 0.4 of its rate, so
-    that nothing folds down.
-    """
+    """Bring irregular samples onto a regular grid, without bridging gaps."""
     from scipy.signal import fftconvolve, firwin
 
     time = checked_time(time_s)

@@ -26,20 +26,7 @@ def welch_response(
     segment_s: float,
     instrument: npt.ArrayLike | None = None,
 ) -> FrequencyResponse:
-    """Response from averaged spectra (H1, Hann segments, half overlapping).
-
-    H1 = S_uy / S_uu is free of bias when the noise is on the output only [1]_.  Inside a feedback
-    loop u holds noise that y holds too; then S_ry / S_ru with the reference r as the instrument is
-    consistent [2]_.  A delay d biases the gain by about (1 - d/segment_s): take segments much
-    longer than the delay.  Relative standard deviation: sqrt((1 - c) / (2 c n)), c the coherence,
-    n the number of segments that count as independent.
-
-    References
-    ----------
-    .. [1] J. S. Bendat, A. G. Piersol, Random Data, 4th ed., Wiley, 2010, sections 6.1 and 9.2.
-    .. [2] R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
-       IEEE Press, 2012, section 2.6.
-    """
+    """Response from averaged spectra (H1, Hann segments, half overlapping)."""
     from scipy.signal import csd
 
     rate = 1.0 / checked_period(period_s)
@@ -129,12 +116,7 @@ def periodic_response(
 
 @dataclass(frozen=True)
 class Sweep:
-    """A linear sine sweep.
-
-    start_Hz, end_Hz: frequency at its ends.
-    duration_s: its length.
-    start_s: when it begins.
-    """
+    """A linear sine sweep."""
 
     start_Hz: float
     end_Hz: float
@@ -172,14 +154,7 @@ def sweep_response(
     cycles: float = 3.0,
     points: int = 200,
 ) -> FrequencyResponse:
-    """Response along a linear sweep, by local least squares on the sweep's own phase.
-
-    In a Hann-weighted window round t_c both signals are fitted by (a + b x) cos(phase) +
-    (c + d x) sin(phase) + e + g x, x = t - t_c; the ratio of (a - j c) is the response at the
-    sweep's frequency at t_c.  The sweep's finite rate k adds -j (k / 4 pi) d2H/df2, whatever the
-    window: at 1 Hz/s 2 % at the peak of a second-order lag of 8 Hz and damping 0.4, and inversely
-    with the rate.  It is not corrected, since the curvature is noisier than the response.
-    """
+    """Response along a linear sweep, by local least squares on the sweep's own phase."""
     time = checked_time(time_s)
     x, z = checked("u", u, len(time)), checked("y", y, len(time))
     if not (resolution_Hz > 0 and cycles >= 1 and points >= 4):

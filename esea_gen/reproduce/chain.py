@@ -49,10 +49,7 @@ def motions(most_rad: float, h: float) -> dict[str, Array]:
 
 @dataclass(frozen=True)
 class ChainRow:
-    """One deflection for the sensor and one bandwidth; none: what suits each encoder.
-
-    rms_pct: by encoder, then by motion: error of the torque, % of full scale.
-    """
+    """One deflection for the sensor and one bandwidth; none: what suits each encoder."""
 
     deflection: str
     bandwidth_Hz: float | None
@@ -61,21 +58,16 @@ class ChainRow:
 
 @dataclass(frozen=True)
 class WholeChain:
-    """The table.
-
-    suited_Hz: bandwidth by encoder, of the rows without one.
-    """
+    """The table."""
 
     device: str
     rows: list[ChainRow]
     suited_Hz: dict[str, float]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return asdict(self)
 
     def table(self) -> list[str]:
-        """Lines of text."""
         names = list(next(iter(self.rows[0].rms_pct.values())))
         lines = [
             f"{self.device}: torque of rate and sensor together against the continuous model, RMS "
@@ -90,7 +82,6 @@ class WholeChain:
         return [*lines, f"suited: by the encoder's resolution, {suited}"]
 
     def figure(self) -> Figure:
-        """RMS error of the sweep over the bandwidth."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(7, 4.5), layout="constrained")
@@ -114,7 +105,6 @@ class ChainStudy(Reproduction[WholeChain]):
     title = "The sensing task's error by encoder and deflection"
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> WholeChain:
-        """With the emitted C of the elbow."""
         device = load_device("elbow")
         h, full = device.period_s, device.tau_full_scale_Nm
         exact = compile_device(with_numbers(device, {SENSE_RATE: FINE / h}), "f64").block("sensor")

@@ -118,10 +118,7 @@ def _compiled(device: Device, block: Block) -> CRunner:
 
 @dataclass(frozen=True)
 class EncodedMotion:
-    """A sine sweep of deflection inside the identified domain.
-
-    top_Hz, duration_s: it sweeps from 0 to ``top_Hz``.
-    """
+    """A sine sweep of deflection inside the identified domain."""
 
     amplitude_deg: float
     top_Hz: float
@@ -153,11 +150,7 @@ MOTIONS = (
 
 
 def continuous_torque(device: Device, motion: EncodedMotion, duration_s: float) -> Array:
-    """Rate torque of the continuous model, on a grid of ``REFINE_HZ``.
-
-    return: torque in Nm, one value a fine step, from time 0. The exponential step is exact for a
-        frozen viscosity and of second order; at this rate its error is a 400th of that at 1 kHz.
-    """
+    """Rate torque of the continuous model, on a grid of ``REFINE_HZ``."""
     fine = with_numbers(device, {SENSE_RATE: REFINE_HZ})
     runner = _compiled(fine, maxwell_block(fine, "exponential"))
     count = round(duration_s * REFINE_HZ)
@@ -175,13 +168,7 @@ def continuous_torque(device: Device, motion: EncodedMotion, duration_s: float) 
 
 @dataclass(frozen=True)
 class SchemeRow:
-    """One integrator, ideal encoders.
-
-    largest_pct, rms_pct: by rate in Hz: error in % of full scale, worst of the motions.
-    stable: whether no step lets the torque grow by itself, for every time constant.
-    monotone: whether, for every time constant, more deflection gives more torque and a torque at
-        rest decays without changing sign.
-    """
+    """One integrator, ideal encoders."""
 
     scheme: str
     largest_pct: dict[float, float]
@@ -192,10 +179,7 @@ class SchemeRow:
 
 @dataclass(frozen=True)
 class RateRow:
-    """One source of the rate, real encoders.
-
-    rms_pct, largest_pct: by encoder bits: error of the rate torque in % of full scale.
-    """
+    """One source of the rate, real encoders."""
 
     source: str
     rms_pct: dict[int, float]
@@ -204,18 +188,13 @@ class RateRow:
 
 @dataclass(frozen=True)
 class Discretisation:
-    """Both tables.
-
-    ideal: integrators with ideal encoders.
-    real: sources of the rate with real encoders, 1 kHz.
-    """
+    """Both tables."""
 
     device: str
     ideal: list[SchemeRow]
     real: list[RateRow]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: ``{"ideal": {scheme: ...}, "real": {source: ...}}``."""
         ideal = {
             r.scheme: {
                 "largest_pct": {f"{k:g}": v for k, v in r.largest_pct.items()},
@@ -235,7 +214,6 @@ class Discretisation:
         return {"device": self.device, "ideal": ideal, "real": real}
 
     def table(self) -> list[str]:
-        """Both tables as lines of text."""
         yes = {True: "yes", False: "no"}
         lines = ["Ideal encoders: error of the rate torque in % of full scale, RMS / max"]
         heads = "".join(f"{f'{r:g} Hz':>22}" for r in RATES_HZ)
@@ -256,7 +234,6 @@ class Discretisation:
         return lines
 
     def figure(self) -> Figure:
-        """RMS error over the rate with ideal encoders, over the counts with real ones."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(11, 4.5), layout="constrained")
@@ -358,10 +335,7 @@ def discretisation(
     device: Device | None = None,
     limit_s: float = np.inf,
 ) -> Discretisation:
-    """Make both tables with the emitted C.
-
-    device: one with rate terms and without a dead zone; the elbow when not given.
-    """
+    """Make both tables with the emitted C."""
     device = device or load_device("elbow")
     if device.elastomer.maxwell is None:
         raise ValueError(f"device {device.name} has no rate terms: nothing to discretise")
@@ -384,5 +358,4 @@ class SensorDiscretisation(Reproduction[Discretisation]):
     title = "The sensor's discretisation"
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> Discretisation:
-        """With the emitted C of the elbow."""
         return discretisation(say)

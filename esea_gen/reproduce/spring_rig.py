@@ -44,16 +44,7 @@ PUBLISHED = {
 
 
 def author_bandwidth(time_s: Array, u: Array, y: Array) -> float:
-    """Bandwidth by the definition that reproduces the published figures.
-
-    time_s: sample times, shape (n,).
-    u, y: command and the rig's own sensor, shape (n,).
-
-    Ratio of the two discrete spectra as if the samples were regular, with the last sample's time
-    as the length; gain in dB and phase in degrees smoothed by a straight line over 99 lines
-    (2.5 Hz); the bandwidth is the last line whose gain is above the first line's less 4.5 dB (not
-    3), not beyond the line where the phase, after its minimum, is back at its greatest value.
-    """
+    """Bandwidth by the definition that reproduces the published figures."""
     from scipy.signal import savgol_filter
 
     time = checked_time(time_s)
@@ -74,15 +65,7 @@ def author_bandwidth(time_s: Array, u: Array, y: Array) -> float:
 
 @dataclass(frozen=True)
 class SweepCheck:
-    """One recorded sweep.
-
-    published_Hz: the author's figure for this repetition.
-    local, local_author_drop: by local fits, 3.01 and 4.5 dB below the lowest frequency.
-    welch: by averaged spectra, 3.01 dB below their lowest frequency.
-    command: by local fits, 3.01 dB below the command.
-    dropped_s, widest_s: time cut away because of a gap, and longest interval bridged, for the
-        averaged spectra.
-    """
+    """One recorded sweep."""
 
     file: str
     loop: str
@@ -100,21 +83,16 @@ class SweepCheck:
 
 @dataclass(frozen=True)
 class DataCheck:
-    """Bandwidths and steps of a folder of recordings.
-
-    steps: by file, then by sensor (``torque_ati``, ``torque_sea``).
-    """
+    """Bandwidths and steps of a folder of recordings."""
 
     sweeps: tuple[SweepCheck, ...]
     steps: dict[str, dict[str, StepMetrics]]
 
     @property
     def reproduced(self) -> bool:
-        """Whether every published bandwidth comes out to 1e-6 Hz by the author's definition."""
         return all(abs(s.author_Hz - s.published_Hz) < 1e-6 for s in self.sweeps)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: ``sweeps`` and ``steps``."""
         return {
             "reproduced": self.reproduced,
             "sweeps": [
@@ -140,7 +118,6 @@ class DataCheck:
         }
 
     def table(self) -> list[str]:
-        """Bandwidths by definition, then the steps."""
         lines = []
         for s in self.sweeps:
             lines += [
@@ -166,7 +143,6 @@ class DataCheck:
         return [*lines, f"By the author's definition the published bandwidths {found}."]
 
     def figure(self) -> Figure:
-        """Frequency responses of the sweeps, local fits."""
         from esea_gen.analysis.plots import bode
 
         return bode(
@@ -218,10 +194,7 @@ def _sweep(folder: Path, path: Path) -> SweepCheck:
 
 
 def check_on_data(folder: Path | str, progress: Callable[[str], None] | None = None) -> DataCheck:
-    """Recompute published bandwidths and judge recorded steps.
-
-    folder: holds ``chirp/``, ``step_closed_loop/`` and the published tables.
-    """
+    """Recompute published bandwidths and judge recorded steps."""
     root = Path(folder)
     say = progress or (lambda _: None)
     sweeps = sorted((root / "chirp").glob("*.csv"))
@@ -255,10 +228,8 @@ class PublishedBandwidths(Reproduction[DataCheck]):
     recordings = True
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> DataCheck:
-        """On the folder of the data set."""
         assert folder is not None
         return check_on_data(folder, say)
 
     def reproduced(self, outcome: DataCheck) -> bool:
-        """Every published bandwidth."""
         return outcome.reproduced

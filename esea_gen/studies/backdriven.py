@@ -17,5 +17,4 @@ class Backdriven(ClosedLoopStudy):
     person = True
 
     def cases(self) -> list[Case]:
-        """One a frequency."""
         return [Case(f"{f:g} Hz", trajectories.backdriven(f)) for f in BACKDRIVEN_HZ]

@@ -15,5 +15,4 @@ class Bread(ClosedLoopStudy):
     person = True
 
     def cases(self) -> list[Case]:
-        """One a torque."""
         return [Case(f"{tau:g} Nm", trajectories.bread(tau)) for tau in (0.0, 2.0)]

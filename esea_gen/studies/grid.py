@@ -16,7 +16,6 @@ class Grid(ClosedLoopStudy):
     title = "Twelve points of the operating space, output fixed"
 
     def cases(self) -> list[Case]:
-        """One a torque and frequency."""
         return [
             Case(f"{torque:g} Nm {f:g} Hz", fixed_sinusoid(torque, f))
             for f, torques in GRID_NM.items()

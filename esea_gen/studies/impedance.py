@@ -19,7 +19,6 @@ class ImpedanceStudy(ClosedLoopStudy):
     person = True
 
     def cases(self) -> list[Case]:
-        """One a pair of gains."""
         return [
             Case(
                 f"Kp {kp:g} Kd {kd:g}",
@@ -31,5 +30,4 @@ class ImpedanceStudy(ClosedLoopStudy):
         ]
 
     def table(self, done: Simulation) -> list[str]:
-        """With the thesis' measure."""
         return torque_errors.table(done, normalised=True)

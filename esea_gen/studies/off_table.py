@@ -56,25 +56,19 @@ def _row(done: Simulation) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class OffTable:
-    """Outcome of a study for several families and controllers.
-
-    done: one study each, all with the same plant, person and seeds; without their signals.
-    """
+    """Outcome of a study for several families and controllers."""
 
     done: tuple[Simulation, ...]
 
     def rows(self) -> list[dict[str, Any]]:
-        """One a family and controller: medians over the seeds, and how many runs ended how."""
         return [_row(d) for d in self.done]
 
     def cases(self) -> list[dict[str, Any]]:
-        """Every run, with the name of its family."""
         return [
             {"controller": d.setting.controller} | entry for d in self.done for entry in d.cases()
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready: ``off``, one row a family and controller, and ``cases``, every run."""
         first = self.done[0]
         return {
             "experiment": first.study.name,
@@ -91,11 +85,9 @@ class OffTable:
         }
 
     def csv(self) -> str:
-        """Every run, one line each."""
         return csv_lines(self.cases())
 
     def table(self) -> list[str]:
-        """A line a family and controller."""
         first = self.done[0]
         seeds = len(first.seeds)
         adapted = ", adapted" if first.setting.adapted else ""
@@ -120,7 +112,6 @@ class OffTable:
         return lines
 
     def figure(self) -> Figure:
-        """RMS error and its part above 4 Hz by family; a cross where most runs ended early."""
         return _drawn(self.rows())
 
 
@@ -183,10 +174,7 @@ def simulate_off(
     folder: Path | None = None,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> Simulation | OffTable:
-    """Run a study in several settings, which differ in controller and family.
-
-    settings: one alone gives what :func:`~esea_gen.studies.simulation.simulate` gives.
-    """
+    """Run a study in several settings, which differ in controller and family."""
     if not settings:
         raise UserError("No setting is given.", "Give one or more.")
     if len(settings) == 1:

@@ -38,27 +38,18 @@ class ShowsOutcome(Protocol):
     person: ClassVar[bool]
     thesis_Nm: ClassVar[Mapping[str, float]]
 
-    def case(self, name: str) -> Case:
-        """One of its cases."""
+    def case(self, name: str) -> Case: ...
 
-    def table(self, done: Simulation) -> list[str]:
-        """As lines of text."""
+    def table(self, done: Simulation) -> list[str]: ...
 
-    def to_dict(self, done: Simulation) -> dict[str, Any]:
-        """JSON-ready."""
+    def to_dict(self, done: Simulation) -> dict[str, Any]: ...
 
-    def figure(self, done: Simulation) -> Figure:
-        """Drawn."""
+    def figure(self, done: Simulation) -> Figure: ...
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """A study's outcome.
-
-    monte_carlo: figures of every case and seed.
-    study: the closed-loop study, which knows how its outcome is shown.
-    kept: by case, what the study kept of its first seed; empty where nothing needs it.
-    """
+    """A study's outcome."""
 
     study: ShowsOutcome
     setting: Setting
@@ -72,7 +63,6 @@ class Simulation:
         return self.setting.person if self.study.person else "none"
 
     def cases(self) -> list[dict[str, Any]]:
-        """One entry a case and seed; a run that failed has no figures and says why."""
         entries = []
         for r in self.monte_carlo.results:
             entry: dict[str, Any] = {"name": r.case["case"], "seed": r.case["seed"]}
@@ -96,14 +86,12 @@ class Simulation:
         return [e for e in self.cases() if any(e.get(k) for k in (*ENDED, "failure"))]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: ``cases``, percentiles by case, and what the study is for."""
         content = self.study.to_dict(self)
         if self.setting.fault:
             content |= {"fault": str(parse_fault(self.setting.fault)), "simulated": True}
         return content
 
     def table(self) -> list[str]:
-        """The outcome as lines of text."""
         return self._faults() if self.setting.fault else self.study.table(self)
 
     def _faults(self) -> list[str]:
@@ -133,7 +121,6 @@ class Simulation:
         return [*lines, "the worst of all runs; torques in Nm, energy given to the limb in J"]
 
     def figure(self) -> Figure:
-        """What the study is for: Bode, impedance, torque in time, or RMS by case."""
         from esea_gen.analysis.plots import crossed
 
         ended: dict[str, str] = {}
@@ -143,5 +130,4 @@ class Simulation:
         return crossed(self.study.figure(self), ended)
 
     def csv(self) -> str:
-        """Every case and seed, one line each."""
         return csv_lines(self.cases())

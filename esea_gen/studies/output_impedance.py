@@ -38,7 +38,6 @@ class OutputImpedanceStudy(ClosedLoopStudy):
     keeps = True
 
     def cases(self) -> list[Case]:
-        """One."""
         t = np.arange(round((MOTION.start_s + MOTION.duration_s) * RATE_HZ)) / RATE_HZ
         moving = t >= MOTION.start_s
         f = MOTION.start_Hz + MOTION.rate_Hz_s * (t - MOTION.start_s)
@@ -53,17 +52,14 @@ class OutputImpedanceStudy(ClosedLoopStudy):
         return [Case(f"{SWEEP_RAD:g} rad", path, plant=firm)]
 
     def keep(self, case: Case, run: ClosedLoopRun) -> OutputImpedance:
-        """The true torque that resists the angle."""
         angle = run.plant["theta_l_rad"] - SWEEP_MIDDLE_RAD
         return impedance(sweep_response(run.time_s, angle, run.plant["tau_e_Nm"], MOTION))
 
     def table(self, done: Simulation) -> list[str]:
-        """Errors, then the impedance."""
         rows = [line for p in done.kept.values() for line in p.table(ROWS, *FIT_HZ)]
         return torque_errors.table(done) + rows
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
-        """With ``output_impedance`` and ``impedance_fit``."""
         content = torque_errors.to_dict(done)
         for shown in done.kept.values():
             content["output_impedance"] = shown.to_dict()
@@ -71,7 +67,6 @@ class OutputImpedanceStudy(ClosedLoopStudy):
         return content
 
     def figure(self, done: Simulation) -> Figure:
-        """Size and phase."""
         if not done.kept:
             return torque_errors.figure(done)
         (shown,) = done.kept.values()
@@ -89,12 +84,7 @@ def impedance_figure(
     impedances: Sequence[tuple[str, OutputImpedance]],
     fits: Sequence[tuple[str, ImpedanceFit]] = (),
 ) -> Figure:
-    """Resisting torque per angle and phase per rate over frequency.
-
-    impedances: name and impedance.
-    fits: fits to draw over those of the same name, in their band.
-    return: two panels; the grey band of the lower one is what a passive driving point keeps to.
-    """
+    """Resisting torque per angle and phase per rate over frequency."""
     names = [n for n, _ in impedances]
     import matplotlib as mpl
 

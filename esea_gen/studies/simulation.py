@@ -47,53 +47,38 @@ MOST_PANELS = 4  # more cases than this are drawn as bars
 
 
 class ClosedLoopStudy(Study):
-    """Cases of a controller against plant and person.
-
-    person: whether somebody moves the load; else the output is fixed.
-    keeps: whether table and JSON need what ``keep`` gives of each case's first seed.
-    thesis_Nm: RMS of the thesis by controller, on its own device and with its own torque sensor.
-    """
+    """Cases of a controller against plant and person."""
 
     person: ClassVar[bool] = False
     keeps: ClassVar[bool] = False
     thesis_Nm: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
     def cases(self) -> list[Case]:
-        """What is run."""
         raise UserError(f"study {self.name}: has no method cases.", "Write it: the list of cases.")
 
     def case(self, name: str) -> Case:
-        """One of the cases."""
         known = {c.name: c for c in self.cases()}
         choose(f"case of {self.name}", name, known)
         return known[name]
 
     def measure(self, case: Case, run: ClosedLoopRun, device: Device) -> dict[str, float]:
-        """Figures of one run; a journal and worker processes carry them."""
         return judge(case, run, largest_torque_Nm(device))
 
     def keep(self, case: Case, run: ClosedLoopRun) -> Any:
-        """What table or figure need of a case's first run beside its figures: by default all."""
         return run
 
     def table(self, done: Simulation) -> list[str]:
-        """The outcome as lines of text."""
         return torque_errors.table(done)
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
-        """JSON-ready content."""
         return torque_errors.to_dict(done)
 
     def figure(self, done: Simulation) -> Figure:
-        """The outcome drawn."""
         return torque_errors.figure(done)
 
 
 def default_person(study: str, plant: str) -> str:
-    """Who takes part when nobody is named.
-
-    return: ``none`` with a fixed output, else the person that goes with the plant.
-    """
+    """Who takes part when nobody is named."""
     if not load_study(study, ClosedLoopStudy).person:
         return "none"
     return {"ideal": "ideal", "random": "random"}.get(plant, "uncertain")
@@ -114,11 +99,7 @@ def simulate_case(
     axis: str = "",
     kept: dict[str, Any] | None = None,
 ) -> dict[str, float]:
-    """Run and measure one case by name: what a worker does.
-
-    fault: of an encoder; what came of it is measured too.
-    kept: takes what the study keeps of this run, in this process.
-    """
+    """Run and measure one case by name: what a worker does."""
     chosen = load_study(study, ClosedLoopStudy)
     found = chosen.case(case)
     try:
@@ -144,13 +125,7 @@ def simulate(
     folder: Path | None = None,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> Simulation:
-    """Run a study.
-
-    study: name of one of the package, or ``FILE.py:name``.
-    workers: of :func:`~esea_gen.analysis.monte_carlo.run_cases`.
-    folder: of the journal: an interrupted study goes on where it was.
-    progress: ``progress(done, total, failed)``.
-    """
+    """Run a study."""
     s = setting or Setting()
     chosen = load_study(study, ClosedLoopStudy)
     choose("plant", s.plant, PLANT_NAMES)

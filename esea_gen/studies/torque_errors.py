@@ -65,10 +65,7 @@ def to_dict(done: Simulation) -> dict[str, Any]:
 
 
 def table(done: Simulation, *, normalised: bool = False) -> list[str]:
-    """A line a case, of the medians over the seeds.
-
-    normalised: also the thesis' measure for impedance, RMS over the largest desired torque.
-    """
+    """A line a case, of the medians over the seeds."""
     s, runs = done.setting, len(done.seeds)
     off = f", off: {off_families()[s.off].meaning}" if s.off != NOTHING else ""
     heads = ["RMS true", "RMS model", "max true", "thesis", "limited"]

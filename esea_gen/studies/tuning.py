@@ -19,5 +19,4 @@ class TuningCase(ClosedLoopStudy):
     )
 
     def cases(self) -> list[Case]:
-        """One."""
         return [Case("1.7 Nm 0.6 Hz", trajectories.tuning())]

@@ -17,7 +17,6 @@ class Twists(ClosedLoopStudy):
     title = "The twelve points at three cable twists, output fixed"
 
     def cases(self) -> list[Case]:
-        """Those of the grid at each twist."""
         return [
             dataclasses.replace(c, name=f"{c.name}, twist {angle} deg", plant=dataclasses.asdict(t))
             for angle, t in PLANTS.twist.items()

@@ -61,11 +61,9 @@ class Wall(ClosedLoopStudy):
     person = True
 
     def cases(self) -> list[Case]:
-        """One a torque and a hand."""
         return [push_case(push, hand) for push in PUSH_NM for hand in HANDS_NM_RAD]
 
     def measure(self, case: Case, run: ClosedLoopRun, device: Device) -> dict[str, float]:
-        """Ripple of the true torque about its own slow course, its mean, and how the run ended."""
         if "acts" not in run.controller:
             raise UserError(
                 f"{device.origin}: no section [impairment], or several axes without --axis.",
@@ -90,7 +88,6 @@ class Wall(ClosedLoopStudy):
         }
 
     def table(self, done: Simulation) -> list[str]:
-        """A line a case: of all seeds the median and the largest ripple, mean torque and angle."""
         s = done.setting
         lines = [
             f"{self.title}, simulated: {s.controller}, {s.axis}, plant {s.plant}, hand {s.person}, "

@@ -48,15 +48,7 @@ _END_NM_RAD, _END_NMS_RAD = 60.0, 0.5
 
 @dataclass(frozen=True)
 class CoupledHand:
-    """A hand on two axes, each number a pair in the order of the device's axes.
-
-    people: inertia, pull towards the intended path, own damping, gravity and noise of each axis.
-    passive_Nm_rad, passive_cross_Nm_rad: passive stiffness: diagonal, and the element off it.
-    inertia_cross_kgm2, damping_cross_Nms_rad: elements off the diagonal of inertia and of the
-        hand's own damping.
-    rest_rad: angles at which the passive joint rests.
-    ends_rad: anatomical range of motion.
-    """
+    """A hand on two axes, each number a pair in the order of the device's axes."""
 
     people: tuple[Person, Person]
     passive_Nm_rad: Pair = (0.0, 0.0)
@@ -94,7 +86,6 @@ class CoupledHand:
         return {n: ((a, b), (b, d)) for n, (a, b, d) in diagonals.items()}
 
     def values(self, axes: Sequence[str]) -> dict[str, float]:
-        """As tunables of the Block ``hand``."""
         out = {
             "inertia_cross_kgm2": self.inertia_cross_kgm2,
             "damping_cross_Nms_rad": self.damping_cross_Nms_rad,
@@ -123,11 +114,7 @@ def wrist(
     noise_Nm: float = 0.0,
     passive_scale: float = 1.0,
 ) -> CoupledHand:
-    """A hand by what it does on each axis: stiffness and damping towards its intended path.
-
-    Jh_kgm2: hand and handle, about either axis.
-    passive_scale: over the standard passive stiffness and damping.
-    """
+    """A hand by what it does on each axis: stiffness and damping towards its intended path."""
     c, s = math.cos(_TILT_RAD), math.sin(_TILT_RAD)
     soft, stiff = passive_scale * _SOFTEST_NM_RAD, passive_scale * _STIFFEST_NM_RAD
     passive = soft * c * c + stiff * s * s, soft * s * s + stiff * c * c
@@ -191,11 +178,7 @@ def named_hand(name: str, seed: int = 0) -> CoupledHand:
 
 
 def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) -> PlantVariant:
-    """The plant of a device with two axes, each drive drawn by itself, and a hand.
-
-    plant: ``ideal``, ``real`` or ``random``.
-    hand: one of :data:`HAND_NAMES`; ``none`` clamps both axes.
-    """
+    """The plant of a device with two axes, each drive drawn by itself, and a hand."""
     choose("plant", plant, ("ideal", "real", "random"))
     values: dict[str, float] = {}
     for i, axis in enumerate(device.axes):
@@ -215,10 +198,7 @@ def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) 
 
 
 class SteppedHand:
-    """A plant of two axes, driven tick by tick: motor commands in, encoder counts out.
-
-    variant: as :func:`hand_variant` makes it.
-    """
+    """A plant of two axes, driven tick by tick: motor commands in, encoder counts out."""
 
     def __init__(self, variant: PlantVariant) -> None:
         self.variant, self.axes = variant, variant.device.axes
@@ -240,10 +220,7 @@ class SteppedHand:
         hand: CoupledHand | None = None,
         clamped: bool | Sequence[bool] | None = None,
     ) -> dict[str, int]:
-        """Start at rest at one angle an axis; the counts there, by the board's input.
-
-        hand, clamped: as of :meth:`change`.
-        """
+        """Start at rest at one angle an axis; the counts there, by the board's input."""
         library, prefix = self.library, self.library.prefix
         ffi = library.ffi
         self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
@@ -273,11 +250,7 @@ class SteppedHand:
         clamped: bool | Sequence[bool] | None = None,
         **more: float,
     ) -> None:
-        """Somebody comes, goes, clamps the handle or lets it go; everything stays where it is.
-
-        hand, clamped: default: the variant's.  clamped: one for both axes, or one an axis.
-        more: tunables of the plant that differ from the variant's from now on.
-        """
+        """Somebody comes, goes, clamps the handle or lets it go; everything stays where it is."""
         values = dict(self.variant.values)
         if hand is not None:
             held = {of_axis("clamped", a) for a in self.axes}
@@ -289,12 +262,7 @@ class SteppedHand:
         prepare_plant(self.library, self._coeffs, values | more)
 
     def intend(self, paths: Sequence[Mapping[str, float]]) -> None:
-        """What the hand intends from the start of the next tick on; within it the path goes on.
-
-        paths: one an axis: ``theta_p_rad``, and what is not 0 of ``omega_p_rad_s``,
-            ``alpha_p_rad_s2``, ``noise`` (a number of variance 1 for each tick), and ``tau_Nm``, of
-            the muscles beside the pull to the path.
-        """
+        """What the hand intends from the start of the next tick on; within it the path goes on."""
         push = self._push
         self._moving: list[tuple[str, str, float, float, float]] = []
         for names, path in zip(self._inputs, paths, strict=True):

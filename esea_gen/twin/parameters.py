@@ -174,12 +174,7 @@ def _bounds(device: DeviceData) -> tuple[Tunable, ...]:
 
 
 def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
-    """What may vary from one plant to the next without a new compilation.
-
-    cable: whether the plant has a compliant cable between gear and motor-side part.
-    return: of the Block ``plant``; defaults: nominal drive, standard cable, no disturbance, the
-        ideal person.
-    """
+    """What may vary from one plant to the next without a new compilation."""
     return (
         *_drive(device),
         *(_cable() if cable else ()),
@@ -235,10 +230,7 @@ def plant_coefficients(tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
 
 
 def prepare_plant(t: SimpleNamespace, names: list[str], h: float, tick: float) -> dict[str, Any]:
-    """Coefficients from tunables.
-
-    h, tick: period of the step, and for how long a white number is held, in seconds.
-    """
+    """Coefficients from tunables."""
     values = {n: getattr(t, n) for n in names}
     decay = ca.exp(-2 * math.pi * h * t.torque_noise_Hz)
     # White numbers of variance 1, each held for a tick, through this first-order filter must come

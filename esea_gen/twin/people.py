@@ -60,12 +60,7 @@ def random_person(seed: int) -> Person:
 
 @dataclass(frozen=True)
 class PlantVariant:
-    """A plant: how it is built, and the tunables that differ from the Blocks' defaults.
-
-    device: whose drive, elastomer and encoders.
-    cable: whether the cable is compliant.
-    values: tunables of the Blocks ``plant`` and ``encoders``, the person's among them.
-    """
+    """A plant: how it is built, and the tunables that differ from the Blocks' defaults."""
 
     device: DeviceData
     cable: bool
@@ -79,11 +74,7 @@ class PlantVariant:
 
 
 def ideal_plant(device: DeviceData, person: str = "ideal") -> PlantVariant:
-    """The nominal plant: device file's drive, rigid cable, no disturbance, full encoders.
-
-    The cable is rigid by construction and not merely stiff: a stiff one would need a shorter step
-    for a motion that nobody looks at, and would not obey (5.2) exactly.
-    """
+    """The nominal plant: device file's drive, rigid cable, no disturbance, full encoders."""
     return PlantVariant(device, False).having(PEOPLE[person])
 
 

@@ -18,25 +18,14 @@ STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 @dataclass(frozen=True, config=STRICT)
 class Nominal:
-    """What the nominal plant has besides the device file.
-
-    coulomb_width_rad_s: width of the plant's Coulomb friction.
-    """
+    """What the nominal plant has besides the device file."""
 
     coulomb_width_rad_s: float
 
 
 @dataclass(frozen=True, config=STRICT)
 class Real:
-    """The standard plant with everything that the nominal one leaves out.
-
-    friction_scale: friction over the device file's, viscous and Coulomb.
-    cable_stiffness_Nm_rad, cable_damping_Nms_rad: cable between gear and motor-side part.
-    cable_backlash_rad: whole gap before the cable pulls.
-    cable_loss, cable_loss_width_rad_s: share of the cable's torque lost on the motor-side part, and
-        the speed that smooths it.
-    velocity_filter_Hz: the velocity filter that the trials' controllers had.
-    """
+    """The standard plant with everything that the nominal one leaves out."""
 
     friction_scale: float
     cable_stiffness_Nm_rad: float
@@ -54,21 +43,14 @@ class Real:
 
 @dataclass(frozen=True, config=STRICT)
 class PublishedDisturbance:
-    """Bands from which the wave numbers of the gear's disturbance are drawn.
-
-    bands_1_rad: one band a sine.
-    """
+    """Bands from which the wave numbers of the gear's disturbance are drawn."""
 
     bands_1_rad: tuple[Interval, ...]
 
 
 @dataclass(frozen=True, config=STRICT)
 class PublishedStops:
-    """Mechanical stops of coupling and joint.
-
-    coupling_rad: deflection at which the coupling's jaws meet.
-    joint_stiffness_Nm_rad, joint_damping_Nms_rad: how hard the ends of the joint's travel are.
-    """
+    """Mechanical stops of coupling and joint."""
 
     coupling_rad: float
     coupling_stiffness_Nm_rad: float
@@ -79,11 +61,7 @@ class PublishedStops:
 
 @dataclass(frozen=True, config=STRICT)
 class Twist:
-    """A way to lead the cable.
-
-    cable_loss: share of the cable's torque lost on the motor-side part.
-    cable_stiffness_Nm_rad: cable between gear and motor-side part.
-    """
+    """A way to lead the cable."""
 
     cable_loss: float
     cable_stiffness_Nm_rad: float
@@ -91,10 +69,7 @@ class Twist:
 
 @dataclass(frozen=True, config=STRICT)
 class Trip:
-    """Thresholds at which the drive switches itself off.
-
-    torque_rms_Nm: effective torque at the motor's shaft.
-    """
+    """Thresholds at which the drive switches itself off."""
 
     speed_rad_s: float
     torque_rms_Nm: float
@@ -103,17 +78,7 @@ class Trip:
 
 @dataclass(frozen=True, config=STRICT)
 class Person:
-    """A person: limb, and how it is moved along the intended path.
-
-    spring_Nm_rad, damping_Nms_rad: pull towards the intended path.
-    feedforward: whether the person also gives the torque that the intended path needs.
-    gravity_Nm: times the sine of the angle, towards full extension.
-    torque_noise_Nm, torque_noise_Hz: effective value and bandwidth (first order) of the torque
-        noise.
-    load_velocity_filter_Hz: the load-side velocity filter that the published trials used with this
-        person.
-    clamped: no person: the load is held where it starts.
-    """
+    """A person: limb, and how it is moved along the intended path."""
 
     Jh_kgm2: float
     spring_Nm_rad: float
@@ -127,17 +92,12 @@ class Person:
     clamped: bool = False
 
     def values(self) -> dict[str, float]:
-        """As tunables of the Block ``plant``."""
         return {k: float(v) for k, v in vars(self).items() if k != "load_velocity_filter_Hz"}
 
 
 @dataclass(frozen=True, config=STRICT)
 class Fixed:
-    """Sinusoidal torque with the output fixed.
-
-    settle_cycles, cycles: cycles before the analysis, and in all.
-    slow_below_Hz: below this frequency the next two hold.
-    """
+    """Sinusoidal torque with the output fixed."""
 
     settle_cycles: int
     cycles: int
@@ -148,10 +108,7 @@ class Fixed:
 
 @dataclass(frozen=True, config=STRICT)
 class PublishedBackdriven:
-    """Slow sinusoids from full extension.
-
-    duration_s, settle_s: length, and start of the analysis.
-    """
+    """Slow sinusoids from full extension."""
 
     amplitude_deg: float
     frequencies_Hz: tuple[float, ...]
@@ -161,12 +118,7 @@ class PublishedBackdriven:
 
 @dataclass(frozen=True, config=STRICT)
 class PublishedBread:
-    """Cutting bread: a rise, then slices.
-
-    rise_s, middle_rad: how long the rise takes, and where it ends.
-    fade_s: time constant with which they begin.
-    duration_s, settle_s: length, and start of the analysis.
-    """
+    """Cutting bread: a rise, then slices."""
 
     rise_s: float
     middle_rad: float
@@ -179,11 +131,7 @@ class PublishedBread:
 
 @dataclass(frozen=True, config=STRICT)
 class Reach:
-    """Reaching there and back for impedance control.
-
-    reach_deg, half_s: how far, and how long one way takes.
-    duration_s, settle_s, end_s: length, and the analysed window.
-    """
+    """Reaching there and back for impedance control."""
 
     reach_deg: float
     half_s: float
@@ -204,14 +152,7 @@ class Trajectories:
 
 @dataclass(frozen=True, config=STRICT)
 class Random:
-    """Ends of the uniform distributions of a Monte-Carlo family.
-
-    friction_scale, inertia_scale, lag_scale: over the device file's numbers; the two frictions are
-        drawn apart.
-    cable_stiffness_Nm_rad, cable_backlash_rad, cable_loss: the cable.
-    gear_disturbance_rms_rad_s2: the gear's disturbance.
-    Jh_kgm2, gravity_Nm, spring_Nm_rad, damping_Nms_rad, torque_noise_Nm: the person.
-    """
+    """Ends of the uniform distributions of a Monte-Carlo family."""
 
     friction_scale: Interval
     inertia_scale: Interval
@@ -245,10 +186,7 @@ class OffRandom:
 
 @dataclass(frozen=True, config=STRICT)
 class OffFamilies:
-    """Families of plants that differ from the model that a controller was built from.
-
-    random: everything at once.
-    """
+    """Families of plants that differ from the model that a controller was built from."""
 
     rubber_scale: tuple[float, ...]
     hysteresis_scale: float
@@ -267,10 +205,7 @@ class OffFamilies:
 
 @dataclass(frozen=True, config=STRICT)
 class Unstable:
-    """When a run counts as unstable.
-
-    max_true_error_Nm: largest true torque error after the settling time.
-    """
+    """When a run counts as unstable."""
 
     max_true_error_Nm: float
     max_gear_speed_rad_s: float
@@ -278,10 +213,7 @@ class Unstable:
 
 @dataclass(frozen=True, config=STRICT)
 class Plants:
-    """The whole file.
-
-    twist: ways to lead the cable, by angle in degrees.
-    """
+    """The whole file."""
 
     nominal: Nominal
     real: Real

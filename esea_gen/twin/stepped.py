@@ -63,12 +63,7 @@ def prepare_plant(library: HostLibrary, coeffs: Any, values: Mapping[str, float]
 
 
 class SteppedPlant:
-    """A plant whose output is clamped or free, with a person in the joint or nobody.
-
-    motor_gain: true torque over commanded torque; below 0 the motor turns the other way.
-    delay_s: from the start of the tick that commands to the torque's first change.
-    reversed_encoders: of ``motor``, ``load`` and ``gear``, those that count the other way.
-    """
+    """A plant whose output is clamped or free, with a person in the joint or nobody."""
 
     def __init__(
         self,
@@ -101,10 +96,7 @@ class SteppedPlant:
     def start(
         self, start_rad: float, *, clamped: bool, person: Person = EMPTY
     ) -> tuple[int, int, int]:
-        """From rest at an angle; the counts there, of motor side, load side and motor's shaft.
-
-        person: who is in the joint; default: nobody.
-        """
+        """From rest at an angle; the counts there, of motor side, load side and motor's shaft."""
         library, prefix = self.library, self.library.prefix
         ffi = library.ffi
         self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
@@ -125,10 +117,7 @@ class SteppedPlant:
         return self._read()
 
     def change(self, *, clamped: bool, person: Person = EMPTY, **more: float) -> None:
-        """Somebody comes, goes, clamps the output or lets it go; everything stays where it is.
-
-        more: tunables of the plant that differ from the variant's from now on.
-        """
+        """Somebody comes, goes, clamps the output or lets it go; everything stays where it is."""
         values = {**self.variant.values, **person.values(), "clamped": float(clamped)} | more
         prepare_plant(self.library, self._coeffs, values)
 
@@ -152,11 +141,7 @@ class SteppedPlant:
         return self._read()
 
     def intend(self, path: Mapping[str, float]) -> None:
-        """What the person intends from the start of the next tick on; within it the path goes on.
-
-        path: ``theta_p_rad``, ``omega_p_rad_s``, ``alpha_p_rad_s2``, and ``noise``, a number of
-            variance 1 for each tick.
-        """
+        """What the person intends from the start of the next tick on."""
         self._intended = path["theta_p_rad"], path["omega_p_rad_s"], path["alpha_p_rad_s2"]
         self._push.alpha_p_rad_s2 = path["alpha_p_rad_s2"]
         self._push.noise = path["noise"]

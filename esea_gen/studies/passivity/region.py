@@ -21,14 +21,7 @@ TOLERANCE = 0.01
 
 @dataclass(frozen=True)
 class PushMap(PassivityMap):
-    """Energy generated over gains and hands, in runs that a push started.
-
-    kp_Nm_rad, kd_Nms_rad, hands, generated_J, index, diverging, tolerance: as in
-        :class:`~esea_gen.analysis.passivity.PassivityMap`; ``diverging`` also where limits or drive
-        ended the motion, and ``tolerance`` is a share of the push's energy.
-    push_J: energy that the push would give each hand alone, shape (h,).
-    stopped: limits or drive ended the motion, shape (p, d, h).
-    """
+    """Energy generated over gains and hands, in runs that a push started."""
 
     push_J: Array
     stopped: Bools
@@ -45,7 +38,6 @@ class PushMap(PassivityMap):
         return np.asarray(np.any(self.stopped, axis=2))
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: as the base class, with pushes and stops; null for a run away."""
         generated = [[[_finite(x) for x in row] for row in page] for page in self.generated_J]
         return super().to_dict() | {
             "generated_J": generated,
@@ -54,7 +46,6 @@ class PushMap(PassivityMap):
         }
 
     def table(self) -> list[str]:
-        """The map in letters, one line a stiffness."""
         lines = [
             "P passive, s stable with every hand, . swings up with one, L limits or drive had to "
             "stop one",
@@ -84,10 +75,7 @@ def push_map(
     push_rad_s: float,
     tolerance: float = TOLERANCE,
 ) -> PushMap:
-    """The map from its runs.
-
-    runs: ``{(kp, kd, hand's name): PushRun}``, every combination.
-    """
+    """The map from its runs."""
     kp, kd = np.asarray(kp_Nm_rad, dtype=float), np.asarray(kd_Nms_rad, dtype=float)
     energy = np.array([0.5 * h.inertia_kgm2 * push_rad_s**2 for h in hands])
     shape = (len(kp), len(kd), len(hands))

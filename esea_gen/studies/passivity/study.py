@@ -46,12 +46,7 @@ POINTS, FEWEST_POINTS, MOST_POINTS = 9, 2, 41
 
 @dataclass(frozen=True)
 class InteractionStudy:
-    """Passivity over the gains, and the sliding condition.
-
-    wall_Nm_rad: stiffness of a wall that the hand is pushed against; 0 for none.
-    marked: the thesis' gains and their letter.
-    runs: ``{(kp, kd, hand's name): PushRun}``, the thesis' gains included.
-    """
+    """Passivity over the gains, and the sliding condition."""
 
     controller: str
     plant: str
@@ -65,7 +60,6 @@ class InteractionStudy:
     configuration: Configuration
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: the map, every run, the thesis' gains, the sliding condition."""
         return {
             "controller": self.controller,
             "plant": self.plant,
@@ -86,7 +80,6 @@ class InteractionStudy:
         }
 
     def table(self) -> list[str]:
-        """The study as lines of text."""
         m = self.region
         count = m.stable.size
         lines = [
@@ -134,7 +127,6 @@ class InteractionStudy:
         return f" (at most {100 * share[k]:.2f} % of the push came out, hand {m.hands[k].name})"
 
     def figure(self) -> Figure:
-        """The map, with the thesis' gains and a cross where limits or drive had to stop a run."""
         from matplotlib.ticker import NullLocator
 
         from esea_gen.analysis import plots
@@ -209,14 +201,7 @@ def study_interaction(
     workers: int | Workers = 1,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> InteractionStudy:
-    """Passivity of the rendered impedance over its gains, by runs of the compiled controller.
-
-    seed: of the gear disturbance, and of the plant where it is random.
-    hands: default: :data:`HANDS`, of a device with several axes :data:`WRIST_HANDS`.
-    wall_Nm_rad: of a wall without any loss, just ahead of the hand: contact and release; 0: none.
-    axis: of several, the one that is pushed; default: the first.
-    progress: ``progress(done, total, failed)``.
-    """
+    """Passivity of the rendered impedance over its gains, by runs of the compiled controller."""
     choose("plant", plant, PLANT_NAMES)
     if not FEWEST_POINTS <= points <= MOST_POINTS:
         raise UserError(

@@ -23,13 +23,7 @@ def tuning_trade(
     chosen: float | None = None,
     log: bool = True,
 ) -> Figure:
-    """What a tuning parameter trades: error, overshoot and roughness of the command.
-
-    values: the parameter, rising, shape (n,).
-    error_Nm, overshoot_percent, roughness: shape (n,); NaN where the value is unusable: the loop
-        unstable, or the trial failed.
-    return: three panels over the parameter; unusable values are shaded.
-    """
+    """What a tuning parameter trades: error, overshoot and roughness of the command."""
     x = np.asarray(values, dtype=float)
     with mpl.rc_context(STYLE):
         figure, grid = new_figure(9.6, 5.0, nrows=3, sharex=True)

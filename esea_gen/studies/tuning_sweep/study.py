@@ -71,7 +71,6 @@ class TunableSweep:
         return any(not t.unusable.startswith(FAILED) for t in self.trials)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content; what there is not is null."""
         return {
             "parameter": self.parameter,
             "held": dict(self.held),
@@ -81,7 +80,6 @@ class TunableSweep:
         }
 
     def table(self) -> list[str]:
-        """The sweep as lines of text."""
         held = ", ".join(f"{k} = {v:g}" for k, v in self.held.items())
         heads = ("RMS Nm", "overshoot", "reach", "rough Nm/s", "max |s|", "|s| > phi", "limited")
         lines = [
@@ -127,7 +125,6 @@ class Tuning:
     configuration: Configuration
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return {
             "controller": self.controller,
             "plant": self.plant,
@@ -153,7 +150,6 @@ class Tuning:
         return [line for name, lines in by_section.items() for line in (f"[{name}]", *lines)]
 
     def table(self) -> list[str]:
-        """Every sweep, then what to do with it."""
         case = TuningCase().cases()[0].name
         lines = [f"Tuning of {self.controller} on plant {self.plant}: {case}, output fixed"]
         for s in self.sweeps:
@@ -170,7 +166,6 @@ class Tuning:
         return lines
 
     def figure(self) -> Figure:
-        """Error, overshoot and roughness over the parameter that was swept last."""
         from esea_gen.studies.tuning_sweep.figure import tuning_trade
 
         sweep = self.sweeps[-1]
@@ -240,13 +235,7 @@ def tune(
     workers: int | Workers = 1,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> Tuning:
-    """Sweep parameters against the virtual exoskeleton and choose.
-
-    parameter: ``instance.tunable``, or the tunable alone where only one Block has it. Without it,
-        the thesis' procedure: phi, then lambda with phi held.
-    seed: of the gear disturbance, and of the plant where it is random.
-    progress: ``progress(done, total, failed)`` of each sweep.
-    """
+    """Sweep parameters against the virtual exoskeleton and choose."""
     choose("plant", plant, PLANT_NAMES)
     if seed < 0:
         raise UserError(f"seed = {seed}.", "Give 0 or more.")

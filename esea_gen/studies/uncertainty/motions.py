@@ -39,14 +39,7 @@ HARMONICS = 4
 
 @dataclass(frozen=True)
 class Motion:
-    """One published signal as a motion of the coupling.
-
-    theta_rad: true deflection at the device's samples, shape (steps,).
-    omega_mid_rad_s: its true rate in the middle of the step that ends there.
-    continuous_Nm: torque of the continuous model.
-    kept: samples that enter the statistics.
-    cell: their class of torque and rate.
-    """
+    """One published signal as a motion of the coupling."""
 
     name: str
     theta_rad: Array
@@ -86,10 +79,7 @@ def compiled_programs(device: Device) -> Programs:
 def motions(
     device: Device, limit_s: float = math.inf, say: Callable[[str], None] | None = None
 ) -> list[Motion]:
-    """The published signals as motions: the exact inverse's set-point, filtered as published.
-
-    device: the device; its full scale over the elbow's scales the torques.
-    """
+    """The published signals as motions: the exact inverse's set-point, filtered as published."""
     tell = say or (lambda _: None)
     h, rate_Hz = device.period_s, 1.0 / device.period_s
     size = device.tau_full_scale_Nm / ELBOW_FULL_SCALE_NM

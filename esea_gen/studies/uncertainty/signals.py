@@ -19,10 +19,7 @@ SENSE_RATE = "timing.sense_rate_Hz"
 
 @dataclass(frozen=True)
 class TorqueSignal:
-    """A desired torque of table 4.3.
-
-    start_Hz, end_Hz: frequency at its start and end.
-    """
+    """A desired torque of table 4.3."""
 
     amplitude_Nm: float
     start_Hz: float
@@ -30,10 +27,7 @@ class TorqueSignal:
     duration_s: float
 
     def sample(self, rate_Hz: float, limit_s: float = np.inf) -> Array:
-        """The signal in time.
-
-        return: torque in Nm, shape (steps,). A sweep's phase is the integral of its frequency.
-        """
+        """The signal in time."""
         steps = round(min(self.duration_s, limit_s) * rate_Hz)
         t = np.arange(steps) / rate_Hz
         sweep = (self.end_Hz - self.start_Hz) / self.duration_s
@@ -55,12 +49,7 @@ SIGNALS = (
 
 
 def evaluation_filter(values: Array, rate_Hz: float) -> Array:
-    """The zero-phase Kaiser low-pass of the evaluation, ends held at the last value.
-
-    values: what to filter, shape (steps,).
-    rate_Hz: sampling rate; 60 dB between 10 and 12 Hz takes 908 taps at 500 Hz, 1814 at 1 kHz (one
-        more here, so that the delay is a whole number of samples).
-    """
+    """The zero-phase Kaiser low-pass of the evaluation, ends held at the last value."""
     from scipy.signal import fftconvolve, firwin, kaiserord
 
     count, beta = kaiserord(ATTENUATION_DB, 2 * (STOP_HZ - PASS_HZ) / rate_Hz)
