@@ -26,7 +26,7 @@ from esea_gen.reproduce.reproduction import Reproduction
 from esea_gen.studies.registry import Study, studies
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.controllers import controllers
-from esea_gen.twin.people import PEOPLE
+from esea_gen.twin.published import PEOPLE
 
 # None of these may be loaded to show a list of commands, or to complete a name.
 SLOW = ("casadi", "sympy", "scipy", "numpy", "matplotlib", "rich")

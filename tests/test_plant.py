@@ -19,7 +19,8 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.twin.encoders import ENCODERS, encoder_block, sine_of_turns, whole_below
 from esea_gen.twin.mechanics import WORKS
-from esea_gen.twin.people import STEP_S, PlantVariant, ideal_plant, random_plant, real_plant
+from esea_gen.twin.parameters import STEP_S
+from esea_gen.twin.people import PlantVariant, ideal_plant, random_plant, real_plant
 from esea_gen.twin.plant import plant_block, plant_system, start_state
 from esea_gen.twin.published import PEOPLE, PLANTS, parse_plants
 

@@ -13,7 +13,8 @@ from esea_gen.twin import run as module
 from esea_gen.twin.case import IMPEDANCE, TORQUE, Case, Setting
 from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.parameters import plant_tunables
-from esea_gen.twin.people import PEOPLE, real_plant
+from esea_gen.twin.people import real_plant
+from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.run import plant_variant, previews, run_on, told
 from esea_gen.twin.trajectories import Trajectory
 

@@ -15,14 +15,13 @@ from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
 from esea_gen.twin.off import chosen_families, deviation, off_families, refuse_unknown
 from esea_gen.twin.people import (
-    PEOPLE,
-    PLANTS,
     gear_disturbance,
     ideal_plant,
     random_person,
     random_plant,
     real_plant,
 )
+from esea_gen.twin.published import PEOPLE, PLANTS
 
 TURN = 2 * math.pi
 

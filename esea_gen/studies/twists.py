@@ -18,7 +18,7 @@ class Twists(ClosedLoopStudy):
 
     def cases(self) -> list[Case]:
         return [
-            dataclasses.replace(c, name=f"{c.name}, twist {angle} deg", plant=dataclasses.asdict(t))
+            dataclasses.replace(c, name=f"{c.name}, twist {angle} deg", plant=vars(t))
             for angle, t in PLANTS.twist.items()
             for c in Grid().cases()
         ]

@@ -27,13 +27,13 @@ from esea_gen.model.sensing import of_axis
 from esea_gen.twin.encoders import encoder_block
 from esea_gen.twin.mechanics import Load, LoadTorques, limb_torques
 from esea_gen.twin.parameters import (
+    STEP_S,
     assumed,
     passed_on,
     plant_coefficients,
     plant_tunables,
     prepare_plant,
 )
-from esea_gen.twin.people import STEP_S
 from esea_gen.twin.plant import (
     NAME,
     TICK_S,

@@ -29,8 +29,7 @@ from esea_gen.language.ports import Flag, Port, flag_word
 from esea_gen.language.system import System, Task
 from esea_gen.model.symbolic import equation
 from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
-from esea_gen.twin.parameters import assumed
-from esea_gen.twin.people import STEP_S
+from esea_gen.twin.parameters import STEP_S, assumed
 from esea_gen.twin.plant import TICK_S, true_sensor
 from esea_gen.twin.published import PLANTS
 

@@ -58,12 +58,12 @@ from esea_gen.twin.mechanics import (
     trip,
 )
 from esea_gen.twin.parameters import (
+    STEP_S,
     passed_on,
     plant_coefficients,
     plant_tunables,
     prepare_plant,
 )
-from esea_gen.twin.people import STEP_S
 
 TICK_S = 1e-3
 NAME = "twin"

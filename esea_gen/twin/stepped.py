@@ -17,7 +17,8 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.twin.encoders import ENCODERS
 from esea_gen.twin.hand_plant import tunable_places, twin_system
-from esea_gen.twin.people import STEP_S, PlantVariant
+from esea_gen.twin.parameters import STEP_S
+from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.plant import TICK_S, start_state
 from esea_gen.twin.published import Person
 
