@@ -107,9 +107,13 @@ def new_whole(path: Path) -> Iterator[Path]:
 SCHEMA_VERSION = 1
 
 
-def plain(result: object) -> Any:
-    """A result as JSON's own types: dataclasses by field, arrays and tuples as lists."""
-    return to_jsonable_python(result, fallback=lambda v: v.tolist())
+def plain(result: object, *, null: bool = False) -> Any:
+    """A result as JSON's own types: dataclasses by field, arrays and tuples as lists.
+
+    ``null`` stands for a number that is not finite; else it stays, and JSON refuses it.
+    """
+    mode: Any = "null" if null else "constants"
+    return to_jsonable_python(result, fallback=lambda v: v.tolist(), inf_nan_mode=mode)
 
 
 def stamped(what: str, content: Mapping[str, Any]) -> dict[str, Any]:

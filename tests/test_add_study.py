@@ -242,7 +242,7 @@ def test_a_wrong_name_gets_the_nearest_one(tmp_path):
         (None, "cannot be read"),
         ("x = (", "cannot be imported (SyntaxError"),
         ("import nothing_of_this_name", "cannot be imported (ModuleNotFoundError"),
-        ("from esea_gen.studies.grid import Grid", "no study of this kind in it"),
+        ("from esea_gen.studies.tracking import Grid", "no study of this kind in it"),
         (SPY + "\n\nclass Other(Spy):\n    pass\n", "there is a study spy already"),
     ],
 )

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.analysis.frequency import FrequencyResponse
-from esea_gen.analysis.response import Array, plain
 
 GOOD_FIT = 0.2
 
@@ -29,32 +28,21 @@ class ImpedanceFit:
     high_Hz: float
     misfit: float
 
-    def per_angle(self, frequency_Hz: Array) -> npt.NDArray[np.complex128]:
-        """Torque per angle of the fit."""
-        s = 2j * np.pi * frequency_Hz
-        value = self.stiffness_Nm_rad + self.damping_Nms_rad * s + self.inertia_kgm2 * s * s
-        return np.asarray(value, dtype=np.complex128)
-
 
 @dataclass(frozen=True)
 class OutputImpedance:
-    """Torque with which a driving point resists a prescribed motion, over frequency."""
+    """Torque in Nm with which a driving point resists a prescribed angle, over frequency."""
 
     angle: FrequencyResponse
 
-    @property
-    def frequency_Hz(self) -> Array:
-        """Frequencies, shape (n,)."""
-        return self.angle.frequency_Hz
-
-    @property
-    def per_angle(self) -> npt.NDArray[np.complex128]:
-        """Torque per angle, Nm/rad, shape (n,)."""
-        return self.angle.response
+    @classmethod
+    def of(cls, response: FrequencyResponse) -> OutputImpedance:
+        """From the response of the torque on what is moved to its angle: a spring pulls back."""
+        return cls(replace(response, response=-response.response))
 
     @property
     def per_rate(self) -> npt.NDArray[np.complex128]:
-        """Torque per angular rate, Nms/rad, shape (n,); its real part is the damping."""
+        """Torque per angular rate, Nms/rad; its real part is the damping."""
         value = self.angle.response / (2j * np.pi * self.angle.frequency_Hz)
         return np.asarray(value, dtype=np.complex128)
 
@@ -87,8 +75,8 @@ class OutputImpedance:
     def to_dict(self) -> dict[str, Any]:
         rate = self.per_rate
         return self.angle.to_dict() | {
-            "rate_gain": plain(np.abs(rate)),
-            "rate_phase_deg": plain(np.degrees(np.angle(rate))),
+            "rate_gain": np.abs(rate),
+            "rate_phase_deg": np.degrees(np.angle(rate)),
         }
 
     def table(self, rows: int = 12, low_Hz: float = 0.0, high_Hz: float = math.inf) -> list[str]:
@@ -106,21 +94,3 @@ class OutputImpedance:
             f"stiffness {fit.stiffness_Nm_rad:.4g} +- {fit.stiffness_std:.2g} Nm/rad",
             f"relative misfit {fit.misfit:.2g}{poor}",
         ]
-
-
-def impedance(
-    response: FrequencyResponse, *, motion: Literal["angle", "rate"] = "angle", sign: float = -1.0
-) -> OutputImpedance:
-    """Output impedance from the response of a torque to a prescribed motion."""
-    if motion not in ("angle", "rate") or sign not in (-1.0, 1.0):
-        raise ValueError(f"motion {motion!r} must be 'angle' or 'rate', sign {sign} -1 or 1")
-    s = 2j * np.pi * response.frequency_Hz if motion == "rate" else np.ones(1)
-    return OutputImpedance(
-        FrequencyResponse(
-            response.frequency_Hz,
-            np.asarray(sign * response.response * s, dtype=np.complex128),
-            response.coherence,
-            response.sigma,
-            response.method,
-        )
-    )

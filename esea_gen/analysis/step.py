@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.analysis.response import MIN_SAMPLES, Array, checked_time, plain
+from esea_gen.analysis.response import MIN_SAMPLES, Array, checked_time
 from esea_gen.errors import UserError
 
 Verdict = Literal["stable", "growing", "sustained oscillation", "diverged", "no response"]
@@ -38,11 +38,7 @@ class StepMetrics:
 
     @property
     def stable(self) -> bool:
-        """Whether the verdict is ``stable``."""
         return self.verdict == "stable"
-
-    def to_dict(self) -> dict[str, Any]:
-        return {k: plain(v) for k, v in vars(self).items()}
 
     def table(self) -> list[str]:
         rows = (
@@ -182,7 +178,7 @@ def step_metrics(
     tail: float = 0.2,
     limit: float = 10.0,
 ) -> StepMetrics:
-    """Judge a step response: first whether it is stable, then how good."""
+    """Judge a step response: first whether it is stable, then how good (docs/response.md)."""
     size = abs(after - before)
     time, values, late = _checked_step(time_s, response, step_s, size, tail, limit)
     bad = np.flatnonzero(~np.isfinite(values))

@@ -93,29 +93,12 @@ class DataCheck:
         return all(abs(s.author_Hz - s.published_Hz) < 1e-6 for s in self.sweeps)
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "reproduced": self.reproduced,
-            "sweeps": [
-                {
-                    "file": s.file,
-                    "loop": s.loop,
-                    "published_Hz": s.published_Hz,
-                    "author_Hz": s.author_Hz,
-                    "local": vars(s.local),
-                    "local_author_drop": vars(s.local_author_drop),
-                    "welch": vars(s.welch),
-                    "command": vars(s.command),
-                    "dropped_s": s.dropped_s,
-                    "widest_s": s.widest_s,
-                    "response": s.response.to_dict(),
-                }
-                for s in self.sweeps
-            ],
-            "steps": {
-                file: {name: m.to_dict() for name, m in both.items()}
-                for file, both in self.steps.items()
-            },
-        }
+        sweeps = [
+            {k: v for k, v in vars(s).items() if k != "spectra"}
+            | {"response": s.response.to_dict()}
+            for s in self.sweeps
+        ]
+        return {"reproduced": self.reproduced, "sweeps": sweeps, "steps": self.steps}
 
     def table(self) -> list[str]:
         lines = []
@@ -145,10 +128,7 @@ class DataCheck:
     def figure(self) -> Figure:
         from esea_gen.analysis.plots import bode
 
-        return bode(
-            [(f"{s.loop} loop", s.response) for s in self.sweeps],
-            [(f"{s.loop} loop", s.local) for s in self.sweeps],
-        )
+        return bode([(f"{s.loop} loop", s.response, s.local) for s in self.sweeps])
 
 
 def _columns(path: Path, *names: str) -> list[Array]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,15 +56,14 @@ class Frequency(ClosedLoopStudy):
         content = torque_errors.to_dict(done)
         for response in done.kept.values():
             content["frequency_response"] = response.to_dict()
-            content["bandwidth"] = dataclasses.asdict(response.bandwidth())
-            content["margins"] = dataclasses.asdict(response.open_loop().margins())
+            content["bandwidth"] = response.bandwidth()
+            content["margins"] = response.open_loop().margins()
         return content
 
     def figure(self, done: Simulation) -> Figure:
-        from esea_gen.analysis import plots
+        from esea_gen.analysis.plots import bode
 
         if not done.kept:
             return torque_errors.figure(done)
         (response,) = done.kept.values()
-        name = torque_errors.label(done)
-        return plots.bode([(name, response)], [(name, response.bandwidth())])
+        return bode([(torque_errors.label(done), response, response.bandwidth())])

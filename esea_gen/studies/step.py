@@ -53,7 +53,7 @@ class StepStudy(ClosedLoopStudy):
         return lines
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
-        steps = {k: m.to_dict() for k, m in self.metrics(done).items()}
+        steps = self.metrics(done)
         return torque_errors.to_dict(done) | ({"steps": steps} if steps else {})
 
     def figure(self, done: Simulation) -> Figure:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -94,11 +93,8 @@ class Wall(ClosedLoopStudy):
             f"{len(done.seeds)} runs a case",
             f"{'case':32}{'ripple':>10}{'largest':>10}{'torque':>10}{'angle, deg':>12}",
         ]
-        by_name: dict[str, list[dict[str, Any]]] = {}
-        for e in done.cases():
-            by_name.setdefault(e["name"], []).append(e)
         largest = generated = 0.0
-        for name, entries in by_name.items():
+        for name, entries in done.by_case().items():
             good = [e for e in entries if e["max_true_Nm"] is not None]
             if not good:
                 lines.append(f"{name:32}{'every run ended early':>42}")

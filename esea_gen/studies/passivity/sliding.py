@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.analysis.passivity import Bools
 from esea_gen.language.ports import Array
+from esea_gen.studies.passivity.region import Bools
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Setting

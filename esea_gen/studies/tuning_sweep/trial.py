@@ -11,7 +11,7 @@ import numpy as np
 
 from esea_gen.analysis.journal import Result
 from esea_gen.language.ports import Tunable
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device, controller_system, largest_torque_Nm
 from esea_gen.twin.judge import ENDED, judge
