@@ -25,7 +25,7 @@ from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.controllers import controller_device
 from tests.benchmarks.predictive_loop import recorded_rows
 

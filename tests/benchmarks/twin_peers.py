@@ -17,8 +17,8 @@ from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import stop_grid
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.loop_run import ClosedLoopRun
-from esea_gen.twin.parameters import SINES
-from esea_gen.twin.people import STEP_S, PlantVariant
+from esea_gen.twin.parameters import SINES, STEP_S
+from esea_gen.twin.people import PlantVariant
 
 MS = 1e-3
 

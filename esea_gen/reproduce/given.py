@@ -35,11 +35,7 @@ class HostResults:
 
     @classmethod
     def read(cls, paths: Sequence[Path]) -> HostResults:
-        """From files.
-
-        raises: UserError for a file that cannot be read, is of something else, or of real people:
-            what stands on the page is said to be simulated.
-        """
+        """From files."""
         found: dict[str, dict[str, Any]] = {}
         for path in paths:
             try:

@@ -17,7 +17,7 @@ import numpy as np
 from esea_gen.device import Device, load_device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
-from esea_gen.studies.reproduction import Reproduction
+from esea_gen.reproduce.reproduction import Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,11 +29,7 @@ RAMP_RAD_S = np.deg2rad(20.0)
 
 @dataclass(frozen=True)
 class Figure3:
-    """One number of the forward model.
-
-    thesis: as published; None where the text gives none.
-    recomputed: from an independent recomputation of the same equations.
-    """
+    """One number of the forward model."""
 
     name: str
     meaning: str
@@ -45,11 +41,7 @@ class Figure3:
 
 @dataclass(frozen=True)
 class Chapter3:
-    """The forward model's behaviour.
-
-    loops: per excitation, deflection in rad and torque in Nm.
-    relaxation: per amplitude, time since the hold began in s and torque in Nm.
-    """
+    """The forward model's behaviour."""
 
     device: str
     figures: tuple[Figure3, ...]
@@ -57,7 +49,6 @@ class Chapter3:
     relaxation: dict[str, tuple[Array, Array]]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready: every number with the thesis' and the recomputed one beside it."""
         return {
             f.name: {
                 "meaning": f.meaning,
@@ -70,7 +61,6 @@ class Chapter3:
         }
 
     def table(self) -> list[str]:
-        """The numbers as lines of text."""
         lines = [
             "Chapter 3: the forward model (recomputed: independently, from the same equations)",
             f"{'':62}{'thesis':>9}{'recomputed':>11}{'ours':>9}",
@@ -82,7 +72,6 @@ class Chapter3:
         return lines
 
     def figure(self) -> Figure:
-        """Torque over deflection for each excitation, and the relaxation."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(11, 4.5), layout="constrained")
@@ -208,5 +197,4 @@ class ForwardModel(Reproduction[Chapter3]):
     title = "The forward model"
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> Chapter3:
-        """With the emitted C of the elbow."""
         return reproduce_chapter3(say)

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from esea_gen import __version__
-from esea_gen.studies.reproduction import Reproduction
-from esea_gen.studies.thesis.catalogue import (
+from esea_gen.reproduce.catalogue import (
     DIFFERS,
     NOT_RUN,
     REPRODUCED,
@@ -22,8 +21,9 @@ from esea_gen.studies.thesis.catalogue import (
     judge_printed,
     published,
 )
-from esea_gen.studies.thesis.given import HostResults
-from esea_gen.studies.thesis.measures import Measures
+from esea_gen.reproduce.given import HostResults
+from esea_gen.reproduce.measures import Measures
+from esea_gen.reproduce.reproduction import Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,10 +39,7 @@ NOTE = (
 
 @dataclass(frozen=True)
 class Recomputed:
-    """Every table and figure, judged, and the misprints.
-
-    misprints: each with numbers that show it, where there are any.
-    """
+    """Every table and figure, judged, and the misprints."""
 
     judged: tuple[VerdictOn, ...]
     misprints: tuple[tuple[Misprint, Mapping[str, float]], ...]
@@ -57,7 +54,6 @@ class Recomputed:
         return not any(j.verdict == UNEXPLAINED for j in self.judged)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
         return {
             "tool": f"esea-gen {__version__}",
             "note": NOTE,
@@ -67,7 +63,6 @@ class Recomputed:
         }
 
     def table(self) -> list[str]:
-        """A line a table or figure, and the numbers that differ."""
         lines = ["The thesis, recomputed", *textwrap.wrap(NOTE, 100), ""]
         for j in self.judged:
             mark = " SIMULATED" if j.printed.simulated and j.ours else ""
@@ -99,7 +94,6 @@ class Recomputed:
         return "\n".join(out).rstrip() + "\n"
 
     def figure(self) -> Figure:
-        """Our numbers over the published ones, by table."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(9, 5.5), layout="constrained")
@@ -143,10 +137,7 @@ def recompute(
     chapters: Collection[int] = CHAPTERS,
     given: Sequence[Path] = (),
 ) -> Recomputed:
-    """Every table and figure of some chapters.
-
-    given: JSON of the host's studies with virtual people, in any order.
-    """
+    """Every table and figure of some chapters."""
     host = HostResults.read(given)
     measures = Measures(say or (lambda _: None))
     items, misprints = published()
@@ -171,9 +162,7 @@ class WholeThesis(Reproduction[Recomputed]):
     title = "The thesis, recomputed"
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> Recomputed:
-        """All chapters, without the studies with virtual people."""
         return recompute(say)
 
     def reproduced(self, outcome: Recomputed) -> bool:
-        """Whether every difference has a reason."""
         return outcome.explained

@@ -26,14 +26,7 @@ WORDS = {
 
 @dataclass(frozen=True)
 class Printed:
-    """A table or figure of the thesis, or a number of its text.
-
-    measure: what gives our numbers; of the host's tools where it begins with ``host.``.
-    published: number by name; of a claim, how often it was said to hold.
-    within, most: share by which ours may miss a number: as reproduced, and with ``because``.
-    least: of a claim, how often it holds at least, with ``because``.
-    simulated: whether ours comes from virtual plants or people.
-    """
+    """A table or figure of the thesis, or a number of its text."""
 
     id: str
     title: str
@@ -50,7 +43,6 @@ class Printed:
 
     @property
     def chapter(self) -> int:
-        """Its chapter."""
         return int(self.id.split()[1].split(".")[0])
 
 
@@ -65,17 +57,12 @@ class Misprint:
 
     @property
     def chapter(self) -> int:
-        """Its chapter."""
         return int(self.place.removeprefix("Table ").lstrip("(")[0])
 
 
 @dataclass(frozen=True)
 class VerdictOn:
-    """A table or figure with our numbers and the verdict.
-
-    ours: by name; empty where nothing was computed.
-    off: share by which each number misses the published one.
-    """
+    """A table or figure with our numbers and the verdict."""
 
     printed: Printed
     verdict: str
@@ -84,7 +71,6 @@ class VerdictOn:
     off: Mapping[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
         p = self.printed
         rows = [
             {"name": n, "published": p.published.get(n), "ours": self.ours.get(n)}
@@ -114,10 +100,7 @@ def published() -> tuple[tuple[Printed, ...], tuple[Misprint, ...]]:
 
 
 def judge_printed(p: Printed, ours: Mapping[str, float] | None) -> VerdictOn:
-    """The verdict on one table or figure.
-
-    ours: None where it was not computed.
-    """
+    """The verdict on one table or figure."""
     if p.kind in WORDS:
         absent = f" ({NOT_RUN})" if p.measure and ours is None else ""
         return VerdictOn(p, WORDS[p.kind] + absent, p.because, ours or {})

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.device import Device, load_device
+from esea_gen.device import Device, load_device, with_numbers
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.block import Block, Guard, Labels
@@ -24,7 +24,8 @@ from esea_gen.language.ports import Array, Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import EPS1, EPS2, ETA, RATE, THETA, A, B, M, N
 from esea_gen.model.symbolic import to_casadi
-from esea_gen.studies.reproduction import Reproduction
+from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.uncertainty.signals import LOAD_HZ, LOAD_RAD, SENSE_RATE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +35,6 @@ RATES_HZ = (1000.0, 500.0)
 BITS = (14, 12)
 BANDWIDTHS_HZ = (10.0, 12.0, 15.0, 20.0, 30.0)
 CHUNK = 200_000
-LOAD_RAD, LOAD_HZ = np.deg2rad(45.0), 0.2
 
 
 def _rational(terms: int) -> Callable[[ca.SX], tuple[ca.SX, ca.SX]]:
@@ -56,14 +56,6 @@ SCHEMES: dict[str, Callable[[ca.SX], tuple[ca.SX, ca.SX]]] = {
     "explicit Euler": lambda x: (1 - x, ca.SX(1)),
 }
 OURS = "third order (the sensor's)"
-
-
-def at_rate(device: Device, rate_Hz: float) -> Device:
-    """The device with another sensing rate."""
-    timing = device.file.timing
-    rate = timing.sense_rate_Hz.model_copy(update={"value": rate_Hz})
-    update = {"timing": timing.model_copy(update={"sense_rate_Hz": rate})}
-    return Device(device.file.model_copy(update=update), device.origin)
 
 
 def maxwell_block(device: Device, scheme: str) -> Block:
@@ -126,10 +118,7 @@ def _compiled(device: Device, block: Block) -> CRunner:
 
 @dataclass(frozen=True)
 class EncodedMotion:
-    """A sine sweep of deflection inside the identified domain.
-
-    top_Hz, duration_s: it sweeps from 0 to ``top_Hz``.
-    """
+    """A sine sweep of deflection inside the identified domain."""
 
     amplitude_deg: float
     top_Hz: float
@@ -161,12 +150,8 @@ MOTIONS = (
 
 
 def continuous_torque(device: Device, motion: EncodedMotion, duration_s: float) -> Array:
-    """Rate torque of the continuous model, on a grid of ``REFINE_HZ``.
-
-    return: torque in Nm, one value a fine step, from time 0. The exponential step is exact for a
-        frozen viscosity and of second order; at this rate its error is a 400th of that at 1 kHz.
-    """
-    fine = at_rate(device, REFINE_HZ)
+    """Rate torque of the continuous model, on a grid of ``REFINE_HZ``."""
+    fine = with_numbers(device, {SENSE_RATE: REFINE_HZ})
     runner = _compiled(fine, maxwell_block(fine, "exponential"))
     count = round(duration_s * REFINE_HZ)
     out = np.empty(count)
@@ -183,13 +168,7 @@ def continuous_torque(device: Device, motion: EncodedMotion, duration_s: float) 
 
 @dataclass(frozen=True)
 class SchemeRow:
-    """One integrator, ideal encoders.
-
-    largest_pct, rms_pct: by rate in Hz: error in % of full scale, worst of the motions.
-    stable: whether no step lets the torque grow by itself, for every time constant.
-    monotone: whether, for every time constant, more deflection gives more torque and a torque at
-        rest decays without changing sign.
-    """
+    """One integrator, ideal encoders."""
 
     scheme: str
     largest_pct: dict[float, float]
@@ -200,10 +179,7 @@ class SchemeRow:
 
 @dataclass(frozen=True)
 class RateRow:
-    """One source of the rate, real encoders.
-
-    rms_pct, largest_pct: by encoder bits: error of the rate torque in % of full scale.
-    """
+    """One source of the rate, real encoders."""
 
     source: str
     rms_pct: dict[int, float]
@@ -212,18 +188,13 @@ class RateRow:
 
 @dataclass(frozen=True)
 class Discretisation:
-    """Both tables.
-
-    ideal: integrators with ideal encoders.
-    real: sources of the rate with real encoders, 1 kHz.
-    """
+    """Both tables."""
 
     device: str
     ideal: list[SchemeRow]
     real: list[RateRow]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: ``{"ideal": {scheme: ...}, "real": {source: ...}}``."""
         ideal = {
             r.scheme: {
                 "largest_pct": {f"{k:g}": v for k, v in r.largest_pct.items()},
@@ -243,7 +214,6 @@ class Discretisation:
         return {"device": self.device, "ideal": ideal, "real": real}
 
     def table(self) -> list[str]:
-        """Both tables as lines of text."""
         yes = {True: "yes", False: "no"}
         lines = ["Ideal encoders: error of the rate torque in % of full scale, RMS / max"]
         heads = "".join(f"{f'{r:g} Hz':>22}" for r in RATES_HZ)
@@ -264,7 +234,6 @@ class Discretisation:
         return lines
 
     def figure(self) -> Figure:
-        """RMS error over the rate with ideal encoders, over the counts with real ones."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(11, 4.5), layout="constrained")
@@ -302,7 +271,7 @@ def _ideal(
         largest, rms = dict.fromkeys(RATES_HZ, 0.0), dict.fromkeys(RATES_HZ, 0.0)
         for rate in RATES_HZ:
             say(f"ideal encoders, {scheme}, {rate:g} Hz")
-            coarse = at_rate(device, rate)
+            coarse = with_numbers(device, {SENSE_RATE: rate})
             runner = (
                 compile_device(coarse, "f64").block("sensor")
                 if scheme == OURS
@@ -366,10 +335,7 @@ def discretisation(
     device: Device | None = None,
     limit_s: float = np.inf,
 ) -> Discretisation:
-    """Make both tables with the emitted C.
-
-    device: one with rate terms and without a dead zone; the elbow when not given.
-    """
+    """Make both tables with the emitted C."""
     device = device or load_device("elbow")
     if device.elastomer.maxwell is None:
         raise ValueError(f"device {device.name} has no rate terms: nothing to discretise")
@@ -380,7 +346,7 @@ def discretisation(
         exact[motion] = continuous_torque(device, motion, min(limit_s, motion.duration_s))
     ideal = _ideal(device, limit_s, exact, say)
     say("real encoders")
-    coarse = at_rate(device, RATES_HZ[0])
+    coarse = with_numbers(device, {SENSE_RATE: RATES_HZ[0]})
     real = _real(coarse, MOTIONS[0], exact[MOTIONS[0]], limit_s)
     return Discretisation(device.name, ideal, real)
 
@@ -392,5 +358,4 @@ class SensorDiscretisation(Reproduction[Discretisation]):
     title = "The sensor's discretisation"
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> Discretisation:
-        """With the emitted C of the elbow."""
         return discretisation(say)

@@ -25,7 +25,7 @@ from esea_gen.analysis.response import (
 from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
 from esea_gen.errors import UserError
-from esea_gen.studies.reproduction import Reproduction
+from esea_gen.reproduce.reproduction import Reproduction
 from esea_gen.tables import read_table
 
 if TYPE_CHECKING:
@@ -44,16 +44,7 @@ PUBLISHED = {
 
 
 def author_bandwidth(time_s: Array, u: Array, y: Array) -> float:
-    """Bandwidth by the definition that reproduces the published figures.
-
-    time_s: sample times, shape (n,).
-    u, y: command and the rig's own sensor, shape (n,).
-
-    Ratio of the two discrete spectra as if the samples were regular, with the last sample's time
-    as the length; gain in dB and phase in degrees smoothed by a straight line over 99 lines
-    (2.5 Hz); the bandwidth is the last line whose gain is above the first line's less 4.5 dB (not
-    3), not beyond the line where the phase, after its minimum, is back at its greatest value.
-    """
+    """Bandwidth by the definition that reproduces the published figures."""
     from scipy.signal import savgol_filter
 
     time = checked_time(time_s)
@@ -74,15 +65,7 @@ def author_bandwidth(time_s: Array, u: Array, y: Array) -> float:
 
 @dataclass(frozen=True)
 class SweepCheck:
-    """One recorded sweep.
-
-    published_Hz: the author's figure for this repetition.
-    local, local_author_drop: by local fits, 3.01 and 4.5 dB below the lowest frequency.
-    welch: by averaged spectra, 3.01 dB below their lowest frequency.
-    command: by local fits, 3.01 dB below the command.
-    dropped_s, widest_s: time cut away because of a gap, and longest interval bridged, for the
-        averaged spectra.
-    """
+    """One recorded sweep."""
 
     file: str
     loop: str
@@ -100,47 +83,24 @@ class SweepCheck:
 
 @dataclass(frozen=True)
 class DataCheck:
-    """Bandwidths and steps of a folder of recordings.
-
-    steps: by file, then by sensor (``torque_ati``, ``torque_sea``).
-    """
+    """Bandwidths and steps of a folder of recordings."""
 
     sweeps: tuple[SweepCheck, ...]
     steps: dict[str, dict[str, StepMetrics]]
 
     @property
     def reproduced(self) -> bool:
-        """Whether every published bandwidth comes out to 1e-6 Hz by the author's definition."""
         return all(abs(s.author_Hz - s.published_Hz) < 1e-6 for s in self.sweeps)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: ``sweeps`` and ``steps``."""
-        return {
-            "reproduced": self.reproduced,
-            "sweeps": [
-                {
-                    "file": s.file,
-                    "loop": s.loop,
-                    "published_Hz": s.published_Hz,
-                    "author_Hz": s.author_Hz,
-                    "local": vars(s.local),
-                    "local_author_drop": vars(s.local_author_drop),
-                    "welch": vars(s.welch),
-                    "command": vars(s.command),
-                    "dropped_s": s.dropped_s,
-                    "widest_s": s.widest_s,
-                    "response": s.response.to_dict(),
-                }
-                for s in self.sweeps
-            ],
-            "steps": {
-                file: {name: m.to_dict() for name, m in both.items()}
-                for file, both in self.steps.items()
-            },
-        }
+        sweeps = [
+            {k: v for k, v in vars(s).items() if k != "spectra"}
+            | {"response": s.response.to_dict()}
+            for s in self.sweeps
+        ]
+        return {"reproduced": self.reproduced, "sweeps": sweeps, "steps": self.steps}
 
     def table(self) -> list[str]:
-        """Bandwidths by definition, then the steps."""
         lines = []
         for s in self.sweeps:
             lines += [
@@ -166,13 +126,9 @@ class DataCheck:
         return [*lines, f"By the author's definition the published bandwidths {found}."]
 
     def figure(self) -> Figure:
-        """Frequency responses of the sweeps, local fits."""
         from esea_gen.analysis.plots import bode
 
-        return bode(
-            [(f"{s.loop} loop", s.response) for s in self.sweeps],
-            [(f"{s.loop} loop", s.local) for s in self.sweeps],
-        )
+        return bode([(f"{s.loop} loop", s.response, s.local) for s in self.sweeps])
 
 
 def _columns(path: Path, *names: str) -> list[Array]:
@@ -218,10 +174,7 @@ def _sweep(folder: Path, path: Path) -> SweepCheck:
 
 
 def check_on_data(folder: Path | str, progress: Callable[[str], None] | None = None) -> DataCheck:
-    """Recompute published bandwidths and judge recorded steps.
-
-    folder: holds ``chirp/``, ``step_closed_loop/`` and the published tables.
-    """
+    """Recompute published bandwidths and judge recorded steps."""
     root = Path(folder)
     say = progress or (lambda _: None)
     sweeps = sorted((root / "chirp").glob("*.csv"))
@@ -255,10 +208,8 @@ class PublishedBandwidths(Reproduction[DataCheck]):
     recordings = True
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> DataCheck:
-        """On the folder of the data set."""
         assert folder is not None
         return check_on_data(folder, say)
 
     def reproduced(self, outcome: DataCheck) -> bool:
-        """Every published bandwidth."""
         return outcome.reproduced

@@ -21,16 +21,13 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import KAPPA_ROUNDING_RAD, published_inverse
-from esea_gen.studies.chapter3 import Chapter3, reproduce_chapter3
-from esea_gen.studies.reproduction import Reproduction
+from esea_gen.reproduce.chapter3 import Chapter3, reproduce_chapter3
+from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.uncertainty.signals import END_S, SIGNALS, evaluation_filter
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SWEEP_HZ_S = 0.5 / 60
-# Without this much at either end a signal is its interior: the filter reaches 0.9 s.
-END_S = 1.0
-PASS_HZ, STOP_HZ, ATTENUATION_DB = 10.0, 12.0, 60.0
 SIGNAL_COUNT = 5
 
 THESIS: dict[str, dict[str, list[float]]] = {
@@ -72,69 +69,8 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class TorqueSignal:
-    """A desired torque of table 4.3.
-
-    start_Hz, end_Hz: frequency at its start and end.
-    """
-
-    amplitude_Nm: float
-    start_Hz: float
-    end_Hz: float
-    duration_s: float
-
-    def sample(self, rate_Hz: float, limit_s: float = np.inf) -> Array:
-        """The signal in time.
-
-        return: torque in Nm, shape (steps,). A sweep's phase is the integral of its frequency.
-        """
-        steps = round(min(self.duration_s, limit_s) * rate_Hz)
-        t = np.arange(steps) / rate_Hz
-        sweep = (self.end_Hz - self.start_Hz) / self.duration_s
-        phase = 2 * np.pi * (self.start_Hz + 0.5 * sweep * t) * t
-        return self.amplitude_Nm * np.sin(phase)
-
-
-def _sweep(amplitude_Nm: float, end_Hz: float) -> TorqueSignal:
-    return TorqueSignal(amplitude_Nm, 0.0, end_Hz, end_Hz / SWEEP_HZ_S)
-
-
-SIGNALS = (
-    TorqueSignal(1.0, 0.01, 0.01, 300.0),
-    TorqueSignal(4.5, 0.01, 0.01, 300.0),
-    _sweep(0.75, 1.5),
-    _sweep(3.0, 1.0),
-    _sweep(4.0, 0.5),
-)
-
-
-def evaluation_filter(values: Array, rate_Hz: float) -> Array:
-    """The zero-phase Kaiser low-pass of the evaluation, ends held at the last value.
-
-    values: what to filter, shape (steps,).
-    rate_Hz: sampling rate; 60 dB between 10 and 12 Hz takes 908 taps at 500 Hz, 1814 at 1 kHz (one
-        more here, so that the delay is a whole number of samples).
-    """
-    from scipy.signal import fftconvolve, firwin, kaiserord
-
-    count, beta = kaiserord(ATTENUATION_DB, 2 * (STOP_HZ - PASS_HZ) / rate_Hz)
-    count |= 1
-    taps = firwin(count, 0.5 * (PASS_HZ + STOP_HZ), window=("kaiser", beta), fs=rate_Hz)
-    padded = np.pad(values, count // 2, mode="edge")
-    return np.asarray(fftconvolve(padded, taps, "valid"))
-
-
-@dataclass(frozen=True)
 class InverseErrors:
-    """Error of one inverse on one signal, in % of the largest request.
-
-    largest, rms: over the whole signal, set-point filtered as published.
-    largest_interior, rms_interior: without the first and the last second.
-    largest_unfiltered, rms_unfiltered: whole signal, set-point as the inverse gave it.
-    model: largest difference between the request and what the inverse's own discrete model gives
-        (``nan`` where the inverse does not tell).
-    series: the error in time, filtered set-point, thinned out for pictures.
-    """
+    """Error of one inverse on one signal, in % of the largest request."""
 
     largest: float
     rms: float
@@ -151,12 +87,7 @@ def _runner(device: Device, block: Block, real: str) -> CRunner:
 
 
 def sensed_torque(device: Device, sensor: CRunner, theta_rad: Array) -> Array:
-    """Torque of the sensor's C for a motion whose rate is known.
-
-    theta_rad: deflection, shape (steps,).
-    return: torque in Nm; the rate of a step is the step's difference, exact in its middle to second
-        order.
-    """
+    """Torque of the sensor's C for a motion whose rate is known."""
     sensor.reset()
     omega = np.diff(theta_rad, prepend=theta_rad[:1]) / device.period_s
     y, _ = sensor.run({"theta_rad": theta_rad, "omega_rad_s": omega}, trace=False)
@@ -164,10 +95,7 @@ def sensed_torque(device: Device, sensor: CRunner, theta_rad: Array) -> Array:
 
 
 def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Array) -> InverseErrors:
-    """One inverse on one signal.
-
-    request_Nm: desired torque, shape (steps,).
-    """
+    """One inverse on one signal."""
     inverse.reset()
     y, _ = inverse.run({"tau_Nm": request_Nm}, trace=False)
     theta = np.asarray(y["theta_rad"], dtype=float)
@@ -201,11 +129,7 @@ def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Arra
 
 @dataclass(frozen=True)
 class Chapter4:
-    """The recomputed tables.
-
-    errors: by row (``no_dob``, ...), then by variant (``printed``, ``rounding`` or ``exact``), one
-        per signal.
-    """
+    """The recomputed tables."""
 
     device: str
     rate_Hz: float
@@ -213,13 +137,6 @@ class Chapter4:
     errors: dict[str, dict[str, list[InverseErrors]]]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content.
-
-        return: ``table_4_4`` (largest error) and ``table_4_5`` (RMS error), each ``{row: {column:
-            [signal 1 to 5]}}``, in % of the largest request. Columns: ``thesis``, ``printed``,
-            ``rounding`` for the published inverses, ``whole`` and ``interior`` for the exact one,
-            and more of ``COLUMNS``.
-        """
         tables: dict[str, Any] = {}
         for name, kind in (("table_4_4", "largest"), ("table_4_5", "rms")):
             table: dict[str, dict[str, list[float]]] = {}
@@ -242,7 +159,6 @@ class Chapter4:
         return {"device": self.device, "rate_Hz": self.rate_Hz, "format": self.real} | tables
 
     def table(self) -> list[str]:
-        """Both tables as lines of text."""
         content = self.to_dict()
         lines = []
         for name, title in TITLES.items():
@@ -258,7 +174,6 @@ class Chapter4:
         return lines[:-1]
 
     def figure(self) -> Figure:
-        """Error in time for each signal, and both tables as bars beside the thesis."""
         from matplotlib.figure import Figure
 
         from esea_gen.plotting import INK
@@ -335,10 +250,7 @@ def reproduce_chapter4(
     real: str = "f64",
     limit_s: float = np.inf,
 ) -> Chapter4:
-    """Recompute tables 4.4 and 4.5 with the emitted C.
-
-    limit_s: cut the signals off here; the tables are then not the published ones.
-    """
+    """Recompute tables 4.4 and 4.5 with the emitted C."""
     device = device or load_device("elbow")
     say = progress or (lambda _: None)
     kappa = KAPPA_ROUNDING_RAD
@@ -376,15 +288,12 @@ class ThesisTables:
     forward: Chapter3
 
     def table(self) -> list[str]:
-        """Both as lines of text."""
         return [*self.inverse.table(), "", *self.forward.table()]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready: the tables, and ``chapter_3``."""
         return self.inverse.to_dict() | {"chapter_3": self.forward.to_dict()}
 
     def figure(self) -> Figure:
-        """Of the tables."""
         return self.inverse.figure()
 
 
@@ -395,5 +304,4 @@ class InverseTables(Reproduction[ThesisTables]):
     title = "The inverse models"
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> ThesisTables:
-        """With the emitted C of the elbow."""
         return ThesisTables(reproduce_chapter4(say), reproduce_chapter3(say))

@@ -16,31 +16,23 @@ if TYPE_CHECKING:
 class Outcome(Protocol):
     """What any study comes to."""
 
-    def table(self) -> list[str]:
-        """Lines of text."""
+    def table(self) -> list[str]: ...
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
+    def to_dict(self) -> dict[str, Any]: ...
 
-    def figure(self) -> Figure:
-        """The outcome drawn."""
+    def figure(self) -> Figure: ...
 
 
 Made = TypeVar("Made", bound=Outcome)
 
 
 class Reproduction(Study, Generic[Made]):
-    """A published table or figure made again.
-
-    recordings: whether it reads a folder of published recordings.
-    """
+    """A published table or figure made again."""
 
     recordings: ClassVar[bool] = False
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> Made:
-        """Recompute, and say what is being done; ``folder`` as asked for by ``recordings``."""
         raise UserError(f"study {self.name}: has no method run.", "Write it: what is recomputed.")
 
     def reproduced(self, outcome: Made) -> bool:
-        """Whether what can be judged without a person came out as published."""
         return True

@@ -23,14 +23,14 @@ import numpy as np
 from esea_gen.device import Device, load_device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
-from esea_gen.studies.reproduction import Reproduction
-from esea_gen.studies.thesis.measures import (
+from esea_gen.reproduce.measures import (
     FUNCTIONAL_CYCLES,
     SESSIONS,
     SIMPLE_CYCLES,
     FUNCTIONAL_Hz,
     SIMPLE_Hz,
 )
+from esea_gen.reproduce.reproduction import Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,12 +48,7 @@ PUBLISHED = {
 
 @dataclass(frozen=True)
 class Tiring:
-    """Numbers of the model.
-
-    most: share that unending use takes off.
-    length_rad: path over which it comes to 1 - 1/e of that.
-    recovery_s: of rest, after which 1/e is left.
-    """
+    """Numbers of the model."""
 
     most: float
     length_rad: float
@@ -79,11 +74,7 @@ def exercises(intensity: str) -> Iterator[tuple[float, float, float]]:
 
 
 def sessions(tiring: Tiring, intensity: str, effect: dict[float, float]) -> tuple[Array, Array]:
-    """A day and the next morning, each session's: effective s times torque, and s at its end.
-
-    effect: by frequency, effective torque in % of full scale.
-    return: shapes (COUNT + 1,); the last is the first session of the next day.
-    """
+    """A day and the next morning, each session's: effective s times torque, and s at its end."""
     share, drift, ends = 0.0, [], []
     for number in range(COUNT + 1):
         squares, total_s = 0.0, 0.0
@@ -113,11 +104,7 @@ def figures(tiring: Tiring, intensity: str, effect: dict[float, float]) -> tuple
 
 @dataclass(frozen=True)
 class Rubber:
-    """The device's sensor, as emitted, at 10 degrees.
-
-    effect: by frequency, effective torque in % of full scale.
-    stiffness_Nm_rad, loss_J: between the ends of the loop and inside of it, a cycle at 0.5 Hz.
-    """
+    """The device's sensor, as emitted, at 10 degrees."""
 
     effect: dict[float, float]
     stiffness_Nm_rad: float
@@ -159,17 +146,13 @@ def fitted(effect: dict[float, float]) -> Tiring:
 
 @dataclass(frozen=True)
 class ClinicDay:
-    """What came of it, simulated.
-
-    days: by intensity, each session's error in % of full scale and share at its end.
-    """
+    """What came of it, simulated."""
 
     tiring: Tiring
     rubber: Rubber
     days: dict[str, tuple[Array, Array]]
 
     def rows(self) -> list[dict[str, Any]]:
-        """By intensity."""
         found = []
         for name, (error, share) in self.days.items():
             change, first, morning = PUBLISHED[name]
@@ -190,13 +173,11 @@ class ClinicDay:
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
         t = self.tiring
         numbers = {"most": t.most, "length_rad": t.length_rad, "recovery_s": t.recovery_s}
         return {"simulated": True, "device": DEVICE, "tiring": numbers, "intensities": self.rows()}
 
     def table(self) -> list[str]:
-        """As lines of text."""
         t = self.tiring
         lines = [
             f"Clinic day, simulated: {DEVICE}, {COUNT} sessions; errors in % of full scale",
@@ -220,7 +201,6 @@ class ClinicDay:
         return lines
 
     def figure(self) -> Figure:
-        """Stiffness over the day, and the error; what was published beside it."""
         import matplotlib as mpl
 
         from esea_gen.analysis.plots import finished, new_figure
@@ -259,7 +239,6 @@ class ClinicDayStudy(Reproduction[ClinicDay]):
     title = "Repeated sessions: drift of stiffness and loss, recovery"
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> ClinicDay:
-        """The three numbers fitted, then each intensity's day."""
         say("rubber")
         fresh = rubber(load_device(DEVICE))
         say("fitting")

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.device import Device, load_device
+from esea_gen.device import load_device, with_numbers
 from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
-from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD, at_rate
-from esea_gen.studies.reproduction import Reproduction
+from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.uncertainty.signals import LOAD_HZ, LOAD_RAD, SENSE_RATE
+from esea_gen.twin.trajectories import reaches
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,32 +28,11 @@ LASTING_S = 40.0
 BANDWIDTHS_HZ = (10.0, 12.0, 15.0, 20.0, 30.0, 60.0)
 # Ideal: the finest that a device file takes, a count of 0.4 microradians.
 ENCODERS = {"12 bit": 12, "14 bit": 14, "ideal": 24}
+RESOLUTION = "encoder.resolution_bits"
 COUNTS, SMOOTHED = "counts", "smoothed"
 BLOCKS = "velocity", "smoothing", "sensor"
 START_S = 1.0
 MOVES = 10
-REST_S = 0.8
-
-
-def with_encoder(device: Device, bits: int) -> Device:
-    """The device with other encoders."""
-    encoder = device.file.encoder
-    resolution = encoder.resolution_bits.model_copy(update={"value": bits})
-    update = {"encoder": encoder.model_copy(update={"resolution_bits": resolution})}
-    return Device(device.file.model_copy(update=update), device.origin)
-
-
-def reaches(ends_rad: Array, lasting_s: Array, h: float) -> Array:
-    """Deflection from rest to each end in turn, by minimum jerk, with a rest after each.
-
-    return: rad, one value a step.
-    """
-    parts, last = [np.zeros(1)], 0.0
-    for end, lasting in zip(ends_rad, lasting_s, strict=True):
-        u = np.minimum(np.arange(1, round((lasting + REST_S) / h) + 1) * h / lasting, 1.0)
-        parts.append(last + (end - last) * u**3 * (10 - 15 * u + 6 * u * u))
-        last = float(end)
-    return np.concatenate(parts)
 
 
 def motions(most_rad: float, h: float) -> dict[str, Array]:
@@ -69,10 +49,7 @@ def motions(most_rad: float, h: float) -> dict[str, Array]:
 
 @dataclass(frozen=True)
 class ChainRow:
-    """One deflection for the sensor and one bandwidth; none: what suits each encoder.
-
-    rms_pct: by encoder, then by motion: error of the torque, % of full scale.
-    """
+    """One deflection for the sensor and one bandwidth; none: what suits each encoder."""
 
     deflection: str
     bandwidth_Hz: float | None
@@ -81,21 +58,16 @@ class ChainRow:
 
 @dataclass(frozen=True)
 class WholeChain:
-    """The table.
-
-    suited_Hz: bandwidth by encoder, of the rows without one.
-    """
+    """The table."""
 
     device: str
     rows: list[ChainRow]
     suited_Hz: dict[str, float]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return asdict(self)
 
     def table(self) -> list[str]:
-        """Lines of text."""
         names = list(next(iter(self.rows[0].rms_pct.values())))
         lines = [
             f"{self.device}: torque of rate and sensor together against the continuous model, RMS "
@@ -110,7 +82,6 @@ class WholeChain:
         return [*lines, f"suited: by the encoder's resolution, {suited}"]
 
     def figure(self) -> Figure:
-        """RMS error of the sweep over the bandwidth."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(7, 4.5), layout="constrained")
@@ -134,11 +105,11 @@ class ChainStudy(Reproduction[WholeChain]):
     title = "The sensing task's error by encoder and deflection"
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> WholeChain:
-        """With the emitted C of the elbow."""
         device = load_device("elbow")
         h, full = device.period_s, device.tau_full_scale_Nm
-        exact = compile_device(at_rate(device, FINE / h), "f64").block("sensor")
-        libraries = {e: compile_device(with_encoder(device, b), "f64") for e, b in ENCODERS.items()}
+        exact = compile_device(with_numbers(device, {SENSE_RATE: FINE / h}), "f64").block("sensor")
+        read = {e: with_numbers(device, {RESOLUTION: b}) for e, b in ENCODERS.items()}
+        libraries = {e: compile_device(d, "f64") for e, d in read.items()}
         rows = [
             ChainRow(what, b, {e: {} for e in ENCODERS})
             for what in (COUNTS, SMOOTHED)
