@@ -3,7 +3,6 @@
 import casadi as ca
 import numpy as np
 import pytest
-from esea_gen.studies.tuning import TuningCase
 
 from esea_gen import load_device
 from esea_gen.emit.elementary import ACCURACY_ULP
@@ -15,7 +14,6 @@ from esea_gen.language.stream import Stream, single
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.verify.runs import run_c
 from tests.benchmarks.predictive_loop import recorded_rows
-from tests.operating_point import PointAnalysis
 
 from .conftest import require_tool
 from .operating_point import PointAnalysis
