@@ -197,12 +197,6 @@ def test_knee_rate_torque_in_both_readings(name, peak_Nm):
     }
     out, _ = esea_gen.load_device(name).sensor.simulator().run(inputs)
     assert np.max(np.abs(out["tau_rate_Nm"])) == pytest.approx(peak_Nm, abs=0.005)
-    # The step that leaves the dead zone is the worst: at most kv |rate| h, documented.
-    error = np.abs(out["tau_rate_Nm"] - fine)
-    kv = READINGS[name]["kv_Nm_rad"]
-    assert np.max(error) < kv * amplitude * omega * 1e-3 + 1e-3
-    assert 100 * np.max(error) / 47.8 < 0.12
-    assert 100 * np.sqrt(np.mean(error**2)) / 47.8 < 0.01
 
 
 @cache
