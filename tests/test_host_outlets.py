@@ -11,7 +11,6 @@ import pytest
 import esea_host
 from esea_gen.errors import UserError
 from esea_host.cli import main
-from esea_host.connection import listen_named
 from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet
 from esea_host.connection.receiver import Batch
 from esea_host.recording.clock import clock_fit
@@ -27,7 +26,7 @@ def device(simulated_elbow):
 
 
 def test_values_by_name_and_rate_are_recorded_bit_for_bit(device, tmp_path):
-    named = listen_named(device, ["tau_Nm", "u_Nm", "limits_status", "sense.count_motor"], 100)
+    named = device.listen_named(["tau_Nm", "u_Nm", "limits_status", "sense.count_motor"], 100)
     assert named == ["chosen"]
     path = tmp_path / "a.mcap"
     with device.record(path, [*named, "sense_in", "sense_out"]):
@@ -46,11 +45,11 @@ def test_values_by_name_and_rate_are_recorded_bit_for_bit(device, tmp_path):
             assert a.tobytes() == b.tobytes(), name
         assert np.allclose(chosen.time_s[inside], whole.time_s[at[inside]])
     with pytest.raises(UserError, match="cannot be streamed"):
-        listen_named(device, ["nothing"])
+        device.listen_named(["nothing"])
 
 
 def test_a_lost_message_of_named_values_is_a_gap(device):
-    (name,) = listen_named(device, ["tau_Nm"], 200)
+    (name,) = device.listen_named(["tau_Nm"], 200)
     queue = device.subscribe([name])
     data, messages = bytearray(), []
     for _ in range(300):

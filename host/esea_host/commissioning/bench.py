@@ -230,6 +230,3 @@ class CommissioningBench:
             device.disarm()
             self.reach("READY", 5.0)
         return found
-
-
-__all__ = ["Capture", "CommissioningBench", "CommissioningEndedError", "HandAct"]
