@@ -7,6 +7,7 @@ import zlib
 from contextlib import nullcontext
 from types import SimpleNamespace
 
+import cffi
 import pytest
 from typer.testing import CliRunner
 
@@ -257,9 +258,9 @@ def test_a_key_of_one_byte_that_is_not_zero_is_a_key(board, place):
     board.send(board.message("SETUP_SIGNING", 1, 1, list(key), 0))
     board.restart()
     assert board.command(enum.MAV_CMD_USER_1) == enum.MAV_RESULT_DENIED
-    board._sign(bytes(key))
+    board.sign_with(bytes(key))
     board.reset()
-    board._sign(None)
+    board.sign_with(None)
 
 
 def test_another_firmwares_set_is_not_replaced_by_counters(board):
@@ -340,7 +341,8 @@ def test_the_black_box_comes_over_the_link_as_it_is(frozen, drive):
 
 
 def test_a_record_that_is_corrupt_is_told(frozen):
-    memory = frozen._ffi.buffer(frozen.lib.sim_blackbox_memory(), frozen.lib.sim_blackbox_bytes())
+    size = frozen.lib.sim_blackbox_bytes()
+    memory = cffi.FFI().buffer(frozen.lib.sim_blackbox_memory(), size)
     memory[36 + 52 * 20 + 30] = bytes([memory[36 + 52 * 20 + 30][0] ^ 4])
     found = read_blackbox(frozen)
     assert [k for k, r in enumerate(found.records) if r is None] == [20]
@@ -354,7 +356,7 @@ def test_it_is_released_by_who_may_command(frozen, tmp_path):
 
 def test_a_stranger_reads_it_and_does_not_release_it(frozen, tmp_path):
     frozen.pair(tmp_path / "key")
-    frozen._sign(None)
+    frozen.sign_with(None)
     assert len(read_blackbox(frozen).records) > 250
     with pytest.raises(LinkError, match="not released"):
         release_blackbox(frozen)

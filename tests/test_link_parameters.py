@@ -1,104 +1,28 @@
-"""Tunables as parameters of the link: short names, keys, metadata; and roles of what is outside."""
+"""Tunables as parameters of the link: names and keys; and roles of what is outside."""
 
 from __future__ import annotations
 
-import hashlib
-import json
+import re
 
 import casadi as ca
 import pytest
 
-from esea_gen.emit.parameters import fnv1a, link_parameters, parameter_metadata
+from esea_gen.device import load_device
+from esea_gen.emit.parameters import fnv1a, link_parameters
 from esea_gen.emit.roles import MotorAxis, board_roles
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
 
 
-def test_keys_are_published_hashes():
+def test_keys_are_published_hashes_and_ids_are_short_and_unlike():
     # Of the authors' own list of FNV-1a in 32 bits.
     for text, value in (("", 0x811C9DC5), ("a", 0xE40C292C), ("foobar", 0xBF9CF968)):
         assert fnv1a(text) == value
-
-
-def system(**tunables: tuple[str, ...]) -> System:
-    """An instance of its own Block for each name, with these tunables, wired to nothing."""
-    blocks = {}
-    for k, (instance, names) in enumerate(tunables.items()):
-
-        def step(c, _s, u, _guard, _label, names=names):
-            return {}, {"y_Nm": u.x_Nm * sum(getattr(c, n) for n in names)}
-
-        blocks[instance] = Block.define(
-            f"kind{k}",
-            "Any",
-            period_s=0.001,
-            tunables=tuple(
-                Tunable(n, 1.0, 0.5, 2.0, f"meaning of {n}", "Zürich", "assumed") for n in names
-            ),
-            coefficients=tuple(Port(n, 0.5, 2.0, n) for n in names),
-            prepare=lambda t, names=names: {n: 1 * getattr(t, n) for n in names},
-            state=(),
-            inputs=(Port("x_Nm", -1.0, 1.0, "in"),),
-            outputs=(Port("y_Nm", -99.0, 99.0, "out"),),
-            step=step,
-        )
-    inputs = {f"x{k}": (f"{i}.x_Nm",) for k, i in enumerate(blocks)}
-    outputs = {f"y{k}": f"{i}.y_Nm" for k, i in enumerate(blocks)}
-    return System("any", 0.001, blocks, (Task("run", tuple(blocks)),), {}, inputs, outputs)
-
-
-def test_an_id_is_the_first_spelling_of_sixteen_characters():
-    wanted = {
-        ("gain", "k_Nm"): "gain.k_Nm",
-        ("velocity", "band_Hz"): "velocity.band_Hz",  # sixteen
-        ("velocity", "bandw_Hz"): "velocity.bandw",  # its unit goes first
-        ("velocity", "bandwidth_Hz"): "vlcty.bandwidth",  # then the instance's vowels
-        ("abcdefgh", "observation"): "abcdefgh.obsrvtn",  # then the tunable's
-        ("sliding_mode", "boundary_layer_rad"): "sldng_m.bndry_lyr",
-        ("reference", "approaching_limits_here"): "rfrnc.apprchng_lmts_hr",
-    }
-    tunables: dict[str, tuple[str, ...]] = {}
-    for instance, name in wanted:
-        tunables[instance] = (*tunables.get(instance, ()), name)
-    found = {(p.instance, p.tunable.name): p for p in link_parameters(system(**tunables))}
-    assert {k: p.id for k, p in found.items()} == {k: v[:16] for k, v in wanted.items()}
-    one = found["velocity", "bandwidth_Hz"]
-    assert (one.name, one.key) == ("velocity.bandwidth_Hz", fnv1a("velocity.bandwidth_Hz"))
-    assert (one.enum_name, one.unit) == ("ESEA_PARAM_VELOCITY_BANDWIDTH_HZ", "Hz")
-    assert (found["abcdefgh", "observation"].unit, one.block, one.fixed) == ("1", "kind1", False)
-
-
-def test_two_ids_that_are_alike_end_in_a_digest():
-    names = ("approaching_limits", "approaching_limit_is")
-    made = link_parameters(system(controller=names, gain=("k",)))
-    for p in made[:2]:
-        digest = hashlib.sha256(p.name.encode()).hexdigest()[:3]
-        assert p.id == f"cntrllr.appr_{digest}"
-    assert [p.id for p in made[2:]] == ["gain.k"]
-
-
-def test_metadata_of_a_parameter():
-    text = parameter_metadata(system(gain=("k_Nm", "share")))
-    assert text.startswith('{\n  "version": 3,\n  "parameters": [\n    {\n      "name"')
-    assert text.endswith("}\n")
-    assert "Zürich" in text
-    found = json.loads(text)
-    assert found["version"] == 3
-    first, second = found["parameters"]
-    assert first == {
-        "name": "gain.k_Nm",
-        "type": "Float",
-        "shortDesc": "gain.k_Nm",
-        "longDesc": "meaning of k_Nm. Default assumed: Zürich.",
-        "units": "Nm",
-        "default": 1.0,
-        "min": 0.5,
-        "max": 2.0,
-        "group": "gain",
-        "readOnly": False,
-    }
-    assert (second["name"], second["units"]) == ("gain.share", "")
+    for name in ("elbow", "elbow_drive", "elbow_mpc", "wrist"):
+        found = link_parameters(load_device(name).system)
+        assert len({p.id for p in found}) == len({p.key for p in found}) == len(found)
+        assert all(re.fullmatch(r"[.\-a-zA-Z0-9_]{1,16}", p.id) for p in found)
 
 
 # -- roles -----------------------------------------------------------------------------------------
@@ -280,8 +204,3 @@ def test_without_a_motor_all_but_a_stop_is_measured():
     roles = board_roles(torque_of("theta_rad", TOLD, ("stop", "rearming")))
     assert (roles.drive, roles.wanted_names) == (False, ("stop",))
     assert [x.name for x in roles.measured] == ["rearming"]
-
-
-def test_only_a_calibration_sets_a_zero():
-    fixed = {p.name: p.fixed for p in link_parameters(sensing(True))}
-    assert fixed == {"encoder_motor.zero_rad": True, "encoder_motor.zeroed": True}

@@ -260,7 +260,7 @@ def test_who_comes_beside_a_host_is_let_go_and_may_stop(device, native):
         first = session()
         assert first.clock().state == 5
         second = session()
-        time_of_it = second.message("ESEA_STAMP", 0, *first._time_now(0.0))
+        time_of_it = second.message("ESEA_STAMP", 0, *first.time_now(0.0))
         values = (1, 1, second.dialect.MAV_CMD_USER_1, 0, *[0.0] * 7)
         reset = second.message("COMMAND_LONG", *values)
         second.send_bytes(second.pack(time_of_it) + second.pack(reset))
