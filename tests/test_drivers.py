@@ -449,8 +449,6 @@ ENDS = [(1e-6, 8), (1e-6, 4087), *((A_COUNT, w) for w in WITHIN)]
 
 
 @pytest.mark.parametrize(("A_count", "counts"), ENDS)
-    ("A_count", "counts"), [(1e-6, 8), (1e-6, 4087), *((A_COUNT, w) for w in WITHIN)]
-)
 def test_at_the_converters_ends_and_within_the_bound_is_no_fault(drivers, A_count, counts):
     motor = Motor(drivers, A_count=A_count)
     motor.amplifier.stuck_counts = counts
