@@ -161,7 +161,7 @@ def test_set_points_go_on_while_a_clock_runs_otherwise_than_ours(board):
     """A simulated board at half and at ten times the pace of the host's clock."""
     for pace in (0.5, 3.0, 10.0):
         board.clock_s = lambda pace=pace: board.lib.sim_time_ms() * 1e-3 / pace
-        board._board_time = None
+        board.learn_time()
         board.arm()
         board.ticks(1)
         for _ in range(800):
@@ -179,7 +179,7 @@ def test_set_points_go_on_while_a_clock_runs_otherwise_than_ours(board):
 @given(before=st.binary(max_size=300), cut=st.integers(0, 300), data=st.data())
 def test_a_stop_is_taken_whatever_came_before(board, before, cut, data):
     part = board.pack(data.draw(st.sampled_from(list(expiring(board).values()))))[:cut]
-    stop = command(board, STOP).pack(board._encoder)
+    stop = board.pack(command(board, STOP))
     guest = data.draw(st.booleans())
     if guest:
         board.greet(0, "somebody")
@@ -263,7 +263,9 @@ def test_who_counts_far_ahead_commands_nothing_and_locks_nobody_out(board, tmp_p
     board.pair(tmp_path / "key")
     board.arm()
     board.disarm()
-    own = board._encoder.signing
+    beside = board.dialect.MAVLink(None)
+    board.sign_as_well(beside)
+    own = beside.signing
     frames = board.frames(command(board, ARM, 1.0))  # so that its time is known
     own.timestamp, held = min(own.timestamp + stamp, 2**48 - 2), own.timestamp
     board.send_bytes(board.frames(command(board, ARM, 1.0)))

@@ -10,7 +10,6 @@ import pytest
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host.cli import main
 from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet
 from esea_host.connection.receiver import Batch
 from esea_host.recording.clock import clock_fit
@@ -234,18 +233,3 @@ def test_without_the_library_the_way_to_it_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(UserError, match="pip install foxglove-sdk"):
         FoxgloveOutlet(0)
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["bridge", "tcp:127.0.0.1:1"], "Add --foxglove PORT, --lsl, or both"),
-        (["record", "tcp:127.0.0.1:1", "a.mcap", "--rate", "10"], "--rate is of --signal"),
-    ],
-)
-def test_wrong_words_are_refused_before_anything_is_connected(words, said, capsys, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["esea-host", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert said in " ".join(capsys.readouterr().err.split())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import zlib
 from contextlib import nullcontext
 from types import SimpleNamespace
@@ -236,20 +235,6 @@ def test_use_is_counted_and_outlasts_the_power(board):
     assert saves >= 3  # a start and a fault each
 
 
-def test_a_second_of_use_is_a_thousand_ticks_with_the_motor_on(board):
-    zeroed(board)
-    board.arm()
-    on = 0
-    while on < 1999:
-        if on % 50 == 0:
-            board.want(mode=0.0)
-        board.ticks()
-        on += board.motor[0]
-    assert kept_use(board).counters["active_s"] == 1
-    board.ticks()
-    assert kept_use(board).counters["active_s"] == 2
-
-
 @pytest.mark.parametrize("place", [0, 17, 31])
 def test_a_key_of_one_byte_that_is_not_zero_is_a_key(board, place):
     enum = board.dialect
@@ -263,18 +248,6 @@ def test_a_key_of_one_byte_that_is_not_zero_is_a_key(board, place):
     board.sign_with(None)
 
 
-def test_another_firmwares_set_is_not_replaced_by_counters(board):
-    board.save_parameters()
-    data = bytearray(bytes(board.flash[0]))
-    at = data.rfind(b"1ASE")
-    assert at >= 0
-    board.flash[0][at + 4 : at + 5] = b"\x63"  # its layout: the checksum no longer fits either
-    kept = bytes(board.flash[0])
-    again(board)
-    assert kept_use(board).counters["starts"] >= 1
-    assert bytes(board.flash[0])[: at + 24] == kept[: at + 24]
-
-
 # -- black box -------------------------------------------------------------------------------------
 
 
@@ -285,22 +258,6 @@ def sets(board):
         for at in range(0, len(area) - size + 1, size):
             if area[at : at + 4] == b"1ASE":
                 yield area, at, size
-
-
-def test_a_save_keeps_each_parameter_that_can_be_set_once(board):
-    def key(name: str) -> int:
-        found = 0x811C9DC5
-        for byte in name.encode():
-            found = (found ^ byte) * 0x01000193 % 2**32
-        return found
-
-    board.save_parameters()
-    wanted = {key(n): v for n, v in board.parameters().items() if ".zero" not in n}
-    area, at, _ = max(sets(board), key=lambda s: struct.unpack_from("<I", s[0], s[1] + 16))
-    (count,) = struct.unpack_from("<I", area, at + 24)
-    kept = struct.iter_unpack("<If", bytes(area[at + 28 : at + 28 + 8 * count]))
-    assert dict(kept) == wanted
-    assert count == len(wanted)
 
 
 def test_counters_do_not_replace_the_set_of_another_device(board):

@@ -20,7 +20,6 @@ import esea_gen
 from esea_gen.cli import app
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.dialect import load_dialect
-from esea_gen.errors import UserError
 from esea_gen.export.model import controller_model
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, PtyTransport, TcpTransport
@@ -443,16 +442,3 @@ def test_the_package_is_whole(device, arm, packed):
     assert files["./usr/lib/libesea_elbow_drive.so"] == packed[0].read_bytes()
     assert files["./usr/sbin/esea_elbow_drive"] == arm.elf.read_bytes()
     assert files["./usr/share/esea_elbow_drive/calls.md"] == packed[1].read_bytes()
-
-
-def test_a_board_without_packages_says_so(device, native, tmp_path):
-    with pytest.raises(UserError, match="host takes no packages"):
-        build_package(device, native, tmp_path)
-
-
-def test_nobody_answers_after_the_daemon_has_gone(device, native):
-    with daemon(device, [native.elf], "tcp:0") as (run, session):
-        run.kill()
-        run.wait()
-        with pytest.raises(LinkError):
-            session()

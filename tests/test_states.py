@@ -461,16 +461,6 @@ def test_late_runs_of_the_slower_task_latch(armed):
     assert armed.clock().late_runs - before == 12
 
 
-def test_runs_that_find_no_room_are_counted(ready):
-    ready.tell("ESEA_SENSE_OUT", 1000)
-    ready.ticks(1)
-    before = ready.clock().dropped
-    ready.ticks(10, poll=False)  # four may wait
-    ready.lib.sim_poll()
-    assert ready.clock().dropped == before + 6
-    ready.tell("ESEA_SENSE_OUT", 0)
-
-
 # -- any order of all that -------------------------------------------------------------------------
 
 

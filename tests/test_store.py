@@ -295,21 +295,6 @@ def test_any_bit_that_flips_loses_the_set_and_gives_the_one_before(library):
     assert Store(flash).load() == a_set(2)
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_any_content_of_the_flash_is_opened_and_saved_to(library, seed):
-    draw = Random(seed)
-    flash = Flash(library, 2)
-    for area in flash.areas:
-        area[:] = draw.choice([draw.randbytes(len(area)), bytes(len(area)), b"\xff" * len(area)])
-        if draw.random() < 0.5:  # a head that is right and says any size
-            size = draw.choice([0, 3, 116, 10**9, 2**32 - 1, len(area)])
-            struct.pack_into("<IIIII", area, 0, 0x45534131, 3, size, 5, draw.randrange(2**32))
-    store = Store(flash)
-    assert (store.status, store.load()) == (EMPTY, {})
-    assert store.save(a_set(3))
-    assert Store(flash).load() == a_set(3)
-
-
 def sealed(flash, slot=0, area=0, **changed):
     """Changes words of a head and makes its checksum fit."""
     names = ("magic", "layout", "bytes", "device", "sequence")
@@ -416,15 +401,6 @@ def test_a_flash_of_other_units_keeps_nothing(library, unit):
     flash.c.unit_bytes = unit
     store = Store(flash)
     assert (store.status, store.save(a_set(1)), flash.erased) == (EMPTY, False, [0, 0])
-
-
-def test_units_that_nobody_said_are_words(library):
-    flash = Flash(library)
-    flash.c.unit_bytes = 0
-    store = Store(flash)
-    assert store.save(a_set(1))
-    flash.c.unit_bytes = 4
-    assert Store(flash).load() == a_set(1)
 
 
 @pytest.mark.parametrize("unit", [4, 8, 32])
@@ -547,23 +523,3 @@ def test_what_is_no_encoder_is_refused(library, serial, zero_rad):
     store = Store(Flash(library))
     assert not encoder(store, serial, zero_rad)
     assert known(store, 1) is None
-
-
-def test_counters_outlast_the_power(library):
-    flash = Flash(library)
-    store = Store(flash)
-    store.c.set.use.armings, store.c.set.use.active_s = 3, 4000
-    store.c.set.use.saves = 2**32 - 1
-    assert store.lib.esea_store_commit(store.c)
-    use = Store(flash).c.set.use
-    assert (use.armings, use.active_s, use.saves) == (3, 4000, 2**32 - 1)
-
-
-def test_the_whole_size(whole):
-    flash = Flash(whole, 1)
-    store = Store(flash)
-    assert store.save(a_set(1, 160))
-    assert encoder(store, 9, 0.5)
-    assert store.lib.esea_store_commit(store.c)
-    assert Store(flash).load() == a_set(1, 160)
-    assert known(Store(flash), 9) == 0.5

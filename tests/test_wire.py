@@ -234,16 +234,6 @@ def test_streams_cost_what_build_says(board, drive, what, names):
 # -- parameters ------------------------------------------------------------------------------------
 
 
-def test_all_tunables_are_parameters_at_their_defaults(board, drive):
-    values = board.parameters()
-    wanted = {f"{i}.{t.name}": t.default for i, t in drive.system.tunables}
-    zeros = {"encoder_motor.zeroed", "encoder_load.zeroed"}  # not calibrated
-    assert list(values) == list(wanted)
-    assert {n: np.float32(v) for n, v in values.items()} == {
-        n: np.float32(0 if n in zeros else v) for n, v in wanted.items()
-    }
-
-
 def test_the_metadata_is_as_the_standard_has_it(drive):
     """Against the keys of MAVLink's parameter.schema.json, version 3."""
     content = json.loads(render_dialect(drive).files["esea_elbow_drive_parameters.json"])
@@ -618,18 +608,6 @@ def test_an_input_is_answered_by_its_run_or_by_the_state(board):
     board.send(board.message("ESEA_SENSE_IN", 0, *[0.0] * 12))
     assert kinds(board) == ["HEARTBEAT"]
     assert board.state_now == "ACTIVE"
-
-
-def test_a_key_frame_comes_at_once_and_then_at_its_interval(board):
-    board.ticks(30)
-    board.tell("ESEA_KEY", 50_000)
-    ticks = []
-    for _ in range(200):
-        board.ticks(1)
-        ticks += [m.sequence for m in board.pending() if m.get_type() == "ESEA_KEY"]
-    first = sorted(set(ticks))
-    assert first == [30, 80, 130, 180]
-    board.tell("ESEA_KEY", 0)
 
 
 # -- bytes of any kind -----------------------------------------------------------------------------

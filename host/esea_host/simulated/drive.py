@@ -76,7 +76,7 @@ class SimulatedBoard:
                     "Say how it is moved: --motion person, therapist or a table's file.",
                 )
             self._clamped = False
-            self._first: SteppedPlant | SteppedHand | MovedJoint = self._moved_joint()
+            self.first_plant: SteppedPlant | SteppedHand | MovedJoint = self._moved_joint()
         else:
             if motion is not None:
                 raise UserError(
@@ -87,9 +87,9 @@ class SimulatedBoard:
             self._person, self._clamped = self._named(person), person == CLAMPED
             if len(self.axes) == 1:
                 self._variant = plant_variant(self.device, plant, "ideal", seed)
-                self._first = self._plant_with(spring_Nm_rad)
+                self.first_plant = self._plant_with(spring_Nm_rad)
             else:
-                self._first = SteppedHand(hand_variant(self.device, plant, "ideal", seed))
+                self.first_plant = SteppedHand(hand_variant(self.device, plant, "ideal", seed))
         self.first_person = self._person, self._clamped
         self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
@@ -115,7 +115,7 @@ class SimulatedBoard:
         assert isinstance(before, SteppedPlant)
         assert isinstance(self._person, Person)
         at_rad = float(before.truth()["theta_l_rad"])
-        self.plant = self._first = plant
+        self.plant = self.first_plant = plant
         self.board.show(plant.start(at_rad, clamped=self._clamped, person=self._person))
 
     def _moved_joint(self) -> MovedJoint:
@@ -148,7 +148,7 @@ class SimulatedBoard:
             raise UserError(f"{self.device.name} has no drive.", "Give a motion.")
 
     def _start(self) -> None:
-        self.plant, self._intent = self._first, None
+        self.plant, self._intent = self.first_plant, None
         self._person, self._clamped = self.first_person
         self._pushed_rad = [0.0] * len(self.axes)
         self._noise = np.random.default_rng([self._seed, 3])
