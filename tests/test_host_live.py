@@ -22,7 +22,7 @@ from esea_gen.link.transport import LinkError
 from esea_host.cli import main
 from esea_host.connection import PlayedBoard
 from esea_host.connection.receiver import Batch
-from esea_host.recording.gaps import Gap
+from esea_host.recording.integrity import Gap
 from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.simulated import LockstepDevice
 from esea_host.simulated.server import Hands, serve_hosts

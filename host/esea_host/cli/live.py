@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,7 +29,7 @@ from esea_host.cli.options import (
     SecondsOption,
     StreamOption,
 )
-from esea_host.connection import ConnectedDevice, Subscription, listen_named, open_device
+from esea_host.connection import ConnectedDevice, Subscription, open_device
 
 SCREEN_S, LINE_S = 0.2, 1.0
 ZERO_S = 1.5  # it stands still for a while, and tells its state once a second
@@ -82,7 +83,7 @@ def _lines(queue: Subscription, seconds: float | None) -> None:
     for _ in _until(seconds, 0.0):
         for batch in queue.take(0.1):
             for gap in batch.gaps:
-                print(json.dumps({"gap": gap.to_dict()}))
+                print(json.dumps({"gap": asdict(gap)}))
             names = batch.rows.dtype.names or ()
             for row in batch.rows:
                 values = {n: _plain(row[n].tolist()) for n in names}
@@ -158,7 +159,7 @@ def record(
         raise UserError("--rate is of --signal.", "Name signals, such as --signal tau_Nm.")
     with open_device(address, device, key) as board:
         if signal:
-            stream = [*(stream or ()), *listen_named(board, signal, rate)]
+            stream = [*(stream or ()), *board.listen_named(signal, rate)]
         with board.record(path, stream, compress) as recording:
             if note:
                 recording.note(note)
