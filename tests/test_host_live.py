@@ -211,16 +211,16 @@ def test_the_picture_is_of_what_came_and_stands_still_while_paused(seen, qtbot):
     window, feed = seen
     torque = window.panels[0]
     assert [s.label for s in torque.signals] == ["wanted", "set", "measured"]
-    wanted = torque._curves[0].getData()[1]
+    wanted = torque.curves[0].getData()[1]
     assert np.nanmax(wanted) == pytest.approx(1.5, abs=0.01)
-    degrees = window.panels[1]._curves[0].getData()[1]
+    degrees = window.panels[1].curves[0].getData()[1]
     bend_rad = feed.rings["sense_out"].last(2000).rows["theta_rad"]
     assert np.nanmax(degrees) == pytest.approx(np.degrees(bend_rad.max()), rel=1e-5)
     assert "ACTIVE" in window.state.text()
     assert "SIMULATED" in window.state.text()
     assert "mode: torque" in window.state.text()
     assert "nothing lost" in window.link.text()
-    assert any(name == "rate limited" for _, name in window.bands._names)
+    assert any(name == "rate limited" for _, name in window.bands.names)
     # A motor command of 0.2 Nm stands at 0.2 of its axis, also when that is dressed anew.
     window.set_theme(window.theme)
     window.draw()
@@ -231,15 +231,15 @@ def test_the_picture_is_of_what_came_and_stands_still_while_paused(seen, qtbot):
     assert [float(x) for x in labels] == pytest.approx(values)
     qtbot.keyClick(window, Qt.Key.Key_P)
     assert window.paused
-    held, total = torque._curves[2].getData()[1].copy(), feed.rings["sense_out"].total
+    held, total = torque.curves[2].getData()[1].copy(), feed.rings["sense_out"].total
     feed.device.advance(0.5)
     feed.gather()
     window.draw()
-    assert np.array_equal(held, torque._curves[2].getData()[1], equal_nan=True)
+    assert np.array_equal(held, torque.curves[2].getData()[1], equal_nan=True)
     assert feed.rings["sense_out"].total == total + 500  # kept meanwhile
     qtbot.keyClick(window, Qt.Key.Key_P)
     window.draw()
-    assert not np.array_equal(held, torque._curves[2].getData()[1], equal_nan=True)
+    assert not np.array_equal(held, torque.curves[2].getData()[1], equal_nan=True)
 
 
 def test_cursors_channels_notes_themes_and_zoom_by_key(seen, qtbot, tmp_path):
@@ -261,7 +261,7 @@ def test_cursors_channels_notes_themes_and_zoom_by_key(seen, qtbot, tmp_path):
     qtbot.keyClick(window.channels, Qt.Key.Key_Return)
     window.draw()
     assert [s.name for s in window.chosen.signals] == ["sense_out.energy_J"]
-    assert len(window.chosen._curves[0].getData()[0]) > 100
+    assert len(window.chosen.curves[0].getData()[0]) > 100
     window.note.setFocus()
     qtbot.keyClicks(window.note, "a cough")
     qtbot.keyClick(window.note, Qt.Key.Key_Return)
@@ -433,7 +433,7 @@ def test_a_stop_that_is_not_confirmed_is_told(seen, qtbot):
     window, feed = seen
     feed.stopper.close()  # nothing goes out any more
     window.stop()
-    window._stop_asked_s -= 2.0
+    window.stop_asked_s -= 2.0
     window.draw()
     assert "switch its power off" in window.fault.text()
 
@@ -447,7 +447,7 @@ def test_a_space_in_a_note_is_a_space(seen, qtbot):
     qtbot.waitUntil(window.note.hasFocus, timeout=120_000)
     qtbot.keyClick(window.note, Qt.Key.Key_Space)
     assert window.note.text() == " "
-    assert window._stop_asked_s == 0.0
+    assert window.stop_asked_s == 0.0
 
 
 def test_only_simulated_boards_are_demonstrated(lockstep):
@@ -464,7 +464,7 @@ def test_a_view_that_fails_leaves_the_recording_running(lockstep, qtbot, tmp_pat
     with lockstep.record(tmp_path / "a.mcap") as recording:
         feed = LiveFeed(lockstep, recording, kept_s=0.1, threaded=False)
         window = LiveWindow(feed)
-        window._timer.stop()
+        window.timer.stop()
         qtbot.addWidget(window)
 
         def broken(_):
@@ -472,9 +472,9 @@ def test_a_view_that_fails_leaves_the_recording_running(lockstep, qtbot, tmp_pat
 
         monkeypatch.setattr(window.panels[0], "draw", broken)
         with pytest.raises(RuntimeError):
-            window._turn()
-        assert window._timer.isActive()  # it tries again
-        window._timer.stop()
+            window.turn()
+        assert window.timer.isActive()  # it tries again
+        window.timer.stop()
         lockstep.advance(0.3)
         feed.close()
     with esea_host.open_log(tmp_path / "a.mcap") as log:
@@ -569,7 +569,7 @@ def test_trigger_and_spectrum_by_key(seen, qtbot, tmp_path):
     window.toggle_spectrum()
     window.draw()
     qtbot.wait(20)
-    f_Hz, size = window.spectrum._curves[0].getOriginalDataset()
+    f_Hz, size = window.spectrum.curves[0].getOriginalDataset()
     assert len(f_Hz) == len(size) > 100
     window.grab().save(str(Path(os.environ.get("ESEA_PICTURES") or tmp_path) / "host-trigger.png"))
     window.toggle_trigger()

@@ -204,7 +204,7 @@ def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot):
             assert "the operator stopped it" in conductor.reason
             # A board that does not confirm it is told in the largest letters.
             windows[1].board = replace_state(device, "ACTIVE")
-            windows[1]._stop_asked_s = 1.0
+            windows[1].stop_asked_s = 1.0
             windows[1].refresh()
             assert "NOT CONFIRMED: SWITCH" in windows[1].state.text()
             windows[1].close()

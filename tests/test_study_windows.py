@@ -462,7 +462,7 @@ def test_a_window_that_fails_does_not_stop_the_session(begin, windows, monkeypat
     def broken(_) -> None:
         raise RuntimeError("drawing failed")
 
-    participant._timer.stop()
+    participant.timer.stop()
     monkeypatch.setattr(participant, "painted", broken)
     with pytest.raises(RuntimeError, match="drawing failed"):
         participant.repaint()
@@ -647,7 +647,7 @@ def test_the_patch_changes_with_each_frame_or_at_an_onset(begin, windows):
     conductor.arrive()
     for patch, wanted in (("frame", [1, 0, 1, 0]), ("onset", [1, 1, 1, 1]), ("off", [None] * 4)):
         participant, _ = windows(conductor, patch=patch)
-        participant._timer.stop()
+        participant.timer.stop()
         participant.lit, seen = False, []
         participant.frames.drop()
         participant.frames._onsets = 0
@@ -687,7 +687,7 @@ def test_on_a_second_monitor_it_is_full_screen(begin, windows, monkeypatch):
     participant.place()
     assert participant.isFullScreen()
     assert participant.frames.refresh_Hz == 120.0
-    assert participant._timer.interval() == 8
+    assert participant.timer.interval() == 8
     both.pop()
     other, _ = windows(conductor)
     other.place()

@@ -24,12 +24,18 @@ from esea_host.study.protocol import parse_protocol
 from esea_host.study.scene import Scene, draw
 from esea_host.study.session import replay
 from esea_host.study.task import Situation, task_named
-from esea_host.wrist.analysis import analyse
+from esea_host.wrist.analysis import (
+    after_effect_deg,
+    analyse,
+    dominant,
+    learning,
+    median_peak,
+    tracking,
+)
+from esea_host.wrist.calibration import calibrated, cursor_maps
 from esea_host.wrist.compared import outcome
 from esea_host.wrist.figures import distributions, maps
-from esea_host.wrist.metrics import after_effect_deg, dominant, learning, median_peak, tracking
-from esea_host.wrist.past import calibrated, cursor_maps
-from esea_host.wrist.target import Moving, advance, target_distance_deg
+from esea_host.wrist.moving import Moving, advance, target_distance_deg
 from esea_host.wrist.virtual import PROTOCOL, all_rows, run_study, wrist_protocol
 
 from .browser import browser, readable
@@ -202,7 +208,7 @@ def test_an_end_is_reached_only_beyond_the_outermost_node(monkeypatch):
     assert row["movements"] == 0
     assert "No end of the range was reached" in row["complaints"][0]
     # So it was.
-    monkeypatch.setattr("esea_host.wrist.past.Calibrated.nodes", lambda *_: [])
+    monkeypatch.setattr("esea_host.wrist.calibration.Calibrated.nodes", lambda *_: [])
     row, advice = swept(57.0)
     assert row["movements"] == 5
     assert any("60 deg was crossed 0 times" in x for x in advice)
@@ -476,8 +482,8 @@ def test_bad_input_is_told(words, said):
 
 
 def test_a_methods_outcome_follows_its_schema(studied):
-    told = outcome("none", studied, ["V009: why"]).to_dict()
-    assert (told["people"], told["refused"]) == (1, ("V009: why",))
+    told = files.plain(outcome("none", studied, ["V009: why"]))
+    assert (told["people"], told["refused"]) == (1, ["V009: why"])
     files.stamped("host-wrist-methods", {"simulated": True, "methods": [told]})
     with pytest.raises(ValidationError):
         files.stamped(

@@ -12,9 +12,9 @@ from esea_gen.cli.options import ClusterOption, JobsOption
 from esea_gen.errors import UserError
 from esea_host.cli.app import out, told
 from esea_host.cli.interaction import checked_page, shown_interaction
-from esea_host.cli.options import know_shipped_tasks
+from esea_host.cli.options import JsonOption, ReportOption, know_shipped_tasks
 from esea_host.cli.study import TrustOption, study_app, trusted
-from esea_host.cli.wrist import JsonOption, ReportOption, compare_wrist, shift_wrist, shown_wrist
+from esea_host.cli.wrist import compare_wrist, shift_wrist, shown_wrist
 
 
 @study_app.command("virtual")
@@ -43,7 +43,7 @@ def virtual(
     report: ReportOption = None,
 ) -> None:
     """A whole study with virtual participants; all that comes of it is simulated."""
-    from esea_host.wrist.past import METHODS
+    from esea_host.wrist.calibration import METHODS
 
     if method not in METHODS:
         raise UserError(f"There is no method {method!r}.", f"There are: {', '.join(METHODS)}.")

@@ -9,28 +9,15 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from esea_gen.cli.options import writable
 from esea_gen.files import write_json, write_whole
-from esea_host.cli.analyse import analyse as analyse_app
 from esea_host.cli.app import out
+from esea_host.cli.interaction import analyse as analyse_app
+from esea_host.cli.options import JsonOption, ReportOption, output_file
 
 if TYPE_CHECKING:
     from esea_host.wrist.analysis import WristResult
 
-JsonOption = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", callback=writable, help="Write as JSON.")
-]
-ReportOption = Annotated[
-    Path | None,
-    typer.Option("--report", metavar="FILE", callback=writable, help="Write one HTML page."),
-]
-CsvOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--csv", metavar="FILE", callback=writable, help="Write every participant's values."
-    ),
-]
-
+CsvOption = Annotated[Path | None, output_file("--csv", "Write every participant's values.")]
 
 WIDE = 132  # characters in which every table here can be read
 
@@ -74,9 +61,7 @@ def compare_wrist(
     for x in found:
         for reason in x.refused:
             out.print(f"{x.method}: ended early: {reason}")
-    write_json(
-        to_json, "host-wrist-methods", {"simulated": True, "methods": [x.to_dict() for x in found]}
-    )
+    write_json(to_json, "host-wrist-methods", {"simulated": True, "methods": found})
 
 
 def shift_wrist(
@@ -108,7 +93,7 @@ def shift_wrist(
     write_json(
         to_json,
         "host-wrist-sensitivity",
-        {"simulated": True, "runs": [x.to_dict() for x in runs]},
+        {"simulated": True, "runs": runs},
     )
     if report:
         write_whole(report, sensitivity_page(runs, participants))
@@ -148,7 +133,7 @@ def shown_wrist(
         "Medians; two-sided Wilcoxon signed-rank test, exact, zero differences dropped; Holm over "
         "each table; effect: rank-biserial correlation."
     )
-    write_json(to_json, "host-wrist", result.to_dict())
+    write_json(to_json, "host-wrist", vars(result))
     if report:
         write_whole(report, page(result))
     if csv:
@@ -175,7 +160,7 @@ def analyse_reaches(
     from esea_host.recording.integrity import warn_unless_complete
     from esea_host.recording.log import open_log
     from esea_host.wrist.figures import number
-    from esea_host.wrist.reaching import reaches, summary, to_rows
+    from esea_host.wrist.reaching import reaches, summary
 
     found = {}
     for path in files:
@@ -197,5 +182,5 @@ def analyse_reaches(
         "squared error over the squared distance, 100 a second; beyond: past the target, of the "
         "distance."
     )
-    told = {k: {"summary": summary(v), "reaches": to_rows(v)} for k, v in found.items()}
+    told = {k: {"summary": summary(v), "reaches": v} for k, v in found.items()}
     write_json(to_json, "host-reaches", {"files": told})

@@ -9,8 +9,8 @@ from PySide6.QtCore import QPointF, Qt, QTimer
 from PySide6.QtGui import QColor, QKeySequence, QMouseEvent, QPainter, QPaintEvent, QPen, QShortcut
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QWidget
 
-from esea_host.windows.columns import AxisColumns
 from esea_host.windows.feed import LiveFeed
+from esea_host.windows.plots import AxisColumns
 
 MOST_RAD, STEP_RAD = 0.6, 0.1
 DRAWN_MS = 50

@@ -10,34 +10,25 @@ from matplotlib.figure import Figure
 
 from esea_gen.pages import plain_page
 from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, STYLE, svg
-from esea_host.wrist.analysis import LEARNED, TRACKED, TableLine, WristResult
+from esea_host.wrist.analysis import TABLES, TableLine, WristResult
 from esea_host.wrist.normalisation import CursorMap, NodeSpeeds, fit_rbf
 
 
 def distributions(result: WristResult, title: str) -> Figure:
     """One table's metrics: each participant a line between the two sides, the median beside."""
-    tracked = title.startswith(("7.1", "7.2"))
-    metrics = (
-        [(m, unit, a, b) for m, unit, a, b in TRACKED]
-        if tracked
-        else [(m, unit, f"{k} 1", f"{k} 2") for m, unit, k in LEARNED]
-    )
+    lines = TABLES[title].lines
     with style.context(STYLE):
-        figure = Figure(figsize=(2.3 * len(metrics), 3.0), layout="constrained")
-        for axes, (metric, unit, first, second) in zip(
-            np.atleast_1d(figure.subplots(1, len(metrics))), metrics, strict=True
-        ):
-            pairs = [
-                (v[first], v[second])
-                for v in result.people[title].values()
-                if v.get(first) is not None and v.get(second) is not None
-            ]
+        figure = Figure(figsize=(2.3 * len(lines), 3.0), layout="constrained")
+        drawn = np.atleast_1d(figure.subplots(1, len(lines)))
+        for axes, line in zip(drawn, lines, strict=True):
+            each = [(v.get(line.first), v.get(line.second)) for v in result.people[title].values()]
+            pairs = [pair for pair in each if None not in pair]
             for pair in pairs:
                 axes.plot((0, 1), pair, "o-", color=MODEL, alpha=0.5, ms=4, lw=0.8)
             if pairs:
                 middle = np.median(np.array(pairs, np.float64), axis=0)
                 axes.plot((-0.22, 1.22), middle, "_", color=MEASURED, ms=18, mew=3)
-            axes.set(xlim=(-0.5, 1.5), xticks=(0, 1), title=metric, ylabel=unit)
+            axes.set(xlim=(-0.5, 1.5), xticks=(0, 1), title=line.metric, ylabel=line.unit)
             axes.set_xticklabels(result.sides[title])
         if result.simulated:
             figure.suptitle(f"{title}: simulated participants", color=INK, fontsize=9)

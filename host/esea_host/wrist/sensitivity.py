@@ -10,7 +10,7 @@ import html
 import json
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,9 +81,6 @@ class ShiftedRun:
     effects: Mapping[str, float | None]
     changed: tuple[str, ...]
     early: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def effects_of(result: WristResult) -> dict[str, float | None]:
