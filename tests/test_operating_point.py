@@ -13,10 +13,10 @@ from esea_gen.language.ports import Port
 from esea_gen.language.program import Program
 from esea_gen.language.stream import Stream, single
 from esea_gen.studies.tuning import TuningCase
-from esea_gen.verify.operating_point import PointAnalysis
 from esea_gen.verify.runs import run_c
 
 from .conftest import require_tool
+from .operating_point import PointAnalysis
 
 U = 2.0**-24
 

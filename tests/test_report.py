@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from esea_gen.board.emulator import Difference
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.identify import Identification, identify
@@ -24,7 +25,6 @@ from esea_gen.report.builder import Report, gather
 from esea_gen.report.identification import identification_page
 from esea_gen.report.page import finite, for_people, number, plain
 from esea_gen.verify import equivalence
-from esea_gen.verify.emulator import Difference
 from esea_gen.verify.streams import streams
 
 from .browser import browser, readable

@@ -58,7 +58,7 @@ def _plugin() -> Path:
 
 def count_step(board: Board, sources: Sources, renderer: Renderer, step: str, steps: int) -> Count:
     """Count the instructions of a step on an emulated board."""
-    from esea_gen.verify.emulator import qemu_command
+    from esea_gen.board.emulator import qemu_command
 
     gcc = find_compiler(*board.processor.toolchain.gcc)
     qemu = qemu_command(board, semihosting=True)

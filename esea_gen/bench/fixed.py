@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.bench.row import Row
+from esea_gen.board.bare import BARE_BOARDS, emulate, run_bare
 from esea_gen.device import Device
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import FieldPlan
@@ -22,7 +23,6 @@ from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import from_raw, to_raw
 from esea_gen.language.ports import Array
-from esea_gen.verify.bare import BARE_BOARDS, emulate, run_bare
 from esea_gen.verify.streams import domain_chirp
 
 STEPS = 400

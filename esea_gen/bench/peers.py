@@ -311,7 +311,7 @@ def count_host_instructions(sources: Sources, extra: dict[str, str], steps: int)
 
 def count_board_instructions(sources: Sources, extra: dict[str, str], steps: int) -> float:
     """Instructions of a step on an emulated Cortex-M4F, loop included."""
-    from esea_gen.verify.emulator import qemu_command
+    from esea_gen.board.emulator import qemu_command
 
     board = BOARDS["netduinoplus2"]  # the one whose timer bare.c.j2 knows
     gcc = find_compiler(*board.processor.toolchain.gcc)

@@ -20,7 +20,7 @@ STEPS = 400
 
 def missing_tool() -> str:
     """What is not installed that counting needs, and how to get it; empty where all is there."""
-    from esea_gen.verify.emulator import find_qemu
+    from esea_gen.board.emulator import find_qemu
 
     try:
         find_qemu()

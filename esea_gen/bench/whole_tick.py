@@ -14,15 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
+from esea_gen.board.firmware import build_firmware
+from esea_gen.board.gdb import HeldProcessor, addresses
+from esea_gen.board.scripted import TapedBoard
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
 from esea_gen.files import write_json
 from esea_gen.targets import find_board, firmware_folder
-from esea_gen.verify.firmware import build_firmware
-from esea_gen.verify.gdb import HeldProcessor
-from esea_gen.verify.preempt import addresses
-from esea_gen.verify.scripted import TapedBoard
-from esea_gen.verify.sim import SimBoard
 
 BOARD = "netduinoplus2"
 RUNS = 3

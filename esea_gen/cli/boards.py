@@ -50,7 +50,7 @@ def firmware(
     Of a drive every task must have ended when its values are released: bound of its instructions,
     clock and cycles an instruction say when.
     """
-    from esea_gen.verify.firmware import build_firmware
+    from esea_gen.board.firmware import build_firmware
 
     loaded = esea_gen.load_device(device, controller)
     fits, needs_Hz = _fits(loaded, board, cycles)
@@ -59,7 +59,7 @@ def firmware(
     for line in fits:
         out.print(line)
     if BOARDS[board].package:
-        from esea_gen.verify.package import build_package
+        from esea_gen.export.package import build_package
 
         for path in build_package(loaded, image, image.elf.parent):
             out.print(f"{path}: {path.stat().st_size} B")
@@ -74,7 +74,7 @@ def _fits(loaded: Device, name: str, cycles: float | None) -> tuple[list[str], f
         return [], None
     if board.real != "f32":
         return [f"time is not checked: code in {board.real} has no bound"], None
-    from esea_gen.bench.release import task_times
+    from esea_gen.board.release import task_times
 
     times = task_times(loaded, board, cycles)
     times.check()
@@ -157,8 +157,8 @@ def emulate_deflections(
     loaded: Device, board: str, deflections: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
     """Build firmware and run deflection streams on the emulated board, every task of it."""
-    from esea_gen.verify.emulator import run_tasks_in_emulator
-    from esea_gen.verify.firmware import build_firmware
+    from esea_gen.board.emulator import run_tasks_in_emulator
+    from esea_gen.board.firmware import build_firmware
     from esea_gen.verify.streams import deflection_inputs
 
     results: dict[str, dict[str, Any]] = {}
@@ -215,10 +215,10 @@ def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path |
 
 def emulate_tasks(loaded: Device, board: str, ticks: int) -> dict[str, Any]:
     """Build firmware and run a drive's tasks on the emulated board, inputs as in closed loop."""
+    from esea_gen.board.emulator import run_tasks_in_emulator
+    from esea_gen.board.firmware import build_firmware
     from esea_gen.targets import find_board
     from esea_gen.twin.recorded import record_drive
-    from esea_gen.verify.emulator import run_tasks_in_emulator
-    from esea_gen.verify.firmware import build_firmware
 
     find_board(board)
     with progress_bar() as p, tempfile.TemporaryDirectory() as scratch:

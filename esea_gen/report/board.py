@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy.typing as npt
 
+from esea_gen.board.emulator import EmulatorResult, run_in_emulator, run_tasks_in_emulator
+from esea_gen.board.firmware import FirmwareImage, build_firmware
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.targets import firmware_boards
 from esea_gen.twin.recorded import record_drive
-from esea_gen.verify.emulator import EmulatorResult, run_in_emulator, run_tasks_in_emulator
-from esea_gen.verify.firmware import FirmwareImage, build_firmware
 from esea_gen.verify.streams import deflection_inputs
 
 Say = Callable[[str], None]

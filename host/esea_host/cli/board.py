@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.board.blackbox import blackbox_csv, read_record
 from esea_gen.device import Device
 from esea_gen.devices.fatigue import life_used
 from esea_gen.emit.roles import board_roles
@@ -29,7 +30,6 @@ from esea_gen.link.parameters import find_parameter
 from esea_gen.link.session import Session
 from esea_gen.link.signing import new_key_path, set_aside
 from esea_gen.link.transport import LinkError
-from esea_gen.verify.blackbox import blackbox_csv, read_record
 from esea_host.cli.app import app, out
 from esea_host.cli.options import (
     AddressArgument,

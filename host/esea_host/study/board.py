@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from esea_gen.control.faults import FAULT_CODES
+from esea_gen.control.limits.faults import FAULT_CODES
 from esea_gen.emit.states import BOARD_FAULTS, STATES
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
