@@ -19,7 +19,6 @@ from esea_gen.errors import UserError
 from esea_gen.toml_file import line_of
 from esea_host.cli import app
 from esea_host.cli.options import know_shipped_tasks
-from esea_host.study.acting import SimulatedSource
 from esea_host.study.exchange import to_bids
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
@@ -27,6 +26,7 @@ from esea_host.study.plan import build_plan, explain, group_of
 from esea_host.study.protocol import Protocol, load_protocol, parse_protocol
 from esea_host.study.scene import COLOURS, Scene, Shape, Text, catalogue, draw, said
 from esea_host.study.session import StudySession, read_session, replay
+from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Actor, Situation, TaskEvent, TrialOutcome, task_named
 
 from .conftest import ROOT

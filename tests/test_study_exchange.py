@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.cli import app
-from esea_host.study.acting import SimulatedSource
 from esea_host.study.exchange import _tsv, to_bids, to_parquet, traces
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.protocol import load_protocol
+from esea_host.study.source import SimulatedSource
 
 from .conftest import ROOT
 

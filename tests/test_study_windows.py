@@ -18,17 +18,16 @@ from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.interaction.virtual import RigSource
 from esea_host.people.person import PersonModel, person
-from esea_host.study.acting import SimulatedSource
 from esea_host.study.conductor import HELD, PAUSED, Conductor, appears
 from esea_host.study.folder import StudyFolder
+from esea_host.study.frames import FrameTimes, summary
 from esea_host.study.log import EventLog, read_log
-from esea_host.study.operated import OperatedSource
 from esea_host.study.plan import generator
 from esea_host.study.protocol import Protocol, load_protocol, parse_protocol
 from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape, Text, catalogue, said
 from esea_host.study.session import replay
+from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Actor, task_named
-from esea_host.windows.study.frames import FrameTimes, summary
 from esea_host.wrist.tasks import DIRECTIONS
 from esea_host.wrist.virtual import VirtualPerson, wrist_protocol
 
@@ -524,30 +523,11 @@ def test_frames_between_trials_are_of_no_trial():
     assert (frames.take(True)["intervals"], frames.take(True)["dropped"]) == (3, 3)
 
 
-def test_simulated_time_waits_for_the_clock():
-    class Quick(Actor):
-        time_s = 0.0
-
-        def react(self, scene, requests):
-            self.time_s += 0.1
-            return self.time_s, {"theta_rad": 0.0}
-
-    class Source(SimulatedSource):
-        def trial(self, *_):
-            return Quick()
-
-    source = OperatedSource(Source(1), 20.0, dict)
-    actor = source.trial(task_named("interaction.pong", ""), None, 1)
+def test_simulated_time_waits_for_the_clock(begin):
+    """Three trials of 1 s at 10 times the clock's pace."""
     before = time.monotonic()
-    for _ in range(20):
-        actor.react(Scene(), {})
-    assert 0.1 <= time.monotonic() - before < 1.0  # 2 s at 20 times the clock's pace
-    source.ask = lambda: "stop"
-    before = time.monotonic()
-    source.rest(1000.0)
-    assert time.monotonic() - before < 0.5
-    with pytest.raises(UserError, match="above 0"):
-        OperatedSource(Source(1), 0.0, dict)
+    ended(begin(of_tasks(TRACKING), speed=10.0))
+    assert time.monotonic() - before >= 0.3
 
 
 # -- pictures --------------------------------------------------------------------------------------

@@ -262,7 +262,7 @@ def _name_recordings(study: StudyFolder) -> None:
 def _source(
     held: ExitStack, study: StudyFolder, code: str, number: int, asked: _Asked, pointer: Pointer
 ) -> tuple[InputSource, ConnectedDevice | None]:
-    from esea_host.study.acting import SimulatedSource
+    from esea_host.study.source import SimulatedSource
 
     if asked.device == SIMULATED:
         return SimulatedSource(asked.seed), None

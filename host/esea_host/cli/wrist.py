@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,18 +28,28 @@ def _print_wide(table: Table) -> None:
     Console(highlight=False, markup=False, width=max(out.width, WIDE)).print(table)
 
 
-def compare_wrist(
-    folder: Path,
-    participants: int,
-    seed: int,
-    jobs: int,
-    to_json: Path | None,
-    cluster: str | None,
-) -> None:
+@dataclass(frozen=True)
+class VirtualRun:
+    """What was asked of ``study virtual``."""
+
+    folder: Path
+    participants: int
+    seed: int
+    jobs: int
+    cluster: str | None
+    to_json: Path | None
+    report: Path | None
+
+    @property
+    def whom(self) -> tuple[Path, int, int, int]:
+        return self.folder, self.participants, self.seed, self.jobs
+
+
+def compare_wrist(asked: VirtualRun) -> None:
     from esea_host.wrist.compared import compare_methods
     from esea_host.wrist.figures import number
 
-    found = compare_methods(folder, participants, seed, jobs, cluster=cluster)
+    found = compare_methods(*asked.whom, cluster=asked.cluster)
     table = Table(title="SIMULATED participants: constrained against their own healthy state")
     for head in (
         *("method", "people", "RMS FE %", "RMS RU %", "peak FE", "peak RU"),
@@ -61,22 +72,16 @@ def compare_wrist(
     for x in found:
         for reason in x.refused:
             out.print(f"{x.method}: ended early: {reason}")
-    write_json(to_json, "host-wrist-methods", {"simulated": True, "methods": found})
+    write_json(asked.to_json, "host-wrist-methods", {"simulated": True, "methods": found})
 
 
-def shift_wrist(
-    folder: Path,
-    participants: int,
-    seed: int,
-    jobs: int,
-    to_json: Path | None,
-    report: Path | None,
-    cluster: str | None,
-) -> None:
+def shift_wrist(asked: VirtualRun) -> None:
     from esea_host.wrist.sensitivity import sensitivity, sensitivity_page
 
-    runs = sensitivity(folder, participants, seed, jobs, cluster)
-    table = Table(title=f"{participants} SIMULATED participants: what a shifted number changes")
+    runs = sensitivity(*asked.whom, asked.cluster)
+    table = Table(
+        title=f"{asked.participants} SIMULATED participants: what a shifted number changes"
+    )
     for head in ("number", "end", "range from", "other conclusions"):
         table.add_column(head)
     for x in runs[1:]:
@@ -91,12 +96,12 @@ def shift_wrist(
         for reason in x.early:
             out.print(f"{x.name} {x.end}: ended early: {reason}")
     write_json(
-        to_json,
+        asked.to_json,
         "host-wrist-sensitivity",
         {"simulated": True, "runs": runs},
     )
-    if report:
-        write_whole(report, sensitivity_page(runs, participants))
+    if asked.report:
+        write_whole(asked.report, sensitivity_page(runs, asked.participants))
 
 
 @analyse_app.command("wrist")

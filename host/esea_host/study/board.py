@@ -22,9 +22,8 @@ from esea_host.connection.recording import LiveRecording
 from esea_host.study.fitting import ACTS, CONSTRAINED, DEG, TORQUE, DeviceSignals, Tap
 from esea_host.study.rows import LatestRows
 from esea_host.study.scene import Scene
-from esea_host.study.source import InputSource
+from esea_host.study.source import Gauge, InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
-from esea_host.study.watching import Gauge
 
 TORQUE_MODE, DEADLINE_MS = 1.0, 500
 FRAME_S, SILENT_S, READY_S, SETTLE_S = 0.01, 1.0, 8.0, 0.2
