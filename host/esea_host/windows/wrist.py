@@ -27,11 +27,11 @@ from esea_host.windows.frame import (
     state_colour,
 )
 from esea_host.windows.meanings import link_text, state_text
+from esea_host.windows.operator import WORKING, ConstraintKeeper
 from esea_host.windows.plots import PlotPanel
 from esea_host.windows.study.scene_view import SceneView, square_in
 from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label
 from esea_host.wrist.calibration import AXES
-from esea_host.wrist.constraint import WORKING, ConstraintKeeper
 from esea_host.wrist.display import AxisView, DisplayPicture, WristDisplay
 from esea_host.wrist.guide import CalibrationGuide, WanderingHand
 from esea_host.wrist.stored import (

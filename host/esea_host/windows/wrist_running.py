@@ -17,8 +17,8 @@ from esea_host.simulated.drive import SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.frame import qt_application, run_until_closed, save_picture
+from esea_host.windows.operator import WORKING, ConstraintKeeper
 from esea_host.windows.wrist import TOLD_EVERY, WristWindow
-from esea_host.wrist.constraint import WORKING, ConstraintKeeper
 from esea_host.wrist.display import WristDisplay
 from esea_host.wrist.guide import CalibrationGuide
 from esea_host.wrist.stored import WristCalibration
@@ -68,9 +68,8 @@ class FilmedWrist:
         save_to: Path,
         calibration: WristCalibration | None = None,
         dark: bool = False,
-        seed: int = 0,
     ) -> None:
-        self.board = SimulatedBoard(name, seed=seed)
+        self.board = SimulatedBoard(name)
         self.board.led = True
         self.device = LockstepDevice(self.board)
         self.display = WristDisplay(self.device.identity.device, calibration)

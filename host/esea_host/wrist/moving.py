@@ -46,6 +46,23 @@ class OnScreen(OnAxis):
     method: Method = Field("rbf", description="normalisation: none, linear, published or rbf")
 
 
+# First columns of their rows.
+SHOWN = (
+    IMPAIRMENT,
+    DataColumn("axis", str, "FE or RU"),
+    DataColumn("method", str, "normalisation"),
+)
+
+
+def _about(p: OnScreen) -> dict[str, Any]:
+    return {"impairment": p.impairment, "axis": p.axis, "method": p.method}
+
+
+def _since(near: bool, before_s: float | None, now_s: float) -> float | None:
+    # From when on something has been so without a break.
+    return (now_s if before_s is None else before_s) if near else None
+
+
 @dataclass(frozen=True)
 class Cursor:
     """From angles to the screen: the neutral position at 0; constrained, through the maps."""
@@ -100,9 +117,7 @@ class Track(_WristTask):
     title = "Replay of the own healthy motion"
     Parameters = TrackParameters
     columns = (
-        IMPAIRMENT,
-        DataColumn("axis", str, "FE or RU"),
-        DataColumn("method", str, "normalisation"),
+        *SHOWN,
         DataColumn("time_s", list, "times of the samples"),
         DataColumn("cursor_deg", list, "cursor along the axis"),
         DataColumn("target_deg", list, "the healthy motion"),
@@ -143,23 +158,19 @@ class Track(_WristTask):
         shapes = (dot("target", *place(p.axis, target), 4.0), dot("cursor", x, y, 2.5))
         outcome = None
         if shown >= times[-1]:
-            outcome = TrialOutcome(
-                {
-                    "impairment": p.impairment,
-                    "axis": p.axis,
-                    "method": p.method,
-                    "time_s": list(state.times),
-                    "cursor_deg": list(state.cursors),
-                    "target_deg": list(state.targets),
-                }
-            )
+            taken = {
+                "time_s": state.times,
+                "cursor_deg": state.cursors,
+                "target_deg": state.targets,
+            }
+            outcome = TrialOutcome(_about(p) | {k: list(v) for k, v in taken.items()})
         return TaskStep(state, Scene(shapes, (Text("follow"),), 90.0), requests(p), (), outcome)
 
     def _get_ready(self, state: Tracking, time_s: float, here: tuple[float, float]) -> TaskStep:
         # The motion starts once the cursor has been at its start for half a second.
         p, start = state.parameters, state.healthy[1][0]
         near = abs(here[AXES.index(p.axis)] - start) <= p.start_within_deg
-        since = (time_s if state.ready_since_s is None else state.ready_since_s) if near else None
+        since = _since(near, state.ready_since_s, time_s)
         held = since is not None and time_s - since >= 0.5
         begun = time_s if held or time_s >= p.start_s else None
         events = (
@@ -260,9 +271,7 @@ class Catch(_WristTask):
     title = "Catch the target"
     Parameters = CatchParameters
     columns = (
-        IMPAIRMENT,
-        DataColumn("axis", str, "FE or RU"),
-        DataColumn("method", str, "normalisation"),
+        *SHOWN,
         DataColumn("stationary", bool, "whether the target stood still"),
         DataColumn("achieved", bool, "within 2 deg for 750 ms"),
         DataColumn("left", bool, "whether it was lost over the boundary"),
@@ -301,8 +310,7 @@ class Catch(_WristTask):
         )
 
     def _home(self, state: Catching, time_s: float, here: tuple[float, float]) -> TaskStep:
-        near = math.hypot(*here) <= WITHIN_DEG
-        since = (time_s if state.home_since_s is None else state.home_since_s) if near else None
+        since = _since(math.hypot(*here) <= WITHIN_DEG, state.home_since_s, time_s)
         p = state.parameters
         state = replace(state, home_since_s=since, last_s=time_s, last=here)
         events: tuple[TaskEvent, ...] = ()
@@ -339,7 +347,7 @@ class Catch(_WristTask):
             last_s=time_s,
             last=here,
             target=target,
-            within_since_s=(time_s if since is None else since) if inside else None,
+            within_since_s=_since(inside, since, time_s),
             sse_deg2=state.sse_deg2 + error**2 * dt * p.sse_rate_Hz,
             furthest_deg=max(state.furthest_deg, along),
             nearest_deg=min(state.nearest_deg, along),
@@ -349,18 +357,14 @@ class Catch(_WristTask):
 
     def _row(self, state: Catching, shown: float, held: bool, left: bool) -> Row:
         p = state.parameters
+        kept = ("sse_deg2", "distance_deg", "furthest_deg", "nearest_deg")
         return {
-            "impairment": p.impairment,
-            "axis": p.axis,
-            "method": p.method,
+            **_about(p),
             "stationary": p.stationary,
             "achieved": held,
             "left": left,
             "reach_time_s": shown,
-            "sse_deg2": state.sse_deg2,
-            "distance_deg": state.distance_deg,
-            "furthest_deg": state.furthest_deg,
-            "nearest_deg": state.nearest_deg,
+            **{name: getattr(state, name) for name in kept},
             "pulled_away": bool(state.pulled_away),
         }
 

@@ -31,12 +31,11 @@ from esea_host.people.person import (
 from esea_host.people.source import VirtualPeople
 from esea_host.simulated import LockstepDevice, SimulatedBoard
 from esea_host.study.board import WORKING, BoardSource
-from esea_host.study.folder import StudyFolder
 from esea_host.study.many import run_everybody
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.scene import Scene
 from esea_host.study.source import InputSource
-from esea_host.study.task import Actor, Inputs, Row, Situation, StudyTask, TaskParameters
+from esea_host.study.task import Actor, Inputs, Situation, StudyTask, TaskParameters
 from esea_host.wrist.moving import DAMPING_KG_S, MASS_KG
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
@@ -328,9 +327,3 @@ def run_study(
     SimulatedBoard(wrist_drive(), person="nobody").close()  # compiled before the processes start
     people = WristPeople(seed, model or PersonModel())
     return run_everybody(folder, asked, participants, people, jobs, cluster, say)
-
-
-def all_rows(folder: Path) -> list[Row]:
-    study = StudyFolder.open(folder, durable=False, runs=False)
-    codes = sorted({c for c, _, _ in study.sessions()})
-    return [row for code in codes for row in study.rows(code)]
