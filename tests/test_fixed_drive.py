@@ -20,7 +20,7 @@ from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.fixed.report import range_report
 from esea_gen.emit.fixed.values import LoweringError
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import RangeError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.identify import recorded_deflections

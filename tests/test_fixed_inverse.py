@@ -16,7 +16,7 @@ import esea_gen
 from esea_gen.emit.fixed.errors import Propagation, any_bound, step_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import RangeError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block, Solved
 from esea_gen.language.ports import Port, clip

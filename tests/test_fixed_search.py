@@ -7,10 +7,10 @@ import math
 import casadi as ca
 import pytest
 
-from esea_gen.emit.error_bounds import BEYOND
 from esea_gen.emit.fixed.errors import Propagation, any_bound, block_bound, step_bound
 from esea_gen.emit.fixed.plan import BlockPlan, Planner
 from esea_gen.emit.fixed.search import AIM, SIGNIFICANT_BITS, coarse_values, search
+from esea_gen.emit.step_errors import BEYOND
 from esea_gen.language.block import Block, Solved
 from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word
 

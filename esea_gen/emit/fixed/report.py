@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from esea_gen.emit.error_bounds import Bound
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import BlockPlan
 from esea_gen.emit.fixed.table import NARROW, ROOM, WIDE, RangeRow, draw_headroom, range_rows
 from esea_gen.emit.fixed.values import LoweringError
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import RangeError
+from esea_gen.emit.step_errors import Bound
 from esea_gen.language.program import Program
 from esea_gen.language.system import System
 
