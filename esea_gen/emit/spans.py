@@ -435,9 +435,7 @@ def _result(
     kernel = arithmetic.kernel
     n = kernel.nodes[i]
     stored = arithmetic.stored(i)
-    v = [
-        Span(x.low, x.high, x.a + stored[k], x.r) if k in stored else x for k, x in enumerate(v)
-    ]
+    v = [Span(x.low, x.high, x.a + stored[k], x.r) if k in stored else x for k, x in enumerate(v)]
     if n.op in COMPARES:
         found = _decided(n.op, *v)
         open_ = numeric and bool(np.any(found.low != found.high)) and not arithmetic.settled(i, v)
