@@ -19,7 +19,8 @@ from esea_gen.language.builder import Builder, declare_ports
 from esea_gen.language.ports import Port
 from esea_gen.language.program import Program
 from esea_gen.verify.executor import evaluate
-from esea_gen.verify.operating_point import PointAnalysis
+
+from .operating_point import PointAnalysis
 
 F32, F64 = FORMATS["f32"], FORMATS["f64"]
 U = 2.0**-24

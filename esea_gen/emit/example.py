@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from esea_gen.control.faults import FAULT_TEXT, Fault
+from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.control.reference import OFF, TORQUE
 from esea_gen.emit.example_encoders import SETTLE_TICKS, ExampleEncoder, encoder_of
 from esea_gen.errors import UserError

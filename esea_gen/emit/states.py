@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from esea_gen.control.faults import FAULT_CODES
+from esea_gen.control.limits.faults import FAULT_CODES
 from esea_gen.language.ports import Code
 
 
