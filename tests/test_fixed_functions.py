@@ -92,7 +92,7 @@ def test_single_precision_to_raw_numbers_and_back(lib, x, n):
 @example(-2147483646.5, 0)
 @example(math.nan, 3)
 def test_a_number_by_itself_becomes_the_raw_one_that_it_is_in_a_column(x, n):
-    field = Field("x", "x", Port("x", -1, 1, "any"), n)
+    field = Field("x", Port("x", -1, 1, "any"), n)
     assert field.encode(x) == to_raw([x], n)[0]
 
 
