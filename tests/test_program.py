@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.emit.program_c import loop_lines, loop_totals
-from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.builder import Builder, declare_ports, guard_inputs
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
@@ -17,6 +16,7 @@ from esea_gen.language.program import Program
 from esea_gen.language.statements import ProgramError
 
 from .conftest import require_tool
+from .rendered_program import render_program
 
 
 def bubble(n: int, unroll: bool) -> Program:
