@@ -1,6 +1,6 @@
 """Intervals of computed values: what no input can make the emitted arithmetic do.
 
-Unlike :mod:`esea_gen.emit.ranges`, which follows exact values and their errors, this follows the
+Unlike :mod:`esea_gen.emit.spans`, which follows exact values and their errors, this follows the
 numbers that the C computes, in the format's own arithmetic.  Rounding is monotone, so the ends of a
 sum, difference, product or quotient are those of the operands' ends, rounded as the C rounds.
 """

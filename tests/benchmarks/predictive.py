@@ -28,7 +28,6 @@ from esea_gen.control.predictive.box_qp_program import box_qp
 from esea_gen.control.predictive.drive import predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.emit.program_c import loop_lines
-from esea_gen.emit.program_render import ProgramRenderer, render_program
 from esea_gen.errors import UserError
 from esea_gen.files import write_json
 from esea_gen.hostlib.compiler import find_compiler
@@ -41,6 +40,7 @@ from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, boar
 from esea_gen.twin.controllers import controller_device
 from tests.benchmarks.predictive_loop import recorded_rows
 from tests.benchmarks.predictive_peer import step_times
+from tests.rendered_program import ProgramRenderer, render_program
 
 CORES = {b.core: b.processor for b in boards_for("instructions")}
 FLAGS = (*EXACT_FLAGS, *SECTION_FLAGS, "-g")

@@ -183,7 +183,7 @@ class _Rig:
         given = {n: a[run] for n, a in self.inputs[task.name].items() if n}
         out = self.board.library.ffi.new(f"{self.board.library.prefix}_{task.name}_out_t *")
         taken, _ = self.board._fields[task.name]
-        packed = {f.c_name: f.encode(np.asarray(given[f.name], np.float64)).tolist() for f in taken}
+        packed = {f.name: f.encode(np.asarray(given[f.name], np.float64)).tolist() for f in taken}
         values = self.board._new(f"{task.name}_in", packed)
         self.board._call(f"{task.name}_step", *self.board._coeffs, self.board._state, values, out)
         self.expected[task.name] = (tick, bytes(self.ffi.buffer(out)))
