@@ -19,7 +19,7 @@ import sympy as sp
 
 from esea_gen.control.adaptation_streams import STREAMS
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -27,7 +27,6 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -132,9 +131,7 @@ class _Adaptation:
             1.01 * (self.tau_lim + self.gain_high * self.full + self.shift_lim)
         )
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         hangs = label("hangs", c.mass_Nm > 0, "a mass is known to hang on the joint")
         sound = ca.logic_and(guard.inputs_ok, u.sensing_ok >= 0.5)
         weighs = label("weighs", ca.logic_and(hangs, sound), "its torque can be compared")
@@ -184,14 +181,8 @@ class _Adaptation:
             "loss": loss,
             "offset_Nm": offset,
             "missed_Nm": ca.if_else(weighs, missed, 0.0),
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    learns,
-                    beyond > 0,
-                    ca.logic_and(informed, ca.logic_not(plausible)),
-                ]
+            "status": guard.status(
+                learns, beyond > 0, ca.logic_and(informed, ca.logic_not(plausible))
             ),
         }
         return next_state, outputs
@@ -241,9 +232,7 @@ class _Adaptation:
             (-self.offset_lim, self.offset_lim),
         )
 
-    def applied(
-        self, c: Any, s: Any, u: Any, totals: tuple[Any, ...], label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def applied(self, c: Any, s: Any, u: Any, totals: tuple[Any, ...], label: Labels) -> StepResult:
         """What turns the wish, fading to it."""
         gain, loss, offset = totals
         now = {}

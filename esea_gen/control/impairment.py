@@ -15,7 +15,7 @@ import sympy as sp
 
 from esea_gen.control.limits.safety import JOINT_RAD
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -162,9 +162,7 @@ class _Impairment:
             ),
         )
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         depth = label("depth_rad", u.theta_rad - c.wall_rad, "into the wall")
         inside = label("inside", depth > 0)
         resting = ca.logic_and(ca.fabs(u.omega_rad_s) <= threshold(REST_RAD_S), guard.inputs_ok)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import sympy as sp
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.language.block import Block, Guard, Labels, StepFn
-from esea_gen.language.ports import Equation, Flag, Port, Tunable, clip, flag_word
+from esea_gen.language.block import Block, Guard, Labels, StepFn, StepResult
+from esea_gen.language.ports import Equation, Flag, Port, Tunable, clip
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -83,9 +82,7 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
 
 
 def _joining(laws: Sequence[str], checked: Sequence[str], reach: float) -> StepFn:
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         known = [u.law == k for k in range(len(laws))]
         unknown = label("unknown", ca.logic_not(sum(known[1:], known[0])), "no law's place")
         held = label("law_in_force", ca.if_else(unknown, s.law_held, u.law))
@@ -113,14 +110,7 @@ def _joining(laws: Sequence[str], checked: Sequence[str], reach: float) -> StepF
                 "u_command_Nm": joined,
                 "request_ok": ca.logic_and(guard.inputs_ok, ok == 1),
                 "law_held": held,
-                "status": flag_word(
-                    [
-                        ca.logic_not(guard.inputs_ok),
-                        ca.logic_not(guard.state_ok),
-                        unknown,
-                        ca.fabs(wanted) > reach,
-                    ]
-                ),
+                "status": guard.status(unknown, ca.fabs(wanted) > reach),
             },
         )
 

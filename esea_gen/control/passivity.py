@@ -18,7 +18,7 @@ import sympy as sp
 from esea_gen.control.passivity_streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
     Equation,
@@ -166,14 +166,7 @@ class _Passivity:
             derived("open_Nm_J", self.open_Nm_J, "[pas 6] command let by for the energy left"),
         )
 
-    def step(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         seen = ca.logic_and(guard.inputs_ok, u.sensing_ok > 0.5)
         going = label("going", ca.logic_and(seen, s.seen > 0.5), "two samples in a row are good")
         whole = {p.name: in_range(getattr(c, p.name), p.low, p.high) for p in self.coefficients()}
@@ -221,9 +214,7 @@ class _Passivity:
         }
         return next_state, outputs
 
-    def _damping(
-        self, c: Any, s: Any, u: Any, now: SimpleNamespace, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _damping(self, c: Any, s: Any, u: Any, now: SimpleNamespace, label: Labels) -> StepResult:
         error = label(
             "error_Nm",
             u.tau_Nm - u.tau_set_Nm - now.kd * u.omega_load_rad_s,

@@ -11,7 +11,7 @@ import sympy as sp
 from esea_gen.control.adaptation import gain_port, shift_limit_Nm
 from esea_gen.control.reference_streams import STREAMS
 from esea_gen.devices.fields import field_facts
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -19,7 +19,6 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
     threshold,
 )
 from esea_gen.model.symbolic import equation, to_casadi
@@ -130,9 +129,7 @@ class _Reference:
             "tau_range_Nm": t.tau_range_Nm,
         }
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
         if self.impaired:
             sound = ca.logic_and(sound, u.impairment_ok > 0.5)
@@ -187,13 +184,9 @@ class _Reference:
             "tau_set_Nm": tau_set,
             "mode": mode,
             "request_ok": sound,
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(guard.inputs_ok, ca.fabs(wanted) > c.tau_range_Nm),
-                    ca.logic_and(on, changed),
-                ]
+            "status": guard.status(
+                ca.logic_and(guard.inputs_ok, ca.fabs(wanted) > c.tau_range_Nm),
+                ca.logic_and(on, changed),
             ),
         }
         return next_state, outputs

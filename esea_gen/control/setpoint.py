@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -17,7 +17,6 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -163,9 +162,7 @@ class _Observer:
             "gamma_1_s2": q * q * q / (self.h * self.h),
         }
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         expected = s.delta_rad + self.h * (s.rate_rad_s + 0.5 * self.h * s.acc_rad_s2)
         ok = guard.inputs_ok
         predicted = label(
@@ -191,15 +188,11 @@ class _Observer:
             "delta_set_rad": clip(next_delta, -self.delta_lim, self.delta_lim),
             "delta_rate_rad_s": clip(next_rate, -self.rate_lim, self.rate_lim),
             "delta_acc_rad_s2": clip(next_acc, -self.acc_lim, self.acc_lim),
-            "status": flag_word(
-                [
-                    ca.logic_not(ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_or(
-                        ca.fabs(next_rate) > self.rate_lim, ca.fabs(next_delta) > self.delta_room
-                    ),
-                    ca.fabs(next_acc) > self.acc_lim,
-                ]
+            "status": guard.status(
+                ca.logic_or(
+                    ca.fabs(next_rate) > self.rate_lim, ca.fabs(next_delta) > self.delta_room
+                ),
+                ca.fabs(next_acc) > self.acc_lim,
             ),
         }
         return next_state, outputs
@@ -246,9 +239,7 @@ def _differences(
     if bandwidth_Hz is not None:
         raise ValueError("plain differences have no bandwidth_Hz")
 
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ok = guard.inputs_ok
         raw = ca.if_else(s.primed, (u.theta_set_rad - s.delta_rad) * (1 / h), 0)
         rate = label("delta_rate_rad_s", clip(raw, -rate_lim, rate_lim), "first difference")
@@ -264,14 +255,7 @@ def _differences(
             "delta_set_rad": u.theta_set_rad,
             "delta_rate_rad_s": rate,
             "delta_acc_rad_s2": acc,
-            "status": flag_word(
-                [
-                    ca.logic_not(ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.fabs(raw) > rate_lim,
-                    ca.fabs(change) > acc_lim,
-                ]
-            ),
+            "status": guard.status(ca.fabs(raw) > rate_lim, ca.fabs(change) > acc_lim),
         }
         return next_state, outputs
 

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -18,7 +18,6 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
     threshold,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
@@ -122,9 +121,7 @@ class _Trend:
         step = label("step_Nm", ca.fabs(aside - kept), "what a step has added")
         return label("increment_Nm", middle + kept, "increment without a step"), step
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ok, h = guard.inputs_ok, self.h
         primed = ca.logic_or(s.primed, ok)
         fresh = label("fresh_Nm", ca.if_else(s.primed, u.tau_wanted_Nm - s.last_Nm, 0), "increment")
@@ -172,7 +169,7 @@ class _Trend:
             "tau_curve_Nm_s2": acc,
             "trust": trust,
             "settled": 1 - stepped,
-            "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok), full]),
+            "status": guard.status(full),
         }
         return next_state, outputs
 

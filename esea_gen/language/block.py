@@ -24,7 +24,15 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.language.component import Component, Executor, in_a_row
-from esea_gen.language.ports import Constant, Equation, Port, Tunable, port_ok, symbols_of
+from esea_gen.language.ports import (
+    Constant,
+    Equation,
+    Port,
+    Tunable,
+    flag_word,
+    port_ok,
+    symbols_of,
+)
 from esea_gen.language.start import PrepareFn, check_ports, collect, start_functions
 from esea_gen.language.stream import OwnStreams
 
@@ -34,6 +42,10 @@ class Guard(SimpleNamespace):
 
     inputs_ok: ca.SX
     state_ok: ca.SX
+
+    def status(self, *bits: Any) -> ca.SX:
+        """Status word of :func:`status_port`: the guard's two flags, then the Block's own."""
+        return flag_word([ca.logic_not(self.inputs_ok), ca.logic_not(self.state_ok), *bits])
 
 
 class Labels:
@@ -48,6 +60,7 @@ class Labels:
         return value
 
 
+StepResult = tuple[dict[str, Any], dict[str, Any]]
 StepFn = Callable[
     [SimpleNamespace, SimpleNamespace, SimpleNamespace, Guard, Labels],
     tuple[Mapping[str, Any], Mapping[str, Any]],

@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
     Flag,
@@ -42,7 +42,6 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
     threshold,
 )
 from esea_gen.model.plays import STREAMS
@@ -193,9 +192,7 @@ class _TorqueSensor:
             return theta
         return to_casadi(BEYOND, {THETA: theta, DEAD_ZONE: self.dead_zone})
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         p = dict(self.values)
         if self.tunable:
             p |= {k: v for k, v in vars(c).items() if k not in ("r_rad", "p_Nm_rad")}
@@ -224,16 +221,12 @@ class _TorqueSensor:
         tau = label("tau_Nm", tau_s + tau_r_next + tau_h, "(3.1)")
 
         ready = ca.logic_or(primed, guard.inputs_ok)
-        status = flag_word(
-            [
-                ca.logic_not(guard.inputs_ok),
-                ca.logic_not(guard.state_ok),
-                ca.fabs(u.theta_rad) > self.theta_domain,
-                ca.fabs(u.omega_rad_s) > self.omega_domain,
-                ca.fabs(tau) > self.tau_domain,
-                ca.fabs(moved) > self.step_max,
-                ca.fabs(tau_r) > self.tau_lim,
-            ]
+        status = guard.status(
+            ca.fabs(u.theta_rad) > self.theta_domain,
+            ca.fabs(u.omega_rad_s) > self.omega_domain,
+            ca.fabs(tau) > self.tau_domain,
+            ca.fabs(moved) > self.step_max,
+            ca.fabs(tau_r) > self.tau_lim,
         )
         next_state = {
             "primed": ready,

@@ -17,7 +17,7 @@ import sympy as sp
 
 from esea_gen.devices.fields import EncoderSide
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Flag, Port, Status, Tunable, around, clip, flag_word
 from esea_gen.model.encoder_streams import STREAMS
 from esea_gen.model.symbolic import equation
@@ -215,9 +215,7 @@ class _Encoder:
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {"offset_rad": t.zero_rad, "zeroed": t.zeroed}
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         started, settled = s.settled > 0.5, s.settled > SETTLED - 0.5
         lost = s.lost > 0.5
         flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from esea_gen.language.block import Block, Guard, Labels, Solved
-from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
+from esea_gen.language.ports import Flag, Port, around, clip, threshold
 from esea_gen.model.family import FittedMember, Start
 from esea_gen.model.family_sensor import (
     factor_in,
@@ -88,9 +88,7 @@ class _FamilyInverse:
             theta = label(f"theta_{k}_rad", ca.if_else(done, theta, safe), "safeguarded step")
         return clip(theta, -self.theta_lim, self.theta_lim)
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         primed = label("ready", ca.logic_and(s.primed, guard.state_ok), "there is a last set-point")
         last = label("theta_from_rad", ca.if_else(primed, s.theta_prev_rad, 0), "theta(k-1)")
         wanted = label("request_Nm", clip(u.tau_Nm, -self.tau_lim, self.tau_lim), "clamped request")
@@ -106,16 +104,12 @@ class _FamilyInverse:
         at_limit = ca.fabs(theta) >= self.theta_lim
         clamped = ca.logic_or(ca.fabs(u.tau_Nm) > self.tau_lim, at_limit)
         missed = ca.logic_and(ca.fabs(residual) > self.good, ca.logic_not(clamped))
-        status = flag_word(
-            [
-                ca.logic_not(guard.inputs_ok),
-                ca.logic_not(guard.state_ok),
-                ca.fabs(theta) > self.domain["theta"],
-                ca.fabs(omega) > self.domain["omega"],
-                ca.fabs(u.tau_Nm) > self.domain["tau"],
-                ca.logic_and(guard.inputs_ok, clamped),
-                ca.logic_and(guard.inputs_ok, missed),
-            ]
+        status = guard.status(
+            ca.fabs(theta) > self.domain["theta"],
+            ca.fabs(omega) > self.domain["omega"],
+            ca.fabs(u.tau_Nm) > self.domain["tau"],
+            ca.logic_and(guard.inputs_ok, clamped),
+            ca.logic_and(guard.inputs_ok, missed),
         )
         room = 2 * REQUEST_ROOM * self.tau_lim
         outputs = {

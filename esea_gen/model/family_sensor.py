@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
     Flag,
@@ -22,7 +22,6 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
     threshold,
 )
 from esea_gen.model.family import FittedMember, Member, Start
@@ -53,9 +52,7 @@ def unit_terms(member: Member, period_s: float) -> Block:
     )
     count = len(member.terms)
 
-    def step(
-        c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         state, parts = steps.run(s, u.theta_rad, guard, label)
         columns = [ca.SX(0)] * count
         for p in parts:
@@ -129,20 +126,14 @@ def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virg
     theta_most = threshold(domain.theta_max_rad.value)
     omega_most = threshold(domain.omega_max_rad_s.value)
 
-    def step(
-        c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         state, sums = steps.torque(s, u.theta_rad, guard, label, factor_in(c))
         sums = {k: label(f"tau_{k}_Nm", v, f"{k}: sum of its terms") for k, v in sums.items()}
         tau = label("tau_Nm", sums["spring"] + sums["rate"] + sums["hysteresis"], "torque")
-        status = flag_word(
-            [
-                ca.logic_not(guard.inputs_ok),
-                ca.logic_not(guard.state_ok),
-                ca.fabs(u.theta_rad) > theta_most,
-                ca.fabs(u.omega_rad_s) > omega_most,
-                ca.fabs(tau) > full_scale,
-            ]
+        status = guard.status(
+            ca.fabs(u.theta_rad) > theta_most,
+            ca.fabs(u.omega_rad_s) > omega_most,
+            ca.fabs(tau) > full_scale,
         )
         outputs = {f"tau_{k}_Nm": clip(v, -tau_lim, tau_lim) for k, v in sums.items()}
         outputs |= {"tau_Nm": clip(tau, -tau_lim, tau_lim), "status": status}

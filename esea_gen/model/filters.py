@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Flag,
     Port,
     Tunable,
     around,
     clip,
-    flag_word,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -121,9 +120,7 @@ class _TrackingObserver:
             "gamma_1_s2": q * q * q / (self.h * self.h),
         }
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         predicted = label(
             "theta_predicted_rad",
             ca.if_else(
@@ -152,14 +149,8 @@ class _TrackingObserver:
         outputs = {
             "omega_rad_s": clip(v, -limit, limit),
             "omega_mid_rad_s": clip(mid, -limit, limit),
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    # A clip of the memory takes a rate beyond its range (test_clips).
-                    ca.logic_or(ca.fabs(v) > limit, ca.fabs(mid) > limit),
-                ]
-            ),
+            # A clip of the memory takes a rate beyond its range (test_clips).
+            "status": guard.status(ca.logic_or(ca.fabs(v) > limit, ca.fabs(mid) > limit)),
         }
         return next_state, outputs
 

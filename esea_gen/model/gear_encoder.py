@@ -14,8 +14,8 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Constant, Flag, Port, around, clip, threshold
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX
 from esea_gen.model.symbolic import equation
@@ -90,9 +90,7 @@ class _GearEncoder:
                 "in actuator.encoder_bits.",
             )
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         started = s.started > 0.5
         flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")
         readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
@@ -145,15 +143,8 @@ class _GearEncoder:
             "theta_gear_rad": clip(total, -limit, limit) * (1 / self.counts_rad),
             "omega_gear_rad_s": rate,
             "gear_usable": usable,
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(guard.inputs_ok, flagged),
-                    odd,
-                    ca.logic_not(usable),
-                    outside,
-                ]
+            "status": guard.status(
+                ca.logic_and(guard.inputs_ok, flagged), odd, ca.logic_not(usable), outside
             ),
         }
         return next_state, outputs

@@ -26,7 +26,7 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels, Solved
+from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
 from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
 from esea_gen.language.system import System, Task
 from esea_gen.model.cubic import cubic_root, root_facts, segment_equations
@@ -179,9 +179,7 @@ class _Exact:
         theta = delta + self.dead_zone * ca.sign(delta) if self.dead_zone else delta
         return clip(theta, -self.theta_high, self.theta_high)
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         nested = self.play_nested(s, label)
         primed = label("ready", ca.logic_and(guard.state_ok, ca.logic_and(s.primed, nested)))
         sound = ca.logic_and(guard.state_ok, nested)

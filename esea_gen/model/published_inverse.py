@@ -11,7 +11,7 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
     Flag,
@@ -221,9 +221,7 @@ class _Published:
             text = "the set-point jumps by more than its rate allows; the model's memory is clipped"
             self.flags = (*self.flags, Flag("STEP_CLIPPED", text, True))
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         disturbance = ca.SX(0)
         for i, q in enumerate(self.taps):
             disturbance = disturbance + q * s.difference_Nm[i]

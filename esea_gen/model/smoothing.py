@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Equation, Flag, Port, around, clip, threshold
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:
@@ -33,9 +33,7 @@ def smoothed_deflection(device: DeviceData) -> Block:
     count = threshold(2 * math.pi / 2**device.file.encoder.resolution_bits.value)
     gain = 1 - math.exp(-2 * math.pi * h * CORNER_HZ)
 
-    def step(
-        c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ahead = s.theta_last_rad + h * u.omega_rad_s
         ahead = label("ahead_rad", ca.if_else(s.primed, ahead, u.theta_rad), "[ahead]")
         # Written so that intervals see it forget: its errors have a bound for all time.
@@ -48,7 +46,7 @@ def smoothed_deflection(device: DeviceData) -> Block:
         }
         outputs = {
             "theta_smooth_rad": ca.if_else(ok, clip(near, -limit, limit), 2 * limit),
-            "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok)]),
+            "status": guard.status(),
         }
         return next_state, outputs
 

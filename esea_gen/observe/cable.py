@@ -10,7 +10,7 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
     Equation,
@@ -18,7 +18,6 @@ from esea_gen.language.ports import (
     Port,
     around,
     clip,
-    flag_word,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -113,14 +112,7 @@ class _Cable:
         self.end_lim = 1.01 * (self.seen_lim + self.most)
         self.wound_lim = wound_range_rad(device)
 
-    def step(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
         ok = label("ok", ca.logic_and(guard.inputs_ok, both), "both angles can be compared")
         carried = label("carried_rad", u.tau_Nm * s.give_rad_Nm, "[cable 1] winding by the torque")
@@ -172,9 +164,7 @@ class _Cable:
             "gap_rad": label(
                 "gap_rad", ca.if_else(ok, gap, ca.if_else(closed, 0.0, self.usual)), "[cable 3]"
             ),
-            "status": flag_word(
-                [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok), ca.logic_not(ok)]
-            ),
+            "status": guard.status(ca.logic_not(ok)),
         }
         return next_state, outputs
 

@@ -10,8 +10,8 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Equation, Flag, Port, Tunable, around, clip, flag_word
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Constant, Equation, Flag, Port, Tunable, around, clip
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import cutoff_range, filter_delay_s
@@ -220,9 +220,7 @@ class _DriveObserver:
         share = share_of(t.bandwidth_1_s, self.h)
         return {"share": share, "keep": 1 - share}
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ok = guard.inputs_ok
         ready = label("ready", ca.logic_and(ok, s.primed), "two valid samples in a row")
         omega = vars(u)[self.omega]
@@ -274,9 +272,7 @@ class _DriveObserver:
         outputs = {
             self.d: d4,
             **extra,
-            "status": flag_word(
-                [ca.logic_not(ok), ca.logic_not(guard.state_ok), ca.logic_and(ready, clipped)]
-            ),
+            "status": guard.status(ca.logic_and(ready, clipped)),
         }
         return next_state, outputs
 

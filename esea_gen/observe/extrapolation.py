@@ -9,8 +9,8 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Array, Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Array, Flag, Port, around, clip, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -87,9 +87,7 @@ class _Parabola:
         reach = self.tau_lim * np.sum(np.abs(self.weights), axis=1)
         self.rate_lim, self.curve_lim = threshold(1.01 * reach[1]), threshold(2.02 * reach[2])
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ok = guard.inputs_ok
         primed = ca.logic_or(s.primed, ok)
         past = [ca.if_else(s.primed, x, u.tau_h_Nm) for x in (s.last_Nm, *ca.vertsplit(s.past_Nm))]
@@ -105,7 +103,7 @@ class _Parabola:
             "tau_h_fit_Nm": clip(value, -self.tau_lim, self.tau_lim),
             "tau_h_rate_Nm_s": clip(fit[1], -self.rate_lim, self.rate_lim),
             "tau_h_curve_Nm_s2": clip(2 * fit[2], -self.curve_lim, self.curve_lim),
-            "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok), out]),
+            "status": guard.status(out),
         }
         return next_state, outputs
 

@@ -11,7 +11,7 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Array,
     Equation,
@@ -21,7 +21,6 @@ from esea_gen.language.ports import (
     around,
     clip,
     f32_inside,
-    flag_word,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -82,9 +81,7 @@ class _Lag:
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {"share": share_of(t.bandwidth_1_s, self.h)}
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ok = guard.inputs_ok
         ready = label("ready", ca.logic_and(ok, s.primed), "two valid samples in a row")
         rise = (u.omega_load_rad_s - s.omega_last_rad_s) * (self.inertia / self.h)
@@ -103,13 +100,7 @@ class _Lag:
         }
         outputs = {
             "tau_h_Nm": tau_h,
-            "status": flag_word(
-                [
-                    ca.logic_not(ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(ready, ca.fabs(moved) > self.tau_h_lim),
-                ]
-            ),
+            "status": guard.status(ca.logic_and(ready, ca.fabs(moved) > self.tau_h_lim)),
         }
         return next_state, outputs
 
@@ -284,9 +275,7 @@ class _ExtendedState:
         keep = ca.exp(-self.h / t.decay_s)
         return {"keep": keep, "reach_s": t.decay_s * (1 - keep)}
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         seen = guard.inputs_ok
         predicted = ca.if_else(s.primed, s.theta_rad, u.theta_load_rad)
         innovation = label(
@@ -330,15 +319,11 @@ class _ExtendedState:
             "tau_h_rate_Nm_s": rate,
             "omega_load_rad_s": omega,
             "theta_load_est_rad": theta,
-            "status": flag_word(
-                [
-                    ca.logic_not(seen),
-                    ca.logic_not(guard.state_ok),
-                    ca.fabs(omega_raw) > self.omega_lim,
-                    ca.fabs(tau_raw) > self.tau_h_lim,
-                    ca.fabs(rate_raw) > self.rate_lim,
-                    ca.logic_or(above, below),
-                ]
+            "status": guard.status(
+                ca.fabs(omega_raw) > self.omega_lim,
+                ca.fabs(tau_raw) > self.tau_h_lim,
+                ca.fabs(rate_raw) > self.rate_lim,
+                ca.logic_or(above, below),
             ),
         }
         return next_state, outputs

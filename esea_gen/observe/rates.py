@@ -18,7 +18,7 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -26,7 +26,6 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -137,9 +136,7 @@ class _Butterworth:
         low_pass = state[1] + gain[1] * state[0] + gain[2] * driven
         return low_pass, [2 * band - state[0], 2 * low_pass - state[1]]
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         # After a gap, or at the start, there is no difference yet: the rate goes on as it was.
         difference = (u.theta_rad - s.theta_last_rad) * (1 / self.h)
         raw = ca.if_else(s.primed, difference, s.omega_held_rad_s)
@@ -162,13 +159,8 @@ class _Butterworth:
         }
         outputs = {
             "omega_rad_s": omega,
-            "status": flag_word(
-                [
-                    ca.logic_not(ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(ok, ca.fabs(raw) > self.reach),
-                    ca.fabs(held) > self.limit,
-                ]
+            "status": guard.status(
+                ca.logic_and(ok, ca.fabs(raw) > self.reach), ca.fabs(held) > self.limit
             ),
         }
         return next_state, outputs

@@ -38,7 +38,7 @@ from esea_gen.control.limits.safety import (
 )
 from esea_gen.control.limits.streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Flag, Port, Tunable, around, flag_word
 from esea_gen.language.watch import CLOCK_OK, COEFFS_OK, LATE_LEVEL
 from esea_gen.model.symbolic import equation
@@ -60,9 +60,7 @@ def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
     _, _, _, every = safety_sections(device)
     reach = command_range(device)
 
-    def step(
-        _c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(_c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         beat = label("beat_next", ca.if_else(s.beats >= BEATS, 1.0, s.beats + 1), "1 to 255")
         sound = ca.logic_and(guard.inputs_ok, u.request_ok == 1) if checked else guard.inputs_ok
         bad = [ca.logic_not(sound), ca.logic_not(guard.state_ok)]

@@ -15,7 +15,7 @@ import casadi as ca
 from esea_gen.control.limits.faults import Fault
 from esea_gen.control.limits.safety import LimitNumbers
 from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
-from esea_gen.language.block import Guard, Labels
+from esea_gen.language.block import Guard, Labels, StepResult
 from esea_gen.language.ports import Port, clip, flag_word, in_range
 from esea_gen.language.watch import LATE_MOST
 
@@ -45,7 +45,7 @@ def limit_step(
     u: Any,
     guard: Guard,
     label: Labels,
-) -> tuple[dict[str, Any], dict[str, Any]]:
+) -> StepResult:
     """One step: next state and outputs."""
     m = _memory(coefficients, c, s, u, guard, label)
     age = _control_age(n, s, u, label)

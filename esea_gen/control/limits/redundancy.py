@@ -9,7 +9,6 @@ wrong, for which nothing else stands.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -17,8 +16,8 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Array, Flag, Port, around, flag_word
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Array, Flag, Port, around
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -82,14 +81,7 @@ class _Redundancy:
     def inertia(self) -> tuple[Any, ...]:
         return tuple(c for c in self.device.constants("actuator") if c.name == "J_kgm2")
 
-    def step(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
         # A repaired memory has no zero: the limits latch, and the person who rearms takes it anew.
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
@@ -127,15 +119,7 @@ class _Redundancy:
             "apart_rad": ca.if_else(ready, apart, 0.0),
             "apart_Nm": torque,
             "room_Nm": most,
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_not(ready),
-                    angles,
-                    torques,
-                ]
-            ),
+            "status": guard.status(ca.logic_not(ready), angles, torques),
         }
         return next_state, outputs
 

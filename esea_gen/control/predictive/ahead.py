@@ -10,7 +10,7 @@ import sympy as sp
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.reference import adapted_inputs
 from esea_gen.devices.fields import field_facts
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
@@ -178,9 +178,7 @@ class _Ahead:
         ]
         return tuple(inputs), tuple(outputs)
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         wanted = u.tau_preview_Nm if self.torque_given else u.tau_wanted_Nm
         law = label("impedance", u.mode > 1.5, "the impedance law holds")
         ahead = self.along(wanted, self.torque_given)

@@ -37,8 +37,8 @@ from esea_gen.control.sliding_mode.surface import (
     switching_gain,
 )
 from esea_gen.devices.fields import field_facts
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Flag, Port, Tunable, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Flag, Port, Tunable, around, clip, threshold
 from esea_gen.model.symbolic import to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import D4, FC, FV, OMEGA_M, TAU_E, WIDTH, J, N
@@ -178,14 +178,7 @@ class _SlidingMode:
             "friction_ahead": t.friction_ahead,
         } | ({"softening": t.softening} if self.softening else {})
 
-    def step(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
         on = label("on", ca.logic_and(sound, u.mode > 0.5), "whether the controller acts")
         entering = label("entering", ca.logic_and(on, ca.logic_not(s.active)), "from off to on")
@@ -224,17 +217,13 @@ class _SlidingMode:
             "s_rad_s": ca.if_else(on, surface, 0),
             "u_eq_Nm": ca.if_else(on, u_eq, 0),
             "k_smc_Nm": ca.if_else(on, k_smc, 0),
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(on, beyond),
-                    ca.logic_and(on, ca.fabs(reach) > 1),
-                    ca.logic_and(on, ca.logic_or(rests, full)),
-                    on,
-                    entering,
-                    *([ca.logic_and(on, c.soft > 0.01)] if self.softening else ()),
-                ]
+            "status": guard.status(
+                ca.logic_and(on, beyond),
+                ca.logic_and(on, ca.fabs(reach) > 1),
+                ca.logic_and(on, ca.logic_or(rests, full)),
+                on,
+                entering,
+                *([ca.logic_and(on, c.soft > 0.01)] if self.softening else ()),
             ),
         }
         return next_state, outputs

@@ -17,7 +17,7 @@ import sympy as sp
 
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.trend import faded, motion_limits
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -25,7 +25,6 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -63,9 +62,7 @@ def torque_lead(device: DeviceData) -> Block:
     def prepare(t: SimpleNamespace) -> dict[str, Any]:
         return {"share": t.share}
 
-    def step(
-        c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         torque = ca.logic_and(u.mode > 0.5, u.mode < 1.5)
         acts = ca.logic_and(guard.inputs_ok, torque)
         asked = label("asked", ca.if_else(acts, c.share * u.trust, 0), "share that is asked for")
@@ -77,7 +74,7 @@ def torque_lead(device: DeviceData) -> Block:
         given = {
             "tau_led_Nm": clip(led, -full, full),
             "governed": governed,
-            "status": flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]),
+            "status": guard.status(),
         }
         return {"slow": slow, "tau_set_Nm": u.tau_set_Nm}, given
 
@@ -146,9 +143,7 @@ def smoothed_setpoint(device: DeviceData) -> Block:
     lag = SMOOTH_S / 3
     gain = 1 - math.exp(-h / lag)
 
-    def step(
-        c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         sound = ca.logic_and(guard.inputs_ok, s.primed)
         primed = ca.logic_or(s.primed, guard.inputs_ok)
         # Not governed, the lags stand where the set-point is: they start from there.
@@ -172,7 +167,7 @@ def smoothed_setpoint(device: DeviceData) -> Block:
             "delta_rate_rad_s": clip(mixed(u.delta_rate_rad_s, rate), -rate_lim, rate_lim),
             "delta_acc_rad_s2": clip(mixed(u.delta_acc_rad_s2, acc), -acc_lim, acc_lim),
             "theta_smooth_rad": mixed(u.theta_set_rad, third),
-            "status": flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]),
+            "status": guard.status(),
         }
         names = ("first_rad", "second_rad", "third_rad")
         return {"primed": primed, **dict(zip(names, lags, strict=True))}, outputs
