@@ -52,42 +52,24 @@ MOST_RAD = 1.6
 """From where the mass hangs: beyond the horizontal nothing is compared."""
 
 
+# E is the stop operator of STOP_NM on x.  While a mass hangs on the joint x is known, and gain a,
+# loss c and offset o follow its gradient (B. Widrow and S. D. Stearns, "Adaptive Signal
+# Processing", 1985).
 def adaptation(device: DeviceData) -> Block:
-    r"""What the sensor's model must show for the torque that is wanted.
-
-    With the true torque x, and E the stop operator of :data:`STOP_NM` on it, the model shows
-
-    .. math:: \hat\tau = a x + c E(x) + o
-
-    a is one over the scale of the rubber's torque, c stands for loss that the model has too much or
-    too little, o for an offset.  The same line turns a wish into what is asked of the model.  While
-    a mass hangs on the joint (``mass_Nm`` above 0) x is known, and a, c and o are learnt by its
-    gradient (LMS).
-
-    References
-    ----------
-    .. [1] B. Widrow and S. D. Stearns, "Adaptive Signal Processing", 1985 (LMS).
-    """
+    """What the sensor's model must show for a wanted torque x: a x + c E(x) + o, by LMS."""
     law = _Adaptation(device)
-    return Block.define(
+    return Block.of(
+        law,
         "adaptation",
         "Wish for the rubber at hand, learnt with a known mass",
-        period_s=law.h,
         constants=device.constants("adaptation"),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
         prepare=vars,
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=_equations(),
-        step=law.step,
         streams=STREAMS,
     )
 
 
 def adaptation_section(device: DeviceData) -> Adaptation:
-    """Section ``[adaptation]`` of a device file."""
     found = device.file.adaptation
     if found is None:
         raise UserError(f"{device.origin}: section [adaptation] is missing.", "Add it.")
@@ -108,8 +90,6 @@ def gain_port(device: DeviceData) -> Port:
 
 
 class _Adaptation:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         self.own, drive = adaptation_section(device), drive_of(device)
         self.h = device.period_s

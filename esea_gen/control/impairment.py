@@ -54,48 +54,29 @@ RESISTANCE = -KV * OMEGA
 
 
 def has_wall(device: DeviceData, axis: str) -> bool:
-    """Whether the impairment of an axis has a wall, or resistance to speed only."""
     section = device.file.impairment
     return section is not None and (not section.wall_axes or axis in section.wall_axes)
 
 
+# With d = max(theta - theta_w, 0) and W = max(Kp (theta - theta_w) + Kd omega, 0) inside the wall,
+# the torque sat(-Kv omega - W) is passive with the storage S(d) = integral_0^d min(Kp s, tau_max)
+# ds: for omega >= 0, Kv omega + W >= Kp d; for omega <= 0 it is <= Kp d, and the saturation keeps
+# that order, so that -tau omega >= dS/dt either way.  It is switched only where the wrist rests
+# outside the wall.
 def impairment(device: DeviceData, *, wall: bool = True) -> Block:
-    """Torque of a simulated impairment of one axis.
-
-    With d = max(theta - theta_w, 0) and W = max(Kp (theta - theta_w) + Kd omega, 0) for d > 0, else
-    0, the torque is tau = sat(-Kv omega - W).  It is passive with the storage
-    S(d) = integral_0^d min(Kp s, tau_max) ds.  For omega >= 0, Kv omega + W >= Kp d; for
-    omega <= 0, Kv omega + W <= Kp d, since W <= Kp d there.  The saturation keeps that order, so
-    that -tau omega >= min(Kp d, tau_max) omega = dS/dt either way: over any closed path the wrist
-    gets no energy.  That is of the law; what sampling and the torque controller's lag add, they
-    answer for.
-    It is switched only where the wrist rests outside the wall, where no torque jumps.  What the
-    wall asks for beyond the allowed torque is held there, and is no fault.
-
-    References
-    ----------
-    Thesis equations 7.1 and 7.2, with the sign of the damping put right.
-    """
+    """Torque of a simulated impairment of one axis (7.1, 7.2; the damping's sign put right)."""
     law = _Impairment(device, wall)
-    return Block.define(
+    return Block.of(
+        law,
         "impairment" if wall else "resistance",
         f"Simulated impairment: {'wall and ' if wall else ''}resistance",
-        period_s=device.period_s,
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
         prepare=lambda t: {n: getattr(t, n) for n in law.names},
         state=(Port("on", 0.0, 1.0, "1 while it acts"),),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
-        equations=law.equations(),
-        step=law.step,
         streams=OwnStreams(events=_events),
     )
 
 
 class _Impairment:
-    """Numbers, step and ports."""
-
     names = ("wall_rad", "Kp_Nm_rad", "Kd_Nms_rad", "Kv_Nms_rad", "tau_max_Nm")
 
     def __init__(self, device: DeviceData, wall: bool) -> None:
@@ -105,7 +86,7 @@ class _Impairment:
                 "Add it; wrist_drive.toml shows the form.",
             )
         self.section, self.wall = device.file.impairment, wall
-        self.theta = threshold(JOINT_RAD)
+        self.h, self.theta = device.period_s, threshold(JOINT_RAD)
         self.omega = threshold(device.file.limits.omega_rad_s.value)
         self.tau = threshold(device.tau_full_scale_Nm)
 

@@ -29,17 +29,7 @@ def _flags(reach: float) -> tuple[Flag, ...]:
 
 
 def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] = ()) -> Block:
-    r"""The command of the law that is asked for, joined to what was commanded before.
-
-    All laws compute at every step, from the same measurements and from what the limits let through,
-    so that each is ready.  At a change the command goes on from its last value, and the difference
-    fades: with :math:`o_k` the offset, :math:`v_k` the command of the law in force,
-
-    .. math::
-
-        u_k = v_k + o_k, \quad
-        o_k = u_{k-1} - v_k \text{ at a change, else } o_{k-1} e^{-T/\tau}.
-    """
+    """The command of the law asked for, joined to the one before by an offset that fades."""
     if not 2 <= len(laws) <= MOST_LAWS:
         raise ValueError(f"{len(laws)} laws to switch between; 2 to {MOST_LAWS} can be")
     drive = drive_of(device)

@@ -49,7 +49,6 @@ FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long
 
 
 def passivity_section(device: DeviceData) -> PassiveInteraction:
-    """Section ``[passivity]``, without which there is no such Block."""
     found = device.file.passivity
     if found is None:
         raise UserError(
@@ -59,50 +58,25 @@ def passivity_section(device: DeviceData) -> PassiveInteraction:
     return found
 
 
+# V = E + J omega_m^2/2 + Omega n (T v + h kappa m) is held below E_m: E given beyond the wanted
+# torque, v the most the motor may give behind its lag, m the most that the rate limit may have left
+# of a command, T the lag and the delay of the speed's filter.  In a sample that is not good E grows
+# by the most the motor can have worked.  Proven in docs/stability.md.
 def passivity(device: DeviceData) -> Block:
-    r"""Damping that the error of a law lacks, and a bound of the energy that the drive gives.
-
-    Error is the torque beyond what is wanted; a wanted damping Kd counts as none, so that what it
-    takes in may be given.  With means over ``window_s``, P of the error's power and N of the joint
-    speed's square, -P/N is the damping that the hand feels.  The added damping b goes up while that
-    is below ``least_Nms_rad``, down while it is above:
-
-    .. math:: \dot b = \frac{\gamma (P + b_0 N) + (b_1 - b) n_0/T_r}{N + n_0}, \quad
-        0 \le b \le b_1 = \max(0, b_m - K_d)
-
-    It asks for ratios only: a swing is met at any size.  A limb at rest finds all of b_m.  To b_0
-    comes Kp times the motor's lag: so much a spring takes that comes late.
-
-    Given is :math:`E = \max(0, E + \tau \Delta\theta_m - \max(0, \tau_w \Delta\theta_m))`, held
-    :math:`V = E + J \omega_m^2/2 + \Omega n (T v + h \kappa m)` with the most that the motor
-    may give behind its lag, v, and the most that the rate limit may have left of a command, m; T is
-    the lag and the delay of the speed's filter.  In a sample that is not good, E grows by the most
-    that the motor can have worked, and by what the drive's motion has lost since it was seen.  The
-    command is at most
-    :math:`(E_m - V + \Omega n h \kappa m)/(\Omega n h (1 + \epsilon + \kappa))`: then V never
-    passes :math:`E_m` by what a law commands, proven in ``docs/stability.md``.
-    """
+    """Damping that the error of a law lacks, and a bound of the energy that the drive gives."""
     law = _Passivity(device)
-    return Block.define(
+    return Block.of(
+        law,
         "passivity",
         "Damping that a law lacks, and a bound of the energy that the drive gives",
-        period_s=law.h,
         constants=(*device.constants("passivity"), *law.constants()),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
         prepare=lambda t: {"least_Nms_rad": t.least_Nms_rad, "energy_J": t.energy_J},
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=_equations(),
-        step=law.step,
         streams=STREAMS,
     )
 
 
 class _Passivity:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         self.own, self.drive = passivity_section(device), drive_of(device)
         safety = device.file.safety

@@ -48,41 +48,28 @@ def largest_gains(device: DeviceData) -> tuple[float, float]:
     return kp, kd
 
 
+# From off, the difference between measured torque and law becomes an offset that decays with
+# blend_s; from one law to another the set torque goes on from where it was.  An invalid input or
+# corrupt state means off for that step, and request_ok 0, on which the limits latch.
 def reference(device: DeviceData) -> Block:
-    """Set torque from the mode, the wanted torque and the impedance law.
-
-    Off, the set torque is the measured one.  When a law takes over from off, the difference between
-    the measured torque and the law becomes an offset that decays with ``blend_s``: the set torque
-    starts where the coupling is, whatever was wanted before.  From one law to another it goes
-    on from where the set torque was.  An invalid input or a corrupt state means off for that
-    step, with the last set torque held, and ``request_ok`` 0, on which the limits latch; what was
-    set before an off does not come back.
-    """
+    """Set torque from mode, wanted torque and impedance law, started from where the torque is."""
     law = _Reference(device)
     facts = "impedance: the law of the mode that was left does not count"
-    return Block.define(
+    return Block.of(
+        law,
         "reference",
         "Set torque from mode, wanted torque and impedance law",
-        period_s=law.h,
         constants=(*device.constants("impedance"), *device.constants("domain")),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
-        prepare=law.prepare,
         state=(
             Port("mode_last", OFF, IMPEDANCE, "mode of the last step"),
             around("offset_Nm", law.widest, "from the law to where the torque was; " + facts),
             around("tau_set_Nm", law.full_scale, "set torque of the last step"),
         ),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
-        equations=law.equations(),
-        step=law.step,
         streams=STREAMS,
     )
 
 
 def adapted_inputs(device: DeviceData) -> tuple[Port, ...]:
-    """What an adaptation makes of a wish, as inputs."""
     if device.file.adaptation is None:
         return ()
     return (
@@ -92,7 +79,6 @@ def adapted_inputs(device: DeviceData) -> tuple[Port, ...]:
 
 
 def impaired_inputs(device: DeviceData) -> tuple[Port, ...]:
-    """What a simulated impairment asks for, as inputs."""
     if device.file.impairment is None:
         return ()
     return (
@@ -104,8 +90,6 @@ def impaired_inputs(device: DeviceData) -> tuple[Port, ...]:
 
 
 class _Reference:
-    """Numbers, step and ports of the set torque."""
-
     def __init__(self, device: DeviceData) -> None:
         self.drive = drive_of(device)
         self.device, self.h = device, device.period_s

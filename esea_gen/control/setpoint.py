@@ -28,22 +28,12 @@ if TYPE_CHECKING:
 Kind = Literal["observer", "differences"]
 
 
+# At the corners of a set-point all stop operators begin to move at once and the stiffness jumps: a
+# second difference makes spikes of these, the observer gives numbers that belong together.
 def setpoint_rates(
     device: DeviceData, kind: Kind = "observer", *, bandwidth_Hz: float | None = None
 ) -> Block:
-    """Rate and acceleration of the deflection set-point.
-
-    kind: ``observer``: a third-order tracking observer with a triple real pole, which follows a
-        constant acceleration without error. ``differences``: plain first and second difference, as
-        published.
-    return: input ``theta_set_rad``, the inverse's set-point; outputs ``delta_set_rad``,
-        ``delta_rate_rad_s``, ``delta_acc_rad_s2`` and a status word.
-
-    The set-point carries no encoder noise, but it has corners: where the motion turns round, all
-    stop operators of the inverse begin to move at once and the stiffness jumps.  A second
-    difference makes spikes of these.  The observer gives angle, rate and acceleration that belong
-    together, with one knob.
-    """
+    """Rate and acceleration of the deflection set-point: observer, or differences as published."""
     if kind not in get_args(Kind):
         raise ValueError(f"kind must be one of {get_args(Kind)}, got {kind!r}")
     drive = drive_of(device)
@@ -111,29 +101,22 @@ def _observer(
 ) -> Block:
     law = _Observer(device, h, delta_lim, rate_lim, acc_lim, bandwidth_Hz)
     inputs, outputs = _set_ports(delta_lim, rate_lim, acc_lim, "held_rad")
-    return Block.define(
+    return Block.of(
+        law,
         "setpoint_rates",
         "Rate and acceleration of the deflection set-point: tracking observer",
-        period_s=h,
         constants=device.constants("timing"),
-        tunables=law.tunables(),
         coefficients=(
             Port("alpha", 0.0, 1.0, "position gain"),
             Port("beta_1_s", 0.0, 3.0 / h, "velocity gain"),
             Port("gamma_1_s2", 0.0, 1.0 / h**2, "acceleration gain"),
         ),
-        prepare=law.prepare,
-        state=law.state(),
         inputs=inputs,
         outputs=outputs,
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 class _Observer:
-    """Tracking observer: numbers, step and ports."""
-
     def __init__(
         self,
         device: DeviceData,

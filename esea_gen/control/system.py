@@ -156,8 +156,6 @@ ESTIMATED = {
 
 @dataclass(frozen=True)
 class _Axis:
-    """One axis, wired, before it has a name."""
-
     sense: Mapping[str, Component]
     control: Mapping[str, Component]
     wires: Mapping[str, str]
@@ -172,7 +170,6 @@ def control_system(
     sensor: Block,
     inverse: Callable[[], Block],
 ) -> System:
-    """The controlling System of a device."""
     base = _base(device, velocity, sensor, inverse)
     parts = [law.parts(base) for law in laws]
     sense, control = _blocks(base, laws, parts)

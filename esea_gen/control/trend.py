@@ -48,46 +48,28 @@ JUMP_NM, STEPPED_S = 0.1, 0.15
 FASTEST_HZ = 3.0
 
 
+# A step moves the observer with it and leaves rate and acceleration alone: then the held torque is
+# asked for, to the bit.  A step is an increment beside the median of the last three.  Noise, by the
+# second difference of the increments, lowers the bandwidth, and much of it the share that is
+# believed.
 def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend") -> Block:
-    """Where the wanted torque goes, when only its past is known.
-
-    A third-order tracking observer of the wanted torque gives rate and acceleration, [trend 1] to
-    [trend 4]; both fade along the horizon, [trend 5].  Two things keep it from making matters worse
-    than a torque that is held still:
-
-    - A step moves the observer with it and leaves rate and acceleration alone: what is asked for
-      is then the held torque, to the bit.  A step is an increment beside the median of the last
-      three.
-    - Noise lowers the bandwidth, and much noise the share of the motion that is believed, down to a
-      torque held still.  Its measure is the second difference of the increments, which a smooth
-      torque does not have.
-
-    The rate is at most that of full torque at 3 Hz, the acceleration likewise, and no value leaves
-    the torque's range.
-    """
+    """Where the wanted torque goes, when only its past is known."""
     law = _Trend(device, ends_s)
-    return Block.define(
+    return Block.of(
+        law,
         name,
         "Wanted torque ahead, from its past",
-        period_s=law.h,
-        tunables=law.tunables(),
         coefficients=(
             Port("quick", 0.0, 1.0, "1 less the pole, without noise"),
             Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 over what halves it"),
         ),
-        prepare=law.prepare,
-        state=law.state(),
         inputs=(around("tau_wanted_Nm", law.tau_lim, "wanted torque now", on_invalid="last_Nm"),),
-        outputs=law.outputs(),
         equations=_equations(),
-        step=law.step,
         streams=OwnStreams(_events),
     )
 
 
 class _Trend:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData, ends_s: Sequence[float]) -> None:
         drive = drive_of(device)
         self.h, self.tau_lim = drive.control_period_s, drive.tau_Nm
@@ -233,10 +215,7 @@ def motion_limits(device: DeviceData) -> tuple[float, float]:
 
 
 def faded(t_s: float) -> tuple[float, float]:
-    """What a rate and an acceleration of now add in a time, with the rate fading on the way.
-
-    return: integrals over 0 to t of exp(-x/T) and of x exp(-x/T); T is ``FADE_S``.
-    """
+    """What rate and acceleration add: integrals to t of exp(-x/T) and x exp(-x/T)."""
     left = math.exp(-t_s / FADE_S)
     by_rate = FADE_S * (1 - left)
     return by_rate, FADE_S * (by_rate - t_s * left)

@@ -207,6 +207,32 @@ class Block(Component):
             starts_latched=starts_latched,
         )._known()
 
+    @classmethod
+    def of(cls, parts: Any, name: str, title: str, **more: Any) -> Block:
+        """Build a Block from an object with the Block's numbers, ports and step.
+
+        Parameters
+        ----------
+        parts : object
+            Has ``h``, the period, ``step``, and, by methods of their names, what else
+            :meth:`define` takes; ``prepare`` where it has tunables.
+        name, title
+            As in the class.
+        **more
+            The rest of :meth:`define`, or in place of what the object has.
+
+        Returns
+        -------
+        Block
+            The Block, its step guarded.
+        """
+        names = ("constants", "tunables", "coefficients", "state", "inputs", "outputs")
+        asked = [n for n in (*names, "equations", "facts", "solved") if hasattr(parts, n)]
+        known = {n: getattr(parts, n)() for n in asked if n not in more} | more
+        if known.get("tunables") and "prepare" not in known:
+            known["prepare"] = parts.prepare
+        return cls.define(name, title, period_s=parts.h, step=parts.step, **known)
+
     def _known(self) -> Block:
         # Not where a Block is copied: a deliberate fault may take away what is split.
         labels = {n for n, _ in self.labels}

@@ -31,10 +31,7 @@ ROOT_WHOLE = ROOT_SIZE.subs(RATIO, ROOT_RATIO)
 
 
 def cubic_root(k3: float, linear: Any, load: Any, label: Labels | None = None) -> ca.SX:
-    """Real root of ``k3 x^3 + linear x = load``, accurate near zero (4.13 without cancellation).
-
-    label: names the parts of the root, of which :func:`root_facts` knows the ranges.
-    """
+    """Real root of ``k3 x^3 + linear x = load``, accurate near zero (4.13 without cancellation)."""
     if k3 == 0:
         return ca.SX(load / linear)
     third = to_casadi(ROOT_THIRD, {LINEAR: linear, K3: k3})
@@ -53,18 +50,13 @@ def cubic_root(k3: float, linear: Any, load: Any, label: Labels | None = None) -
     return ca.SX(ca.sign(load) * size)
 
 
+# With a = linear / (3 k3) > 0 and b = |load| / (2 k3) the radicand of c is b + sqrt(a^3 + b^2) >=
+# sqrt(a^3), so c >= sqrt(a) and a / c <= sqrt(a); c rises with both.  The root of the largest load
+# at the least stiffness is the largest of all.
 def root_facts(
     k3: float, linear: tuple[float, float], load_high: float
 ) -> dict[str, tuple[float, float]]:
-    """Ranges of the labelled parts of :func:`cubic_root`, which intervals cannot see.
-
-    linear: least, above 0, and largest linear stiffness in Nm/rad.
-
-    With ``a = linear / (3 k3) > 0`` and ``b = |load| / (2 k3) >= 0`` the radicand of ``c`` is
-    ``b + sqrt(a^3 + b^2) >= sqrt(a^3)``, so ``c >= sqrt(a)`` and ``a / c <= sqrt(a)``; ``c`` rises
-    with both.  The torque ``k3 x^3 + linear x`` rises with ``x`` and with ``linear``: the root of
-    the largest load at the least stiffness is the largest of all.
-    """
+    """Ranges of the labelled parts of :func:`cubic_root`, which intervals cannot see."""
     if k3 == 0:
         return {}
     low, high = (x / (3 * k3) for x in linear)
@@ -82,10 +74,7 @@ def root_facts(
 
 
 def segment_equations() -> tuple[Equation, ...]:
-    """Equations of the segment and of its root, for documents.
-
-    return: segment, breakpoint, stiffness, and the parts of the root.
-    """
+    """Equations of the segment and of its root, for documents."""
     x, f_i, r_i, p_i = sp.symbols("x F_i r_i p_i")
     s = sp.Symbol("s")
     return (

@@ -130,17 +130,13 @@ def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str
 
 
 def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
-    """The torque sensor as a Block."""
     model = _TorqueSensor(device, tunable)
-    return Block.define(
+    return Block.of(
+        model,
         "sensor",
         "Elastomer torque sensor: deflection to interaction torque",
-        period_s=model.h,
         constants=model.constants,
-        **(_tunable_ports(device, model.stops, model.rate_terms) if tunable else {}),
-        state=model.state(),
-        inputs=model.inputs(),
-        outputs=model.outputs(),
+        **_tunable_ports(device, model.stops, model.rate_terms) if tunable else {},
         equations=_equations(model.rate_terms, model.dead_zone > 0),
         split={
             "s_theta_prev_rad": _beyond_cuts(
@@ -158,16 +154,12 @@ def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
         }
         if model.rate_terms
         else {},
-        # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
         facts={"share": (0.0, 1.0)} if model.rate_terms else {},
-        step=model.step,
         streams=STREAMS,
     )
 
 
 class _TorqueSensor:
-    """The model's numbers, one method an equation group, and the ports."""
-
     def __init__(self, device: DeviceData, tunable: bool) -> None:
         self.tunable = tunable
         file = device.file

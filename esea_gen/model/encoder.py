@@ -37,10 +37,7 @@ NOISE_RAD = math.radians(0.5)
 
 
 class FrameError(IntFlag):
-    """Bits of the frame word; none set is a good frame.
-
-    The driver of the encoder's bus puts them together; the Block only asks whether the word is 0.
-    """
+    """Bits of the frame word, from the driver of the encoder's bus; 0 is a good frame."""
 
     PARITY = 1
     """The parity bit does not fit the frame."""
@@ -90,16 +87,11 @@ def _fraction_of_turn(count: ca.SX, cells: int, full: int) -> ca.SX:
     return count * (cells / full)  # a power of two: exact
 
 
+# Nothing to decide, and the table's own value at every node.  Between nodes an error with n periods
+# a turn and amplitude a is missed by at most a (1 - cos(pi n / N)): with 64 values and n = 4, 2 %
+# of it.
 def correction(values: tuple[float, ...], count: ca.SX, bits: int) -> ca.SX:
-    """Periodic piecewise-linear interpolation of a correction table.
-
-    The value at a node and, cell by cell, the rise to the next one times the share of the cell that
-    the count has passed.  There is nothing to decide, the result is continuous, and it is the
-    table's own value at every node.
-
-    Five operations a cell.  Between nodes, an error with n periods a turn and amplitude a is missed
-    by at most ``a (1 - cos(pi n / N))``: with 64 values and n = 4, 2 % of it.
-    """
+    """Periodic piecewise-linear interpolation of a correction table."""
     n = len(values)
     place = _fraction_of_turn(count, n, 1 << bits)
     total = ca.SX(values[0])
@@ -145,52 +137,37 @@ def _middle(device: DeviceData) -> float:
     return (low + high) / 2
 
 
+# With c the last good count, a frame is good when its word is 0 and its wrapped step from c is at
+# most the largest believable one times the frames since.  At the start the turn is the one within
+# half a turn of the middle of the range of motion, and SETTLED frames in a row must agree.  After
+# more than held_max bad frames the encoder is not usable: where they could not be read it starts
+# again from the absolute angle; readable but implausible ones say that something slipped, and the
+# reference is lost until init.
 def encoder(device: DeviceData, side: Side) -> Block:
-    """Front end of one encoder.
-
-    Let c be the last good count and d = count - c, wrapped to half a turn either way.  A frame is
-    good when its word is 0 and |d| is at most the largest believable step times the frames since
-    the last good one.  It then becomes the reference, and the number of turns follows from the
-    wrap; else the angle is held.
-
-    At the start the turn is the one that puts the joint within half a turn of the middle of its
-    range of motion, and ``SETTLED`` frames in a row must agree; until then a frame that does not
-    replaces the reference.  More than ``held_max`` bad frames in a row are not bridged: the encoder
-    is not usable, and
-
-    * after frames that could not be read it starts again, from the absolute angle, as at power-up;
-    * a readable frame that is still implausible says that something slipped or that reference and
-      reading belong to different things: the reference is lost until init.
-    """
+    """Front end of one encoder."""
     front = _Encoder(device, side)
-    return Block.define(
+    return Block.of(
+        front,
         f"encoder_{side}",
         f"Encoder front end, {side} side: count to joint angle",
-        period_s=device.period_s,
         constants=_constants(device, side, front.bits, front.step_max, front.held_max),
         tunables=_tunables(front.own),
         coefficients=(
             around("offset_rad", math.pi, "angle of the encoder where the joint is at 0"),
             Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
         ),
-        prepare=front.prepare,
-        state=front.state(),
         inputs=(
             Port("count", 0, front.full - 1, "raw count as the chip gives it, a whole number"),
             Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         ),
-        outputs=front.outputs(),
         equations=_equations(bool(front.table)),
-        step=front.step,
         streams=STREAMS,
     )
 
 
 class _Encoder:
-    """Numbers, step and ports of one encoder's front end."""
-
     def __init__(self, device: DeviceData, side: Side) -> None:
-        self.side = side
+        self.h, self.side = device.period_s, side
         self.own = _side(device, side)
         self.bits = int(device.file.encoder.resolution_bits.value)
         self.full, self.count_rad = 1 << self.bits, 2 * math.pi / (1 << self.bits)

@@ -38,8 +38,6 @@ STEPS = 12
 
 
 class _FamilyInverse:
-    """The equation of one step, its solution and the ports."""
-
     def __init__(self, device: DeviceData, fitted: FittedMember, start: Start, steps: int) -> None:
         file = device.file
         self.model = family_step(device, fitted, start)
@@ -167,18 +165,14 @@ class _FamilyInverse:
 def family_inverse(
     device: DeviceData, fitted: FittedMember, start: Start = "virgin", steps: int = STEPS
 ) -> Block:
-    """The exact inverse of a fitted member as a Block."""
     inverse = _FamilyInverse(device, fitted, start, steps)
-    return Block.define(
+    return Block.of(
+        inverse,
         "inverse",
         f"Exact inverse: {fitted.member.title}",
-        period_s=device.period_s,
         state=inverse.model.state(),
         inputs=(request_port(inverse.tau_lim),),
-        outputs=inverse.outputs(),
-        facts=inverse.facts(),
         solved=inverse.solved(fitted),
-        step=inverse.step,
         **temperature_parts(device, fitted),
     )
 

@@ -46,54 +46,34 @@ BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 2.0, 100.0
 FINER = 25.0
 
 
+# A constant acceleration leaves no steady error.  The rate for the middle of the coming step is
+# from past samples only: the viscosity then holds nothing of theta(k), which keeps the sensor's
+# inverse unique.
 def tracking_observer(
     device: DeviceData, joint_rad: float | None = None, bandwidth_Hz: Quantity | None = None
 ) -> Block:
-    """Third-order tracking observer (alpha-beta-gamma filter) with a triple real pole.
-
-    It follows position, velocity and acceleration, so that a constant acceleration leaves no
-    steady error and the rate has no group delay at low frequency.  Besides the present rate it
-    gives the rate predicted for the middle of the coming step, from past samples only: the
-    viscosity then holds nothing of theta(k), which keeps the sensor's inverse unique.
-
-    Delay, gain and noise follow from the bandwidth alone:
-    :func:`esea_gen.model.velocity_properties.velocity_properties`.
-
-    References
-    ----------
-    .. [1] P. R. Kalata, "The tracking index: a generalized parameter for alpha-beta and
-       alpha-beta-gamma target trackers", IEEE Trans. AES 20(2), 1984 (the gains are the
-       critically damped, fading-memory ones).
-    """
+    """Third-order tracking observer (Kalata 1984) with a triple real pole."""
     law = _TrackingObserver(device, joint_rad, bandwidth_Hz)
     p, q, hs, e, v, a = sp.symbols("p q h e v a")
-    return Block.define(
+    return Block.of(
+        law,
         "velocity" if joint_rad is None else "joint_rate",
         f"{law.what.capitalize()} rate: third-order tracking observer",
-        period_s=law.h,
         constants=device.constants("timing"),
-        tunables=law.tunables(),
         coefficients=(
             Port("alpha", 0.0, 1.0, "position gain"),
             Port("beta_1_s", 0.0, 3.0 / law.h, "velocity gain"),
             Port("gamma_1_s2", 0.0, 1.0 / law.h**2, "acceleration gain"),
         ),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=(
             equation("[obs 1]", "v_k", v + hs * a + sp.Symbol("beta") * e, "rate"),
             equation("[obs 2]", "omega_m", v + hs * a / 2, "rate in the middle of the step"),
             equation("[obs 3]", "beta", sp.Rational(3, 2) * q**2 * (1 + p) / hs, "velocity gain"),
         ),
-        step=law.step,
     )
 
 
 class _TrackingObserver:
-    """Numbers, step and ports."""
-
     def __init__(
         self, device: DeviceData, joint_rad: float | None, bandwidth_Hz: Quantity | None
     ) -> None:

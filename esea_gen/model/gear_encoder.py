@@ -26,35 +26,25 @@ if TYPE_CHECKING:
 WHOLE = 1 << 24  # every number format holds whole numbers below exactly
 
 
+# A bad frame, or one farther away than the drive can be, is bridged.  After more than can be
+# bridged the encoder is not usable for a frame and goes on from there: what was turned meanwhile is
+# unknown.
 def gear_encoder(device: DeviceData) -> Block:
-    """Front end of the encoder on the motor's shaft.
-
-    A bad frame, or one that is farther from the last good one than the drive can be, is bridged:
-    angle and rate are held.  After more than can be bridged the encoder is not usable for a frame
-    and goes on from where it then is: what was turned meanwhile is unknown, so ``gear_usable`` says
-    that an angle from before means nothing any more.
-    """
+    """Front end of the encoder on the motor's shaft."""
     law = _GearEncoder(device)
-    return Block.define(
+    return Block.of(
+        law,
         "encoder_gear",
         "Encoder front end, motor's shaft: count to the angle that the drive has turned",
-        period_s=device.period_s,
-        constants=law.constants(),
-        state=law.state(),
         inputs=(
             Port("count", 0, law.full - 1, "raw count of the shaft, a whole number"),
             Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         ),
-        outputs=law.outputs(),
-        equations=law.equations(),
-        step=law.step,
         streams=OwnStreams(_events),
     )
 
 
 class _GearEncoder:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         a, j = device.file.actuator, device.file.joint
         if a is None or j is None:

@@ -101,32 +101,23 @@ def _exact_flags(device: DeviceData, theta_high: float, omega_high: float) -> tu
 def exact_inverse(
     device: DeviceData, *, rate: Rate = "observer", bandwidth_Hz: float = BANDWIDTH_HZ
 ) -> Block:
-    """The exact inverse of the discrete torque sensor as a Block.
-
-    Straight-line: one viscosity, N breakpoints, one cubic root, one Newton step and one run of the
-    sensor, whatever the request.  Every state of the model and its clips are the sensor's, so that
-    a sensor fed with the set-point and the rate used holds the same state, bit for bit.
-    """
+    """The exact inverse of the discrete torque sensor, with the sensor's own state."""
     inverse = _Exact(device, rate, bandwidth_Hz)
-    return Block.define(
+    return Block.of(
+        inverse,
         "inverse",
         "Exact inverse of the torque sensor: desired torque to deflection set-point",
-        period_s=inverse.h,
         constants=device.constants("elastomer") + device.constants("domain"),
         tunables=inverse.rate_source.tunables,
         coefficients=inverse.rate_source.coefficients,
         prepare=inverse.rate_source.prepare,
-        # The called kernels guard their own state: these checks and theirs are then shared.
         state=tuple(
             replace(p, repair="block") for p in inverse.forward.state + inverse.rate_source.state
         ),
         inputs=(request_port(inverse.tau_lim),),
-        outputs=inverse.outputs(),
         equations=segment_equations(),
         facts=_exact_facts(device, inverse.forward, inverse.values, inverse.w),
         split=rate_split(inverse.forward, "omega_mid_rad_s"),
-        # The torque rises by k1 at least with the deflection beyond the dead zone, as every other
-        # part of it rises or stays: a small residual means a set-point near the exact one.
         solved={
             "set_point_rad": Solved(
                 "residual_Nm",
@@ -135,14 +126,11 @@ def exact_inverse(
                 2 * float(inverse.dead_zone),
             )
         },
-        step=inverse.step,
         streams=STREAMS,
     )
 
 
 class _Exact:
-    """Numbers of the segments, the finite method top-down, and the ports."""
-
     def __init__(
         self, device: DeviceData, rate: Rate = "observer", bandwidth_Hz: float = BANDWIDTH_HZ
     ) -> None:
@@ -394,7 +382,6 @@ def _exact_facts(
 
 
 def chosen_inverse(device: DeviceData) -> Block:
-    """The inverse that the device file's section ``[inverse]`` asks for."""
     asked = device.file.inverse
     if asked is None or asked.kind == "exact":
         return exact_inverse(device)

@@ -47,12 +47,7 @@ PLAY_WEIGHT = KAPPA * sp.exp(-PHI * PLAY_R)
 
 
 def filter_taps(name: FilterName) -> tuple[float, ...]:
-    """Coefficients of the disturbance observer's low-pass, newest sample first.
-
-    name: ``a``: order 30, 10 Hz at 1 kHz, rectangular window, unscaled, as it was used (gain 0.588
-        at rest). ``b``: the eleven printed numbers. ``..._normalised``: scaled to gain 1 at rest.
-        ``b_rounding``: scaled to 1.0165, inside the rounding of the printed digits.
-    """
+    """Low-pass of the disturbance observer, newest first: ``a`` as used, ``b`` as printed."""
     if name not in get_args(FilterName):
         raise ValueError(f"filter must be one of {get_args(FilterName)}, got {name!r}")
     if name.startswith("a"):
@@ -67,10 +62,7 @@ def filter_taps(name: FilterName) -> tuple[float, ...]:
 
 
 def play_parameters(device: DeviceData) -> tuple[Constant, ...]:
-    """Parameters of the play operators: the device file's, table 4.2 where it has none.
-
-    device: its section ``[inverse]`` may hold ``kappa_rad``, ``phi_1_rad`` and ``chi_rad``.
-    """
+    """Parameters of the play operators: of section ``[inverse]``, table 4.2 where it has none."""
     given = device.file.inverse
     out = []
     for name, value in PLAY_DEFAULTS.items():
@@ -119,6 +111,8 @@ def _tunable_plays(plays: Sequence[Constant]) -> dict[str, Any]:
     return {"tunables": tunables, "coefficients": coefficients, "prepare": prepare}
 
 
+# The observer closes a loop inside one step: request less the filtered disturbance of the last
+# samples, play operators, forward model driven by the set-point, new disturbance.
 def published_inverse(
     device: DeviceData,
     filter: FilterName | None = None,
@@ -128,30 +122,16 @@ def published_inverse(
     chi: float | None = None,
     tunable: bool = False,
 ) -> Block:
-    """The thesis' partial inverse, with or without its disturbance observer, as a Block.
-
-    filter: low-pass of the disturbance observer (:func:`filter_taps`); none leaves the observer
-        out.
-    kappa, phi, chi: weight (rad), decay (1/rad) and spacing (rad) of the play operators in place of
-        the device file's (:func:`play_parameters`).
-    tunable: make these three tunables instead of constants: what identification runs.
-    return: input ``tau_Nm``; outputs the set-point ``theta_rad``, the corrected request ``u_Nm``
-        and a status word.
-
-    The observer closes a loop inside one step: request less the filtered disturbance of the last
-    samples, play operators, forward model driven by the set-point, new disturbance.  The forward
-    model's viscosity takes the set-point's difference over this step as its rate.
-    """
+    """The thesis' partial inverse, with or without its disturbance observer, as a Block."""
     inverse = _Published(device, filter, kappa, phi, chi, tunable)
     facts, split = inverse.known(device)
-    return Block.define(
+    return Block.of(
+        inverse,
         "inverse" + (f"_{filter}" if filter else "_plays"),
         "Published inverse: play operators"
         + (f", disturbance observer with filter {filter}" if filter else ""),
-        period_s=inverse.h,
         constants=(() if tunable else tuple(inverse.plays)) + device.constants("elastomer"),
-        **(_tunable_plays(inverse.plays) if tunable else {}),
-        state=inverse.state(),
+        **_tunable_plays(inverse.plays) if tunable else {},
         inputs=(request_port(inverse.tau_lim),),
         outputs=(
             around("theta_rad", inverse.theta_high, "deflection set-point", equation="(4.7)"),
@@ -167,13 +147,10 @@ def published_inverse(
         equations=_published_equations(bool(inverse.taps)),
         facts=facts,
         split=split,
-        step=inverse.step,
     )
 
 
 class _Published:
-    """Numbers and step of the play operators with their disturbance observer."""
-
     def __init__(
         self,
         device: DeviceData,

@@ -50,7 +50,6 @@ def _term(t: FamilyTerm) -> Term:
 
 
 def rubber_sensor(device: DeviceData) -> Block:
-    """The torque sensor of a device's model."""
     family = device.file.family
     if family is None:
         return torque_sensor(device)

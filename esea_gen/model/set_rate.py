@@ -20,8 +20,6 @@ Rate = Literal["observer", "extrapolated"]
 
 
 class RateSource:
-    """Predicts the set-point's rate in the middle of a step from past set-points."""
-
     tunables: tuple[Tunable, ...] = ()
     coefficients: tuple[Port, ...] = ()
     state: tuple[Port, ...] = ()

@@ -45,25 +45,22 @@ def sloped(block: Block, outputs: Sequence[str], by: Sequence[str]) -> Block:
         out = {p.name: v for p, v in zip(block.coefficients, values[:count], strict=True)}
         return out | {kept.name: found(*given)}
 
-    return Block.define(
+    return Block.of(
+        form,
         "slopes",
         f"{block.title}, and its derivatives",
-        period_s=block.period_s,
         tunables=block.tunables,
         coefficients=(*block.coefficients, kept),
         prepare=prepare,
         state=state,
         inputs=block.inputs,
         outputs=(*(p for p in block.outputs if p.name in outputs), slopes),
-        step=form.step,
     )
 
 
 class _Form:
-    """Which states move with which tunables, and the step that carries it along."""
-
     def __init__(self, block: Block, outputs: Sequence[str], by_tunable: ca.SX) -> None:
-        self.block, self.outputs = block, outputs
+        self.h, self.block, self.outputs = block.period_s, block, outputs
         self.tunables = by_tunable.shape[1]
         self.seeds = by_tunable.sparsity()
         groups = (block.coefficients, block.state, block.inputs)

@@ -20,14 +20,10 @@ if TYPE_CHECKING:
 CORNER_HZ = 8.0
 
 
+# Quantised counts cost the torque two to three times the error.  Two encoders are off by half a
+# count each at most: a deflection farther than a count from theirs would be wrong.
 def smoothed_deflection(device: DeviceData) -> Block:
-    """Deflection moved on by its rate, corrected by the counts, within one count of them.
-
-    Quantised counts cost the torque two to three times the error.  Each of the two encoders is off
-    by half a count at most, so a deflection farther than a count from theirs would be wrong: it is
-    held within that, lags by no more, and follows a jump at once.  With fine encoders it is the
-    measured one.
-    """
+    """Deflection moved on by its rate, corrected by the counts, within one count of them."""
     h, limit = device.period_s, threshold(device.file.limits.theta_rad.value)
     fastest = threshold(device.file.limits.omega_rad_s.value)
     count = threshold(2 * math.pi / 2**device.file.encoder.resolution_bits.value)

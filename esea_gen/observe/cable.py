@@ -39,7 +39,6 @@ CLOSED_ABOVE = 1.5
 
 
 def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
-    """What a device file says of its cable."""
     f = device.file
     if f.cable is None or f.redundancy is None:
         name = "cable" if f.cable is None else "redundancy"
@@ -63,36 +62,22 @@ def give_most_rad_Nm(device: DeviceData) -> float:
     return 1 / redundancy.cable_least_Nm_rad.value
 
 
+# The motor-side part is light, so the cable carries the elastomer's torque and tells by its winding
+# less tau/k where in the gap it is.  Above contact_Nm it lies at an end, which is learnt by a lag
+# of rate_1_s; below it is as measured, between both.  An end not shown yet moves along with the
+# other one.  Unknown zeros of the encoders are in the ends, and fall out of what is given.
 def cable_observer(device: DeviceData) -> Block:
-    """Winding of the cable, and its backlash, from the encoders at both of its ends.
-
-    The motor-side part is light: its torques balance within milliseconds, so that the cable carries
-    the elastomer's torque, and tells by its winding less tau/k where in the gap it is.  Above
-    ``contact_Nm`` it lies at one end: there that end is learnt, by a lag of ``rate_1_s``, and the
-    winding is that of the model, free of the encoders' steps.  Below, it is as measured, between
-    both ends; a measurement beyond an end moves it.  The end that no torque has shown yet moves
-    along with the other one, so that the gap stays the usual one until both are known.
-
-    The motor's encoder knows no absolute angle, and a joint encoder is wrong by an angle that
-    changes slowly with the joint's: both are in the ends, and fall out of what is given.
-    """
+    """Winding of the cable, and its backlash, from the encoders at both of its ends."""
     law = _Cable(device)
-    return Block.define(
+    return Block.of(
+        law,
         "cable",
         "Cable between gear and motor side: winding and backlash",
-        period_s=law.h,
-        constants=law.constants(),
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=_equations(),
-        step=law.step,
     )
 
 
 class _Cable:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         self.own, redundancy = cable_of(device)
         drive = self.drive = drive_of(device)

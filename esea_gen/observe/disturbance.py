@@ -33,16 +33,13 @@ DELAY_SHARE = 0.5
 MEANING = "bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it"
 
 
+# A controller that takes the estimate off its command closes a loop through the filter F.  With Q =
+# L/(s + L) and a motor A that follows its command, d (1 - Q A (1 - F)) = Q F d_true: stable
+# whatever A's phase while |Q (1 - F)| < 1.  That gain is below L T, T being the filter's delay at
+# rest, the largest of |1 - F| / omega.  L T = 1/2 leaves a gain margin of two, at the lowest cut-
+# off that may be tuned.
 def bandwidth_limit_1_s(device: DeviceData, cutoff: Quantity) -> float:
-    """Largest bandwidth that the velocity filter allows a disturbance observer.
-
-    A controller that takes the estimate off its command closes a loop through the filter F.  With
-    Q = L/(s + L) and a motor A that follows its command, the estimate obeys
-    ``d (1 - Q A (1 - F)) = Q F d_true``: stable whatever A's phase while |Q (1 - F)| < 1.  That
-    gain is below L T at every frequency, T being the largest of ``|1 - F| / omega``, which is the
-    filter's delay at rest.  L T = 1/2 leaves a gain margin of two, at the lowest cut-off that may
-    be tuned.
-    """
+    """Largest bandwidth that the velocity filter allows a disturbance observer."""
     low, _ = cutoff_range(device, cutoff)
     return DELAY_SHARE / filter_delay_s(low)
 
@@ -78,100 +75,63 @@ def share_of(bandwidth_1_s: Any, h: float) -> Any:
     return 1 - ca.exp(-h * bandwidth_1_s)
 
 
+# d4 = L (omega_m - integral(a_model + d4)) has the state z = omega_m - d4/L.  Kept is d4 itself:
+#
+#         d4 += (1 - exp(-L h)) ((omega_m(k) - omega_m(k-1))/h - a_model - d4)
+#
+# A difference of two near rates is exact, and with L = 0 the estimate rests instead of drifting.
+# a_model is the mean over the step.
 def drive_observer(device: DeviceData) -> Block:
-    """Disturbance of the drive in momentum form, without an acceleration signal (5.5).
-
-    ``d4 = L (omega_m - integral(a_model + d4))`` has the state z = omega_m - d4/L.  Kept here is d4
-    itself, which has the same values: from one sample to the next
-
-        d4 += (1 - exp(-L h)) ((omega_m(k) - omega_m(k-1))/h - a_model - d4)
-
-    A difference of two near rates is exact, so rounding stays that of d4, not of the speed; and
-    with L = 0 the estimate rests instead of drifting.  a_model is the mean over the step: friction
-    and coupling torque of both its ends, and the motor's torque averaged exactly.
-    """
+    """Disturbance of the drive in momentum form, without an acceleration signal (5.5)."""
     law = _DriveObserver(device)
-    return Block.define(
+    return Block.of(
+        law,
         "drive_observer",
         "Disturbance of the drive, and the motor's torque behind its lag",
-        period_s=law.h,
         constants=device.constants("actuator"),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
         outputs=(
             around("d4_rad_s2", law.d_lim, "disturbance of the drive", equation="(5.5)"),
             around("u_a_Nm", law.u_lim, "motor torque by the model of its lag", equation="(5.1)"),
             Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
         ),
-        equations=law.equations(),
-        step=law.step,
     )
 
 
+# Late by half a period only: the bandwidth may be twenty times what the motor side's filter allows.
 def drive_observer_by_gear(device: DeviceData) -> Block:
-    """Disturbance of the drive (5.5) from the rate of the motor's own encoder.
-
-    That rate needs no filter: it is late by half a period, so that the bandwidth may be twenty
-    times what the filter of the motor side's rate allows.  Seen from the gear, what the cable loses
-    is a disturbance as the others.
-    """
+    """Disturbance of the drive (5.5) from the unfiltered rate of the motor's own encoder."""
     law = _DriveObserver(device, by_gear=True)
-    return Block.define(
+    return Block.of(
+        law,
         "drive_by_gear",
         "Disturbance of the drive, by the motor's own encoder",
-        period_s=law.h,
         constants=(*device.constants("actuator"), *law.cable_constants()),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
         outputs=(
             around("d4_rad_s2", law.d_lim, "disturbance of the drive", equation="(5.5)"),
             Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
         ),
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 def gear_observer(device: DeviceData) -> Block:
-    """What (5.2) leaves unexplained of the motion of the motor's own encoder.
-
-    ``moves_rad_s2`` is how hard the drive has been moved: its acceleration behind the same lag, the
-    largest of the last ``MOVED_S`` or so.  A wrong inertia leaves a share of it unexplained.
-
-    References
-    ----------
-    .. [1] A. De Luca and R. Mattone, "Actuator failure detection and isolation using generalized
-       momenta", ICRA 2003 (a residual that follows the unexplained torque by a lag).
-    """
+    """What (5.2) leaves unexplained of the motor's own encoder (De Luca, Mattone, ICRA 2003)."""
     if device.file.redundancy is None:
         raise UserError(f"{device.origin}: section [redundancy] is missing.", "Add it.")
     law = _DriveObserver(device, device.file.redundancy.rate_1_s.value)
-    return Block.define(
+    return Block.of(
+        law,
         "gear_observer",
         "What motor and coupling leave unexplained of the drive's motion",
-        period_s=law.h,
         constants=device.constants("actuator"),
-        state=law.state(),
-        inputs=law.inputs(),
         outputs=(
             around("d_gear_rad_s2", law.d_lim, "unexplained acceleration", equation="(5.5)"),
             Port("moves_rad_s2", 0.0, law.a_lim, "largest acceleration of late, behind the lag"),
             Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
         ),
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 class _DriveObserver:
-    """Numbers, step and ports; with a fixed bandwidth where one is given."""
-
     def __init__(
         self, device: DeviceData, bandwidth_1_s: float | None = None, *, by_gear: bool = False
     ) -> None:
@@ -285,12 +245,16 @@ class _DriveObserver:
         return tuple(c for c in self.device.constants("cable") if c.name in ("loss", "drive_1_s"))
 
     def coefficients(self) -> tuple[Port, ...]:
+        if self.fixed:
+            return ()
         return (
             Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
             Port("keep", 0.0, 1.0, "kept in one step", equation="(5.5)"),
         )
 
     def tunables(self) -> tuple[Tunable, ...]:
+        if self.fixed:
+            return ()
         if self.by_gear:
             cable = self.device.file.cable
             if cable is None:

@@ -24,51 +24,33 @@ MOST_KEPT = 501
 
 
 def parabola_weights(values: int = VALUES, spacing_s: float = SPACING_S) -> Array:
-    """What each past value adds to the least-squares parabola.
-
-    return: shape (3, values): times the values it gives c with y(t) = c[0] + c[1] t + c[2] t^2, t
-        counted from the newest value on.
-    """
+    """(3, values): times the values c of y(t) = c0 + c1 t + c2 t^2, t from the newest value on."""
     t = -spacing_s * np.arange(values)
     return np.asarray(np.linalg.pinv(np.vander(t, 3, increasing=True)))
 
 
+# At a control rate above 20 Hz the values between are kept too: 11 values 0.05 s apart, of which
+# the newest is now.  Until there are so many, the first one stands for those that are missing.
 def parabola(device: DeviceData) -> Block:
-    """Torque of the person with its slope and curvature, from a parabola through past values.
-
-    device: a device with a drive; the Block runs at the rate of its control task.
-    return: input ``tau_h_Nm``, an observer's estimate; outputs ``tau_h_fit_Nm``,
-        ``tau_h_rate_Nm_s`` and ``tau_h_curve_Nm_s2``, value and derivatives of the parabola now,
-        and a status word.
-
-    At a control rate above 20 Hz the values between are kept too, so that the parabola always goes
-    through the newest value's neighbourhood: 11 values 0.05 s apart, of which the newest is now.
-    Until there are so many, the first one stands for those that are missing.  An invalid input
-    counts as the last valid one.
-    """
+    """Torque of the person with slope and curvature, from a parabola through past values."""
     law = _Parabola(device)
     t, c0, c1, c2 = sp.symbols("t c_0 c_1 c_2")
-    return Block.define(
+    return Block.of(
+        law,
         "parabola",
         "Torque of the person ahead: parabola through its past",
-        period_s=law.h,
         state=(
             Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
             around("last_Nm", law.tau_lim, "value of the last step"),
             around("past_Nm", law.tau_lim, "values before it, newest first", law.count - 2),
         ),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=(
             equation("[parabola]", "tau_h", c0 + c1 * t + c2 * t**2, "least squares, 11 values"),
         ),
-        step=law.step,
     )
 
 
 class _Parabola:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         drive = drive_of(device)
         self.h = drive.control_period_s

@@ -37,36 +37,25 @@ DECAY_FACTOR = 5.0
 SLOWEST_POLE = 0.9999
 
 
+# In float32 an increment below half a unit in the last place is lost: the estimate stops short of
+# its end by up to 2^-25 of its size over L h: at 0.25 1/s and 1 kHz 1.2e-4 of the torque.
 def lag_observer(device: DeviceData) -> Block:
-    """Torque of the person in momentum form, a first-order lag (5.10).
-
-    As :func:`esea_gen.observe.disturbance.drive_observer`, on the load side's (5.3).  In float32
-    an increment below half a unit in the last place is lost, so that the estimate stops short of
-    its end by up to 2^-25 of its size over L h: at 0.25 1/s and 1 kHz 1.2e-4 of the torque.
-    """
+    """Torque of the person in momentum form, a first-order lag (5.10)."""
     law = _Lag(device)
-    return Block.define(
+    return Block.of(
+        law,
         "human_lag",
         "Torque of the person: first-order lag",
-        period_s=law.h,
         constants=device.constants("joint"),
-        tunables=law.tunables(),
         coefficients=(Port("share", 0.0, 1.0, "taken up in one step", equation="(5.10)"),),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
         outputs=(
             around("tau_h_Nm", law.tau_h_lim, "torque of the person", equation="(5.10)"),
             Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
         ),
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 class _Lag:
-    """(5.10): numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         self.device = device
         self.drive = drive_of(device)
@@ -182,41 +171,25 @@ def error_matrix(device: DeviceData, decay_s: float | None = None) -> Array:
     return np.asarray(correction @ model)
 
 
+# Angle, rate, torque of the person, and its rate, which decays.  Without a valid angle it predicts
+# only. The predicted angle has room beyond the port's range, which a valid sample never uses up;
+# without samples it may rest at the end of that room, and a flag says so.
 def extended_state(device: DeviceData) -> Block:
-    """Torque of the person, its rate, and the load side's motion, by an extended-state observer.
-
-    Four states: angle, rate, torque of the person, its rate, which decays with its time constant.
-    Each step corrects the prediction by steady gains on the encoder's innovation, and predicts the
-    next step with the torque measured now.  Without a valid angle it predicts only: the rate of the
-    torque decays, and the torque comes to rest.
-
-    The predicted angle has room beyond the port's range, which a valid sample never lets it use
-    up: at an end the estimate is what it is anywhere else.  Without samples it may reach the end of
-    that room, and rests there: the rate towards the end is dropped with the angle, and a flag says
-    so.
-    """
+    """Torque of the person, its rate, and the load side's motion, by an extended-state observer."""
     law = _ExtendedState(device)
-    return Block.define(
+    return Block.of(
+        law,
         "human_eso",
         "Torque of the person: extended-state observer",
-        period_s=law.h,
         constants=(
             *device.constants("joint"),
             *(k for k in device.constants("disturbance") if k.name.startswith("gain_")),
         ),
-        tunables=law.tunables(),
         coefficients=(
             Port("keep", 0.0, 1.0, "share of the torque's rate that a step keeps"),
             Port("reach_s", 0.0, law.h, "torque gained in a step, per rate"),
         ),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
-        equations=law.equations(),
-        # Between a prediction and a sample, both of which lie there: gain_theta is at most 1.
         facts={"theta_load_est_rad": (law.theta_low, law.theta_high)},
-        step=law.step,
         streams=STREAMS,
     )
 
@@ -235,8 +208,6 @@ def _check_gains(device: DeviceData, decays_s: tuple[float, ...]) -> None:
 
 
 class _ExtendedState:
-    """Numbers, step and ports of the extended-state observer."""
-
     def __init__(self, device: DeviceData) -> None:
         self.drive = drive_of(device)
         d = self.drive.disturbance

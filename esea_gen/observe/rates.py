@@ -73,41 +73,25 @@ def tangent(x: Any) -> Any:
     return x / below
 
 
+# While the input is invalid the rate is held; the sample after a gap stands for the held rate too,
+# so that what was moved meanwhile makes no spike.
 def butterworth_rate(device: DeviceData, name: str, cutoff: Quantity) -> Block:
-    """Rate of a joint angle behind a fourth-order Butterworth filter.
-
-    The first valid sample primes the filter: from rest it starts without a transient.  While the
-    input is invalid the rate is held; the sample after a gap stands for the held rate too, so that
-    what was moved meanwhile makes no spike.  The delay at low frequency is :func:`filter_delay_s`
-    and half a period.
-
-    References
-    ----------
-    .. [1] V. Zavalishin, "The Art of VA Filter Design", 2012 (trapezoidal state-variable filter).
-    """
+    """Rate of a joint angle behind a Butterworth filter of fourth order (Zavalishin 2012)."""
     law = _Butterworth(device, name, cutoff)
-    return Block.define(
+    return Block.of(
+        law,
         name,
         "Angular rate: difference behind a fourth-order Butterworth filter",
-        period_s=law.h,
         constants=device.constants("timing"),
-        tunables=law.tunables(),
         coefficients=tuple(Port(f"gain_{i}", 0.0, 1.0, f"gains of section {i}", 3) for i in (1, 2)),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
         outputs=(
             around("omega_rad_s", law.limit, "filtered rate of the angle"),
             Port("status", 0, 15, "what is known of this sample", flags=law.flags()),
         ),
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 class _Butterworth:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData, name: str, cutoff: Quantity) -> None:
         self.cutoff = cutoff
         self.drive = drive_of(device)
@@ -254,5 +238,4 @@ def motor_rate(device: DeviceData) -> Block:
 
 
 def load_rate(device: DeviceData) -> Block:
-    """Rate of the load side, cut-off ``joint.load_velocity_Hz``."""
     return butterworth_rate(device, "load_rate", drive_of(device).joint.load_velocity_Hz)

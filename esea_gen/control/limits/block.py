@@ -50,13 +50,11 @@ BEATS = 255  # the stamp counts 1 to 255; 0 is what a latch holds before anythin
 FADE, BRAKE = 0.8, 0.9  # shares of the largest speed: pushing on fades from the first to the second
 
 
+# The stamp goes through the same latch release as the command and changes with every run.  A
+# command that is NaN or none is replaced by 0 and stamped 0, which the limits take as never
+# delivered.
 def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
-    """The last Block of the control task: stamps the command, so that a dead task shows.
-
-    The stamp goes through the same latch release as the command and changes with every run.  A
-    command that is NaN or no command is replaced by 0 and stamped 0, which the limits take as
-    never delivered.
-    """
+    """The last Block of the control task: stamps the command, so that a dead task shows."""
     _, _, _, every = safety_sections(device)
     reach = command_range(device)
 
@@ -93,20 +91,7 @@ def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
 
 
 def limits(device: DeviceData) -> Block:
-    r"""The limits before the motor, with the fault latch.
-
-    Every maximum of ``[safety]`` is compiled in; the tunables of the same names only narrow it.
-    Positive motor torque turns the joint towards larger angles.
-
-    With the joint angle :math:`\theta_l`, the larger of both speeds :math:`\omega`, largest
-    torque U, upper end b, margin m and largest speed W, a push towards larger angles is at most
-
-    .. math:: \min(U, \max(0, U (b - \theta_l)/m), \max(0, U (0.9 W - \omega)/(0.1 W)))
-
-    and likewise towards smaller ones.  Energy counts in slots of a tenth of the window T,
-    :math:`E = h \sum \max(0, \tau\,\omega_l)` over the present slot and the ten before it:
-    everything given within the last T is in it, and nothing older than eleven slots.
-    """
+    """The limits before the motor, with the fault latch; tunables only narrow ``[safety]``."""
     n = LimitNumbers(device)
     tunables = _tunables(n)
     coefficients = _coefficients(n, tunables)

@@ -97,7 +97,6 @@ FAULT_CODES = tuple(
 
 
 def limit_flags(energy_max: float) -> tuple[Flag, ...]:
-    """Bits of the status word of the limits."""
     return (
         Flag("INPUT_INVALID", FAULT_TEXT[Fault.INPUT_INVALID], True),
         Flag("STATE_REPAIRED", "the state was corrupt; the latch was closed afresh", True),

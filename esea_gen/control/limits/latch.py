@@ -46,7 +46,6 @@ def limit_step(
     guard: Guard,
     label: Labels,
 ) -> StepResult:
-    """One step: next state and outputs."""
     m = _memory(coefficients, c, s, u, guard, label)
     age = _control_age(n, s, u, label)
     energy = _energy(n, s, u, label)
@@ -136,7 +135,6 @@ def _memory(
 
 
 def _control_age(n: LimitNumbers, s: Any, u: Any, label: Labels) -> ca.SX:
-    """Periods since the control task delivered."""
     delivered = ca.logic_and(u.control_beat >= 1, ca.logic_not(u.control_beat == s.beat_last))
     return label(
         "age_ticks",

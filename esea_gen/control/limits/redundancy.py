@@ -25,44 +25,31 @@ if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
 
 
+# A zero between the angles is set in the first run that finds both encoders usable: angles that
+# part stay parted until one encoder has failed and come back, or init.  Torques may agree again.
 def redundancy(device: DeviceData) -> Block:
-    """Whether encoders and motor torque agree.
-
-    The angles may be ``apart_rad`` apart, for backlash and the encoders' own errors, and what the
-    torque explains of a cable between its softest and its usual stiffness.  The torque that the
-    drive's motion (5.2) leaves unexplained may be ``torque_Nm``, for friction and the gear's
-    disturbance, ``torque_share`` of the interaction torque, for the elastomer's model, and
-    ``inertia_share`` of what the drive's inertia took of late, for the models of inertia and lag.
-
-    The zero between the angles is set in the first run that finds both encoders usable: angles that
-    part stay parted until one encoder has failed and come back, or init.  Torques may agree again,
-    for an obstacle at the drive may go away.
-    """
+    """Whether encoders and motor torque agree."""
     law = _Redundancy(device)
-    return Block.define(
+    return Block.of(
+        law,
         "redundancy",
         "Whether encoders and motor torque contradict one another",
-        period_s=law.drive.control_period_s,
         constants=(*device.constants("redundancy"), *law.inertia()),
         state=(
             around("zero_rad", law.angle_lim, "drive's angle less the motor side's, at rest"),
             Port("zeroed", 0.0, 1.0, "1 once that is set"),
         ),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=_equations(),
-        step=law.step,
     )
 
 
 class _Redundancy:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         found = device.file.redundancy
         if found is None:
             raise UserError(f"{device.origin}: section [redundancy] is missing.", "Add it.")
         self.device, self.drive, self.own = device, drive_of(device), found
+        self.h = self.drive.control_period_s
         self.J = self.drive.actuator.J_kgm2.value
         self.stiffness = found.cable_Nm_rad.value
         self.softer = 1 / found.cable_least_Nm_rad.value - 1 / self.stiffness

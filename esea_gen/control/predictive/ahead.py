@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 LEAST_KP = 1e-4
 
 
+# An offset starts a law from the measured torque; along the horizon it fades as it will.  In one
+# layer the path stays so near to the load side, as it moves on, that the stiffness asks for
+# tau_range_Nm at most: as the set torque's clip does in two layers.
 def ahead(
     device: DeviceData,
     horizon: Horizon,
@@ -30,43 +33,20 @@ def ahead(
     one_layer: bool,
     torque_given: bool | None = None,
 ) -> Block:
-    """Wanted torque, and the impedance law's path and gains, along the horizon.
-
-    The reference Block starts a law from the measured torque: an offset makes up the difference and
-    fades.  Along the horizon the offset fades as it will: bumpless with a known future too.
-
-    given: whether the future is an input (one value for the end of each interval); else the wanted
-        torque and the wanted rate hold from now on.
-    one_layer: whether the predictive controller holds the impedance law itself; else its reference
-        in impedance mode is the set torque, which holds from now on.
-    torque_given: whether the torque alone is, as an extrapolation gives it; as ``given`` when not
-        given.
-    return: inputs: from the reference Block ``mode``, ``offset_Nm``, ``keep`` and ``tau_range_Nm``;
-        the wanted torque, ``tau_preview_Nm`` or ``tau_wanted_Nm``; in two layers ``tau_set_Nm``; in
-        one layer the gains, the wanted path and the load side's motion. Outputs: ``tau_d_Nm``, in
-        one layer also ``theta_d_rad``, ``omega_d_rad_s`` and the gains (0 outside impedance mode),
-        ``mode`` and a status word.
-
-    In one layer the path stays so near to the load side, as it moves on by itself, that the
-    stiffness asks for ``tau_range_Nm`` at most: as the set torque's clip does in two layers.
-    """
+    """Wanted torque, and the impedance law's path and gains, at the end of every interval."""
     law = _Ahead(device, horizon, given, one_layer, given if torque_given is None else torque_given)
     inputs, outputs = law.ports()
-    return Block.define(
+    return Block.of(
+        law,
         "ahead",
         "What is wanted along the horizon",
-        period_s=law.drive.control_period_s,
         state=(),
         inputs=inputs,
         outputs=outputs,
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 class _Ahead:
-    """Numbers, step and ports."""
-
     def __init__(
         self,
         device: DeviceData,
@@ -79,6 +59,7 @@ class _Ahead:
         self.given, self.torque_given = given, torque_given
         self.one_layer = one_layer
         self.drive = drive_of(device)
+        self.h = self.drive.control_period_s
         self.n = horizon.intervals
         self.many = self.n if given else 1
         self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
@@ -120,7 +101,6 @@ class _Ahead:
         return ca.vertsplit(x) if given else [x] * self.n
 
     def ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
-        """Inputs and outputs."""
         inputs = [
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
             around("tau_preview_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)

@@ -48,14 +48,7 @@ def packed(i: int, j: int) -> int:
 
 @dataclass(frozen=True)
 class QpMemory:
-    """Arrays of a box QP inside a Program.
-
-    H, f, low, high: the problem: packed Hessian, gradient at 0, bounds.
-    x: start (any numbers; they are clipped) and result.
-    iterations: changes of the active set after the first sweep over all variables.
-    residual: largest distance between x and its projected gradient step, each gradient over its own
-        diagonal element of H.
-    """
+    """Arrays of a box QP inside a Program: problem, start and result ``x``, verdict."""
 
     H: Memory
     f: Memory
@@ -70,18 +63,12 @@ class QpMemory:
 
 
 def iteration_cap(n: int) -> int:
-    """Cap on the changes of the active set after the first sweep over all variables.
-
-    return: ``3 n``; the most seen on our random and worst-case problems is about ``2 n``.
-    """
+    """Changes of the active set after the first sweep; about 2 n is the most seen."""
     return 3 * n
 
 
 def add_box_qp(b: Builder, n: int, cap: int | None = None) -> QpMemory:
-    """Add the parts ``qp_sweep`` and ``qp_solve`` to a Program.
-
-    cap: cap on the iterations, :func:`iteration_cap` when not given.
-    """
+    """Add the parts ``qp_sweep`` and ``qp_solve`` to a Program."""
     if not SIZES[0] <= n <= SIZES[1]:
         raise UserError(
             f"A box QP has {n} variables; {SIZES[0]} to {SIZES[1]} are possible.",
@@ -108,8 +95,6 @@ def add_box_qp(b: Builder, n: int, cap: int | None = None) -> QpMemory:
 
 
 class _Writer:
-    """Writes the parts; what they share."""
-
     def __init__(self, b: Builder, n: int, m: QpMemory) -> None:
         size = m.H.size
         self.b, self.n, self.m, self.unroll = b, n, m, n <= UNROLL_MOST
@@ -309,17 +294,14 @@ class _Writer:
 # Not those of ``kernels``: a kernel of the same name and function is one kernel, and a Program that
 # holds the solver has kernels of these names of its own.
 def same(x: Any) -> Any:
-    """A copy."""
     return x
 
 
 def zero() -> Any:
-    """0, for what is summed or counted."""
     return ca.SX(0)
 
 
 def one() -> Any:
-    """1, for what is true until found otherwise."""
     return ca.SX(1)
 
 

@@ -35,6 +35,9 @@ Person = Literal["extended_state", "parabola"]
 DriveTrain = Literal["rigid", "cable"]
 
 
+# A substep: the motor's lag exactly (5.1); half a kick by motor, coupling and person; friction by a
+# linearly implicit midpoint step; drift; the coupling at the new deflection; half a kick with the
+# new torque.  The sign of Kp and Kd is that of a stiffness; (5.24) prints the other one.
 def drive_model(
     device: DeviceData,
     horizon: Horizon,
@@ -45,16 +48,7 @@ def drive_model(
     weights: tuple[float, float] = (Q_BEST, R_BEST),
     train: DriveTrain = "rigid",
 ) -> Model:
-    """Plant (5.1 to 5.3), elastomer and cost of a device.
-
-    A substep of length h: the motor's lag exactly (5.1); half a kick by motor, coupling and person;
-    friction by a linearly implicit midpoint step; drift; stop operators, Maxwell element (the
-    sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
-    with the new torque.  With the cable the drift is the gear's, and the motor side goes where the
-    torques of cable and elastomer balance.  A member of the family has its own step in place of
-    stop operators, Maxwell element and spring.  The sign of Kp and Kd is that of a stiffness;
-    (5.24) prints the other one.
-    """
+    """Plant (5.1 to 5.3), elastomer and cost of a device."""
     plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights, plant.rubber.temperature)
     gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
@@ -84,8 +78,6 @@ def drive_model(
 
 
 class _Drive:
-    """Numbers of the plant, one method an equation group, and the ports."""
-
     def __init__(
         self, device: DeviceData, impedance: bool, person: Person, train: DriveTrain
     ) -> None:
@@ -109,7 +101,6 @@ class _Drive:
             self.cable = CableModel(device, self.rubber.soft_Nm_rad)
 
     def constants(self) -> tuple[Constant, ...]:
-        """Of the device file."""
         return (
             *(c for section in ("actuator", "joint") for c in self.device.constants(section)),
             *self.rubber.constants(),
@@ -123,7 +114,6 @@ class _Drive:
         return (*angle, "delta", *turned, *moving, *self.rubber.states, "tau_e")
 
     def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
-        """State at the measurement."""
         angle = {"theta_l": u.theta_l_rad} if self.impedance else {}
         if self.cable:
             omega_m = u.omega_gear_rad_s
@@ -197,7 +187,6 @@ class _Drive:
         return t.let("omega_2", omega_1 - lost)
 
     def error(self, x: SimpleNamespace, p: SimpleNamespace, ref: SimpleNamespace) -> list[Any]:
-        """(5.24), or the torque's error."""
         e_tau = x.tau_e - ref.tau_d
         if self.impedance:
             e_tau = (
@@ -212,7 +201,6 @@ class _Drive:
         return [p.root_r * (u - x.u_a)]
 
     def human(self, u: SimpleNamespace, p: SimpleNamespace, s: Any) -> Any:
-        """Forecast of the person's torque."""
         if not self.published:
             return u.tau_h_Nm + u.tau_h_rate_Nm_s * s
         tau = u.tau_h_Nm + s * (u.tau_h_rate_Nm_s + 0.5 * s * u.tau_h_curve_Nm_s2)
@@ -264,7 +252,6 @@ class _Drive:
         return wanted, references
 
     def measured(self) -> tuple[Port, ...]:
-        """Ports of what is measured and estimated."""
         drive, turn, u_max = self.drive, self.drive.theta_high_rad, self.u_max
         return (
             around("delta_rad", drive.delta_rad, "deflection"),
@@ -298,7 +285,6 @@ class _Drive:
 def _weights(
     weights: tuple[float, float], temperature: Mapping[str, Any]
 ) -> tuple[tuple[Tunable, ...], tuple[Port, ...]]:
-    """Tunables and what they are prepared to."""
     tunables = (
         Tunable("Q", weights[0], 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
         Tunable(
@@ -333,7 +319,6 @@ def predictive_controller(
     cap: int | None = None,
     train: DriveTrain = "rigid",
 ) -> Program:
-    """The predictive controller of a device as a Program."""
     drive = drive_of(device)
     period = drive.control_period_s if period_s is None else period_s
     if horizon is None:

@@ -45,12 +45,7 @@ def predictive_program(
     title: str = "Model predictive control",
     cap: int | None = None,
 ) -> Program:
-    """The controller of a model as a Program.
-
-    period_s: period of the control task; the last plan is shifted by it.
-    return: the model's inputs; outputs the command (named ``model.u_name``), the QP's residual and
-        a status word; the plan is what it carries from step to step.
-    """
+    """The controller of a model as a Program; the plan is what it carries, shifted by a period."""
     return _Writer(model, horizon, period_s, cap).program(name, title)
 
 

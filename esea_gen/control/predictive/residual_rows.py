@@ -16,12 +16,7 @@ from esea_gen.language.statements import Ix, Memory
 
 
 class ResidualRows:
-    """Writes the parts ``effort`` and ``error`` of an interval, and ``gram``.
-
-    x, u, p, r: state, input, parameters and references in an interval.
-    dx: sensitivities of the state, by input.
-    guarded: inputs of the Program.
-    """
+    """Writes the parts ``effort`` and ``error`` of an interval, and ``gram``."""
 
     def __init__(
         self,
@@ -41,7 +36,6 @@ class ResidualRows:
         self.rows: list[tuple[Memory, Memory]] = []
 
     def write(self) -> None:
-        """The parts."""
         # Rows of the residuals' Jacobian, by interval: parts with the interval as a parameter.
         for effort in (True, False):
             kind = "effort" if effort else "error"

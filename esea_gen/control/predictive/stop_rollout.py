@@ -22,13 +22,10 @@ from esea_gen.language.ports import clip
 from esea_gen.language.statements import Ix, Memory, Ref
 
 
+# delta, ahead: deflection, last and next; tau, slope: torque, and stiffness of the free ones; back:
+# by input, the sensitivity of the free ones' play torque.
 class StopRollout:
-    """Writes the parts that carry stop operators from one deflection to the next.
-
-    delta, ahead: deflection, last and next.
-    tau, slope: their torque, and the stiffness of the free ones.
-    back: by input, the sensitivity of the free ones' play torque.
-    """
+    """Writes the parts that carry stop operators from one deflection to the next."""
 
     def __init__(
         self,

@@ -55,44 +55,27 @@ FRICTION_AHEAD_S = 0.035
 MARGIN_HIGH = 5.0
 
 
+# e = delta_d - delta.  Kept is lambda^2 times the integral: a rate, which does not jump when lambda
+# is tuned.  On entry the integral makes the surface 0, and what is missing to the applied command
+# becomes an offset that fades with the motor's lag.  The integral rests while the command is
+# clipped, here or behind, and the error would drive it further; the applied command is compared
+# with the last two, for which of them it stems from depends on the control task's release.
 def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
-    """Sliding mode torque controller.
-
-    Controlled is the motor side relative to the load side, ``e = delta_d - delta``, so that
-    ``theta_d = theta_l + delta_d``.  The integral's part of the surface, lambda^2 times the
-    integral, is what is kept: it is a rate, and does not jump when lambda is tuned.
-
-    On entry (the mode was 0, or the last step was invalid) the integral is set so that the surface
-    is 0, and what is missing between the law and the command that is applied becomes an offset that
-    fades with the motor's lag: the command starts where it is.  Off, the command is 0.
-
-    The integral rests while the command is clipped, here or by what follows, and the error would
-    drive it further.  The applied command is compared with the last two commands: which of the two
-    it stems from depends on when the control task's command is released.
-    """
+    """Sliding mode torque controller of the motor side relative to the load side."""
     law = _SlidingMode(device, lead)
-    return Block.define(
+    return Block.of(
+        law,
         "sliding_mode",
         "Sliding mode torque controller",
-        period_s=law.h,
         constants=device.constants("actuator")
         + device.constants("sliding_mode")
         + tuple(k for k in device.constants("joint") if k.name == "Jh_kgm2"),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=surface_equations() + (law.softening.equations() if law.softening else ()),
-        step=law.step,
         streams=STREAMS,
     )
 
 
 class _SlidingMode:
-    """The law's numbers and ranges, and its step: one method an equation group."""
-
     def __init__(self, device: DeviceData, lead: float | None) -> None:
         drive = self.drive = drive_of(device)
         sm = self.sm = sliding_mode_numbers(device)
@@ -257,11 +240,7 @@ class _SlidingMode:
         return label("set_acc_rad_s2", set_acc, "theta_d''")
 
     def friction_rate(self, c: SimpleNamespace, u: SimpleNamespace, label: Labels) -> ca.SX:
-        """Rate whose friction is compensated: the motor's, or the one that it should have.
-
-        At rest the motor's own rate says nothing of the way it is to go: it sticks at every
-        reversal until the error has grown.
-        """
+        """Rate whose friction is compensated: at rest the motor's own says nothing."""
         if not self.model_acceleration:
             return ca.SX(u.omega_motor_rad_s)
         should = u.omega_load_rad_s + u.delta_rate_rad_s + FRICTION_AHEAD_S * u.delta_acc_rad_s2

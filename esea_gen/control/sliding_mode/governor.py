@@ -44,15 +44,11 @@ FADE_S = 0.1
 LEAST_SHARE, MOST_SHARE = 0.01, 0.999
 
 
+# In impedance mode the set torque follows the motion, and what is led there would cost passivity.
+# Nor is noise believed, nor the tenths of a second after a step: with the smoothed one, the law
+# would chase a set-point while the cable takes up its slack (0.5 Nm overshot by 92, not 6 %).
 def torque_lead(device: DeviceData) -> Block:
-    """The set torque a little ahead, for the inverse.
-
-    Governed is torque mode alone.  In impedance mode the set torque follows the motion, and what is
-    smoothed and led there would cost passivity: nothing changes in it, nor when the mode is off.
-    With a set torque that is noise nothing is believed, and nothing is smoothed either; nor is it
-    for some tenths of a second after a step: with the smoothed one, the law would chase a set-point
-    while the cable takes up its slack (a step of 0.5 Nm overshot by 92 % in place of 6 %).
-    """
+    """The set torque a little ahead, for the inverse; in torque mode alone."""
     drive = drive_of(device)
     h, tau_lim, full = device.period_s, drive.tau_Nm, threshold(device.tau_full_scale_Nm)
     inputs, outputs = _lead_ports(device)
@@ -133,10 +129,7 @@ def _lead_ports(device: DeviceData) -> tuple[tuple[Port, ...], tuple[Port, ...]]
 
 
 def smoothed_setpoint(device: DeviceData) -> Block:
-    """The set deflection with its rate and acceleration, smoothed as far as it is governed.
-
-    Three equal lags, whose states give rate and acceleration without a difference quotient.
-    """
+    """Set deflection, rate and acceleration behind three equal lags, as far as it is governed."""
     drive = drive_of(device)
     h, delta_lim, rate_lim = device.period_s, drive.delta_rad, drive.rate_rad_s
     acc_lim = threshold(ACCELERATION_ROOM * drive.d4_rad_s2)

@@ -32,12 +32,7 @@ SLOPE_FALLS, LEAD_RISES = 0.5, 0.6
 
 
 class SwingSoftening:
-    """What softens the gains of the sliding mode.
-
-    h: control period (s).
-    error_lim: largest error (rad).
-    lead_high: largest lead.
-    """
+    """What softens the gains of the sliding mode."""
 
     def __init__(self, h: float, error_lim: float, lead_high: float) -> None:
         self.h, self.error_lim, self.lead_high = h, error_lim, lead_high

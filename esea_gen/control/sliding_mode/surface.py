@@ -30,11 +30,7 @@ WANTED_ACCELERATION = SET_ACC + 2 * LAMBDA * ERROR_RATE + LAMBDA**2 * ERROR
 
 @cache
 def equivalent_control() -> sp.Expr:
-    """Equivalent control: the motor torque that keeps the surface (5.16, 5.17).
-
-    return: solution of s' = 0 for u_a, with the plant (5.2) put in for the motor side's
-        acceleration.
-    """
+    """Motor torque that keeps the surface (5.16, 5.17): s' = 0 with (5.2), for u_a."""
     t = sp.Symbol("t")
     theta_d, theta_m, integral = (sp.Function(n)(t) for n in ("theta_d", "theta_m", "I"))
     e = theta_d - theta_m
@@ -50,14 +46,11 @@ def equivalent_control() -> sp.Expr:
     return sp.expand(solution)
 
 
+# With the equivalent control of the model in the plant with true numbers, J_true s' is linear in
+# the numbers' errors: each at its largest against s, and J_max eta on top for the reaching rate.
 @cache
 def switching_gain() -> sp.Expr:
-    """Smallest switching gain that reaches the surface whatever the uncertain numbers are (5.20).
-
-    With the equivalent control of the model put into the plant with true numbers, ``J_true s'`` is
-    linear in the numbers' errors.  Each error at its largest, against ``s``, and J_max eta on top
-    for the reaching rate, gives the sum of magnitudes.  J_max is J + J_unc.
-    """
+    """Smallest switching gain that reaches the surface, whatever the true numbers (5.20)."""
     errors = {
         J: (sp.Symbol("dJ"), J_UNC),
         FV: (sp.Symbol("dfv"), FV_UNC),
@@ -76,10 +69,7 @@ def switching_gain() -> sp.Expr:
 
 
 def surface_equations() -> tuple[Equation, ...]:
-    """What the law implements, for documents.
-
-    return: surface, equivalent control, switching gain, law, and our lead.
-    """
+    """What the law implements, for documents."""
     return (
         equation("(5.12)", "s", SURFACE, "surface of second order with integral"),
         equation("(5.16, 5.17)", "u_eq", equivalent_control(), "solution of s' = 0"),
