@@ -27,6 +27,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
+    status_port,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -226,13 +227,8 @@ class _Adaptation:
             now[name] = label(f"next_{name}", last + self.fade * (asked - last), "fading")
         stop, stopped = self.stop(s.stop_wish_Nm, u.tau_desired_Nm)
         shift = now["wish_loss"] * stop + now["wish_offset_Nm"]
-        return (
-            {
-                "wish_gain": now["wish_gain"],
-                "wish_shift_Nm": shift,
-            },
-            {**now, "stop_wish_Nm": ca.if_else(s.wished, stopped, u.tau_desired_Nm), "wished": 1},
-        )
+        kept = {"stop_wish_Nm": ca.if_else(s.wished, stopped, u.tau_desired_Nm), "wished": 1}
+        return {"wish_gain": now["wish_gain"], "wish_shift_Nm": shift}, now | kept
 
     def tunables(self) -> tuple[Tunable, ...]:
         rows = (
@@ -288,13 +284,6 @@ class _Adaptation:
         )
 
     def outputs(self) -> tuple[Port, ...]:
-        flags = (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; nothing is learnt", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; what was learnt is lost", True),
-            Flag("LEARNS", "the known mass moves: gain, loss and offset are learnt"),
-            Flag("AT_BOUND", "what would be learnt lies beyond its bound"),
-            Flag("IMPLAUSIBLE", "no rubber misses the known torque by so much: nothing is learnt"),
-        )
         return (
             self.gain_port,
             around("wish_shift_Nm", self.shift_lim, "loss and offset of the wish, in force"),
@@ -302,7 +291,16 @@ class _Adaptation:
             around("loss", self.loss_lim, "stop operator's share in the model's torque"),
             around("offset_Nm", self.offset_lim, "what the model shows without torque"),
             around("missed_Nm", self.missed_lim, "sensor less what is expected of the known mass"),
-            Port("status", 0, 31, "what is known of it", flags=flags),
+            status_port(
+                "what is known of it",
+                "an input was NaN or outside its range; nothing is learnt",
+                "the state was corrupt; what was learnt is lost",
+                Flag("LEARNS", "the known mass moves: gain, loss and offset are learnt"),
+                Flag("AT_BOUND", "what would be learnt lies beyond its bound"),
+                Flag(
+                    "IMPLAUSIBLE", "no rubber misses the known torque by so much: nothing is learnt"
+                ),
+            ),
         )
 
 

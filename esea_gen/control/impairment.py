@@ -23,7 +23,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.language.stream import OwnStreams, Stream, single
@@ -128,18 +128,13 @@ class _Impairment:
             around("tau_set_Nm", self.tau, "torque wanted on the wrist", equation="(7.1), (7.2)"),
             Port("acts", 0.0, 1.0, "1 while the impairment acts"),
             Port("usable", 0.0, 1.0, "1 while nothing here was invalid or corrupt"),
-            Port(
-                *("status", 0, 31, "what is known of it"),
-                flags=(
-                    Flag("INPUT_INVALID", "an input was NaN or outside its range; no torque", True),
-                    Flag("STATE_REPAIRED", "the state was corrupt; it no longer acts", True),
-                    Flag("IN_WALL", "the wrist is in the wall"),
-                    Flag(
-                        *("SATURATED", "the allowed torque is held", False, ("tau_set_Nm",)),
-                        self.tau,
-                    ),
-                    Flag("SWITCH_WAITS", "switched once the wrist rests outside the wall"),
-                ),
+            status_port(
+                "what is known of it",
+                "an input was NaN or outside its range; no torque",
+                "the state was corrupt; it no longer acts",
+                Flag("IN_WALL", "the wrist is in the wall"),
+                Flag("SATURATED", "the allowed torque is held", False, ("tau_set_Nm",), self.tau),
+                Flag("SWITCH_WAITS", "switched once the wrist rests outside the wall"),
             ),
         )
 
@@ -159,18 +154,15 @@ class _Impairment:
         raw = label("tau_raw_Nm", to_casadi(RESISTANCE, values) - push, "(7.1), (7.2)")
         torque = clip(raw, -c.tau_max_Nm, c.tau_max_Nm)
         acts = ca.logic_and(on, guard.inputs_ok)
-        flags = [
-            ca.logic_not(guard.inputs_ok),
-            ca.logic_not(guard.state_ok),
-            ca.logic_and(inside, acts),
-            ca.logic_and(ca.fabs(raw) > c.tau_max_Nm, acts),
-            ca.logic_and(asked != on, guard.inputs_ok),
-        ]
         return {"on": on}, {
             "tau_set_Nm": ca.if_else(acts, torque, 0),
             "acts": acts,
             "usable": ca.logic_and(guard.inputs_ok, guard.state_ok),
-            "status": flag_word(flags),
+            "status": guard.status(
+                ca.logic_and(inside, acts),
+                ca.logic_and(ca.fabs(raw) > c.tau_max_Nm, acts),
+                ca.logic_and(asked != on, guard.inputs_ok),
+            ),
         }
 
     def equations(self) -> tuple[Equation, ...]:

@@ -10,22 +10,12 @@ import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepFn, StepResult
-from esea_gen.language.ports import Equation, Flag, Port, Tunable, clip
+from esea_gen.language.ports import Equation, Flag, Port, Tunable, clip, status_port
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
 FADE_S = 0.1  # three times the motor's lag: the torque follows, the person feels no edge
 MOST_LAWS = 8
-FLAGS = (
-    Flag("INPUT_INVALID", "a command was NaN or outside its range; 0 stands for it", True),
-    Flag("STATE_REPAIRED", "the state was corrupt: the first law is in force", True),
-    Flag("LAW_UNKNOWN", "no law has that place; the one in force stays", True),
-)
-
-
-def _flags(reach: float) -> tuple[Flag, ...]:
-    text = "the joined command was clipped at the motor's limit"
-    return (*FLAGS, Flag("CLIPPED", text, True, ("u_command_Nm",), reach))
 
 
 def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] = ()) -> Block:
@@ -34,7 +24,8 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
         raise ValueError(f"{len(laws)} laws to switch between; 2 to {MOST_LAWS} can be")
     drive = drive_of(device)
     period, reach, last = drive.control_period_s, drive.u_Nm, len(laws) - 1
-
+    places = [f"{k} {n}" for k, n in enumerate(laws)]
+    clipped = "the joined command was clipped at the motor's limit"
     return Block.define(
         "law",
         "Switch between control laws, without a bump",
@@ -50,13 +41,7 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
             Port("u_last_Nm", -reach, reach, "last command"),
         ),
         inputs=(
-            Port(
-                "law",
-                0,
-                last,
-                f"wanted: {', '.join(f'{k} {n}' for k, n in enumerate(laws))}",
-                on_invalid="law_held",
-            ),
+            Port("law", 0, last, f"wanted: {', '.join(places)}", on_invalid="law_held"),
             *(Port(f"u_{n}_Nm", -reach, reach, f"command of {n}") for n in laws),
             *(Port(f"ok_{n}", 0, 1, f"1 while what {n} is asked for is sound") for n in checked),
         ),
@@ -64,7 +49,13 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
             Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
             Port("request_ok", 0, 1, "1 while what the law in force is asked for is sound"),
             Port("law_held", 0, last, "place of the law in force"),
-            Port("status", 0, 15, "what is known of the choice", flags=_flags(reach)),
+            status_port(
+                "what is known of the choice",
+                "a command was NaN or outside its range; 0 stands for it",
+                "the state was corrupt: the first law is in force",
+                Flag("LAW_UNKNOWN", "no law has that place; the one in force stays", True),
+                Flag("CLIPPED", clipped, True, ("u_command_Nm",), reach),
+            ),
         ),
         equations=_equations(),
         step=_joining(laws, checked, reach),

@@ -27,8 +27,8 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
     in_range,
+    status_port,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -170,13 +170,11 @@ class _Passivity:
             "seen": seen,
         }
         closed = ca.logic_not(passed == u.u_command_Nm)
-        flags = [
-            ca.logic_not(guard.inputs_ok),
-            ca.logic_not(guard.state_ok),
+        status = guard.status(
             ca.logic_and(on, told["damping_Nms_rad"] > 0),
             ca.logic_and(guard.inputs_ok, closed),
             ca.fabs(u.omega_motor_rad_s) > self.omega_most,
-        ]
+        )
         outputs = told | {
             # What was given is forgotten with the memory, and a bound outside its range bounds
             # nothing: the limits latch.
@@ -184,7 +182,7 @@ class _Passivity:
             "u_command_Nm": passed,
             "given_J": held["given_J"],
             "held_J": gated.held_J,
-            "status": flag_word(flags),
+            "status": status,
         }
         return next_state, outputs
 
@@ -272,33 +270,18 @@ class _Passivity:
 
     def tunables(self) -> tuple[Tunable, ...]:
         least, energy = self.own.least_Nms_rad, self.own.energy_J
+        felt = "damping that a hand feels at least: more is calmer and less transparent"
+        held = "energy that drive and command may hold and give: less is weaker"
         return (
-            Tunable(
-                "least_Nms_rad",
-                least.value,
-                least.value,
-                self.damping,
-                "damping that a hand feels at least: more is calmer and less transparent",
-                least.source,
-                least.status,
-                "high",
-            ),
-            Tunable(
-                "energy_J",
-                self.energy,
-                0.1 * self.energy,
-                self.energy,
-                "energy that drive and command may hold and give: less is weaker",
-                energy.source,
-                energy.status,
-                "low",
-            ),
+            least.tunable("least_Nms_rad", least.value, self.damping, felt, "high"),
+            energy.tunable("energy_J", 0.1 * self.energy, self.energy, held, "low"),
         )
 
     def coefficients(self) -> tuple[Port, ...]:
         return tuple(Port(t.name, t.low, t.high, t.meaning.split(":")[0]) for t in self.tunables())
 
     def state(self) -> tuple[Port, ...]:
+        u_room = 1.001 * self.u_max
         return (
             around("power_W", self.power_lim, "mean power that the error gives to the limb"),
             Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of its speed"),
@@ -312,13 +295,8 @@ class _Passivity:
             Port(
                 "moving_J", 0.0, self.moving_lim, "energy of the drive's own motion when last seen"
             ),
-            Port(
-                "v_Nm",
-                0.0,
-                1.001 * self.u_max,
-                "largest |motor torque| behind the lag, at the shaft",
-            ),
-            Port("most_Nm", 0.0, 1.001 * self.u_max, "largest |command| that the rate limit left"),
+            Port("v_Nm", 0.0, u_room, "largest |motor torque| behind the lag, at the shaft"),
+            Port("most_Nm", 0.0, u_room, "largest |command| that the rate limit left"),
             Port("seen", 0.0, 1.0, "1 when the last sample was good"),
         )
 
@@ -339,17 +317,6 @@ class _Passivity:
         )
 
     def outputs(self) -> tuple[Port, ...]:
-        flags = (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; the command is 0", True),
-            Flag(
-                "STATE_REPAIRED",
-                "the state was corrupt, all is forgotten: the limits latch",
-                True,
-            ),
-            Flag("DAMPED", "damping is added to what is wanted"),
-            Flag("COMMAND_CLOSED", "the command was cut: the drive holds as much as it may give"),
-            Flag("FAST", "the drive is faster than the bound reckons with"),
-        )
         return (
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
             Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
@@ -360,7 +327,16 @@ class _Passivity:
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
             Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
             Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),
-            Port("status", 0, 31, "what is known of this step", flags=flags),
+            status_port(
+                "what is known of this step",
+                "an input was NaN or outside its range; the command is 0",
+                "the state was corrupt, all is forgotten: the limits latch",
+                Flag("DAMPED", "damping is added to what is wanted"),
+                Flag(
+                    "COMMAND_CLOSED", "the command was cut: the drive holds as much as it may give"
+                ),
+                Flag("FAST", "the drive is faster than the bound reckons with"),
+            ),
         )
 
 
@@ -371,25 +347,16 @@ def _equations() -> tuple[Equation, ...]:
     E, d, J, wm, big, late, v = sp.symbols("E Delta_theta_m J omega_m Omega T v")
     h, k, n, m, most, extra = sp.symbols("h kappa n m E_m epsilon")
     base = E + J * wm**2 / 2 + big * n * late * v
+    rises = (gamma * (P + b0 * N) + (b1 - b) * n0 / tr) / (N + n0)
+    given = sp.Max(0, E + tau * d - sp.Max(0, tau_w * d))
+    let_by = (most - base) / (big * n * h * (1 + extra + k))
     return (
         equation("[pas 1]", "e", tau - tau_w - kd * w, "torque beyond what is wanted"),
         equation("[pas 2]", "b_felt", -P / N, "damping that the hand feels, by the error"),
-        equation(
-            "[pas 3]",
-            "b'",
-            (gamma * (P + b0 * N) + (b1 - b) * n0 / tr) / (N + n0),
-            "damping that is added, between 0 and b_1",
-        ),
-        equation(
-            "[pas 4]", "E", sp.Max(0, E + tau * d - sp.Max(0, tau_w * d)), "energy that was given"
-        ),
+        equation("[pas 3]", "b'", rises, "damping that is added, between 0 and b_1"),
+        equation("[pas 4]", "E", given, "energy that was given"),
         equation("[pas 5]", "V", base + big * n * h * k * m, "given, and what may still follow"),
-        equation(
-            "[pas 6]",
-            "u_most",
-            (most - base) / (big * n * h * (1 + extra + k)),
-            "largest command let by",
-        ),
+        equation("[pas 6]", "u_most", let_by, "largest command let by"),
     )
 
 

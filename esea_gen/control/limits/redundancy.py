@@ -17,7 +17,7 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Array, Flag, Port, around
+from esea_gen.language.ports import Array, Flag, Port, around, status_port
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -97,10 +97,7 @@ class _Redundancy:
         torques = label("torques_part", ca.logic_and(ready, ca.fabs(torque) > most))
         agree = label("agree", ca.logic_and(ready, ca.logic_not(ca.logic_or(angles, torques))))
         keep = ca.logic_or(zeroed, ca.logic_not(ready))
-        next_state = {
-            "zero_rad": ca.if_else(keep, s.zero_rad, found),
-            "zeroed": ready,
-        }
+        next_state = {"zero_rad": ca.if_else(keep, s.zero_rad, found), "zeroed": ready}
         outputs = {
             "agree": agree,
             "apart_rad": ca.if_else(ready, apart, 0.0),
@@ -128,7 +125,20 @@ class _Redundancy:
             around("apart_rad", self.apart_lim, "drive's angle less the motor side's"),
             around("apart_Nm", self.torque_lim, "torque at the drive that nothing explains"),
             Port("room_Nm", 0.0, self.room_lim, "how large that may be now"),
-            Port("status", 0, 31, "what is known of this sample", flags=_flags()),
+            status_port(
+                "what is known of this sample",
+                "an input was NaN or outside its range",
+                "the state was corrupt, the zero is lost: the limits latch",
+                Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
+                Flag(
+                    "ANGLES_PART",
+                    "the motor's encoder and the motor-side one contradict each other",
+                ),
+                Flag(
+                    "TORQUES_PART",
+                    "the drive moves otherwise than motor and coupling would move it",
+                ),
+            ),
         )
 
 
@@ -139,20 +149,6 @@ def shares_of_room(device: DeviceData, shown: Mapping[str, Array]) -> tuple[Arra
     angle = np.abs(shown["apart_rad"]) / (law.own.apart_rad.value + law.softer * tau)
     room_Nm = np.maximum(shown["room_Nm"], law.own.torque_Nm.value)  # 0 before the first run
     return np.asarray(angle), np.asarray(np.abs(shown["apart_Nm"]) / room_Nm)
-
-
-def _flags() -> tuple[Flag, ...]:
-    return (
-        Flag("INPUT_INVALID", "an input was NaN or outside its range", True),
-        Flag(
-            "STATE_REPAIRED",
-            "the state was corrupt, the zero is lost: the limits latch",
-            True,
-        ),
-        Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
-        Flag("ANGLES_PART", "the motor's encoder and the motor-side one contradict each other"),
-        Flag("TORQUES_PART", "the drive moves otherwise than motor and coupling would move it"),
-    )
 
 
 def _equations() -> tuple[Any, ...]:
