@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import reduce
+from itertools import accumulate, pairwise
+from operator import mul
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -48,12 +51,7 @@ def ahead(
 
 class _Ahead:
     def __init__(
-        self,
-        device: DeviceData,
-        horizon: Horizon,
-        given: bool,
-        one_layer: bool,
-        torque_given: bool,
+        self, device: DeviceData, horizon: Horizon, given: bool, one_layer: bool, torque_given: bool
     ) -> None:
         self.horizon = horizon
         self.given, self.torque_given = given, torque_given
@@ -85,22 +83,16 @@ class _Ahead:
 
         def power(k: int) -> Any:
             factors = [x for i, x in enumerate(squares) if k >> i & 1]
-            out: Any = ca.SX(1)
-            for x in factors:
-                out = out * x
-            return out
+            return reduce(mul, factors, ca.SX(1))
 
-        out, last, value = [], 0, ca.SX(1)
-        for k in self.ticks:
-            value = value * power(k - last)
-            out.append(value)
-            last = k
-        return out
+        steps = [power(b - a) for a, b in pairwise((0, *self.ticks))]
+        return list(accumulate(steps, mul, initial=ca.SX(1)))[1:]
 
     def along(self, x: Any, given: bool) -> list[Any]:
         return ca.vertsplit(x) if given else [x] * self.n
 
     def ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
+        full = self.full_scale
         inputs = [
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
             around("tau_preview_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)
@@ -109,15 +101,9 @@ class _Ahead:
             around("offset_Nm", self.widest, "from the law to where the torque was, now"),
             Port("keep", 0.0, 1.0, "share of the offset that a sensing period keeps"),
             # Above 0, so that no clip has both ends at a zero, of which there are two.
-            Port(
-                "tau_range_Nm",
-                0.009 * self.full_scale,
-                self.full_scale,
-                "largest |set torque|",
-                on_invalid=self.full_scale,
-            ),
+            Port("tau_range_Nm", 0.009 * full, full, "largest |set torque|", on_invalid=full),
+            *self.adapted,
         ]
-        inputs += self.adapted
         gains = (
             Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness", equation="(5.24)"),
             Port("Kd_Nms_rad", 0.0, self.kd_high, "damping", equation="(5.24)"),
@@ -148,7 +134,7 @@ class _Ahead:
                 *gains,
             ]
         else:
-            inputs.append(around("tau_set_Nm", self.full_scale, "set torque, impedance mode"))
+            inputs.append(around("tau_set_Nm", full, "set torque, impedance mode"))
             if self.passive:
                 inputs.append(around("omega_load_rad_s", self.omega_lim, "load side's rate"))
         outputs += [
@@ -180,12 +166,9 @@ class _Ahead:
             reach = label(
                 "reach_rad", u.tau_range_Nm / ca.fmax(kp, LEAST_KP), "where it asks for all"
             )
-            omega = self.along(
-                u.omega_preview_rad_s if self.given else u.omega_wanted_rad_s, self.given
-            )
-            start = self.along(
-                u.theta_preview_rad if self.given else u.theta_wanted_rad, self.given
-            )
+            word = "preview" if self.given else "wanted"
+            omega = self.along(vars(u)[f"omega_{word}_rad_s"], self.given)
+            start = self.along(vars(u)[f"theta_{word}_rad"], self.given)
             kd = ca.if_else(law, u.Kd_Nms_rad, 0)
             if self.passive:
                 # Against the wanted rate the law damps as before, so that this one damps all.
@@ -203,16 +186,11 @@ class _Ahead:
                 coasting = clip(u.theta_load_rad + end * u.omega_load_rad_s, self.low, self.high)
                 # Between two angles of the range, and so in it.
                 path.append(clip(theta, coasting - reach, coasting + reach))
-            outputs |= {
-                "theta_d_rad": path,
-                "omega_d_rad_s": omega,
-                "Kp_Nm_rad": kp,
-                "Kd_Nms_rad": kd,
-            }
+            outputs |= {"theta_d_rad": path, "omega_d_rad_s": omega}
+            outputs |= {"Kp_Nm_rad": kp, "Kd_Nms_rad": kd}
+        mode = ca.if_else(guard.inputs_ok, u.mode, 0)
         outputs |= {
-            "mode": label(
-                "mode_taken", ca.if_else(guard.inputs_ok, u.mode, 0), "off when not sound"
-            ),
+            "mode": label("mode_taken", mode, "off when not sound"),
             "request_ok": guard.inputs_ok,
             "status": flag_word([ca.logic_not(guard.inputs_ok)]),
         }
@@ -220,11 +198,6 @@ class _Ahead:
 
     def equations(self) -> tuple[Equation, ...]:
         tau_d, o, t, blend = sp.symbols("tau_d o t T_b")
-        return (
-            equation(
-                "[blend]",
-                "tau_ahead",
-                tau_d + o * sp.exp(-t / blend),
-                "wanted torque with the offset of a change of mode, as it will have faded",
-            ),
-        )
+        faded = tau_d + o * sp.exp(-t / blend)
+        text = "wanted torque with the offset of a change of mode, as it will have faded"
+        return (equation("[blend]", "tau_ahead", faded, text),)
