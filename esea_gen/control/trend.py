@@ -18,6 +18,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
+    status_port,
     threshold,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
@@ -156,23 +157,13 @@ class _Trend:
         return next_state, outputs
 
     def tunables(self) -> tuple[Tunable, ...]:
+        own, low = min(BANDWIDTH_HZ, self.high_Hz), min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz)
+        sees = "bandwidth without noise: higher sees sooner where it goes"
+        quiet = "noise that halves the bandwidth: lower is calmer, and trusts less"
+        source = "docs/predictive.md"
         return (
-            Tunable(
-                "bandwidth_Hz",
-                min(BANDWIDTH_HZ, self.high_Hz),
-                min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz),
-                self.high_Hz,
-                "bandwidth without noise: higher sees sooner where it goes",
-                "docs/predictive.md",
-            ),
-            Tunable(
-                "quiet_Nm",
-                QUIET_NM,
-                QUIET_LOW_NM,
-                QUIET_HIGH_NM,
-                "noise that halves the bandwidth: lower is calmer, and trusts less",
-                "docs/predictive.md",
-            ),
+            Tunable("bandwidth_Hz", own, low, self.high_Hz, sees, source),
+            Tunable("quiet_Nm", QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM, quiet, source),
         )
 
     def state(self) -> tuple[Port, ...]:
@@ -189,13 +180,6 @@ class _Trend:
         )
 
     def outputs(self) -> tuple[Port, ...]:
-        flags = (
-            Flag(
-                "INPUT_INVALID", "the input was NaN or outside its range; the last one counts", True
-            ),
-            Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-            Flag("CLIPPED", "rate or acceleration is at its range", True),
-        )
         n = len(self.ends_s)
         ahead = around("tau_ahead_Nm", self.tau_lim, "wanted torque at the intervals' ends", n or 1)
         return (
@@ -204,7 +188,12 @@ class _Trend:
             around("tau_curve_Nm_s2", self.acc_lim, "its acceleration now"),
             Port("trust", 0.0, 1.0, "share of both that is believed"),
             Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
-            Port("status", 0, 7, "what is known of it", flags=flags),
+            status_port(
+                "what is known of it",
+                "the input was NaN or outside its range; the last one counts",
+                "the state was corrupt; started afresh",
+                Flag("CLIPPED", "rate or acceleration is at its range", True),
+            ),
         )
 
 

@@ -29,6 +29,7 @@ from esea_gen.control.sliding_mode.surface import (
     K3_UNC,
     LAMBDA,
     SET_ACC,
+    SET_BY_WANTED,
     TAU_UNC,
     TORQUE_UNCERTAINTY,
     WANTED,
@@ -38,7 +39,7 @@ from esea_gen.control.sliding_mode.surface import (
 )
 from esea_gen.devices.fields import field_facts
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Flag, Port, Tunable, around, clip, threshold
+from esea_gen.language.ports import Flag, Port, Tunable, around, clip, status_port, threshold
 from esea_gen.model.symbolic import to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import D4, FC, FV, OMEGA_M, TAU_E, WIDTH, J, N
@@ -60,9 +61,9 @@ MARGIN_HIGH = 5.0
 # becomes an offset that fades with the motor's lag.  The integral rests while the command is
 # clipped, here or behind, and the error would drive it further; the applied command is compared
 # with the last two, for which of them it stems from depends on the control task's release.
-def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
+def sliding_mode(device: DeviceData) -> Block:
     """Sliding mode torque controller of the motor side relative to the load side."""
-    law = _SlidingMode(device, lead)
+    law = _SlidingMode(device)
     return Block.of(
         law,
         "sliding_mode",
@@ -76,13 +77,13 @@ def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
 
 
 class _SlidingMode:
-    def __init__(self, device: DeviceData, lead: float | None) -> None:
+    def __init__(self, device: DeviceData) -> None:
         drive = self.drive = drive_of(device)
         sm = self.sm = sliding_mode_numbers(device)
         h = self.h = drive.control_period_s
         self.model_acceleration = sm.setpoint_acceleration == "model"
         self.lambda_low, self.lambda_high = slope_range(device, h)
-        self.lead_here = (LEAD if self.model_acceleration else 1.0) if lead is None else lead
+        self.lead_here = LEAD if self.model_acceleration else 1.0
         check_loop(device, self.lead_here)
         self.u_lim, self.d_lim = drive.u_Nm, drive.d4_rad_s2
         self.tau_lim, self.tau_h_lim = drive.tau_Nm, drive.tau_h_Nm
@@ -213,24 +214,17 @@ class _SlidingMode:
 
     @staticmethod
     def surface(
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        e: ca.SX,
-        e_rate: ca.SX,
-        entering: ca.SX,
-        label: Labels,
+        c: Any, s: Any, e: ca.SX, e_rate: ca.SX, entering: ca.SX, label: Labels
     ) -> tuple[ca.SX, ca.SX]:
         """(5.12): the surface, 0 on entry, and the part of it that is the integral."""
-        straight = label(
-            "straight_rad_s", e_rate + 2 * c.lambda_1_s * e, "(5.12) without the integral"
-        )
+        straight = e_rate + 2 * c.lambda_1_s * e
+        straight = label("straight_rad_s", straight, "(5.12) without the integral")
         integral = ca.if_else(entering, -straight, s.integral_rad_s)
-        surface = label(
-            "s_rad_s", ca.if_else(entering, 0, straight + integral), "(5.12); 0 on entry"
-        )
+        surface = ca.if_else(entering, 0, straight + integral)
+        surface = label("s_rad_s", surface, "(5.12); 0 on entry")
         return surface, integral
 
-    def setpoint_acceleration(self, c: SimpleNamespace, u: SimpleNamespace, label: Labels) -> ca.SX:
+    def setpoint_acceleration(self, c: Any, u: Any, label: Labels) -> ca.SX:
         """theta_d'': of the set-point and, by (5.3), of the load; 0 as published."""
         if self.model_acceleration:
             load = (u.tau_Nm + u.tau_h_Nm) * (1 / self.drive.joint.Jh_kgm2.value)
@@ -239,7 +233,7 @@ class _SlidingMode:
             set_acc = ca.SX(0)
         return label("set_acc_rad_s2", set_acc, "theta_d''")
 
-    def friction_rate(self, c: SimpleNamespace, u: SimpleNamespace, label: Labels) -> ca.SX:
+    def friction_rate(self, c: Any, u: Any, label: Labels) -> ca.SX:
         """Rate whose friction is compensated: at rest the motor's own says nothing."""
         if not self.model_acceleration:
             return ca.SX(u.omega_motor_rad_s)
@@ -248,7 +242,7 @@ class _SlidingMode:
         return label("omega_friction_rad_s", clip(mixed, -self.omega_lim, self.omega_lim))
 
     def torques(
-        self, c: SimpleNamespace, u: SimpleNamespace, e: ca.SX, e_rate: ca.SX, label: Labels
+        self, c: Any, u: Any, e: ca.SX, e_rate: ca.SX, label: Labels
     ) -> tuple[ca.SX, ca.SX]:
         """Equivalent control (5.16, 5.17) and switching gain (5.20)."""
         set_acc = self.setpoint_acceleration(c, u, label)
@@ -263,26 +257,18 @@ class _SlidingMode:
             D4: u.d4_rad_s2,
             DELTA: u.theta_rad,
         }
-        wanted = label(
-            "wanted_rad_s2",
-            set_acc + 2 * c.lambda_1_s * e_rate + c.lambda2_1_s2 * e,
-            "theta_d'' + 2 lambda e' + lambda^2 e",
-        )
-        compact = equivalent_control().subs(
-            SET_ACC, WANTED - 2 * LAMBDA * ERROR_RATE - LAMBDA**2 * ERROR
-        )
-        u_eq = label(
-            "u_eq_Nm",
-            to_casadi(sp.together(compact), values | {WANTED: wanted}),
-            "(5.16, 5.17) solution of s' = 0",
-        )
+        wanted = set_acc + 2 * c.lambda_1_s * e_rate + c.lambda2_1_s2 * e
+        wanted = label("wanted_rad_s2", wanted, "theta_d'' + 2 lambda e' + lambda^2 e")
+        compact = equivalent_control().subs(SET_ACC, SET_BY_WANTED)
+        u_eq = to_casadi(sp.together(compact), values | {WANTED: wanted})
+        u_eq = label("u_eq_Nm", u_eq, "(5.16, 5.17) solution of s' = 0")
         tau_unc = label("tau_unc_Nm", to_casadi(TORQUE_UNCERTAINTY, values), "tau_e,unc")
         least = to_casadi(switching_gain(), values | {WANTED: wanted, TAU_UNC: tau_unc})
         k_smc = label("k_smc_Nm", c.margin * least, "(5.20)")
         return u_eq, k_smc
 
     def bumpless(
-        self, s: SimpleNamespace, u: SimpleNamespace, driven: ca.SX, entering: ca.SX, label: Labels
+        self, s: Any, u: Any, driven: ca.SX, entering: ca.SX, label: Labels
     ) -> tuple[ca.SX, ca.SX]:
         """The command within the motor's range, with the offset that starts it where it is."""
         bounded = clip(driven, -self.u_lim, self.u_lim)
@@ -291,14 +277,7 @@ class _SlidingMode:
         return raw, missing
 
     def integral_rests(
-        self,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        e: ca.SX,
-        driven: ca.SX,
-        raw: ca.SX,
-        entering: ca.SX,
-        label: Labels,
+        self, s: Any, u: Any, e: ca.SX, driven: ca.SX, raw: ca.SX, entering: ca.SX, label: Labels
     ) -> ca.SX:
         """Whether the command is held back, and the error would drive the integral further."""
         # Which way is the command held back?  1: it wanted to be higher.  First here, then by what
@@ -309,58 +288,31 @@ class _SlidingMode:
         nearer = ca.if_else(ca.fabs(short) < ca.fabs(before), short, before)
         nearer = ca.if_else(entering, 0, nearer)
         here = ca.if_else(high, 1.0, ca.if_else(low, -1.0, 0.0))
-        after = ca.if_else(
-            nearer > self.limited, 1.0, ca.if_else(nearer < -self.limited, -1.0, 0.0)
-        )
-        held_back = label(
-            "held_back", ca.if_else(here == 0, after, here), "sign of what the command lacks"
-        )
+        low_after = ca.if_else(nearer < -self.limited, -1.0, 0.0)
+        after = ca.if_else(nearer > self.limited, 1.0, low_after)
+        held_back = ca.if_else(here == 0, after, here)
+        held_back = label("held_back", held_back, "sign of what the command lacks")
         return label("rests", held_back * e > 0, "the error would wind the integral up")
 
     def tunables(self) -> tuple[Tunable, ...]:
-        slope, phi = self.sm.lambda_1_s, self.sm.phi_rad_s
         width = field_facts("sliding_mode.phi_rad_s")
         stiffer = "slope of the surface: higher is stiffer and nearer to the drive's own modes"
-        ends = (self.lambda_low, self.lambda_high)
         narrow = "width of the boundary layer: narrower is stiffer and chatters sooner"
+        gain = "factor on the switching gain of (5.20); 1 is its smallest"
+        equal, control = "thesis chapter 5: equality in (5.20)", "docs/control.md"
+        leads = "how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c"
+        load = "share of the load's estimated acceleration in the set-point's acceleration"
+        ahead = "share of the rate wanted in the rate whose friction is compensated; 0: measured"
+        ours, lead = float(self.model_acceleration), self.lead_here
+        by = f"1: thesis chapter 5; more: {control}"
+        low, high = self.lambda_low, self.lambda_high
         return (
-            Tunable("lambda_1_s", slope.value, *ends, stiffer, slope.source, slope.status),
-            Tunable(
-                "phi_rad_s", phi.value, width["low"], width["high"], narrow, phi.source, phi.status
-            ),
-            Tunable(
-                "margin",
-                1.0,
-                1.0,
-                MARGIN_HIGH,
-                "factor on the switching gain of (5.20); 1 is its smallest",
-                "thesis chapter 5: equality in (5.20)",
-                "published",
-            ),
-            Tunable(
-                "lead",
-                self.lead_here,
-                1.0,
-                LEAD_HIGH,
-                "how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c",
-                "1: thesis chapter 5; more: docs/control.md",
-            ),
-            Tunable(
-                "load_share",
-                1.0 if self.model_acceleration else 0.0,
-                0.0,
-                1.0,
-                "share of the load's estimated acceleration in the set-point's acceleration",
-                "docs/control.md",
-            ),
-            Tunable(
-                "friction_ahead",
-                1.0 if self.model_acceleration else 0.0,
-                0.0,
-                1.0,
-                "share of the rate wanted in the rate whose friction is compensated; 0: measured",
-                "docs/control.md",
-            ),
+            self.sm.lambda_1_s.tunable("lambda_1_s", low, high, stiffer),
+            self.sm.phi_rad_s.tunable("phi_rad_s", width["low"], width["high"], narrow),
+            Tunable("margin", 1.0, 1.0, MARGIN_HIGH, gain, equal, "published"),
+            Tunable("lead", lead, 1.0, LEAD_HIGH, leads, by),
+            Tunable("load_share", ours, 0.0, 1.0, load, control),
+            Tunable("friction_ahead", ours, 0.0, 1.0, ahead, control),
             *((self.softening.tunable(),) if self.softening else ()),
         )
 
@@ -406,37 +358,25 @@ class _SlidingMode:
         )
 
     def outputs(self) -> tuple[Port, ...]:
-        flags = self.flags()
+        command, phi = ("u_command_Nm",), self.sm.phi_rad_s.value
+        rests = "the command is held back, or the integral is at its range: it does not grow"
+        clipped = "the command was clipped at the motor's limit"
+        entered = "the controller took over in this step, from the applied command"
         return (
             around("u_command_Nm", self.u_lim, "command at the motor shaft", equation="(5.22)"),
             around("u_wanted_Nm", self.wanted_u, "what the law wants before any limit"),
             around("s_rad_s", self.s_lim, "surface", equation="(5.12)"),
             around("u_eq_Nm", self.eq_lim, "equivalent control", equation="(5.16)"),
             Port("k_smc_Nm", 0.0, self.k_lim, "switching gain", equation="(5.20)"),
-            Port("status", 0, 2 ** len(flags) - 1, "what is known of this command", flags=flags),
-        )
-
-    def flags(self) -> tuple[Flag, ...]:
-        phi = self.sm.phi_rad_s.value
-        return (
-            Flag(
-                "INPUT_INVALID", "an input was NaN or outside its range; no torque asked for", True
+            status_port(
+                "what is known of this command",
+                "an input was NaN or outside its range; no torque asked for",
+                "the state was corrupt; no torque asked for in this step",
+                Flag("SATURATED", clipped, True, command, self.u_lim),
+                Flag("LAYER_LEFT", "|s| is beyond the boundary layer", False, ("s_rad_s",), phi),
+                Flag("INTEGRAL_RESTS", rests, True),
+                Flag("ACTIVE", "the controller acts"),
+                Flag("ENTERED", entered),
+                *((self.softening.flag(),) if self.softening else ()),
             ),
-            Flag("STATE_REPAIRED", "the state was corrupt; no torque asked for in this step", True),
-            Flag(
-                "SATURATED",
-                "the command was clipped at the motor's limit",
-                True,
-                ("u_command_Nm",),
-                self.u_lim,
-            ),
-            Flag("LAYER_LEFT", "|s| is beyond the boundary layer", False, ("s_rad_s",), phi),
-            Flag(
-                "INTEGRAL_RESTS",
-                "the command is held back, or the integral is at its range: it does not grow",
-                True,
-            ),
-            Flag("ACTIVE", "the controller acts"),
-            Flag("ENTERED", "the controller took over in this step, from the applied command"),
-            *((self.softening.flag(),) if self.softening else ()),
         )

@@ -9,7 +9,6 @@ delays, looking ahead gives back.
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -20,11 +19,11 @@ from esea_gen.control.trend import faded, motion_limits
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
-    Flag,
     Port,
     Tunable,
     around,
     clip,
+    status_port,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -54,9 +53,7 @@ def torque_lead(device: DeviceData) -> Block:
     inputs, outputs = _lead_ports(device)
     keep = math.exp(-h / FADE_S)
     by_rate, by_curve = faded(LEAD_S)
-
-    def prepare(t: SimpleNamespace) -> dict[str, Any]:
-        return {"share": t.share}
+    acts = "1 looks ahead and smooths; 0 takes the set torque as it comes"
 
     def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         torque = ca.logic_and(u.mode > 0.5, u.mode < 1.5)
@@ -78,18 +75,9 @@ def torque_lead(device: DeviceData) -> Block:
         "torque_lead",
         "Set torque ahead, for a set-point that the motor can follow",
         period_s=h,
-        tunables=(
-            Tunable(
-                "share",
-                1.0,
-                0.0,
-                1.0,
-                "1 looks ahead and smooths; 0 takes the set torque as it comes",
-                "docs/control.md",
-            ),
-        ),
+        tunables=(Tunable("share", 1.0, 0.0, 1.0, acts, "docs/control.md"),),
         coefficients=(Port("share", 0.0, 1.0, "how much it acts"),),
-        prepare=prepare,
+        prepare=vars,
         state=(
             Port("slow", 0.0, 1.0, "share that is governed when nothing steps"),
             around("tau_set_Nm", tau_lim, "set torque of the last step"),
@@ -123,7 +111,7 @@ def _lead_ports(device: DeviceData) -> tuple[tuple[Port, ...], tuple[Port, ...]]
     outputs = (
         around("tau_led_Nm", full, "set torque ahead, for the inverse"),
         Port("governed", 0.0, 1.0, "share that is governed, for the smoothing"),
-        Port("status", 0, 3, "what is known of it", flags=_flags("not led")),
+        _status("not led"),
     )
     return inputs, outputs
 
@@ -183,7 +171,7 @@ def smoothed_setpoint(device: DeviceData) -> Block:
         outputs=(
             *ports,
             around("theta_smooth_rad", delta_lim, "inverse's set-point, smoothed likewise"),
-            Port("status", 0, 3, "what is known of it", flags=_flags("not smoothed")),
+            _status("not smoothed"),
         ),
         equations=(_smooth_equation(),),
         step=step,
@@ -195,8 +183,6 @@ def _smooth_equation() -> Equation:
     return equation("[smooth]", "y", x / (1 + s * t / 3) ** 3, "three lags")
 
 
-def _flags(then: str) -> tuple[Flag, ...]:
-    return (
-        Flag("INPUT_INVALID", f"an input was NaN or outside its range; {then}", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-    )
+def _status(then: str) -> Port:
+    invalid = f"an input was NaN or outside its range; {then}"
+    return status_port("what is known of it", invalid, "the state was corrupt; started afresh")

@@ -32,7 +32,7 @@ LEAST_DAMPING = 0.02
 LAMBDA_LOW_1_S, LAMBDA_HIGH_1_S, LAMBDA_SHARE = 1.0, 25.0, 0.125
 SLOW_HZ = 0.5
 """Below, a mode is the integral's or an estimate's creep and no swing."""
-LOOP_STATES: tuple[str, ...] = (
+LOOP_STATES = [
     "theta",
     "omega",
     "u_a",
@@ -43,8 +43,8 @@ LOOP_STATES: tuple[str, ...] = (
     "z3",
     "omega_last",
     "passive",
-)
-LOOP_STATES += ("u_held", "u_a_model", "d4", "integral", "u_pending", "u_now")
+]
+LOOP_STATES += ["u_held", "u_a_model", "d4", "integral", "u_pending", "u_now"]
 
 
 def sliding_mode_numbers(device: DeviceData) -> SlidingMode:

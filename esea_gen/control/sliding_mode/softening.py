@@ -41,13 +41,7 @@ class SwingSoftening:
         self.keep = math.exp(-h / BACK_S)
 
     def step(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        e: ca.SX,
-        on: ca.SX,
-        entering: ca.SX,
-        label: Labels,
+        self, c: Any, s: Any, e: ca.SX, on: ca.SX, entering: ca.SX, label: Labels
     ) -> tuple[SimpleNamespace, dict[str, Any]]:
         """The gains of this step, with ``soft``, and the state after it."""
         last = ca.if_else(entering, e, s.slow_rad)
@@ -86,14 +80,8 @@ class SwingSoftening:
         )
 
     def tunable(self) -> Tunable:
-        return Tunable(
-            "softening",
-            1.0,
-            0.0,
-            1.0,
-            "how soft a swing of the error makes the gains; 0: they stay as they are",
-            "docs/control.md",
-        )
+        text = "how soft a swing of the error makes the gains; 0: they stay as they are"
+        return Tunable("softening", 1.0, 0.0, 1.0, text, "docs/control.md")
 
     def coefficient(self) -> Port:
         return Port("softening", 0.0, 1.0, "how soft a swing makes the gains")
