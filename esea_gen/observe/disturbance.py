@@ -11,7 +11,16 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Constant, Equation, Flag, Port, Tunable, around, clip
+from esea_gen.language.ports import (
+    Constant,
+    Equation,
+    Flag,
+    Port,
+    Tunable,
+    around,
+    clip,
+    status_port,
+)
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import cutoff_range, filter_delay_s
@@ -59,15 +68,7 @@ def bandwidth_tunable(
             f"Lower it to {math.floor(100 * limit) / 100:g} or raise {cutoff_key} to "
             f"{math.ceil(10 * need) / 10:g} Hz.",
         )
-    return Tunable(
-        "bandwidth_1_s",
-        bandwidth.value,
-        0.0,
-        limit,
-        MEANING,
-        bandwidth.source,
-        bandwidth.status,
-    )
+    return bandwidth.tunable("bandwidth_1_s", 0.0, limit, MEANING)
 
 
 def share_of(bandwidth_1_s: Any, h: float) -> Any:
@@ -92,7 +93,7 @@ def drive_observer(device: DeviceData) -> Block:
         outputs=(
             around("d4_rad_s2", law.d_lim, "disturbance of the drive", equation="(5.5)"),
             around("u_a_Nm", law.u_lim, "motor torque by the model of its lag", equation="(5.1)"),
-            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+            law.status(),
         ),
     )
 
@@ -108,7 +109,7 @@ def drive_observer_by_gear(device: DeviceData) -> Block:
         constants=(*device.constants("actuator"), *law.cable_constants()),
         outputs=(
             around("d4_rad_s2", law.d_lim, "disturbance of the drive", equation="(5.5)"),
-            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+            law.status(),
         ),
     )
 
@@ -126,7 +127,7 @@ def gear_observer(device: DeviceData) -> Block:
         outputs=(
             around("d_gear_rad_s2", law.d_lim, "unexplained acceleration", equation="(5.5)"),
             Port("moves_rad_s2", 0.0, law.a_lim, "largest acceleration of late, behind the lag"),
-            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+            law.status(),
         ),
     )
 
@@ -146,12 +147,8 @@ class _DriveObserver:
         self.drive = drive_of(device)
         a = self.drive.actuator
         self.h = device.period_s
-        self.d_lim, self.u_lim, self.tau_lim, self.omega_lim = (
-            self.drive.d4_rad_s2,
-            self.drive.u_Nm,
-            self.drive.tau_Nm,
-            self.drive.omega_rad_s,
-        )
+        self.d_lim, self.u_lim = self.drive.d4_rad_s2, self.drive.u_Nm
+        self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
         self.a_lim = 4 * self.d_lim  # motor, friction, coupling and a blow together
         tau_c = a.tau_c_s.value
         self.decay = math.exp(-self.h / tau_c)
@@ -165,16 +162,8 @@ class _DriveObserver:
             WIDTH: a.coulomb_width_rad_s.value,
         }
         # Every part of (5.2) at its largest; the port's range only, nothing is clipped there.
-        self.reach = (
-            (
-                self.numbers[N] * self.u_lim
-                + self.numbers[FV] * self.omega_lim
-                + self.numbers[FC]
-                + self.tau_lim * (1 + self.loss)
-            )
-            / self.numbers[J]
-            * 1.001
-        )
+        most = self.numbers[N] * self.u_lim + self.numbers[FV] * self.omega_lim + self.numbers[FC]
+        self.reach = (most + self.tau_lim * (1 + self.loss)) / self.numbers[J] * 1.001
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         share = share_of(t.bandwidth_1_s, self.h)
@@ -190,30 +179,16 @@ class _DriveObserver:
         if self.loss:
             rubbed = self.loss / self.numbers[J] * ca.fabs(u.tau_Nm)
             passive_model = passive_model - rubbed * ca.tanh(omega / self.numbers[WIDTH])
-        passive = label(
-            "passive_rad_s2",
-            passive_model,
-            "(5.2) without motor and disturbance",
-        )
+        passive = label("passive_rad_s2", passive_model, "(5.2) without motor and disturbance")
         driven = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * self.mean
-        drive_part = self.numbers[N] / self.numbers[J] * driven
-        model = label(
-            "model_rad_s2",
-            drive_part + 0.5 * (passive + s.passive_rad_s2),
-            "(5.2) mean of the model over the step",
-        )
+        model = self.numbers[N] / self.numbers[J] * driven + 0.5 * (passive + s.passive_rad_s2)
+        model = label("model_rad_s2", model, "(5.2) mean of the model over the step")
         seen = (omega - s.omega_last_rad_s) * (1 / self.h)
         moved = s.d4_rad_s2 * keep + share * (seen - model)
-        d4 = label(
-            "d4_rad_s2",
-            ca.if_else(ready, clip(moved, -self.d_lim, self.d_lim), s.d4_rad_s2),
-            "(5.5) disturbance",
-        )
-        u_a = label(
-            "u_a_Nm",
-            s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * self.decay,
-            "(5.1) the motor's torque, exact for a held command",
-        )
+        d4 = ca.if_else(ready, clip(moved, -self.d_lim, self.d_lim), s.d4_rad_s2)
+        d4 = label("d4_rad_s2", d4, "(5.5) disturbance")
+        u_a = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * self.decay
+        u_a = label("u_a_Nm", u_a, "(5.1) the motor's torque, exact for a held command")
         next_state = {
             "primed": ok,
             "omega_last_rad_s": omega,
@@ -259,14 +234,8 @@ class _DriveObserver:
             cable = self.device.file.cable
             if cable is None:
                 raise UserError(f"{self.device.origin}: section [cable] is missing.", "Add it.")
-            asked = cable.drive_1_s
             # By bandwidth_limit_1_s, whose filter is here a difference over one period.
-            limit = DELAY_SHARE / self.h
-            return (
-                Tunable(
-                    "bandwidth_1_s", asked.value, 0.0, limit, MEANING, asked.source, asked.status
-                ),
-            )
+            return (cable.drive_1_s.tunable("bandwidth_1_s", 0.0, DELAY_SHARE / self.h, MEANING),)
         return (
             bandwidth_tunable(
                 self.device,
@@ -297,41 +266,30 @@ class _DriveObserver:
         )
 
     def inputs(self) -> tuple[Port, ...]:
+        by_motor = self.omega == "omega_motor_rad_s"
+        rate = "motor side's rate" if by_motor else "rate of the motor's encoder"
+        command = "command that the motor holds from this tick on, at the motor shaft"
         return (
-            around(
-                "u_Nm",
-                self.u_lim,
-                "command that the motor holds from this tick on, at the motor shaft",
-                on_invalid=0.0,
-            ),
-            around(
-                self.omega,
-                self.omega_lim,
-                "motor side's rate"
-                if self.omega == "omega_motor_rad_s"
-                else "rate of the motor's encoder",
-                on_invalid="omega_last_rad_s",
-            ),
+            around("u_Nm", self.u_lim, command, on_invalid=0.0),
+            around(self.omega, self.omega_lim, rate, on_invalid="omega_last_rad_s"),
             around("tau_Nm", self.tau_lim, "interaction torque on the load", on_invalid=0.0),
         )
 
     def equations(self) -> tuple[Equation, ...]:
         d_p, h_s, bandwidth = sp.Symbol("d_4,k-1"), sp.Symbol("h"), sp.Symbol("L")
         rise = (sp.Symbol("omega_m,k") - sp.Symbol("omega_m,k-1")) / h_s
+        following = d_p + (1 - sp.exp(-bandwidth * h_s)) * (rise - sp.Symbol("a_model") - d_p)
+        lag = "disturbance: a lag of bandwidth L behind what the model leaves unexplained"
         return (
             equation("(5.1)", "tau_c u_a'", sp.Symbol("u_c") - U_A, "lag of the motor's torque"),
             equation("(5.2)", "a_model", MODEL_ACCELERATION, "motion of the motor side"),
-            equation(
-                "(5.5)",
-                "d_4,k",
-                d_p + (1 - sp.exp(-bandwidth * h_s)) * (rise - sp.Symbol("a_model") - d_p),
-                "disturbance: a lag of bandwidth L behind what the model leaves unexplained",
-            ),
+            equation("(5.5)", "d_4,k", following, lag),
         )
 
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; d4 is held", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
+    def status(self) -> Port:
+        return status_port(
+            "what is known of this estimate",
+            "an input was NaN or outside its range; d4 is held",
+            "the state was corrupt; the observer was started afresh",
             Flag("CLIPPED", "the estimate was clipped at its range", True, (self.d,), self.d_lim),
         )

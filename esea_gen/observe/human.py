@@ -21,6 +21,7 @@ from esea_gen.language.ports import (
     around,
     clip,
     f32_inside,
+    status_port,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -42,6 +43,7 @@ SLOWEST_POLE = 0.9999
 def lag_observer(device: DeviceData) -> Block:
     """Torque of the person in momentum form, a first-order lag (5.10)."""
     law = _Lag(device)
+    clipped = "the estimate was clipped at its range"
     return Block.of(
         law,
         "human_lag",
@@ -50,7 +52,12 @@ def lag_observer(device: DeviceData) -> Block:
         coefficients=(Port("share", 0.0, 1.0, "taken up in one step", equation="(5.10)"),),
         outputs=(
             around("tau_h_Nm", law.tau_h_lim, "torque of the person", equation="(5.10)"),
-            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+            status_port(
+                "what is known of this estimate",
+                "an input was NaN or outside its range; tau_h is held",
+                "the state was corrupt; the observer was started afresh",
+                Flag("CLIPPED", clipped, True, ("tau_h_Nm",), law.tau_h_lim),
+            ),
         ),
     )
 
@@ -61,11 +68,8 @@ class _Lag:
         self.drive = drive_of(device)
         self.h = device.period_s
         self.inertia = self.drive.joint.Jh_kgm2.value
-        self.tau_lim, self.tau_h_lim, self.omega_lim = (
-            self.drive.tau_Nm,
-            self.drive.tau_h_Nm,
-            self.drive.omega_rad_s,
-        )
+        self.tau_lim, self.tau_h_lim = self.drive.tau_Nm, self.drive.tau_h_Nm
+        self.omega_lim = self.drive.omega_rad_s
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {"share": share_of(t.bandwidth_1_s, self.h)}
@@ -76,11 +80,8 @@ class _Lag:
         rise = (u.omega_load_rad_s - s.omega_last_rad_s) * (self.inertia / self.h)
         model = label("model_Nm", 0.5 * (u.tau_Nm + s.tau_last_Nm), "(5.3) mean over the step")
         moved = s.tau_h_Nm + c.share * (rise - model - s.tau_h_Nm)
-        tau_h = label(
-            "tau_h_Nm",
-            ca.if_else(ready, clip(moved, -self.tau_h_lim, self.tau_h_lim), s.tau_h_Nm),
-            "(5.10)",
-        )
+        tau_h = ca.if_else(ready, clip(moved, -self.tau_h_lim, self.tau_h_lim), s.tau_h_Nm)
+        tau_h = label("tau_h_Nm", tau_h, "(5.10)")
         next_state = {
             "primed": ok,
             "omega_last_rad_s": u.omega_load_rad_s,
@@ -113,43 +114,20 @@ class _Lag:
         )
 
     def inputs(self) -> tuple[Port, ...]:
+        rate, torque = "load side's rate", "interaction torque on the load"
         return (
-            around(
-                "omega_load_rad_s",
-                self.omega_lim,
-                "load side's rate",
-                on_invalid="omega_last_rad_s",
-            ),
-            around(
-                "tau_Nm", self.tau_lim, "interaction torque on the load", on_invalid="tau_last_Nm"
-            ),
+            around("omega_load_rad_s", self.omega_lim, rate, on_invalid="omega_last_rad_s"),
+            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
         )
 
     def equations(self) -> tuple[Equation, ...]:
         tau_p, h_s, bandwidth = sp.Symbol("tau_h,k-1"), sp.Symbol("h"), sp.Symbol("L")
         rise_s = (sp.Symbol("omega_l,k") - sp.Symbol("omega_l,k-1")) / h_s
         unexplained = sp.Symbol("J_h") * rise_s - sp.Symbol("tau_e") - tau_p
+        following = tau_p + (1 - sp.exp(-bandwidth * h_s)) * unexplained
         return (
             equation("(5.3)", "J_h omega_l'", sp.Symbol("tau_e") + sp.Symbol("tau_h"), "load side"),
-            equation(
-                "(5.10)",
-                "tau_h,k",
-                tau_p + (1 - sp.exp(-bandwidth * h_s)) * unexplained,
-                "torque of the person: a lag of bandwidth L",
-            ),
-        )
-
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; tau_h is held", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
-            Flag(
-                "CLIPPED",
-                "the estimate was clipped at its range",
-                True,
-                ("tau_h_Nm",),
-                self.tau_h_lim,
-            ),
+            equation("(5.10)", "tau_h,k", following, "torque of the person: a lag of bandwidth L"),
         )
 
 
@@ -212,16 +190,11 @@ class _ExtendedState:
         self.drive = drive_of(device)
         d = self.drive.disturbance
         self.h, self.inertia = device.period_s, self.drive.joint.Jh_kgm2.value
-        self.tau_lim, self.tau_h_lim, self.omega_lim = (
-            self.drive.tau_Nm,
-            self.drive.tau_h_Nm,
-            self.drive.omega_rad_s,
-        )
+        self.tau_lim, self.tau_h_lim = self.drive.tau_Nm, self.drive.tau_h_Nm
+        self.omega_lim = self.drive.omega_rad_s
         self.decay = d.decay_s
-        self.decay_low, self.decay_high = (
-            self.decay.value / DECAY_FACTOR,
-            self.decay.value * DECAY_FACTOR,
-        )
+        self.decay_low = self.decay.value / DECAY_FACTOR
+        self.decay_high = self.decay.value * DECAY_FACTOR
         _check_gains(device, (self.decay_low, self.decay.value, self.decay_high))
         self.gain = {
             "theta": d.gain_theta.value,
@@ -249,29 +222,23 @@ class _ExtendedState:
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         seen = guard.inputs_ok
         predicted = ca.if_else(s.primed, s.theta_rad, u.theta_load_rad)
-        innovation = label(
-            "innovation_rad",
-            ca.if_else(seen, u.theta_load_rad - predicted, 0),
-            "encoder less prediction; 0 without a valid sample",
-        )
-        theta = label(
-            "theta_load_est_rad", predicted + self.gain["theta"] * innovation, "corrected"
-        )
+        innovation = ca.if_else(seen, u.theta_load_rad - predicted, 0)
+        text = "encoder less prediction; 0 without a valid sample"
+        innovation = label("innovation_rad", innovation, text)
+        theta = predicted + self.gain["theta"] * innovation
+        theta = label("theta_load_est_rad", theta, "corrected")
         omega_raw = s.omega_rad_s + self.gain["omega"] * innovation
         tau_raw = s.tau_h_Nm + self.gain["tau"] * innovation
         rate_raw = s.rate_Nm_s + self.gain["rate"] * innovation
-        omega = label(
-            "omega_load_rad_s", clip(omega_raw, -self.omega_lim, self.omega_lim), "corrected"
-        )
+        omega = clip(omega_raw, -self.omega_lim, self.omega_lim)
+        omega = label("omega_load_rad_s", omega, "corrected")
         tau_h = label("tau_h_Nm", clip(tau_raw, -self.tau_h_lim, self.tau_h_lim), "corrected")
         rate = label("tau_h_rate_Nm_s", clip(rate_raw, -self.rate_lim, self.rate_lim), "corrected")
-        acceleration = label(
-            "acceleration_rad_s2", (u.tau_Nm + tau_h) * (1 / self.inertia), "(5.3)"
-        )
+        acceleration = (u.tau_Nm + tau_h) * (1 / self.inertia)
+        acceleration = label("acceleration_rad_s2", acceleration, "(5.3)")
         start = ca.logic_or(s.primed, seen)
-        following = label(
-            "theta_next_rad", theta + self.h * (omega + 0.5 * self.h * acceleration), "[eso 6]"
-        )
+        following = theta + self.h * (omega + 0.5 * self.h * acceleration)
+        following = label("theta_next_rad", following, "[eso 6]")
         above, below = following > self.theta_high, following < self.theta_low
         # An angle that rests at an end has no rate towards that end.
         omega_next = omega + self.h * acceleration
@@ -300,17 +267,8 @@ class _ExtendedState:
         return next_state, outputs
 
     def tunables(self) -> tuple[Tunable, ...]:
-        return (
-            Tunable(
-                "decay_s",
-                self.decay.value,
-                self.decay_low,
-                self.decay_high,
-                "decay of the torque's rate: longer trusts a rate longer and overshoots more",
-                self.decay.source,
-                self.decay.status,
-            ),
-        )
+        text = "decay of the torque's rate: longer trusts a rate longer and overshoots more"
+        return (self.decay.tunable("decay_s", self.decay_low, self.decay_high, text),)
 
     def state(self) -> tuple[Port, ...]:
         return (
@@ -323,75 +281,54 @@ class _ExtendedState:
         )
 
     def inputs(self) -> tuple[Port, ...]:
+        ends = self.drive.theta_low_rad, self.drive.theta_high_rad
+        torque = "interaction torque on the load"
         return (
-            Port(
-                "theta_load_rad",
-                self.drive.theta_low_rad,
-                self.drive.theta_high_rad,
-                "load side's angle",
-                on_invalid="theta_rad",
-            ),
-            around(
-                "tau_Nm", self.tau_lim, "interaction torque on the load", on_invalid="tau_last_Nm"
-            ),
+            Port("theta_load_rad", *ends, "load side's angle", on_invalid="theta_rad"),
+            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
         )
 
     def outputs(self) -> tuple[Port, ...]:
+        ends = self.theta_low, self.theta_high
+        unseen = "an input was NaN or outside its range; the observer predicts without correction"
+        past = "the angle was predicted past its range, without a valid sample; it rests there"
+        clipped = (
+            ("OMEGA", "load side's rate", "omega_load_rad_s", self.omega_lim),
+            ("TORQUE", "torque of the person", "tau_h_Nm", self.tau_h_lim),
+            ("TORQUE_RATE", "rate of that torque", "tau_h_rate_Nm_s", self.rate_lim),
+        )
         return (
             around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
             around("tau_h_rate_Nm_s", self.rate_lim, "its rate"),
             around("omega_load_rad_s", self.omega_lim, "load side's rate"),
-            Port(
-                "theta_load_est_rad",
-                self.theta_low,
-                self.theta_high,
-                "load side's angle, corrected",
+            Port("theta_load_est_rad", *ends, "load side's angle, corrected"),
+            status_port(
+                "what is known of this estimate",
+                unseen,
+                "the state was corrupt; the observer was started afresh",
+                *(
+                    Flag(
+                        f"{word}_CLIPPED", f"the {what} was clipped at its range", True, (n,), most
+                    )
+                    for word, what, n, most in clipped
+                ),
+                Flag("ANGLE_CLIPPED", past, True),
             ),
-            Port("status", 0, 63, "what is known of this estimate", flags=self.flags()),
         )
 
     def equations(self) -> tuple[Equation, ...]:
         x, v, a, r, nu, h_s, t_d = sp.symbols("theta_l omega_l tau_h rho nu h T_d")
         tau_e, jh = sp.symbols("tau_e J_h")
         l1, l2, l3, l4 = sp.symbols("l_1 l_2 l_3 l_4")
+        ahead = x + h_s * v + h_s**2 * (tau_e + a) / (2 * jh)
         return (
             equation("[eso 1]", "nu", sp.Symbol("theta_enc") - x, "innovation"),
             equation("[eso 2]", "theta_l", x + l1 * nu, "angle, corrected"),
             equation("[eso 3]", "omega_l", v + l2 * nu, "rate, corrected"),
             equation("[eso 4]", "tau_h", a + l3 * nu, "torque of the person, corrected"),
             equation("[eso 5]", "rho", r + l4 * nu, "its rate, corrected"),
-            equation(
-                "[eso 6]",
-                "theta_l,k+1",
-                x + h_s * v + h_s**2 * (tau_e + a) / (2 * jh),
-                "prediction",
-            ),
+            equation("[eso 6]", "theta_l,k+1", ahead, "prediction"),
             equation("[eso 7]", "omega_l,k+1", v + h_s * (tau_e + a) / jh, "prediction (5.3)"),
             equation("[eso 8]", "tau_h,k+1", a + t_d * (1 - sp.exp(-h_s / t_d)) * r, "prediction"),
             equation("[eso 9]", "rho_k+1", sp.exp(-h_s / t_d) * r, "prediction"),
-        )
-
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag(
-                "INPUT_INVALID",
-                "an input was NaN or outside its range; the observer predicts without correction",
-                True,
-            ),
-            Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
-            *(
-                Flag(
-                    f"{word}_CLIPPED", f"the {what} was clipped at its range", True, (name,), limit
-                )
-                for word, what, name, limit in (
-                    ("OMEGA", "load side's rate", "omega_load_rad_s", self.omega_lim),
-                    ("TORQUE", "torque of the person", "tau_h_Nm", self.tau_h_lim),
-                    ("TORQUE_RATE", "rate of that torque", "tau_h_rate_Nm_s", self.rate_lim),
-                )
-            ),
-            Flag(
-                "ANGLE_CLIPPED",
-                "the angle was predicted past its range, without a valid sample; it rests there",
-                True,
-            ),
         )

@@ -26,6 +26,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
+    status_port,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -84,10 +85,6 @@ def butterworth_rate(device: DeviceData, name: str, cutoff: Quantity) -> Block:
         "Angular rate: difference behind a fourth-order Butterworth filter",
         constants=device.constants("timing"),
         coefficients=tuple(Port(f"gain_{i}", 0.0, 1.0, f"gains of section {i}", 3) for i in (1, 2)),
-        outputs=(
-            around("omega_rad_s", law.limit, "filtered rate of the angle"),
-            Port("status", 0, 15, "what is known of this sample", flags=law.flags()),
-        ),
     )
 
 
@@ -101,9 +98,8 @@ class _Butterworth:
         # A twentieth of the range within a period is no motion, whatever the encoder's resolution.
         # A narrower clip would take counts away from the rate's integral, and would act on states
         # that the error analysis has to take as linear.
-        self.reach = threshold(
-            0.05 * (self.drive.theta_high_rad - self.drive.theta_low_rad) / self.h
-        )
+        low, high = self.angles = self.drive.theta_low_rad, self.drive.theta_high_rad
+        self.reach = threshold(0.05 * (high - low) / self.h)
         self.room = STATE_ROOM * self.reach
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
@@ -128,11 +124,8 @@ class _Butterworth:
         middle, first = self.section(c.gain_1, s.first_rad_s, clip(raw, -self.reach, self.reach))
         filtered, second = self.section(c.gain_2, s.second_rad_s, middle)
         ok = guard.inputs_ok
-        held = label(
-            "held_rad_s",
-            ca.if_else(ok, filtered, s.omega_held_rad_s),
-            "filtered rate; held while the input is invalid",
-        )
+        held = ca.if_else(ok, filtered, s.omega_held_rad_s)
+        held = label("held_rad_s", held, "filtered rate; held while the input is invalid")
         omega = clip(held, -self.limit, self.limit)
         next_state = {
             "primed": ok,
@@ -150,85 +143,51 @@ class _Butterworth:
         return next_state, outputs
 
     def tunables(self) -> tuple[Tunable, ...]:
-        return (
-            Tunable(
-                "cutoff_Hz",
-                self.cutoff.value,
-                self.low,
-                self.high,
-                "cut-off: higher follows faster and passes more noise",
-                self.cutoff.source,
-                self.cutoff.status,
-            ),
-        )
+        text = "cut-off: higher follows faster and passes more noise"
+        return (self.cutoff.tunable("cutoff_Hz", self.low, self.high, text),)
 
     def state(self) -> tuple[Port, ...]:
         return (
             Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
-            Port(
-                "theta_last_rad",
-                self.drive.theta_low_rad,
-                self.drive.theta_high_rad,
-                "angle, last step",
-            ),
+            Port("theta_last_rad", *self.angles, "angle, last step"),
             around("omega_held_rad_s", self.room, "filtered rate of the last step"),
             around("first_rad_s", self.room, "integrators of the first section", 2),
             around("second_rad_s", self.room, "integrators of the second section", 2),
         )
 
     def inputs(self) -> tuple[Port, ...]:
+        return (Port("theta_rad", *self.angles, "joint angle", on_invalid="theta_last_rad"),)
+
+    def outputs(self) -> tuple[Port, ...]:
+        fast = "the filtered rate was clipped at its physical range"
+        jumped = "the angle jumped by more than a twentieth of its range; clipped"
         return (
-            Port(
-                "theta_rad",
-                self.drive.theta_low_rad,
-                self.drive.theta_high_rad,
-                "joint angle",
-                on_invalid="theta_last_rad",
+            around("omega_rad_s", self.limit, "filtered rate of the angle"),
+            status_port(
+                "what is known of this sample",
+                "the angle was NaN or outside its range; the rate is held",
+                "the state was corrupt; the filter was started afresh",
+                Flag("STEP_CLIPPED", jumped, True),
+                Flag("RATE_CLIPPED", fast, True, ("omega_rad_s",), self.limit),
             ),
         )
 
     def equations(self) -> tuple[Equation, ...]:
-        s, wc, d, x = sp.symbols("s omega_c d x")
+        s, wc, d, x, h = sp.symbols("s omega_c d x h")
         wide, narrow = sp.symbols("k_1 k_2")
+        filtered = 1 / (((s / wc) ** 2 + wide * s / wc + 1) * ((s / wc) ** 2 + narrow * s / wc + 1))
+        change = (sp.Symbol("theta_k") - sp.Symbol("theta_k-1")) / h
+        warped = x / (1 - x**2 / (3 - x**2 / 5))
+        texts = (
+            "Butterworth filter of fourth order; bilinear transform, prewarped at the cut-off",
+            "prewarping: Lambert's continued fraction, eight levels of which three are shown",
+        )
         return (
-            equation(
-                "[rate 1]",
-                "H",
-                1 / (((s / wc) ** 2 + wide * s / wc + 1) * ((s / wc) ** 2 + narrow * s / wc + 1)),
-                "Butterworth filter of fourth order; bilinear transform, prewarped at the cut-off",
-            ),
+            equation("[rate 1]", "H", filtered, texts[0]),
             equation("[rate 2]", "k_1", 2 * sp.cos(sp.pi / 8), "damping of the first section"),
             equation("[rate 3]", "k_2", 2 * sp.cos(3 * sp.pi / 8), "damping of the second section"),
-            equation(
-                "[rate 4]",
-                d,
-                (sp.Symbol("theta_k") - sp.Symbol("theta_k-1")) / sp.Symbol("h"),
-                "difference, taken before the filter",
-            ),
-            equation(
-                "[rate 5]",
-                "tan(x)",
-                x / (1 - x**2 / (3 - x**2 / 5)),
-                "prewarping: Lambert's continued fraction, eight levels of which three are shown",
-            ),
-        )
-
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag("INPUT_INVALID", "the angle was NaN or outside its range; the rate is held", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; the filter was started afresh", True),
-            Flag(
-                "STEP_CLIPPED",
-                "the angle jumped by more than a twentieth of its range; clipped",
-                True,
-            ),
-            Flag(
-                "RATE_CLIPPED",
-                "the filtered rate was clipped at its physical range",
-                True,
-                ("omega_rad_s",),
-                self.limit,
-            ),
+            equation("[rate 4]", d, change, "difference, taken before the filter"),
+            equation("[rate 5]", "tan(x)", warped, texts[1]),
         )
 
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 Q_BEST, R_BEST = 500.0, 1.0
 # R counts as this share of Q at least.
 LEAST_SHARE = 1e-4
+PATH = {"theta_d": "theta_d_rad", "omega_d": "omega_d_rad_s"}
+GAINS = {"Kp_Nm_rad": "stiffness to the path", "Kd_Nms_rad": "damping to the path"}
 
 # Who tells of the person's torque and of the rates: the extended-state observer with the tracking
 # observer of the deflection; or as published, (5.10) with a parabola, and filtered differences.
@@ -51,7 +53,7 @@ def drive_model(
     """Plant (5.1 to 5.3), elastomer and cost of a device."""
     plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights, plant.rubber.temperature)
-    gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
+    gains = tuple(GAINS) if impedance else ()
     gap = ("gap_rad", "give_rad_Nm") if plant.cable else ()
     wanted, references = plant.wanted(horizon, preview)
     return Model(
@@ -189,11 +191,8 @@ class _Drive:
     def error(self, x: SimpleNamespace, p: SimpleNamespace, ref: SimpleNamespace) -> list[Any]:
         e_tau = x.tau_e - ref.tau_d
         if self.impedance:
-            e_tau = (
-                e_tau
-                + p.Kp_Nm_rad * (x.theta_l - ref.theta_d)
-                + p.Kd_Nms_rad * (x.omega_l - ref.omega_d)
-            )
+            e_tau = e_tau + p.Kp_Nm_rad * (x.theta_l - ref.theta_d)
+            e_tau = e_tau + p.Kd_Nms_rad * (x.omega_l - ref.omega_d)
         return [p.root_q * e_tau]
 
     def effort(self, x: SimpleNamespace, u: Any, p: SimpleNamespace) -> list[Any]:
@@ -238,34 +237,27 @@ class _Drive:
                 Port("theta_d_rad", low, turn, "wanted angle of the joint", many),
                 around("omega_d_rad_s", drive.omega_rad_s, "its rate", many),
             ]
-            references |= {
-                "theta_d": ("theta_d_rad", preview),
-                "omega_d": ("omega_d_rad_s", preview),
-            }
+            references |= {k: (n, preview) for k, n in PATH.items()}
             wanted += [
                 Port(name, 0.0, field_facts(f"impedance.{name}")["high"], meaning, 1, "(5.24)")
-                for name, meaning in (
-                    ("Kp_Nm_rad", "stiffness to the path"),
-                    ("Kd_Nms_rad", "damping to the path"),
-                )
+                for name, meaning in GAINS.items()
             ]
         return wanted, references
 
     def measured(self) -> tuple[Port, ...]:
-        drive, turn, u_max = self.drive, self.drive.theta_high_rad, self.u_max
+        drive, u_max = self.drive, self.u_max
+        angle = Port("theta_l_rad", drive.theta_low_rad, drive.theta_high_rad, "load side's angle")
+        rate = around("omega_rad_s", drive.rate_rad_s, "deflection's rate")
+        if self.published:
+            rate = around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
+        elif self.cable:
+            rate = around("omega_gear_rad_s", drive.omega_rad_s, "gear's rate, at the joint")
+        curve = around("tau_h_curve_Nm_s2", 1e5, "its second derivative")
         return (
             around("delta_rad", drive.delta_rad, "deflection"),
             *(self.cable.ports() if self.cable else ()),
-            around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
-            if self.published
-            else around("omega_gear_rad_s", drive.omega_rad_s, "gear's rate, at the joint")
-            if self.cable
-            else around("omega_rad_s", drive.rate_rad_s, "deflection's rate"),
-            *(
-                (Port("theta_l_rad", drive.theta_low_rad, turn, "load side's angle"),)
-                if self.impedance
-                else ()
-            ),
+            rate,
+            *((angle,) if self.impedance else ()),
             around("omega_l_rad_s", drive.omega_rad_s, "load side's rate"),
             around("u_a_Nm", u_max, "motor torque now, at the shaft", equation="(5.1)"),
             around("u_in_force_Nm", u_max, "command until the new one takes effect"),
@@ -273,11 +265,7 @@ class _Drive:
             around("d4_rad_s2", drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
             around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
             around("tau_h_rate_Nm_s", 1e4, "its rate"),
-            *(
-                (around("tau_h_curve_Nm_s2", 1e5, "its second derivative"),)
-                if self.published
-                else ()
-            ),
+            *((curve,) if self.published else ()),
             Port("mode", 0, 2, "0 off: the command is 0"),
         )
 
@@ -285,16 +273,10 @@ class _Drive:
 def _weights(
     weights: tuple[float, float], temperature: Mapping[str, Any]
 ) -> tuple[tuple[Tunable, ...], tuple[Port, ...]]:
+    rated = "weight of the motor torque's rate; less than Q/10000 counts as that"
     tunables = (
         Tunable("Q", weights[0], 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
-        Tunable(
-            "R",
-            weights[1],
-            1e-4,
-            1e4,
-            "weight of the motor torque's rate; less than Q/10000 counts as that",
-            "thesis: 1",
-        ),
+        Tunable("R", weights[1], 1e-4, 1e4, rated, "thesis: 1"),
         Tunable("load_free", 1.0, 0.0, 1.0, "1 free load side, 0 held fast", "the rig"),
         *temperature.get("tunables", ()),
     )
@@ -324,21 +306,17 @@ def predictive_controller(
     if horizon is None:
         release = device.file.timing.control_release_s
         horizon = Horizon(delay_s=period if release is None else release.value)
-    return predictive_program(
-        drive_model(
-            device,
-            horizon,
-            preview=preview,
-            impedance=impedance,
-            person=person,
-            weights=weights,
-            train=train,
-        ),
+    title = f"Predictive {'impedance' if impedance else 'torque'} control"
+    model = drive_model(
+        device,
         horizon,
-        period_s=period,
-        title="Predictive impedance control" if impedance else "Predictive torque control",
-        cap=cap,
+        preview=preview,
+        impedance=impedance,
+        person=person,
+        weights=weights,
+        train=train,
     )
+    return predictive_program(model, horizon, period_s=period, title=title, cap=cap)
 
 
 def _equations(impedance: bool, train: DriveTrain) -> tuple[Any, ...]:

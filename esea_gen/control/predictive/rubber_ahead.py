@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
@@ -37,37 +37,11 @@ SMOOTH_RAD_S = 1e-4
 SMOOTH_RAD = 1e-4
 
 
-# states: memory in the rollout beside the stop operators, which the Model keeps; soft_Nm_rad: one
-# stiffness that stands for it where the cable is balanced; choices: numbers that are not the device
-# file's; temperature: tunables, coefficients and prepare where it depends on temperature.
-class RubberAhead(Protocol):
-    """What predictive control asks of a torque model."""
-
-    states: tuple[str, ...]
-    stop_operators: Mapping[str, Any]
-    soft_Nm_rad: float
-    choices: tuple[Constant, ...]
-    temperature: Mapping[str, Any]
-
-    def constants(self) -> tuple[Constant, ...]: ...
-
-    def ports(self) -> tuple[Port, ...]:
-        """What the sensor Block tells of its memory; the names are the sensor's."""
-        ...
-
-    def start(self, u: SimpleNamespace, tau_memory: Any) -> Mapping[str, Any]:
-        """The states and the torque ``tau_e`` at the measurement."""
-        ...
-
-    def step(
-        self, t: Tape, h: float, x: SimpleNamespace, delta: Any, moved: Any, p: SimpleNamespace
-    ) -> Mapping[str, Any]:
-        """States and ``tau_e`` after a step to ``delta``, named on the tape last."""
-        ...
-
-
-def rubber_ahead(device: DeviceData) -> RubberAhead:
-    return PublishedAhead(device) if device.file.family is None else FamilyAhead(device)
+# What predictive control asks of a torque model.  ``states``: memory in the rollout beside the stop
+# operators, which the Model keeps; ``soft_Nm_rad``: one stiffness that stands for it where the
+# cable is balanced; ``choices``: numbers that are not the device file's; ``temperature``: tunables,
+# coefficients and prepare; ``start``, ``step``: states and torque ``tau_e`` at the measurement, and
+# after a step to ``delta``, named on the tape last.
 
 
 class PublishedAhead:
@@ -243,3 +217,10 @@ def _elements(port: Port) -> list[str]:
 
 def _split(port: Port, column: Any) -> list[tuple[str, Any]]:
     return list(zip(_elements(port), ca.vertsplit(ca.SX(column)), strict=True))
+
+
+RubberAhead = PublishedAhead | FamilyAhead
+
+
+def rubber_ahead(device: DeviceData) -> RubberAhead:
+    return PublishedAhead(device) if device.file.family is None else FamilyAhead(device)
