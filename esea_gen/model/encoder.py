@@ -16,9 +16,10 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.devices.fields import EncoderSide
+from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Constant, Flag, Port, Status, Tunable, around, clip, flag_word
+from esea_gen.language.ports import Constant, Flag, Port, Status, Tunable, around, clip, status_port
 from esea_gen.model.encoder_streams import STREAMS
 from esea_gen.model.symbolic import equation
 
@@ -58,22 +59,6 @@ class FrameError(IntFlag):
 FRAME_ERROR_MAX = 127
 
 
-def _status() -> tuple[Flag, ...]:
-    return (
-        Flag("INPUT_INVALID", "count or frame word was NaN or outside its range", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; the encoder was started afresh", True),
-        Flag("FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True),
-        Flag("IMPLAUSIBLE_STEP", "the angle moved faster than the joint can; angle held", True),
-        Flag("HELD_TOO_LONG", "more bad frames in a row than may be bridged: not usable", True),
-        Flag("SETTLING", "too few frames that agree since the start: not usable"),
-        Flag("NOT_ZEROED", "no calibration has set the zero: not usable"),
-        Flag(
-            "REFERENCE_LOST",
-            "the angle jumped and stayed away, or left its range of turns: not usable until init",
-        ),
-    )
-
-
 def _snap(x: ca.SX, low: int, high: int) -> ca.SX:
     # Nearest whole number of a few, as a chain of selects: a constant, with no rounding error in
     # any format, so that the error analysis knows that counters do not drift.
@@ -83,17 +68,13 @@ def _snap(x: ca.SX, low: int, high: int) -> ca.SX:
     return value
 
 
-def _fraction_of_turn(count: ca.SX, cells: int, full: int) -> ca.SX:
-    return count * (cells / full)  # a power of two: exact
-
-
 # Nothing to decide, and the table's own value at every node.  Between nodes an error with n periods
 # a turn and amplitude a is missed by at most a (1 - cos(pi n / N)): with 64 values and n = 4, 2 %
 # of it.
 def correction(values: tuple[float, ...], count: ca.SX, bits: int) -> ca.SX:
     """Periodic piecewise-linear interpolation of a correction table."""
     n = len(values)
-    place = _fraction_of_turn(count, n, 1 << bits)
+    place = count * (n / (1 << bits))  # a power of two: exact
     total = ca.SX(values[0])
     for i, value in enumerate(values):
         rise = values[(i + 1) % n] - value
@@ -213,9 +194,8 @@ class _Encoder:
         # A frame that disagrees: before the encoder has settled it becomes the new reference.
         odd = ca.logic_and(started, ca.logic_and(readable, ca.logic_not(near)))
         odd = label("implausible", odd, "readable, but farther away than the joint can be")
-        start = label(
-            "start", ca.logic_and(readable, ca.logic_or(ca.logic_not(started), ca.logic_not(near)))
-        )
+        fresh = ca.logic_or(ca.logic_not(started), ca.logic_not(near))
+        start = label("start", ca.logic_and(readable, fresh))
         start = ca.logic_and(start, ca.logic_not(settled))
         good = ca.logic_and(readable, ca.logic_or(start, near))
         good = label("good", ca.logic_and(good, ca.logic_not(lost)), "becomes the reference")
@@ -229,11 +209,8 @@ class _Encoder:
         count = label("count_good", ca.if_else(good, u.count, s.count_last), "last good count")
         away = ca.logic_and(good, ca.fabs(wanted) > TURNS + 0.5)
 
-        held = label(
-            "bad_in_a_row",
-            ca.if_else(good, 0.0, _snap(s.held + 1, 0, self.held_max + 1)),
-            "bad frames in a row",
-        )
+        held = ca.if_else(good, 0.0, _snap(s.held + 1, 0, self.held_max + 1))
+        held = label("bad_in_a_row", held, "bad frames in a row")
         late = label("late", held > self.held_max + 0.5, "more than may be bridged")
         # Readable and implausible with nothing left to bridge: it slipped.  Unreadable: start anew.
         slipped = ca.logic_and(ca.logic_and(settled, odd), late)
@@ -247,16 +224,13 @@ class _Encoder:
 
         angle = (turn * self.full + count) * self.count_rad
         if self.table:
-            angle = angle + label(
-                "correction_rad", correction(self.table, count, self.bits), "[table]"
-            )
+            corrected = correction(self.table, count, self.bits)
+            angle = angle + label("correction_rad", corrected, "[table]")
         theta = label("theta_rad", self.sign * angle - c.offset_rad, "[angle] of the joint")
         doubts = [late, settling, unzeroed, lost_now]
         usable = ca.logic_not(
             ca.logic_or(ca.logic_or(doubts[0], doubts[1]), ca.logic_or(doubts[2], doubts[3]))
         )
-        bad = [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]
-        bad += [ca.logic_and(guard.inputs_ok, flagged), odd]
         next_state = {
             "count_last": count,
             "turn": turn,
@@ -267,7 +241,7 @@ class _Encoder:
         outputs = {
             "theta_rad": clip(theta, -self.theta_max, self.theta_max),
             "usable": usable,
-            "status": flag_word([*bad, *doubts]),
+            "status": guard.status(ca.logic_and(guard.inputs_ok, flagged), odd, *doubts),
         }
         return next_state, outputs
 
@@ -281,42 +255,42 @@ class _Encoder:
         )
 
     def outputs(self) -> tuple[Port, ...]:
+        angle = f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
+        away = "the angle jumped and stayed away, or left its range of turns: not usable until init"
+        late = "more bad frames in a row than may be bridged: not usable"
         return (
-            around(
-                "theta_rad",
-                self.theta_max,
-                f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
-                "the encoder is not usable",
-            ),
+            around("theta_rad", self.theta_max, f"{angle}the encoder is not usable"),
             Port("usable", 0.0, 1.0, "1 when the angle can be used"),
-            Port("status", 0, 255, "what is known of this sample", flags=_status()),
+            status_port(
+                "what is known of this sample",
+                "count or frame word was NaN or outside its range",
+                "the state was corrupt; the encoder was started afresh",
+                Flag(
+                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
+                ),
+                Flag(
+                    "IMPLAUSIBLE_STEP",
+                    "the angle moved faster than the joint can; angle held",
+                    True,
+                ),
+                Flag("HELD_TOO_LONG", late, True),
+                Flag("SETTLING", "too few frames that agree since the start: not usable"),
+                Flag("NOT_ZEROED", "no calibration has set the zero: not usable"),
+                Flag("REFERENCE_LOST", away),
+            ),
         )
 
 
 def _tunables(own: EncoderSide) -> tuple[Tunable, ...]:
-    zero = own.zero_rad
-    source = zero.source if zero else "no calibration"
-    status: Status = zero.status if zero else "assumed"
+    zero = own.zero_rad or Quantity(value=0.0, source="no calibration", status="assumed")
+    zeroed = zero.model_copy(update={"value": 1.0 if own.zero_rad else 0.0})
+    turns = "corrected angle of the encoder, times direction, where the joint is at 0: set it, "
+    says = "1 says that zero_rad comes from a calibration; 0 keeps the encoder unusable"
     return (
-        Tunable(
-            "zero_rad",
-            zero.value if zero else 0.0,
-            -math.pi,
-            math.pi,
-            "corrected angle of the encoder, times direction, where the joint is at 0: set it, "
-            "then init; higher lowers the joint angle",
-            source,
-            status,
+        zero.tunable(
+            "zero_rad", -math.pi, math.pi, f"{turns}then init; higher lowers the joint angle"
         ),
-        Tunable(
-            "zeroed",
-            1.0 if zero else 0.0,
-            0.0,
-            1.0,
-            "1 says that zero_rad comes from a calibration; 0 keeps the encoder unusable",
-            source,
-            status,
-        ),
+        zeroed.tunable("zeroed", 0.0, 1.0, says),
     )
 
 
@@ -324,20 +298,16 @@ def _constants(
     device: DeviceData, side: Side, bits: int, step_max: int, held_max: int
 ) -> tuple[Constant, ...]:
     own, resolution = _side(device, side), device.file.encoder.resolution_bits
-    q = own.step_max_rad
+
+    def given(name: str, value: int, q: Quantity | None, source: str, status: Status) -> Constant:
+        return Constant(name, value, q.source if q else source, q.status if q else status)
+
     by_speed = "speed limit times period, 0.5 deg of noise, one count"
-    held = own.held_max
+    bridged = "3.2 mrad at the elbow's fastest identified rate"
     return (
         Constant("resolution_bits", bits, resolution.source, resolution.status),
-        Constant(
-            "step_max_counts", step_max, q.source if q else by_speed, q.status if q else "derived"
-        ),
-        Constant(
-            "held_max",
-            held_max,
-            held.source if held else "3.2 mrad at the elbow's fastest identified rate",
-            held.status if held else "assumed",
-        ),
+        given("step_max_counts", step_max, own.step_max_rad, by_speed, "derived"),
+        given("held_max", held_max, own.held_max, bridged, "assumed"),
     )
 
 
@@ -347,18 +317,15 @@ def _equations(table: bool) -> tuple[Any, ...]:
     wrap = sp.Piecewise((d + f, d < -f / 2), (d - f, d > f / 2), (d, True))
     place, rise = sp.Symbol("x"), sp.Symbol("r_i")
     i, size = sp.Symbol("i"), sp.Symbol("N")
+    reach, turned = sp.Symbol("d_max") * (k + 1), 2 * sp.pi * (n + c / f)
+    turned = turned + (sp.Symbol("e_c") if table else 0)
     out = [
         equation("[wrap]", "w", wrap, "step, wrapped to half a turn; F counts a turn"),
-        equation(
-            "[reach]",
-            sp.Abs(w),
-            sp.Symbol("d_max") * (k + 1),
-            "largest believable step after k bad frames",
-        ),
+        equation("[reach]", sp.Abs(w), reach, "largest believable step after k bad frames"),
         equation(
             "[angle]",
             theta,
-            s * (2 * sp.pi * (n + c / f) + (sp.Symbol("e_c") if table else 0)) - zero,
+            s * turned - zero,
             "joint angle: n turns, count c, direction sigma, zero",
         ),
     ]

@@ -15,7 +15,7 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Constant, Flag, Port, around, clip, threshold
+from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX
 from esea_gen.model.symbolic import equation
@@ -85,11 +85,8 @@ class _GearEncoder:
         flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")
         readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
         raw = label("raw_step", u.count - s.count_last, "[wrap] counts since the last good frame")
-        over = ca.if_else(
-            raw < -self.full / 2,
-            float(self.full),
-            ca.if_else(raw > self.full / 2, -float(self.full), 0.0),
-        )
+        back = ca.if_else(raw > self.full / 2, -float(self.full), 0.0)
+        over = ca.if_else(raw < -self.full / 2, float(self.full), back)
         moved = label("step", raw + over, "the short way round")
         reach, share = ca.SX(self.step_max + 0.5), ca.SX(1.0)
         for k in range(1, self.held_max + 1):
@@ -99,21 +96,15 @@ class _GearEncoder:
         near = ca.fabs(moved) <= reach
         good = label("good", ca.logic_and(readable, ca.logic_and(started, near)), "goes on")
         late = label("late", s.held > self.held_max - 0.5, "no more may be bridged")
-        first = label(
-            "first",
-            ca.logic_and(readable, ca.logic_or(ca.logic_not(started), late)),
-            "starts here, at first or again",
-        )
+        first = ca.logic_and(readable, ca.logic_or(ca.logic_not(started), late))
+        first = label("first", first, "starts here, at first or again")
         fresh = ca.logic_and(first, ca.logic_not(good))
         total = label("moved_counts", s.moved + ca.if_else(good, moved, 0.0), "[angle]")
         outside = label("outside", ca.fabs(total) > self.moved_max + 0.5, "more than the joint can")
         bad = ca.if_else(late, float(self.held_max), s.held + 1.0)
         held = ca.if_else(ca.logic_or(good, fresh), 0.0, bad)
-        rate = label(
-            "rate_rad_s",
-            moved * share * (1 / (self.h * self.counts_rad)),
-            "[rate] a frame that was bridged counts as moved evenly",
-        )
+        rate = moved * share * (1 / (self.h * self.counts_rad))
+        rate = label("rate_rad_s", rate, "[rate] a frame that was bridged counts as moved evenly")
         # Of a frame that is farther away; a good one is within, but for two counts' worth.
         rate = clip(rate, -self.rate_lim, self.rate_lim)
         rate = ca.if_else(good, rate, ca.if_else(fresh, 0.0, s.omega_rad_s))
@@ -140,14 +131,12 @@ class _GearEncoder:
         return next_state, outputs
 
     def constants(self) -> tuple[Constant, ...]:
-        a = self.actuator
         return (
-            Constant("encoder_bits", self.actuator.encoder_bits.value, a.encoder_bits.source,
-                     a.encoder_bits.status),
-            Constant("gear_ratio", a.gear_ratio.value, a.gear_ratio.source, a.gear_ratio.status),
+            self.actuator.encoder_bits.constant("encoder_bits"),
+            self.actuator.gear_ratio.constant("gear_ratio"),
             Constant("step_max_counts", self.step_max, "speed limit times period", "derived"),
             Constant("held_max", self.held_max, "short of half a turn of the shaft", "derived"),
-        )  # fmt: skip
+        )
 
     def state(self) -> tuple[Port, ...]:
         return (
@@ -159,15 +148,25 @@ class _GearEncoder:
         )
 
     def outputs(self) -> tuple[Port, ...]:
+        most = self.moved_max / self.counts_rad * (1 + 1e-6)
+        lost = "no frame yet, or more were bad than may be bridged: starts again"
         return (
             around(
-                "theta_gear_rad",
-                self.moved_max / self.counts_rad * (1 + 1e-6),
-                "by what the drive has turned the joint since the start",
+                "theta_gear_rad", most, "by what the drive has turned the joint since the start"
             ),
             around("omega_gear_rad_s", self.rate_lim, "its rate, without a filter"),
             Port("gear_usable", 0.0, 1.0, "1 when the angle goes on from the step before"),
-            Port("status", 0, 63, "what is known of this sample", flags=_status()),
+            status_port(
+                "what is known of this sample",
+                "count or frame word was NaN or outside its range",
+                "the state was corrupt; the encoder was started afresh",
+                Flag(
+                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
+                ),
+                Flag("IMPLAUSIBLE_STEP", "the shaft moved faster than it can; angle held", True),
+                Flag("NOT_USABLE", lost, True),
+                Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
+            ),
         )
 
     def equations(self) -> tuple[Any, ...]:
@@ -178,19 +177,6 @@ class _GearEncoder:
             equation("[wrap]", "w", wrap, "step, the short way round; F counts a turn"),
             equation("[angle]", "theta_g", turned, "turned since the start, at the joint; ratio i"),
         )
-
-
-def _status() -> tuple[Flag, ...]:
-    return (
-        Flag("INPUT_INVALID", "count or frame word was NaN or outside its range", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; the encoder was started afresh", True),
-        Flag("FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True),
-        Flag("IMPLAUSIBLE_STEP", "the shaft moved faster than it can; angle held", True),
-        Flag(
-            "NOT_USABLE", "no frame yet, or more were bad than may be bridged: starts again", True
-        ),
-        Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
-    )
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

@@ -27,14 +27,14 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
-from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.ports import Flag, Port, around, clip, flag_word, status_port, threshold
 from esea_gen.language.system import System, Task
 from esea_gen.model.cubic import cubic_root, root_facts, segment_equations
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, K1, K3, TAU_S, THETA, stop_grid
 from esea_gen.model.forward import REQUEST_ROOM, Forward, rate_facts, rate_split, request_port
 from esea_gen.model.plays import NESTING_ROOM_RAD, STREAMS
 from esea_gen.model.published_inverse import published_inverse
-from esea_gen.model.set_rate import Rate, rate_source
+from esea_gen.model.set_rate import SetRate
 from esea_gen.model.symbolic import to_casadi
 
 if TYPE_CHECKING:
@@ -49,91 +49,64 @@ BANDWIDTH_HZ = 100.0
 RESIDUAL_SHARE = 5e-6
 
 
-def _exact_flags(device: DeviceData, theta_high: float, omega_high: float) -> tuple[Flag, ...]:
+def _exact_status(device: DeviceData, theta_high: float, omega_high: float) -> Port:
     d = device.file.domain
-    held = "an input was NaN or outside its range; the set-point is held"
-    afresh = "the state was corrupt; the model was started afresh"
-    return (
-        Flag("INPUT_INVALID", held, True),
-        Flag("STATE_REPAIRED", afresh, True),
-        Flag(
-            "THETA_OUTSIDE",
-            "|set-point| is outside the identified domain",
-            False,
-            ("theta_rad",),
-            threshold(d.theta_max_rad.value),
-        ),
-        Flag(
-            "RATE_OUTSIDE",
-            "|rate of the set-point| is outside the identified domain",
-            False,
-            ("omega_mid_rad_s",),
-            threshold(d.omega_max_rad_s.value),
-        ),
+    theta, omega = ("theta_rad",), ("omega_mid_rad_s",)
+    outside, faster = "|set-point| is outside", "|rate of the set-point| is outside"
+    short = "the request cannot be reached; the set-point stands at its limit"
+    jumps = (
+        "the set-point jumps by more than its rate allows, or the memory of its rate or of the "
+        "model's rate torque is at its range; clipped"
+    )
+    missed = "the model's torque at the set-point misses the request"
+    most_Nm = threshold(RESIDUAL_SHARE * device.file.limits.tau_Nm.value)
+    why = (
+        "the inverse is exact: from 60 000 memories of the model its residual stayed below 1e-14 "
+        "Nm in f64"
+    )
+    theta_most, omega_most = threshold(d.theta_max_rad.value), threshold(d.omega_max_rad_s.value)
+    step_most = threshold(omega_high * device.period_s)
+    return status_port(
+        "what is known of this set-point",
+        "an input was NaN or outside its range; the set-point is held",
+        "the state was corrupt; the model was started afresh",
+        Flag("THETA_OUTSIDE", f"{outside} the identified domain", False, theta, theta_most),
+        Flag("RATE_OUTSIDE", f"{faster} the identified domain", False, omega, omega_most),
         Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
-        Flag(
-            "REQUEST_CLAMPED",
-            "the request cannot be reached; the set-point stands at its limit",
-            True,
-            ("theta_rad",),
-            theta_high,
-        ),
-        Flag(
-            "STEP_CLIPPED",
-            "the set-point jumps by more than its rate allows, or the memory of its rate or of the "
-            "model's rate torque is at its range; clipped",
-            True,
-            ("step_rad",),
-            threshold(omega_high * device.period_s),
-        ),
-        Flag(
-            "NOT_CONVERGED",
-            "the model's torque at the set-point misses the request",
-            True,
-            ("residual_Nm",),
-            threshold(RESIDUAL_SHARE * device.file.limits.tau_Nm.value),
-            "the inverse is exact: from 60 000 memories of the model its residual stayed below "
-            "1e-14 Nm in f64",
-        ),
+        Flag("REQUEST_CLAMPED", short, True, theta, theta_high),
+        Flag("STEP_CLIPPED", jumps, True, ("step_rad",), step_most),
+        Flag("NOT_CONVERGED", missed, True, ("residual_Nm",), most_Nm, why),
     )
 
 
-def exact_inverse(
-    device: DeviceData, *, rate: Rate = "observer", bandwidth_Hz: float = BANDWIDTH_HZ
-) -> Block:
+def exact_inverse(device: DeviceData) -> Block:
     """The exact inverse of the discrete torque sensor, with the sensor's own state."""
-    inverse = _Exact(device, rate, bandwidth_Hz)
+    inverse = _Exact(device)
     return Block.of(
         inverse,
         "inverse",
         "Exact inverse of the torque sensor: desired torque to deflection set-point",
         constants=device.constants("elastomer") + device.constants("domain"),
-        tunables=inverse.rate_source.tunables,
-        coefficients=inverse.rate_source.coefficients,
-        prepare=inverse.rate_source.prepare,
+        tunables=inverse.set_rate.tunables,
+        coefficients=inverse.set_rate.coefficients,
+        prepare=inverse.set_rate.prepare,
+        # The called kernels guard their own state: these checks and theirs are then shared.
         state=tuple(
-            replace(p, repair="block") for p in inverse.forward.state + inverse.rate_source.state
+            replace(p, repair="block") for p in inverse.forward.state + inverse.set_rate.state
         ),
         inputs=(request_port(inverse.tau_lim),),
         equations=segment_equations(),
         facts=_exact_facts(device, inverse.forward, inverse.values, inverse.w),
         split=rate_split(inverse.forward, "omega_mid_rad_s"),
-        solved={
-            "set_point_rad": Solved(
-                "residual_Nm",
-                inverse.limit["NOT_CONVERGED"],
-                inverse.k1,
-                2 * float(inverse.dead_zone),
-            )
-        },
+        # The torque rises by k1 at least with the deflection beyond the dead zone, as every other
+        # part of it rises or stays: a small residual means a set-point near the exact one.
+        solved={"set_point_rad": inverse.solved_by()},
         streams=STREAMS,
     )
 
 
 class _Exact:
-    def __init__(
-        self, device: DeviceData, rate: Rate = "observer", bandwidth_Hz: float = BANDWIDTH_HZ
-    ) -> None:
+    def __init__(self, device: DeviceData) -> None:
         file = device.file
         self.h = device.period_s
         self.forward = Forward(device)
@@ -153,10 +126,14 @@ class _Exact:
         self.step_max = threshold(file.limits.omega_rad_s.value * self.h)
         # The gaps are all equal, r_i = omega i; squares save the magnitudes.
         self.nesting = float(np.float32((self.r[0] + NESTING_ROOM_RAD) ** 2))
-        self.flags = _exact_flags(device, self.theta_high, file.limits.omega_rad_s.value)
-        self.limit = {f.name: f.threshold for f in self.flags}
+        self.known = _exact_status(device, self.theta_high, file.limits.omega_rad_s.value)
+        self.limit = {f.name: f.threshold for f in self.known.flags}
         self.tau_domain = threshold(file.domain.tau_full_scale_Nm.value)
-        self.rate_source = rate_source(device, rate, bandwidth_Hz)
+        self.set_rate = SetRate(device, BANDWIDTH_HZ)
+
+    def solved_by(self) -> Solved:
+        jump = 2 * float(self.dead_zone)
+        return Solved("residual_Nm", self.limit["NOT_CONVERGED"], self.k1, jump)
 
     def beyond(self, theta: Any) -> ca.SX:
         if not self.dead_zone:
@@ -175,7 +152,7 @@ class _Exact:
         if self.forward.has_rate:
             state["tau_r_Nm"] = ca.if_else(primed, s.tau_r_Nm, 0)
 
-        omega = label("omega_mid_rad_s", self.rate_source.predict(c, s, primed), "free of theta(k)")
+        omega = label("omega_mid_rad_s", self.set_rate.predict(c, s, primed), "free of theta(k)")
         known = self.forward.step(state, 0, omega)  # what the model knows before theta(k)
         theta_last = label("theta_from_rad", known["label_theta_last_rad"], "theta(k-1)")
         last = self.beyond(theta_last)
@@ -197,7 +174,7 @@ class _Exact:
         near = turn * clip(root, -self.theta_high, self.theta_high)
         move = label("move_rad", ca.fmin(near - start, reach))
         rated = turn * relaxed + slope * move
-        better = self.newton(near, play, linear, turn * request, primed, rated, label)
+        better = self.newton(near, play, linear, turn * request, (primed, rated), label)
         refined = label("refined_rad", turn * better, "one Newton step")
         solved = self.deflection(refined)
         theta = label(
@@ -212,7 +189,7 @@ class _Exact:
         missed = ca.logic_and(
             ca.fabs(residual) > self.limit["NOT_CONVERGED"], ca.logic_not(clamped)
         )
-        clipped = self.rate_source.clipped(c, s, primed, theta, theta_last)
+        clipped = self.set_rate.clipped(c, s, primed, theta)
         if self.forward.has_rate:
             clipped = ca.logic_or(clipped, self.forward.clipped(end))
         label("memory_clipped", clipped, "of the set-point's rate, or of the model's rate torque")
@@ -229,7 +206,7 @@ class _Exact:
             ]
         )
         next_state = {p.name: end[f"next_{p.name}"] for p in self.forward.state}
-        next_state |= self.rate_source.advance(c, s, primed, theta, theta_last)
+        next_state |= self.set_rate.advance(c, s, primed, theta)
         next_state["primed"] = ca.logic_or(primed, guard.inputs_ok)
         room = REQUEST_ROOM * self.tau_lim
         outputs = {
@@ -273,13 +250,7 @@ class _Exact:
         return label("turn", ca.if_else(request >= rest, 1.0, -1.0), "direction of the move")
 
     def rate_clip(
-        self,
-        start: ca.SX,
-        play: list[ca.SX],
-        load: ca.SX,
-        slope: ca.SX,
-        relaxed: ca.SX,
-        label: Labels,
+        self, start: Any, play: list[Any], load: Any, slope: Any, relaxed: Any, label: Labels
     ) -> tuple[ca.SX, ca.SX, ca.SX]:
         """The rate torque is linear up to its clip: how far, the stiffness, and the load on it."""
         reach: Any = self.step_max
@@ -315,24 +286,16 @@ class _Exact:
         return linear, constant
 
     def newton(
-        self,
-        near: ca.SX,
-        play: list[ca.SX],
-        linear: ca.SX,
-        request: ca.SX,
-        primed: ca.SX,
-        rated: ca.SX,
-        label: Labels,
+        self, near: Any, play: list[Any], linear: Any, request: Any, moves: Any, label: Labels
     ) -> ca.SX:
         """One Newton step on the torque written out in moves, in which nothing cancels."""
-        taken = ca.SX(0)
+        (primed, rated), taken = moves, ca.SX(0)
         for i in range(self.stops):
             taken = taken + self.w[i] * ca.fmin(near - play[i], self.r[i])
         miss = request - (self.k3 * near * near + self.k1) * near
         miss = miss - ca.if_else(primed, rated + taken, 0)
-        tangent = label(
-            "tangent_Nm_rad", 3 * self.k3 * near * near + linear, "d d / d x, at least a"
-        )
+        tangent = 3 * self.k3 * near * near + linear
+        tangent = label("tangent_Nm_rad", tangent, "d d / d x, at least a")
         better: ca.SX = near + miss / tangent
         return better
 
@@ -344,13 +307,7 @@ class _Exact:
             around("tau_model_Nm", self.tau_lim, "the model's torque at the set-point"),
             around("residual_Nm", 2 * room, "request less the model's torque"),
             around("step_rad", 2 * self.theta_high, "move of the set-point in this step"),
-            Port(
-                "status",
-                0,
-                2 ** len(self.flags) - 1,
-                "what is known of this set-point",
-                flags=self.flags,
-            ),
+            self.known,
         )
 
 

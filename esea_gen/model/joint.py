@@ -70,16 +70,11 @@ def deflection(device: DeviceData) -> Block:
 
 
 def _status(theta_lim: float, compared: bool) -> Port:
+    beyond = "the deflection is beyond its physical range and was clipped"
     flags = [
         Flag("INPUT_INVALID", "an angle was NaN or outside its range", True),
         Flag("ENCODER_UNUSABLE", "an encoder says that its angle cannot be used", True),
-        Flag(
-            "DEFLECTION_OUTSIDE",
-            "the deflection is beyond its physical range and was clipped",
-            True,
-            ("theta_rad",),
-            theta_lim,
-        ),
+        Flag("DEFLECTION_OUTSIDE", beyond, True, ("theta_rad",), theta_lim),
     ]
     if compared:
         flags.append(Flag("CONTRADICTED", CONTRADICTED, True))

@@ -9,7 +9,7 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Equation, Flag, Port, around, clip, threshold
+from esea_gen.language.ports import Equation, Port, around, clip, status_port, threshold
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ def smoothed_deflection(device: DeviceData) -> Block:
     fastest = threshold(device.file.limits.omega_rad_s.value)
     count = threshold(2 * math.pi / 2**device.file.encoder.resolution_bits.value)
     gain = 1 - math.exp(-2 * math.pi * h * CORNER_HZ)
+    text = "deflection within one count of the measured one; outside the sensor's range while "
+    text += "that one is invalid"
 
     def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ahead = s.theta_last_rad + h * u.omega_rad_s
@@ -59,32 +61,16 @@ def smoothed_deflection(device: DeviceData) -> Block:
             around("theta_rad", limit, "deflection: motor-side minus load-side angle"),
             around("omega_rad_s", fastest, "deflection rate over the step that ends here"),
         ),
-        outputs=_outputs(limit),
-        equations=_equations(),
-        step=step,
-    )
-
-
-def _outputs(limit: float) -> tuple[Port, ...]:
-    held = "deflection or rate was NaN or outside its range; the last one is held"
-    return (
-        around(
-            "theta_smooth_rad",
-            2 * limit,
-            "deflection within one count of the measured one; outside the sensor's range while "
-            "that one is invalid",
-            equation="[near]",
-        ),
-        Port(
-            "status",
-            0,
-            3,
-            "what is known of this sample",
-            flags=(
-                Flag("INPUT_INVALID", held, True),
-                Flag("STATE_REPAIRED", "the state was corrupt; it was started afresh", True),
+        outputs=(
+            around("theta_smooth_rad", 2 * limit, text, equation="[near]"),
+            status_port(
+                "what is known of this sample",
+                "deflection or rate was NaN or outside its range; the last one is held",
+                "the state was corrupt; it was started afresh",
             ),
         ),
+        equations=_equations(),
+        step=step,
     )
 
 

@@ -10,7 +10,7 @@ import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Array, Flag, Port, around, clip, threshold
+from esea_gen.language.ports import Array, Flag, Port, around, clip, status_port, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -90,33 +90,20 @@ class _Parabola:
         return next_state, outputs
 
     def inputs(self) -> tuple[Port, ...]:
-        return (
-            around(
-                "tau_h_Nm",
-                self.tau_lim,
-                "estimated torque of the person",
-                1,
-                "(5.10)",
-                on_invalid="last_Nm",
-            ),
-        )
+        text = "estimated torque of the person"
+        return (around("tau_h_Nm", self.tau_lim, text, 1, "(5.10)", on_invalid="last_Nm"),)
 
     def outputs(self) -> tuple[Port, ...]:
+        fit, clipped = ("tau_h_fit_Nm",), "the fit was clipped at its range"
         return (
             around("tau_h_fit_Nm", self.tau_lim, "the parabola's value now"),
             around("tau_h_rate_Nm_s", self.rate_lim, "its slope now"),
             around("tau_h_curve_Nm_s2", self.curve_lim, "its second derivative"),
-            Port("status", 0, 7, "what is known of it", flags=self.flags()),
-        )
-
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag(
-                "INPUT_INVALID", "the input was NaN or outside its range; the last one counts", True
-            ),
-            Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-            Flag(
-                "CLIPPED", "the fit was clipped at its range", True, ("tau_h_fit_Nm",), self.tau_lim
+            status_port(
+                "what is known of it",
+                "the input was NaN or outside its range; the last one counts",
+                "the state was corrupt; started afresh",
+                Flag("CLIPPED", clipped, True, fit, self.tau_lim),
             ),
         )
 

@@ -167,6 +167,7 @@ def extended_state(device: DeviceData) -> Block:
             Port("keep", 0.0, 1.0, "share of the torque's rate that a step keeps"),
             Port("reach_s", 0.0, law.h, "torque gained in a step, per rate"),
         ),
+        # Between a prediction and a sample, both of which lie there: gain_theta is at most 1.
         facts={"theta_load_est_rad": (law.theta_low, law.theta_high)},
         streams=STREAMS,
     )
