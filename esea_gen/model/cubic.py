@@ -13,20 +13,14 @@ from esea_gen.model.elastomer import K1, K3
 from esea_gen.model.symbolic import equation, to_casadi
 
 LINEAR, LOAD = sp.symbols("a d", real=True)
-
 HALF, THIRD, ROOT, RATIO = sp.symbols("b a_3 c q", positive=True)
 
 # Parts of the real root of k3 x^3 + a x = d, without the cancellation of (4.13) near zero.
 ROOT_THIRD = LINEAR / (3 * K3)
-
 ROOT_HALF = sp.Abs(LOAD) / (2 * K3)
-
 ROOT_CUBE = HALF + sp.sqrt(THIRD**3 + HALF**2)
-
 ROOT_RATIO = THIRD / ROOT
-
 ROOT_SIZE = 2 * HALF / (ROOT**2 + THIRD + RATIO**2)
-
 ROOT_WHOLE = ROOT_SIZE.subs(RATIO, ROOT_RATIO)
 
 
@@ -74,25 +68,14 @@ def root_facts(
 
 
 def segment_equations() -> tuple[Equation, ...]:
-    """Equations of the segment and of its root, for documents."""
-    x, f_i, r_i, p_i = sp.symbols("x F_i r_i p_i")
-    s = sp.Symbol("s")
+    x, f_i, r_i, p_i, s, g, i, n = sp.symbols("x F_i r_i p_i s g i N")
+    torque = "the torque between two breakpoints, of the deflection beyond the dead zone"
+    stiff = "linear stiffness: spring, Maxwell element, stops not saturated"
+    turned = "where stop i saturates; s is the direction"
     return (
-        equation(
-            "[segment]",
-            "d",
-            K3 * x**3 + LINEAR * x,
-            "the torque between two breakpoints, of the deflection beyond the dead zone",
-        ),
-        equation(
-            "[breakpoint]", "x_i", s * f_i + r_i, "where stop i saturates; s is the direction"
-        ),
-        equation(
-            "[a]",
-            "a",
-            K1 + sp.Symbol("g") + sp.Sum(p_i, (sp.Symbol("i"), 1, sp.Symbol("N"))),
-            "linear stiffness: spring, Maxwell element, stops not saturated",
-        ),
+        equation("[segment]", "d", K3 * x**3 + LINEAR * x, torque),
+        equation("[breakpoint]", "x_i", s * f_i + r_i, turned),
+        equation("[a]", "a", K1 + g + sp.Sum(p_i, (i, 1, n)), stiff),
         equation("[root 1]", THIRD, ROOT_THIRD, "real root of the segment's cubic, first part"),
         equation("[root 2]", HALF, ROOT_HALF, "second part"),
         equation("[root 3]", "c", sp.cbrt(ROOT_CUBE), "third part"),

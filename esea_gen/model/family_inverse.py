@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 
 from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
-from esea_gen.language.ports import Flag, Port, around, clip, threshold
+from esea_gen.language.ports import Flag, Port, around, clip, status_port, threshold
 from esea_gen.model.family import FittedMember, Start
 from esea_gen.model.family_sensor import (
     factor_in,
@@ -139,26 +139,26 @@ class _FamilyInverse:
 
     def outputs(self) -> tuple[Port, ...]:
         room = 2 * REQUEST_ROOM * self.tau_lim
-        d, held = self.domain, "an input was NaN or outside its range; the set-point is held"
+        d = self.domain
         theta = "|set-point| is outside the identified domain"
         rate = "|rate of the set-point| is outside the identified domain"
         short = "the request cannot be reached; the set-point stands at its limit"
         far = "|residual| is above its limit; the next period goes on from here"
-        flags = (
-            Flag("INPUT_INVALID", held, True),
-            Flag("STATE_REPAIRED", "the state was corrupt; the model was started afresh", True),
-            Flag("THETA_OUTSIDE", theta, False, ("theta_rad",), d["theta"]),
-            Flag("RATE_OUTSIDE", rate, False, ("omega_mid_rad_s",), d["omega"]),
-            Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
-            Flag("REQUEST_CLAMPED", short, True, ("theta_rad",), self.theta_lim),
-            Flag("NOT_CONVERGED", far, True, ("residual_Nm",), self.good),
-        )
         return (
             around("theta_rad", self.theta_lim, "deflection set-point"),
             around("omega_mid_rad_s", self.omega_lim, "rate of the set-point over this step"),
             around("tau_model_Nm", self.tau_lim, "the model's torque at the set-point"),
             around("residual_Nm", room, "request less the model's torque"),
-            Port("status", 0, 2 ** len(flags) - 1, "what is known of this set-point", flags=flags),
+            status_port(
+                "what is known of this set-point",
+                "an input was NaN or outside its range; the set-point is held",
+                "the state was corrupt; the model was started afresh",
+                Flag("THETA_OUTSIDE", theta, False, ("theta_rad",), d["theta"]),
+                Flag("RATE_OUTSIDE", rate, False, ("omega_mid_rad_s",), d["omega"]),
+                Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
+                Flag("REQUEST_CLAMPED", short, True, ("theta_rad",), self.theta_lim),
+                Flag("NOT_CONVERGED", far, True, ("residual_Nm",), self.good),
+            ),
         )
 
 

@@ -19,7 +19,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.model.cubic import ROOT_WHOLE, cubic_root, root_facts
@@ -70,7 +70,7 @@ def play_parameters(device: DeviceData) -> tuple[Constant, ...]:
         if q is None:
             out.append(Constant(name, value, "thesis table 4.2", "published"))
         else:
-            out.append(Constant(name, q.value, q.source, q.status))
+            out.append(q.constant(name))
     return tuple(out)
 
 
@@ -133,17 +133,6 @@ def published_inverse(
         constants=(() if tunable else tuple(inverse.plays)) + device.constants("elastomer"),
         **_tunable_plays(inverse.plays) if tunable else {},
         inputs=(request_port(inverse.tau_lim),),
-        outputs=(
-            around("theta_rad", inverse.theta_high, "deflection set-point", equation="(4.7)"),
-            around("u_Nm", inverse.tau_lim, "request corrected by the observed disturbance"),
-            Port(
-                "status",
-                0,
-                (1 << len(inverse.flags)) - 1,
-                "what is known of this set-point",
-                flags=inverse.flags,
-            ),
-        ),
         equations=_published_equations(bool(inverse.taps)),
         facts=facts,
         split=split,
@@ -182,21 +171,23 @@ class _Published:
         )
         # The envelope of the largest corrected request bounds every play state.
         self.reach = max(2 * self.theta_high, 4 * self.tau_lim / self.k1)
-        self.flags: tuple[Flag, ...] = (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; taken as zero", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-            Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
-            Flag(
-                "REQUEST_CLAMPED",
-                "the corrected request or the set-point was clamped",
-                True,
-                ("u_Nm", "theta_rad"),
-                self.theta_high,
+
+    def outputs(self) -> tuple[Port, ...]:
+        clamped = "the corrected request or the set-point was clamped"
+        fast = "the set-point jumps by more than its rate allows; the model's memory is clipped"
+        both, high = ("u_Nm", "theta_rad"), self.theta_high
+        return (
+            around("theta_rad", high, "deflection set-point", equation="(4.7)"),
+            around("u_Nm", self.tau_lim, "request corrected by the observed disturbance"),
+            status_port(
+                "what is known of this set-point",
+                "an input was NaN or outside its range; taken as zero",
+                "the state was corrupt; started afresh",
+                Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
+                Flag("REQUEST_CLAMPED", clamped, True, both, high),
+                *((Flag("STEP_CLIPPED", fast, True),) if self.taps else ()),
             ),
         )
-        if self.taps:
-            text = "the set-point jumps by more than its rate allows; the model's memory is clipped"
-            self.flags = (*self.flags, Flag("STEP_CLIPPED", text, True))
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         disturbance = ca.SX(0)
@@ -204,12 +195,10 @@ class _Published:
             disturbance = disturbance + q * s.difference_Nm[i]
         label("disturbance_Nm", disturbance, "low-pass of the past differences")
         wanted = u.tau_Nm - disturbance
-        corrected = label(
-            "corrected_Nm", clip(wanted, -self.tau_high, self.tau_high), "corrected request"
-        )
-        envelope = label(
-            "envelope_rad", cubic_root(self.k3, self.k1, corrected, label), "(4.13) gamma"
-        )
+        corrected = clip(wanted, -self.tau_high, self.tau_high)
+        corrected = label("corrected_Nm", corrected, "corrected request")
+        envelope = cubic_root(self.k3, self.k1, corrected, label)
+        envelope = label("envelope_rad", envelope, "(4.13) gamma")
         r: list[Any] = ca.vertsplit(c.r_rad) if self.tunable else self.fixed_r
         p: list[Any] = ca.vertsplit(c.p_rad) if self.tunable else self.fixed_p
         held, total = [], ca.SX(0)
@@ -220,8 +209,6 @@ class _Published:
         label("unclamped_rad", total, "(4.7), as meant")
         theta = label("set_point_rad", clip(total, -self.theta_high, self.theta_high))
         bits = [
-            ca.logic_not(guard.inputs_ok),
-            ca.logic_not(guard.state_ok),
             ca.fabs(u.tau_Nm) > threshold(self.file.domain.tau_full_scale_Nm.value),
             ca.logic_or(ca.fabs(wanted) > self.tau_high, ca.fabs(total) > self.theta_high),
         ]
@@ -243,7 +230,7 @@ class _Published:
             line = [difference, *ca.vertsplit(s.difference_Nm)[: len(self.taps) - 1]]
             next_state |= {q.name: model[f"next_{q.name}"] for q in self.forward.state}
             next_state["difference_Nm"] = line
-        outputs = {"theta_rad": theta, "u_Nm": corrected, "status": flag_word(bits)}
+        outputs = {"theta_rad": theta, "u_Nm": corrected, "status": guard.status(*bits)}
         return next_state, outputs
 
     def known(
@@ -279,16 +266,12 @@ def _published_equations(observer: bool) -> tuple[Any, ...]:
     f_j, gamma, p_j, r_j = sp.symbols("F_j gamma p_j r_j")
     f_p = sp.Symbol("F_j,k-1")
     j, n = sp.Symbol("j"), sp.Symbol("N")
+    play = sp.Max(gamma - r_j, sp.Min(gamma + r_j, f_p))
     out = (
         equation("(4.7), as meant", "theta_d", sp.Sum(p_j * f_j, (j, 1, n)), "set-point"),
         equation("(4.8)", "p_j", PLAY_WEIGHT.subs(PLAY_R, r_j), "weight of a play operator"),
         equation("(4.9)", "r_j", CHI * PLAY_J, "threshold of a play operator"),
-        equation(
-            "(4.10, 4.11)",
-            "F_j",
-            sp.Max(gamma - r_j, sp.Min(gamma + r_j, f_p)),
-            "play operator round the envelope",
-        ),
+        equation("(4.10, 4.11)", "F_j", play, "play operator round the envelope"),
         equation("(4.13), stable form", "|gamma|", ROOT_WHOLE, "envelope: inverse of the cubic"),
     )
     if not observer:
