@@ -13,13 +13,14 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
-from esea_gen.control.passivity_streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
+    Array,
     Constant,
     Equation,
     Flag,
@@ -31,6 +32,7 @@ from esea_gen.language.ports import (
     status_port,
     threshold,
 )
+from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import filter_delay_s
@@ -358,6 +360,29 @@ def _equations() -> tuple[Equation, ...]:
         equation("[pas 5]", "V", base + big * n * h * k * m, "given, and what may still follow"),
         equation("[pas 6]", "u_most", let_by, "largest command let by"),
     )
+
+
+def _bad_coefficients(block: Block, dtype: np.dtype[Any], rng: np.random.Generator) -> list[Stream]:
+    # Each just inside and just outside its range, and no number at all; both at once.
+    cases: list[dict[str, float]] = [{}]
+    for p in block.coefficients:
+        low, high = dtype.type(p.low), dtype.type(p.high)
+        below, above = (np.nextafter(x, dtype.type(s * np.inf)) for x, s in ((low, -1), (high, 1)))
+        cases += [{p.name: float(v)} for v in (low, high, below, above, *SPECIAL)]
+    cases.append({p.name: float("nan") for p in block.coefficients})
+    each = 8
+    count = each * len(cases)
+    inputs = {p.name: single(rng.uniform(0.5 * p.low, 0.5 * p.high, count)) for p in block.inputs}
+    inputs["mode"] = np.repeat(np.arange(len(cases)) % 3, each).astype(float)
+    for name in ("sensing_ok", "request_ok"):
+        inputs[name] = np.ones(count)
+    changes: dict[int, dict[str, Array]] = {
+        k * each: {name: np.array([v]) for name, v in case.items()} for k, case in enumerate(cases)
+    }
+    return [Stream("coefficients out of their ranges", inputs, {}, changes)]
+
+
+STREAMS = OwnStreams(memories=_bad_coefficients)
 
 
 __all__ = ["passivity", "passivity_section"]

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
 from esea_gen.control.adaptation import gain_port, shift_limit_Nm
-from esea_gen.control.reference_streams import STREAMS
 from esea_gen.devices.fields import field_facts
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -22,6 +22,7 @@ from esea_gen.language.ports import (
     status_port,
     threshold,
 )
+from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 
@@ -229,3 +230,21 @@ class _Reference:
             equation("(5.24), sign of a stiffness", "tau_law", IMPEDANCE_LAW, "impedance law"),
             equation("[blend]", "tau_set", law + offset * sp.exp(-h / blend), text),
         )
+
+
+def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
+    # Modes held for a while, so that offsets fade; samples that are no number in between.
+    steps = 3000
+    t = np.arange(steps)
+    x = {
+        p.name: single(0.5 * (p.low + p.high) + 0.3 * (p.high - p.low) * np.sin(t / (40.0 + 7 * i)))
+        for i, p in enumerate(block.inputs)
+    }
+    x["mode"] = np.array([1.0, 2.0, 0.0, 2.0, 1.0, 0.0])[t // 250 % 6]
+    for p in block.inputs:
+        hit = rng.random(steps) < 0.002
+        x[p.name][hit] = rng.choice(SPECIAL, int(hit.sum()))
+    return [Stream("modes held", x)]
+
+
+STREAMS = OwnStreams(_events)
