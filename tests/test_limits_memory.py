@@ -15,7 +15,6 @@ from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
 from esea_gen.twin.recorded import record_drive
-from esea_gen.verify.sanitize import UNDEFINED, standard_error
 
 from .conftest import require_tool
 from .limits_model import (
@@ -30,6 +29,7 @@ from .limits_model import (
     recover,
     with_value,
 )
+from .proof.sanitize import UNDEFINED, standard_error
 
 EVERY = [*REALS, "q31"]
 WIDTHS = {"f64": 64, "f32": 32, "q31": 32}

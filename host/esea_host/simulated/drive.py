@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device, board_device
 from esea_gen.errors import UserError
 from esea_gen.twin.hand import (
@@ -25,7 +26,6 @@ from esea_gen.twin.people import random_person
 from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
 from esea_gen.twin.stepped import EMPTY, SteppedPlant
-from esea_gen.verify.sim import SimBoard
 from esea_host.connection.identity import SIMULATED_BOARDS
 from esea_host.recording.replay import loaded_device
 from esea_host.simulated.elements import with_spring
