@@ -1,12 +1,8 @@
 """Adaptation of the wish to the rubber at hand, learnt while a known mass hangs on the drive.
 
-A rubber that is softer than its model gives less torque than the sensor shows, and no law notices.
-So what is wanted is turned into what the model must show for it: a gain, a loss and an offset.
-They stand outside every loop: what law, passivity and limits do is that of the model, as before.
-
-The three are learnt where the true torque is known and changes: from the weight of a mass on the
-joint.  The motor's side cannot tell them: over the few degrees that the rubber is wound up, the
-gear's disturbance looks like a stiffness of ten per cent (docs/control.md has the trial).
+A rubber softer than its model gives less torque than the sensor shows.  Gain, loss and offset of
+the wish stand outside every loop.  The motor's side cannot tell them: over the few degrees that the
+rubber is wound up, the gear's disturbance looks like a stiffness of ten per cent (docs/control.md).
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Simulated impairment: a wall with damping that only pushes out, and resistance to speed.
 
-Thesis chapter 7.  As printed, ``tau = -sgn(omega) [Kp (theta - theta_w) + Kd omega + Kv omega]``
-pushes along with a wrist that moves out: for a negative speed both damping terms have the sign of
-the motion and feed it.  What is workable, and passive, is here.
+As printed (thesis 7.1, 7.2) both damping terms feed a motion out; what is passive is here.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Passivity of what a hand meets, whatever the law.
 
-Two guards, for two ways in which a law can be active.  A law that swings a limb up gives a little
-energy in every period: the Block measures the mean power that its error gives, as a damping, and
-adds what is missing to what is wanted.  A law that runs away gives much at once: the Block adds up
-what the drive has given and closes the command in time, so that the sum stays below a bound.
+A law that swings a limb up gives a little energy in every period: the mean power of its error is
+measured, as a damping, and what is missing is added to what is wanted.  A law that runs away gives
+much at once: what the drive has given is added up, and the command closed in time.
 """
 
 from __future__ import annotations

@@ -1,28 +1,15 @@
 """Elastomer torque model: deflection in, interaction torque out (thesis chapter 3).
 
-The spring and the viscosity are written once, as SymPy expressions; the same expressions are
-printed in reports and carried across to CasADi.
+Spring and viscosity are SymPy expressions, printed in reports and carried across to CasADi.  Ours,
+with the evidence in ``docs/sensor.md``: stop operators in play form, F(k) = clip(F(k-1), theta(k) -
+r, theta(k) + r) with E = theta - F, in which nothing is summed; and a Maxwell element whose
+exponential step has exp(x) to third order: exact at rest, positive and monotone for every x >= 0.
 
-Two choices are ours, both with the evidence in ``docs/sensor.md``:
-
-* The stop operators run in their play form.  With E the stop's state (3.5 to 3.7), F = theta - E
-  obeys F(k) = clip(F(k-1), theta(k) - r, theta(k) + r): the same operator, but nothing is summed,
-  so that rounding does not accumulate, however long it runs.
-* The Maxwell element takes an exponential step with exp(x) replaced by its third-order series:
-  steady states stay exact, the step is positive and monotone for every x >= 0, its accuracy at
-  1 kHz equals the true exponential's, and no exponential is needed on the board.
-
-A device may have a dead zone (the knee, 8.7/8.8): the deflection beyond it then stands for the
-deflection in every equation, and its rate for the rate.  That rate is the mid-step rate where the
-step starts outside the dead zone, and 0 where it starts inside (the viscosity is then eps1 / eps2,
-and x one number).  The gate looks at the stored theta(k-1) because every format holds that number
-exactly, so that f32 and f64 decide alike (a predicted mid-step deflection is rounded, and a
-difference quotient of predicted deflections multiplies its rounding by 2/h), and because the
-viscosity then holds nothing of theta(k): torque stays strictly increasing in the deflection beyond
-the dead zone.  The price is the one step in which the coupling leaves the dead zone: the viscosity
-is still that of rest, and the Maxwell element takes up at most kv |thetadot| h too much, which the
-next step lets go: for the knee at 15 deg and 3 Hz at most 0.06 Nm, measured 0.03 Nm or 0.06 % of
-full scale.
+With a dead zone (the knee, 8.7/8.8) the deflection beyond it stands for the deflection, and its
+rate, 0 where the step starts inside, for the rate.  That gate looks at the stored theta(k-1), which
+every format holds exactly, and the viscosity then holds nothing of theta(k): torque stays strictly
+increasing in it.  The price is the one step that leaves the dead zone: at most kv |thetadot| h too
+much, for the knee at 15 deg and 3 Hz 0.06 Nm, which the next step lets go.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Encoder front end: raw counts in, joint angle and whether it can be trusted out.
 
-What the chip gives is a whole number, and a word that says whether the frame can be believed.  All
-that decides anything here is whole numbers below 2^24, which every number format holds exactly, so
-that all formats decide alike; a rounding error enters only where turns and counts become an angle.
+All that decides anything is whole numbers below 2^24, which every number format holds exactly.
 """
 
 from __future__ import annotations

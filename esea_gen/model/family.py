@@ -1,38 +1,20 @@
 """A family of elastomer models: what a member is made of, and what holds for every one of them.
 
-With x the deflection over the largest trained one, a member's torque is a sum of terms
+With x the deflection over the largest trained one, a member's torque is a sum of w d(m, s)
+op[q(x)], w >= 0: ``q`` rises through the origin, ``op`` is a spring (q itself), a Maxwell branch, a
+stop or a slip operator driven by q, and ``d`` a softening that only falls with the largest |x| (m)
+or the path travelled (s).  At most an offset is added.  Whatever the numbers are:
 
-    w d(m, s) op[q(x)],   w >= 0,
+* No closed path gives energy.  Each operator is q(x) - F with an F that only moves towards q(x):
+  in time (Maxwell, Tschoegl 1989), where |q - F| would exceed a threshold (stop), or with the
+  path of q (slip, Dahl 1968).  With Q the integral of q and Q* its conjugate, F moving towards
+  q(x) can only lower the stored Q(x) - F x + Q*(F) >= 0; multiplied by a d that only falls, it
+  falls faster.
+* The torque rises with the deflection, by at least the springs' slope: the inverse is unique.
 
-of which ``q`` is an increasing function through the origin, ``op`` a spring (q itself), a Maxwell
-branch, a stop operator or a slip operator driven by q, and ``d`` a softening that can only fall:
-with the largest |x| so far (m) or with the path travelled (s).  At most an offset is added.
-
-Three things follow from that form, whatever the numbers are:
-
-* **No closed path gives energy.**  Each operator is q(x) - F with an inner value F that only moves
-  towards q(x): in time (Maxwell [1]_), where |q - F| would exceed a threshold (stop), or with the
-  path of q (slip, Dahl's friction [2]_).  With Q the integral of q and Q* its conjugate, the stored
-  energy is Q(x) - F x + Q*(F) >= 0, and F moving towards q(x) can only lower it.  Multiplied by a d
-  that only falls, it falls faster.
-* **The torque rises with the deflection**, whatever has happened before: q rises, the operators are
-  monotone in the present q, and d is that of the step before.  Its slope is at least that of the
-  springs (:attr:`FittedMember.least_slope_Nm_rad`), so that the inverse is unique.
-* **Outside the trained range** nothing bends back, because nothing is negative there either.
-
-A factor for the rubber's temperature multiplies every term but the offset
-(:mod:`esea_gen.model.temperature`).  At a constant temperature it is one more constant, and all
-three hold.  Where it changes under load by dg, the stored energy changes by dg times what would be
-stored at the reference: a rubber that stiffens while it is bent gives that much, and no more.
-
-Softening does not recover while the model runs: stiffness that came back under load would be energy
-from nowhere.  It recovers where the coupling rests unloaded, and for the model that is its start: a
-start is either ``virgin`` or ``conditioned``.
-
-References
-----------
-.. [1] N. W. Tschoegl, "The Phenomenological Theory of Linear Viscoelastic Behavior", Springer 1989.
-.. [2] P. R. Dahl, "A solid friction model", Aerospace Corp. TOR-0158(3107-18)-1, 1968.
+A factor for temperature multiplies every term but the offset; where it changes under load by dg,
+the stored energy changes by dg times that at the reference.  Softening recovers where the coupling
+rests unloaded, which for the model is its start: ``virgin`` or ``conditioned``.
 """
 
 from __future__ import annotations

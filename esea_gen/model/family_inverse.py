@@ -1,12 +1,10 @@
 """Exact inverse of a member of the elastomer family: desired torque in, deflection set-point out.
 
-From any memory the torque rises with the present deflection, with a slope of at least that of the
-springs (:mod:`esea_gen.model.family`), so that one set-point gives the request, and a bracket that
-holds it never loses it.  A fixed number of Newton steps is taken from the last set-point; one that
-leaves the bracket is replaced by the bracket's middle.  What is left is computed and reported: the
-flag ``NOT_CONVERGED`` says when a request jumped so far that the steps did not suffice, and the
-next period goes on from there.  (Secant steps cost half as much and miss by 20 times as much where
-the motion turns back, because the slope of a slip operator jumps there.)
+From any memory the torque rises with the present deflection, so that a bracket never loses the
+set-point.  A fixed number of Newton steps is taken from the last one; a step that leaves the
+bracket is replaced by its middle.  ``NOT_CONVERGED`` says when the steps did not suffice; the
+next period goes on from there.  (Secant steps cost half as much and miss by 20 times as much
+where the motion turns back, because the slope of a slip operator jumps there.)
 """
 
 from __future__ import annotations

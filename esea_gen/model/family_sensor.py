@@ -1,9 +1,7 @@
 """A member of the elastomer family as a Block, and the Block of its unit terms, which fits it.
 
-Both are the same step.  The first has the weights folded in, and terms that share an operator
-merged: Maxwell branches are linear in what drives them, so that those of one time and one softening
-need one state, whatever number of rises drives them.  The second gives one output for each term, so
-that the weights can be solved for from what the very code makes of a recording.
+Both are the same step.  The first has the weights folded in, and terms of one operator merged; the
+second gives one output for each term, of which the weights are solved for.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """The motor's own encoder: counts of its shaft in, how far the drive has turned the joint out.
 
-It turns many times over the joint's range, so it knows no absolute angle: what it gives counts from
-the first frame on.  Everything that decides is whole numbers below 2^24, as for the joint encoders.
+It knows no absolute angle: it counts from the first frame on, in whole numbers below 2^24.
 """
 
 from __future__ import annotations

@@ -1,18 +1,13 @@
 """Inverse of the elastomer model: desired torque in, deflection set-point out (thesis chapter 4).
 
-Two Blocks.  :func:`exact_inverse` solves the discrete torque sensor itself for its deflection;
-:func:`published_inverse` is the generalised play operator of the thesis with its disturbance
-observer.  Both carry the forward model by calling the kernel of the sensor Block, so that model and
-inverse are one set of equations, whatever the device file says.
-
-The exact inverse is a finite method, not an iteration.  At each step the torque is a strictly
-increasing function of the deflection beyond the dead zone, delta: a cubic, one Maxwell term that
-is linear until its clip, and stop operators that are linear until they saturate.  Moving away from
-the last deflection, the stops saturate in the order of their thresholds, because play states with a
-common history are nested, ``|F_i - F_(i-1)| <= r_i - r_(i-1)``.  So the torque at each of the N
-breakpoints needs only sums that are carried along, comparing it with the request finds the
-segment, and the segment's equation ``k3 x^3 + a x = d`` has one real root in closed form.  One
-Newton step, on the torque written out in moves, takes the rounding of the closed form away.
+The exact inverse is a finite method, not an iteration, and carries the model by calling the
+sensor's kernel.  The torque is a strictly increasing function of the deflection beyond the dead
+zone: a cubic, a Maxwell term that is linear until its clip, and stop operators that are linear
+until they saturate, in the order of their thresholds, because play states with a common history
+are nested, ``|F_i - F_(i-1)| <= r_i - r_(i-1)``.  So sums that are carried along give the torque
+at each of N breakpoints, the request finds its segment, and ``k3 x^3 + a x = d`` one real
+root.  One Newton step, on the torque written out in moves, takes the rounding of the closed form
+away.
 """
 
 from __future__ import annotations

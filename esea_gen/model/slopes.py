@@ -1,12 +1,8 @@
 """A Block with the exact derivatives of its outputs by tunables: forward mode, step by step.
 
-With c the coefficients and s the state, the step is ``s+ = f(c, s, u)``, ``y = g(c, s, u)``.  Along
-it runs ``ds+/dp = df/ds ds/dp + df/dc dc/dp``, kept as further states, of which only those are made
-that a tunable reaches.  All derivatives are CasADi's, of the step as it is emitted [1]_.
-
-References
-----------
-.. [1] A. Griewank, A. Walther, "Evaluating Derivatives", SIAM, 2008, chapter 3.
+Along ``s+ = f(c, s, u)`` runs ``ds+/dp = df/ds ds/dp + df/dc dc/dp``, kept as further states, of
+which only those are made that a tunable reaches (Griewank, Walther, "Evaluating Derivatives",
+2008).
 """
 
 from __future__ import annotations

@@ -1,20 +1,14 @@
 """Limits: the last Block before the motor, and the stamp that shows that control is alive.
 
-Nothing reaches the motor that has not passed here.  The semantics are stated, limit by limit and
-with their detection bounds, in ``docs/limits.md``.  In short: a command is clipped, faded out
-towards the ends of the range of motion and towards the largest speed, and rate-limited; any cause
-of :class:`Fault` puts the motor command to zero in the same step and latches; the latch opens only
-at ``mode`` 0, with a new ``rearm``, the cause gone and the controller's own command at zero.
+Semantics and detection bounds are in ``docs/limits.md``.  A command is clipped, faded out towards
+the ends of the range of motion and towards the largest speed, and rate-limited; any cause of
+:class:`Fault` puts it to zero in the same step and latches; the latch opens only at ``mode`` 0,
+with a new ``rearm``, the cause gone and the controller's own command at zero.
 
-How the latch resists a corrupt memory, and why:
-
-* It is closed by default.  The Block starts latched, and what the guard puts in place of a corrupt
-  state is that start.  Memory filled with zeros is latched too.
-* The one value of ``key`` that means released differs from 0, the value of latched, in 16 bits, as
-  float32 and as float64; every other value is corrupt.
-* ``fault``, ``rearm_last`` and ``u_last_Nm`` are stored twice, once negated, and must agree: one
-  flipped bit cannot make up an edge of ``rearm``, another reason or an old set-point.
-* Coefficients are read from memory as well: each is held against its compiled range at every step.
+The latch is closed by default: at the start, of a corrupt state, of memory filled with zeros.  The
+one ``key`` that means released differs from 0 in 16 bits.  ``fault``, ``rearm_last`` and
+``u_last_Nm`` are stored twice, once negated, and must agree.  Coefficients are memory as well: each
+is checked against its compiled range at every step.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The law of the limits: whom to believe, what forbids a command, the latch, the command itself.
-
-:func:`esea_gen.control.limits.block.limits` says what it is for.
-"""
+"""The law of the limits: whom to believe, what forbids a command, the latch, the command itself."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """Redundancy of what is measured: encoders and motor torque must not contradict one another.
 
-Two of them can always be compared with a third.  The motor's own encoder, through the cable, with
-the motor-side one of the coupling; and the torque that the coupling shows with the torque that the
-motor must be giving for the drive to move as it does.  The second finds a load-side encoder that is
-wrong, for which nothing else stands.
+The motor's own encoder, through the cable, is compared with the motor-side one; the torque that the
+coupling shows with what the motor must be giving, which finds a wrong load-side encoder.
 """
 
 from __future__ import annotations

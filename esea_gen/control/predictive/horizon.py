@@ -1,9 +1,8 @@
 """What predictive control starts from: a symbolic plant, a cost, and how to differentiate them.
 
-The plant's substep names its intermediate values (:meth:`Tape.let`).  Each named value depends on
-few others, so its partial derivatives, taken by CasADi, are few; those that are not constants are
-computed once a substep, and one small kernel carries every column of the sensitivity matrix over
-the same names.  That is forward differentiation, exact, without a Jacobian of the whole substep.
+The plant's substep names its intermediate values (:meth:`Tape.let`).  Each depends on few others,
+so its partial derivatives are few; those that are not constants are computed once a substep, and
+one small kernel carries every column of the sensitivity matrix over the same names.
 """
 
 from __future__ import annotations

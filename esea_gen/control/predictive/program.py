@@ -1,13 +1,7 @@
 """Nonlinear model predictive control with an input box, as a program of kernels.
 
-From a symbolic plant and a cost (:class:`.horizon.Model`) come a rollout over the horizon, the
-exact forward sensitivities of every state and of the elastomer's memory, the condensed quadratic
-program and its solver: one real-time iteration [1]_ (one linearisation, one QP) a step.
-
-References
-----------
-.. [1] M. Diehl et al., "Real-time optimization and nonlinear model predictive control of processes
-   governed by differential-algebraic equations", J. Process Control 12(4), 2002.
+A rollout with exact forward sensitivities, the condensed quadratic program and its solver: one
+real-time iteration a step (M. Diehl et al., J. Process Control 12(4), 2002).
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""The coupling's torque over a horizon: of the published model, or of a member of the family.
-
-What predicts asks one question of the rubber: what its torque and its memory are after a step of
-the deflection.  The memory at the start is the sensor Block's own.
-"""
+"""The coupling's torque over a horizon: of the published model, or of a member of the family."""
 
 from __future__ import annotations
 

@@ -1,11 +1,9 @@
 """Stop operators over a horizon, with sensitivities: the elastomer's memory in a rollout.
 
-Stop operators with thresholds r_1 < r_2 < ... keep, in a sound state, |E_i - E_j| <= |r_i - r_j|,
-so that the saturated ones are always the first few, all on the same side.  A saturated (tied)
-operator's play state follows the deflection and needs no arithmetic; work arises only when one is
-tied or let go.  The sensitivity of a free operator's play state is that of the deflection at the
-moment when it was let go, so that the history of the deflection's sensitivity is all there is to
-keep.
+In a sound state |E_i - E_j| <= |r_i - r_j|: the saturated (tied) operators are always the first
+few, all on the same side, and their play states follow the deflection.  Work arises only when one
+is tied or let go.  The sensitivity of a free one's play state is that of the deflection when it
+was let go.
 """
 
 from __future__ import annotations

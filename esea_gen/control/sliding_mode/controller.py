@@ -1,7 +1,4 @@
-"""Sliding mode torque control of the motor side relative to the load side (5.12 to 5.22).
-
-CasADi evaluates what SymPy derived in :mod:`esea_gen.control.sliding_mode.surface`.
-"""
+"""Sliding mode torque control of the motor side relative to the load side (5.12 to 5.22)."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """Reference governor of the sliding mode: a set-point that the motor can follow.
 
-The coupling is soft about zero torque and stiff beyond, and the set deflection turns sharply where
-it leaves the soft part.  A law that knows the present only brakes when it is too late.  So the set
-torque is looked up ahead, and the set deflection is smoothed over the same time: what the smoothing
-delays, looking ahead gives back.
+The set deflection turns sharply where it leaves the coupling's soft part.  So the set torque is
+looked up ahead, and the set deflection smoothed over the same time.
 """
 
 from __future__ import annotations

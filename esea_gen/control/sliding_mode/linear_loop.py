@@ -1,10 +1,8 @@
 """Sliding mode inside its layer as a linear sampled loop: whether gains can be stable at all.
 
-Within the boundary layer, moving and with the output fixed, every part of the loop is linear: drive
-and coupling (5.1, 5.2), the rate's Butterworth filter, the disturbance observer (5.5), the law with
-its layer, the lead, and the period and release of the control task.  One control period is one
-matrix.  A mode that grows there swings until the motor's limit stops it, whatever the law does
-outside of the layer.
+Moving and with the output fixed, every part of the loop is linear: drive and coupling (5.1, 5.2),
+Butterworth filter, disturbance observer (5.5), law, lead, period and release of the control task.
+One control period is one matrix; a mode that grows there swings until the motor's limit stops it.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
-"""Softer gains of a law while its error swings.
+"""Softer gains of a law while its error swings: of a drive lighter or later than its model.
 
-A law that is too stiff for the drive at hand, lighter or later than its model, makes a swing of its
-own, faster than what anybody wants of it.  With the gains that such a drive needs, the drive that
-the model knows would be followed less well, and a limp hand would be left moving.  So the gains
-soften only while a swing is seen, and come back slowly.
+With such gains at all times the drive that the model knows would be followed less well, and a limp
+hand would be left moving.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""The sliding surface, and what SymPy derives from it and the plant: (5.12 to 5.22).
-
-The equivalent control is solved for; the switching gain is the same line with every number
-uncertain.
-"""
+"""The sliding surface, and what SymPy derives from it and the plant: (5.12 to 5.22)."""
 
 from __future__ import annotations
 
