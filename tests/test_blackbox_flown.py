@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from esea_gen.board.blackbox import blackbox_records, record_bytes
+from esea_gen.board.firmware import build_firmware
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import load_device
 from esea_gen.emit.states import BOARD_FAULTS
-from esea_gen.verify.blackbox import blackbox_records, record_bytes
-from esea_gen.verify.firmware import build_firmware
-from esea_gen.verify.sim import SimBoard
 
 from .conftest import require_tool
 

@@ -7,10 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from esea_gen.link.transport import LinkError
-from esea_gen.verify import blackbox, scripted
-from esea_gen.verify.blackbox import BlackboxRecord
-from esea_gen.verify.chips import (
+from esea_gen.board import blackbox, scripted
+from esea_gen.board.blackbox import BlackboxRecord
+from esea_gen.board.chips import (
     WIRE_FAULTS,
     Amplifier,
     As5048a,
@@ -19,8 +18,9 @@ from esea_gen.verify.chips import (
     declarations,
     even_parity,
 )
-from esea_gen.verify.scripted import BoardTape, TapedBoard
-from esea_gen.verify.sim import SimBoard, SimTransport
+from esea_gen.board.scripted import BoardTape, TapedBoard
+from esea_gen.board.sim import SimBoard, SimTransport
+from esea_gen.link.transport import LinkError
 
 
 def thing(**parts):

@@ -22,11 +22,11 @@ from esea_gen.verify.executor import (
     step_arguments,
 )
 from esea_gen.verify.runs import CasadiOracle, run_c
-from esea_gen.verify.sanitize import GivenRenderer
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
 from esea_gen.verify.unreachable import imply
 
 from .conftest import require_tool
+from .proof.sanitize import GivenRenderer
 
 BLOCKS = ["velocity", "smoothing", "sensor"]
 

@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from esea_gen import load_device
+from esea_gen.board.emulator import Difference
 from esea_gen.cli import app
 from esea_gen.plotting import svg
 from esea_gen.report import builder, drive
@@ -21,7 +22,6 @@ from esea_gen.report.builder import Report, gather
 from esea_gen.studies.simulation import simulate
 from esea_gen.twin.case import Setting
 from esea_gen.verify import equivalence
-from esea_gen.verify.emulator import Difference
 from esea_gen.verify.streams import streams
 
 from .browser import browser, readable

@@ -17,10 +17,10 @@ from esea_gen.verify.equivalence import verify
 from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
 from esea_gen.verify.mutation.equivalent import Prover
 from esea_gen.verify.mutation.mutants import mutants
-from esea_gen.verify.sanitize import GivenRenderer, replay_device, undefined_behaviour
 from esea_gen.verify.verdict import EXACT, LASTING, ONE_STEP, RESIDUAL
 
 from .conftest import require_tool
+from .proof.sanitize import GivenRenderer, replay_device, undefined_behaviour
 
 pytestmark = pytest.mark.ci
 

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import pytest
 
-from esea_gen.device import load_device
-from esea_gen.verify.chips import (
+from esea_gen.board.chips import (
     WIRE_FAULTS,
     Amplifier,
     As5048a,
@@ -18,7 +17,8 @@ from esea_gen.verify.chips import (
     Drivers,
     Workbench,
 )
-from esea_gen.verify.sim import SimBoard
+from esea_gen.board.sim import SimBoard
+from esea_gen.device import load_device
 
 from .conftest import require_tool
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from esea_gen.board.scripted import TapedBoard, play
 from esea_gen.emit.states import TIMES_MS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
@@ -23,7 +24,6 @@ from esea_gen.verify.faults.kinds import (
     words,
 )
 from esea_gen.verify.faults.rig import AFTER, SCENES, rig_of
-from esea_gen.verify.scripted import TapedBoard, play
 
 from .conftest import require_tool
 from .test_cli import refused, run

@@ -12,7 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 import esea_gen
-from esea_gen.bench.fixed import PROGRAMS, run_filter
+from esea_gen.board import bare
+from esea_gen.board.bare import emulate, run_bare_system
 from esea_gen.cli import app
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import any_bound, block_bound
@@ -32,13 +33,12 @@ from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.recorded import record_drive
 from esea_gen.twin.run import run_case
-from esea_gen.verify import bare
-from esea_gen.verify.bare import emulate, run_bare_system
 from esea_gen.verify.fixed import bounds_of, compare_fixed, single_steps, states_before
 from esea_gen.verify.fixed_report import AIM_SHARE, compare_signal, published_motions
 from esea_gen.verify.runs import run_c
 from esea_gen.verify.streams import domain_chirp, streams
 from esea_gen.verify.traces import trace_stream
+from tests.benchmarks.fixed import PROGRAMS, run_filter
 
 from .conftest import require_tool
 from .test_fixed import header_problems

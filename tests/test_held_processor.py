@@ -6,8 +6,8 @@ import re
 
 import pytest
 
+from esea_gen.board.gdb import HeldProcessor
 from esea_gen.link.transport import LinkError
-from esea_gen.verify.gdb import HeldProcessor
 
 
 class Target:

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from esea_gen import load_device
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device
 from esea_gen.devices.fatigue import life_used
 from esea_gen.devices.fields import Fatigue
@@ -25,7 +26,6 @@ from esea_gen.devices.numbers import Quantity
 from esea_gen.link.kept import coupling_lives, forget_coupling, name_coupling
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import APP_FLAGS, firmware_folder
-from esea_gen.verify.sim import SimBoard
 from esea_host.cli import app
 from esea_host.cli import life as commands
 from esea_host.connection.opening import warn_of_life

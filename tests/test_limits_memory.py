@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from esea_gen.control.faults import Fault
-from esea_gen.control.latch import RELEASED_KEY
-from esea_gen.control.limits import limits
+from esea_gen.control.limits.block import limits
+from esea_gen.control.limits.faults import Fault
+from esea_gen.control.limits.latch import RELEASED_KEY
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
 from esea_gen.twin.recorded import record_drive
-from esea_gen.verify.sanitize import UNDEFINED, standard_error
 
 from .conftest import require_tool
 from .limits_model import (
@@ -30,6 +29,7 @@ from .limits_model import (
     recover,
     with_value,
 )
+from .proof.sanitize import UNDEFINED, standard_error
 
 EVERY = [*REALS, "q31"]
 WIDTHS = {"f64": 64, "f32": 32, "q31": 32}

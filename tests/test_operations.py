@@ -22,7 +22,8 @@ from esea_gen.language.program import Program
 from esea_gen.language.stream import Stream
 from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.executor import evaluate, told_otherwise
-from esea_gen.verify.operating_point import PointAnalysis
+
+from .operating_point import PointAnalysis
 
 F32, F64 = FORMATS["f32"], FORMATS["f64"]
 U = 2.0**-24

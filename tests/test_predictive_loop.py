@@ -5,8 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from esea_gen.bench.bound import BoundError, blocks_of, disassemble
-from esea_gen.bench.predictive import (
+from esea_gen.board.bound import BoundError, blocks_of, disassemble
+from esea_gen.control.predictive.box_qp import packed
+from esea_gen.control.predictive.box_qp_program import box_qp
+from esea_gen.control.predictive.drive import drive_model, predictive_controller
+from esea_gen.control.predictive.horizon import Horizon
+from esea_gen.control.shown import with_state_as_output
+from esea_gen.emit.program_render import render_program
+from esea_gen.hostlib.library import HostLibrary
+from esea_gen.studies.registry import load_study
+from esea_gen.studies.simulation import ClosedLoopStudy
+from esea_gen.twin.case import Setting
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.judge import judge
+from esea_gen.twin.run import run_case
+from tests.benchmarks.predictive import (
     AIM_BOUND,
     AIM_TYPICAL,
     CORES,
@@ -17,21 +30,8 @@ from esea_gen.bench.predictive import (
     seen_on_m4f,
     stress_rows,
 )
-from esea_gen.bench.predictive_loop import recorded_rows
-from esea_gen.bench.predictive_peer import flat_residuals
-from esea_gen.control.box_qp import packed
-from esea_gen.control.box_qp_program import box_qp
-from esea_gen.control.horizon import Horizon
-from esea_gen.control.predictive_drive import drive_model, predictive_controller
-from esea_gen.control.shown import with_state_as_output
-from esea_gen.emit.program_render import render_program
-from esea_gen.hostlib.library import HostLibrary
-from esea_gen.studies.registry import load_study
-from esea_gen.studies.simulation import ClosedLoopStudy
-from esea_gen.twin.case import Setting
-from esea_gen.twin.controllers import controller_device
-from esea_gen.twin.judge import judge
-from esea_gen.twin.run import run_case
+from tests.benchmarks.predictive_loop import recorded_rows
+from tests.benchmarks.predictive_peer import flat_residuals
 
 from .conftest import require_tool
 

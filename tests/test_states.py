@@ -19,6 +19,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from esea_gen.board.emulator import RunningBoard
+from esea_gen.board.firmware import build_firmware
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import load_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.states import (
@@ -35,9 +38,6 @@ from esea_gen.emit.states import (
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import firmware_folder
-from esea_gen.verify.emulator import RunningBoard
-from esea_gen.verify.firmware import build_firmware
-from esea_gen.verify.sim import SimBoard
 
 from .conftest import ROOT, require_tool
 
@@ -199,7 +199,7 @@ def test_header_and_documentation_are_those_of_the_table(drive):
 def test_the_compiler_finds_a_forgotten_event(drive, tmp_path, monkeypatch):
     """Armed: one case taken away, and the build fails."""
     require_tool("gcc")
-    from esea_gen.verify import firmware
+    from esea_gen.board import firmware
 
     shutil.copytree(firmware_folder(), tmp_path / "firmware")
     path = tmp_path / "firmware" / "app" / "machine.c"

@@ -13,6 +13,10 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common
 
+from esea_gen.board import firmware
+from esea_gen.board.emulator import RunningBoard
+from esea_gen.board.firmware import build_firmware
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import load_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.parameters import fnv1a, link_parameters
@@ -21,10 +25,6 @@ from esea_gen.link.signing import read_key
 from esea_gen.link.streams import gaps
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import BOARDS, firmware_folder
-from esea_gen.verify import firmware
-from esea_gen.verify.emulator import RunningBoard
-from esea_gen.verify.firmware import build_firmware
-from esea_gen.verify.sim import SimBoard
 
 from .conftest import require_tool
 

@@ -25,18 +25,13 @@ PLANTS = ("ideal", "real", "random")
 
 @dataclass(frozen=True)
 class Written:
-    """A study as its source has it.
-
-    kind: name of the class that it extends.
-    help: docstring of its class.
-    recordings: whether it reads a folder of published recordings.
-    """
+    """A study as its source has it."""
 
     name: str
     title: str
-    kind: str
-    help: str
-    recordings: bool
+    kind: str  # name of the class that it extends
+    help: str  # docstring of its class
+    recordings: bool  # whether it reads a folder of published recordings
 
 
 @cache

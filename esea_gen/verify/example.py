@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from esea_gen.board.firmware import compile_objects
 from esea_gen.emit.formats import FORMATS
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.targets import HOST_GCC
-from esea_gen.verify.firmware import compile_objects
 
 _SAMPLES = re.compile(r"^(\d+) of (\d+) samples agree$", re.M)
 _LATCH = re.compile(r"^latch: (\d+) of (\d+) hold$", re.M)

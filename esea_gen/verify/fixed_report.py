@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.board.bare import BARE_BOARDS, BareResult, run_bare, run_bare_system
 from esea_gen.device import Device
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.verify.assumed import UNTRIED
-from esea_gen.verify.bare import BARE_BOARDS, BareResult, run_bare, run_bare_system
 from esea_gen.verify.chain import AIM_SHARE, ChainReport, search_chain
 from esea_gen.verify.fixed import bounds_of, compare_fixed
 from esea_gen.verify.proof import EvaResult, prove_block

@@ -16,6 +16,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from esea_gen.board.firmware import DOUBLE_HELPER, double_arithmetic, symbols
+from esea_gen.board.stack import deepest_stack
 from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
@@ -23,8 +25,6 @@ from esea_gen.errors import UserError, nearest
 from esea_gen.hostlib.compiler import compiler_version, find_compiler
 from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
 from esea_gen.verify.example import run_example
-from esea_gen.verify.firmware import DOUBLE_HELPER, double_arithmetic, symbols
-from esea_gen.verify.stack import deepest_stack
 
 # Single-precision helpers of a processor without an FPU: the compiler's, not libm's.
 _SOFT_SINGLE = re.compile(

@@ -9,11 +9,11 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.identify.mapping import load_mapping
-from esea_gen.identify.parameters import at_bound, bounds_of
-from esea_gen.identify.plant import ROWS_REFINE, FittedPlant
-from esea_gen.identify.recording import load_recordings
-from esea_gen.identify.uncertainty import uncertainty
+from esea_gen.identify.published.parameters import at_bound, bounds_of
+from esea_gen.identify.published.plant import ROWS_REFINE, FittedPlant
+from esea_gen.identify.published.uncertainty import uncertainty
+from esea_gen.identify.recording.mapping import load_mapping
+from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from esea_gen.board.scripted import TapedBoard, play
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.verify.faults.driven import DrivenRig, below_the_inputs
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import SCENES, FaultRig
-from esea_gen.verify.scripted import TapedBoard, play
 
 # What a script cannot do: flip bits in memory, lose ticks, take time, cut power.
 _ELSEWHERE = ("clock", "state", "coefficients", "store")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
@@ -18,7 +19,6 @@ from esea_gen.twin.people import real_plant
 from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.stepped import SteppedPlant
 from esea_gen.verify.faults.kinds import BoardFault, Distortion, measured_and_wanted, ranges
-from esea_gen.verify.sim import SimBoard
 
 WANTED_EVERY = 10  # ticks from one of the host's commands to the next
 ZERO_AT, ARM_AT, ACTIVE_AT = 20, 260, 264

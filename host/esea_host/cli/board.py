@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.board.blackbox import blackbox_csv, read_record
 from esea_gen.cli.options import writable
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
@@ -21,7 +22,6 @@ from esea_gen.link.kept import (
 )
 from esea_gen.link.parameters import find_parameter
 from esea_gen.link.session import Session
-from esea_gen.verify.blackbox import blackbox_csv, read_record
 from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.connection import open_device
