@@ -95,7 +95,8 @@ class Measures:
         return {"minutes": self.session_minutes()["80 % rest"]}
 
     def _of_chapter3(self, *names: str) -> Numbers:
-        return {f.meaning: f.ours for f in self._chapter3.figures if f.name.startswith(names)}
+        figures = self._chapter3.figures.items()
+        return {f.meaning: f.ours for name, f in figures if name.startswith(names)}
 
     def torque_range(self) -> Numbers:
         """Largest torque of the published sweep."""

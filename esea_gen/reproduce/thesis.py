@@ -72,10 +72,10 @@ class Recomputed:
             if j.printed.command and j.verdict in (DIFFERS, UNEXPLAINED, NOT_RUN):
                 lines.append(f"{'':14}{j.printed.command}")
         counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts().most_common())
-        return [*lines, "", f"{len(self.judged)} tables and figures: {counts}.", self._found()]
-
-    def _found(self) -> str:
-        return f"{len(self.misprints)} misprints and unclear readings; --page FILE has all of it."
+        unclear = (
+            f"{len(self.misprints)} misprints and unclear readings; --page FILE has all of it."
+        )
+        return [*lines, "", f"{len(self.judged)} tables and figures: {counts}.", unclear]
 
     def markdown(self) -> str:
         """The whole page."""
