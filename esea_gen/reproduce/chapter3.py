@@ -66,7 +66,8 @@ class Chapter3:
 
         thin = {"linewidth": 0.8}
         loops = [(np.degrees(x), y, name, thin) for name, (x, y) in self.loops.items()]
-        held = [(x, y, name, {}) for name, (x, y) in self.relaxation.items()]
+        plain: dict[str, Any] = {}
+        held = [(x, y, name, plain) for name, (x, y) in self.relaxation.items()]
         figure = panels(
             [
                 Panel(loops, "deflection / deg", "torque / N·m"),
