@@ -216,15 +216,3 @@ def refuse_unknown(name: str, off: Deviation, known: Collection[str]) -> None:
             f"--off {name}: the plant has no {missing[0]}: its cable is rigid.",
             "Give --plant real or random, or another family.",
         )
-
-
-__all__ = [
-    "ALL",
-    "NOTHING",
-    "Deviation",
-    "OffFamily",
-    "chosen_families",
-    "deviation",
-    "off_families",
-    "refuse_unknown",
-]

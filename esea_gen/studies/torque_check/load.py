@@ -60,6 +60,3 @@ class KnownLoad:
     def u_torque_Nm(self) -> float:
         """Standard uncertainty of the torque."""
         return math.sqrt(sum(v * v for v in self.budget_Nm.values()))
-
-
-__all__ = ["KnownLoad", "require"]

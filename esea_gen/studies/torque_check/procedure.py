@@ -135,17 +135,3 @@ def procedure(repeats: int = REPEATS) -> tuple[ProcedureStep, ...]:
             steps.append(ProcedureStep(f"{kind}_{n}", kind, text))  # type: ignore[arg-type]
             steps.append(ProcedureStep(f"zero_{1 + len(steps) // 2}", "zero", unload))
     return tuple(steps)
-
-
-__all__ = [
-    "LIMITS",
-    "REPEATS",
-    "SMALLEST_LOAD_PCT",
-    "Kind",
-    "Limit",
-    "ProcedureStep",
-    "largest_torque_Nm",
-    "load_range_Nm",
-    "procedure",
-    "static_torque_Nm",
-]
