@@ -58,8 +58,6 @@ class ChainRow:
 
 @dataclass(frozen=True)
 class WholeChain:
-    """The table."""
-
     device: str
     rows: list[ChainRow]
     suited_Hz: dict[str, float]
@@ -79,7 +77,6 @@ class WholeChain:
         return [*lines, f"suited: by the encoder's resolution, {suited}"]
 
     def figure(self) -> Figure:
-        """RMS error of the sweep over the bandwidth."""
         from esea_gen.analysis.plots import Panel, panels
 
         curves = []

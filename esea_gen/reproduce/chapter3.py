@@ -61,7 +61,6 @@ class Chapter3:
         return lines
 
     def figure(self) -> Figure:
-        """Torque over deflection for each excitation, and the relaxation."""
         from esea_gen.analysis.plots import Panel, panels
 
         thin = {"linewidth": 0.8}

@@ -93,7 +93,6 @@ def sensed_torque(device: Device, sensor: CRunner, theta_rad: Array) -> Array:
 
 
 def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Array) -> InverseErrors:
-    """One inverse on one signal."""
     inverse.reset()
     y, _ = inverse.run({"tau_Nm": request_Nm}, trace=False)
     theta = np.asarray(y["theta_rad"], dtype=float)
@@ -118,8 +117,6 @@ def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Arra
 
 @dataclass(frozen=True)
 class Chapter4:
-    """The recomputed tables."""
-
     device: str
     rate_Hz: float
     real: str
@@ -163,7 +160,6 @@ class Chapter4:
         return lines[:-1]
 
     def figure(self) -> Figure:
-        """Error in time for each signal, and both tables as bars beside the thesis."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(11, 13.5), layout="constrained")
@@ -243,8 +239,6 @@ def reproduce_chapter4(progress: Callable[[str], None] | None = None) -> Chapter
 
 @dataclass(frozen=True)
 class ThesisTables:
-    """Tables 4.4 and 4.5, and the forward model's figures that they rest on."""
-
     inverse: Chapter4
     forward: Chapter3
 

@@ -48,8 +48,6 @@ PUBLISHED = {
 
 @dataclass(frozen=True)
 class Tiring:
-    """Numbers of the model."""
-
     most: float
     length_rad: float
     recovery_s: float
@@ -146,8 +144,6 @@ def fitted(effect: dict[float, float]) -> Tiring:
 
 @dataclass(frozen=True)
 class ClinicDay:
-    """What came of it, simulated."""
-
     tiring: Tiring
     rubber: Rubber
     days: dict[str, tuple[Array, Array]]
@@ -200,7 +196,6 @@ class ClinicDay:
         return lines
 
     def figure(self) -> Figure:
-        """Stiffness over the day, and the error; what was published beside it."""
         import matplotlib as mpl
 
         from esea_gen.analysis.plots import finished, new_figure

@@ -126,16 +126,13 @@ class EncodedMotion:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
         return f"{self.amplitude_deg:g} deg, 0 to {self.top_Hz:g} Hz in {self.duration_s:g} s"
 
     def theta(self, t: npt.NDArray[Any]) -> Array:
-        """Deflection in rad at times in s."""
         sweep = self.top_Hz / self.duration_s
         return np.asarray(np.deg2rad(self.amplitude_deg) * np.sin(np.pi * sweep * t * t))
 
     def omega(self, t: npt.NDArray[Any]) -> Array:
-        """Its rate in rad/s at times in s."""
         sweep = self.top_Hz / self.duration_s
         size = np.deg2rad(self.amplitude_deg) * 2 * np.pi * sweep
         return np.asarray(size * t * np.cos(np.pi * sweep * t * t))
@@ -168,8 +165,6 @@ def continuous_torque(device: Device, motion: EncodedMotion) -> Array:
 
 @dataclass(frozen=True)
 class SchemeRow:
-    """One integrator, ideal encoders."""
-
     scheme: str
     largest_pct: dict[float, float]
     rms_pct: dict[float, float]
@@ -179,8 +174,6 @@ class SchemeRow:
 
 @dataclass(frozen=True)
 class RateRow:
-    """One source of the rate, real encoders."""
-
     source: str
     rms_pct: dict[int, float]
     largest_pct: dict[int, float]
@@ -188,8 +181,6 @@ class RateRow:
 
 @dataclass(frozen=True)
 class Discretisation:
-    """Both tables."""
-
     device: str
     ideal: list[SchemeRow]
     real: list[RateRow]
@@ -230,7 +221,6 @@ class Discretisation:
         return lines
 
     def figure(self) -> Figure:
-        """RMS error over the rate with ideal encoders, over the counts with real ones."""
         from esea_gen.analysis.plots import Panel, panels
 
         dots = {"marker": "o"}

@@ -176,7 +176,6 @@ class Measures:
         return {"sum of the coefficients": sum(FILTER_B)} | found
 
     def cubic_root(self) -> Numbers:
-        """Deflection of the cubic spring at 4.5 Nm."""
         p = _parameters(load_device("elbow"))
         roots = np.roots([p["k3"], 0, p["k1"], -4.5])
         return {"root at 4.5 Nm / rad": float(roots[np.abs(roots.imag) < 1e-9].real[0])}
@@ -236,7 +235,6 @@ class Measures:
     # -- chapter 8 -------------------------------------------------------------------------------
 
     def knee_swapped(self) -> Numbers:
-        """Largest torque of the Maxwell element at 15 deg, 3 Hz, as printed and swapped."""
         return {name: _maxwell_peak(load_device(name)) for name in ("knee_printed", "knee")}
 
     def knee_speed(self) -> Numbers:

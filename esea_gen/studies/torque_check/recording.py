@@ -24,8 +24,6 @@ SHORTEST_S = 2.0
 
 @dataclass(frozen=True)
 class CheckRecording:
-    """Samples of a check."""
-
     name: str
     time_s: Array
     tau_Nm: Array
@@ -44,7 +42,6 @@ def read_recording(path: Path) -> CheckRecording:
 
 
 def read_check(path: Path) -> Any:
-    """Read the JSON of a check to go on with."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

@@ -52,8 +52,6 @@ NOT_INCLUDED = "Not included: temperature (no published data), wear, the Mullins
 
 @dataclass(frozen=True)
 class TorqueUncertainty:
-    """Torque uncertainty of a device."""
-
     device: str
     full_scale_Nm: float
     omega_max_rad_s: float
@@ -67,7 +65,6 @@ class TorqueUncertainty:
     convergence: list[tuple[int, Figures]]
 
     def overall(self, source: str = TOGETHER) -> Figures:
-        """Over all torques and rates."""
         return self.cells[source][None, None]
 
     def _form(self) -> str:
@@ -78,7 +75,6 @@ class TorqueUncertainty:
         return f"95 % of this device's errors in blocks left out: {band:.3g} Nm, {share:.2g} %"
 
     def notes(self) -> list[str]:
-        """What is assumed and what is left out."""
         notes = [
             f"Parameters, {self.spread.origin}.",
             f"Encoders: {self.bits} bit on both sides, load side moving "

@@ -32,7 +32,6 @@ class Figures:
 
     @property
     def half_width_Nm(self) -> float:
-        """Largest |error| of the 95 % interval."""
         return max(abs(self.low_Nm), abs(self.high_Nm))
 
     def shares(self, full_scale_Nm: float) -> dict[str, float | int]:
