@@ -51,7 +51,7 @@ SLOW_SAMPLE = (
     "test_laws.py::test_the_emulated_board_runs_every_law[smc,mpc-mps2-an500]",
     "test_main_job.py::",
     "test_traces.py::",
-    "test_mutate_python.py::test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed",
+    "test_planted.py::test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed",
 )
 
 

@@ -1,7 +1,4 @@
-"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``.
-
-``mutate-python`` asks the same of the tests of this program itself.
-"""
+"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``."""
 
 from __future__ import annotations
 
@@ -237,65 +234,6 @@ def mutate(
     write_json(json_file, "mutate", {"formats": formats})
     if any(r.score < REQUIRED_SCORE for r in reports.values()):
         raise typer.Exit(1)
-
-
-@app.command("mutate-python")
-def mutate_python_command(
-    whats: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="ROOM|FILE[:N]", help="Rooms of esea_gen, or files; N faults of this one."
-        ),
-    ],
-    sample: Annotated[
-        int | None,
-        typer.Option("--sample", min=1, help="Number of faults of each, drawn; default: all."),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the random draw.")] = 0,
-    tests: Annotated[
-        list[str] | None,
-        typer.Option("--tests", help="Test file; default: the nearest by import."),
-    ] = None,
-    independent: Annotated[
-        bool,
-        typer.Option(
-            "--independent/--all-tests",
-            help="Leave out tests that only compare with committed output.",
-        ),
-    ] = True,
-    widen: Annotated[
-        int,
-        typer.Option("--widen", min=0, help="Test files more for what the nearest do not notice."),
-    ] = 0,
-    limit_s: Annotated[
-        float | None,
-        typer.Option("--limit-s", min=1.0, help="Time of one test file; default: 3 times its own."),
-    ] = None,
-    entered: Annotated[
-        Path | None,
-        typer.Option("--entered", metavar="DIR", help="Keep here which functions a test enters."),
-    ] = None,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="So many faults at a time.")] = 1,
-    json_file: JsonOption = None,
-) -> None:
-    """Put one fault at a time into Python sources of this checkout and run its tests."""
-    from esea_gen.verify.mutation.python import mutate_python
-
-    with progress_line() as say:
-        result = mutate_python(
-            Path.cwd(),
-            whats,
-            sample=sample,
-            seed=seed,
-            tests=tests or (),
-            independent=independent,
-            widen=widen,
-            limit_s=limit_s,
-            entered=entered,
-            jobs=jobs,
-            progress=say,
-        )
-    show(result, json_file, "mutate-python")
 
 
 traces = typer.Typer(help="Committed traces: how every shipped System behaves.")

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import os
-import random
 import re
 import shutil
 import subprocess
@@ -23,11 +22,13 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
+from random import Random
 from typing import Any, Literal
 
 from esea_gen.errors import UserError
-from esea_gen.verify.mutation.python_edits import PythonFaults, PythonMutant
-from esea_gen.verify.mutation.python_tests import (
+
+from .edits import PythonFaults, PythonMutant
+from .near import (
     COMMITTED_TEST,
     PACKAGE,
     Entered,
@@ -278,7 +279,7 @@ def _faults(root: Path, sources: Sequence[Path]) -> list[PythonFaults]:
 
 def _drawn(files: Sequence[PythonFaults], sample: int | None, seed: int) -> list[PythonMutant]:
     places = [(f, k) for f in files for k in range(len(f))]
-    random.Random(seed).shuffle(places)
+    Random(seed).shuffle(places)
     made: dict[tuple[str, str], PythonMutant] = {}
     for f, k in places:
         if sample is not None and len(made) >= sample:
