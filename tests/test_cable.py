@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from esea_gen.control import cable_model
-from esea_gen.control.horizon import Horizon, linearise
-from esea_gen.control.predictive_drive import drive_model, predictive_controller
+from esea_gen.control.predictive.drive import drive_model, predictive_controller
+from esea_gen.control.predictive.horizon import Horizon, linearise
 from esea_gen.device import Device, parse_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer

@@ -294,7 +294,7 @@ def test_seeds_grow_without_changing():
 def test_a_studys_code_is_every_source_and_number_file_of_its_rooms(tmp_path, monkeypatch):
     monkeypatch.setattr(journal, "__file__", str(tmp_path / "analysis" / "journal.py"))
     counted = ["twin/plant.py", "twin/data/plants.toml", "analysis/a.py", "studies/one/study.py"]
-    other = ["twin/notes.txt", "control/limits.py", "twin/__pycache__/plant.cpython-311.pyc"]
+    other = ["twin/notes.txt", "control/limits/block.py", "twin/__pycache__/plant.cpython-311.pyc"]
     for name in (*counted, *other):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("as it was", encoding="utf-8")

@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.control.horizon import Horizon
-from esea_gen.control.predictive_drive import predictive_controller
+from esea_gen.control.predictive.drive import predictive_controller
+from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import load_device
 from esea_gen.emit import render
 from esea_gen.emit.build import device_hash, render_device

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from esea_gen.control.faults import Fault
+from esea_gen.control.limits.faults import Fault
 from esea_gen.device import load_device
 from esea_gen.emit import dialect
 from esea_gen.emit.build import MANIFEST, Bundle, differences, render_device

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from esea_gen.cli import app
-from esea_gen.control.linear_loop import least_damped
+from esea_gen.control.sliding_mode.linear_loop import least_damped
 from esea_gen.device import Device, copy_device, load_device, parse_device
 from esea_gen.devices.schema import json_schema
 from esea_gen.emit.build import render_device

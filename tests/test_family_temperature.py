@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.control.predictive_drive import predictive_controller
+from esea_gen.control.predictive.drive import predictive_controller
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.schema import json_schema
 from esea_gen.emit.build import render_device

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.control.faults import FAULT_TEXT, Fault
-from esea_gen.control.limits import command_stamp, limits
+from esea_gen.control.limits.block import command_stamp, limits
+from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_system

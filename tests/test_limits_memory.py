@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from esea_gen.control.faults import Fault
-from esea_gen.control.latch import RELEASED_KEY
-from esea_gen.control.limits import limits
+from esea_gen.control.limits.block import limits
+from esea_gen.control.limits.faults import Fault
+from esea_gen.control.limits.latch import RELEASED_KEY
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.control.limits import limits
+from esea_gen.control.limits.block import limits
 from esea_gen.device import load_device
 
 from .limits_model import (

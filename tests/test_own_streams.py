@@ -8,13 +8,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from esea_gen.control.faults import Fault
-from esea_gen.control.limits import limits
-from esea_gen.control.limits_streams import STREAMS as OF_LIMITS
+from esea_gen.control.limits.block import limits
+from esea_gen.control.limits.faults import Fault
+from esea_gen.control.limits.streams import STREAMS as OF_LIMITS
 from esea_gen.control.reference import reference
 from esea_gen.control.reference_streams import STREAMS as OF_REFERENCE
-from esea_gen.control.sliding_mode import sliding_mode
-from esea_gen.control.sliding_mode_streams import STREAMS as OF_SLIDING_MODE
+from esea_gen.control.sliding_mode.controller import sliding_mode
+from esea_gen.control.sliding_mode.streams import STREAMS as OF_SLIDING_MODE
 from esea_gen.language.block import Block
 from esea_gen.language.stream import Stream
 from esea_gen.model.encoder import encoder

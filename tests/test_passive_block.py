@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 
 import esea_gen
-from esea_gen.control.limits import limits
+from esea_gen.control.limits.block import limits
 from esea_gen.control.passivity import passivity
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError

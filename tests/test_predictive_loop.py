@@ -19,10 +19,10 @@ from esea_gen.bench.predictive import (
 from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.bench.predictive_peer import flat_residuals
 from esea_gen.board.bound import BoundError, blocks_of, disassemble
-from esea_gen.control.box_qp import packed
-from esea_gen.control.box_qp_program import box_qp
-from esea_gen.control.horizon import Horizon
-from esea_gen.control.predictive_drive import drive_model, predictive_controller
+from esea_gen.control.predictive.box_qp import packed
+from esea_gen.control.predictive.box_qp_program import box_qp
+from esea_gen.control.predictive.drive import drive_model, predictive_controller
+from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.shown import with_state_as_output
 from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.library import HostLibrary

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.control.ahead import ahead
-from esea_gen.control.horizon import Horizon
+from esea_gen.control.predictive.ahead import ahead
+from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.fixed.report import range_report

@@ -12,7 +12,7 @@ import pytest
 from esea_gen.bench.predictive import stress_rows
 from esea_gen.board import release as releases
 from esea_gen.board.release import TaskTimes, task_times
-from esea_gen.control.predictive_drive import LEAST_SHARE
+from esea_gen.control.predictive.drive import LEAST_SHARE
 from esea_gen.device import load_device, parse_device
 from esea_gen.devices.file import controller_document
 from esea_gen.emit.program_render import render_program

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from esea_gen import cli
-from esea_gen.control.linear_loop import LAMBDA_HIGH_1_S, LAMBDA_LOW_1_S
+from esea_gen.control.sliding_mode.linear_loop import LAMBDA_HIGH_1_S, LAMBDA_LOW_1_S
 from esea_gen.device import parse_device
 from esea_gen.devices.fields import SlidingMode
 from esea_gen.errors import UserError

@@ -21,7 +21,7 @@ from scipy import stats
 
 from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, rooms_digest
-from esea_gen.control.redundancy import shares_of_room
+from esea_gen.control.limits.redundancy import shares_of_room
 from esea_gen.errors import UserError
 from esea_gen.files import write_json
 from esea_gen.studies.registry import load_study

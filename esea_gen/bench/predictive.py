@@ -25,10 +25,10 @@ import numpy as np
 from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.bench.predictive_peer import step_times
 from esea_gen.board.bound import InstructionBound, step_bound
-from esea_gen.control.box_qp_program import box_qp
-from esea_gen.control.horizon import Horizon
 from esea_gen.control.laws.predictive import device_horizon, drive_train
-from esea_gen.control.predictive_drive import predictive_controller
+from esea_gen.control.predictive.box_qp_program import box_qp
+from esea_gen.control.predictive.drive import predictive_controller
+from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.emit.program_c import loop_lines
 from esea_gen.emit.program_render import ProgramRenderer, render_program
 from esea_gen.errors import UserError
@@ -162,7 +162,7 @@ def seen_on_m4f(
 def stress_rows(program: Program, count: int, seed: int = 0) -> Array:
     """Inputs meant to take long: every port over its whole range, memories that turn back.
 
-    program: from :func:`esea_gen.control.predictive_drive.predictive_controller`.
+    program: from :func:`esea_gen.control.predictive.drive.predictive_controller`.
     """
     rng = np.random.default_rng(seed)
     rows = []

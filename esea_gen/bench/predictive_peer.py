@@ -18,10 +18,10 @@ import cffi
 import numpy as np
 
 from esea_gen.bench.predictive_loop import recorded_rows
-from esea_gen.control.horizon import Horizon, Model, linearise
 from esea_gen.control.laws.predictive import device_horizon, drive_train
-from esea_gen.control.predictive import predictive_program
-from esea_gen.control.predictive_drive import drive_model
+from esea_gen.control.predictive.drive import drive_model
+from esea_gen.control.predictive.horizon import Horizon, Model, linearise
+from esea_gen.control.predictive.program import predictive_program
 from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.library import HostLibrary

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.control.safety import JOINT_RAD
+from esea_gen.control.limits.safety import JOINT_RAD
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import (

@@ -15,9 +15,9 @@ from esea_gen.control.adaptation import adaptation
 from esea_gen.control.impairment import has_wall, impairment
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
-from esea_gen.control.limits import command_stamp, limits
+from esea_gen.control.limits.block import command_stamp, limits
+from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.control.passivity import passivity
-from esea_gen.control.redundancy import redundancy
 from esea_gen.control.reference import reference
 from esea_gen.control.shown import gains_reference
 from esea_gen.devices.file import DeviceData

@@ -31,20 +31,14 @@ Errors = list[list[float]]
 
 @dataclass(frozen=True)
 class Bound:
-    """Worst-case error of a Block in a number format, against exact arithmetic.
-
-    steps: number of steps it holds for: ``inf`` when the Block forgets its errors; 1 for what one
-        step adds, from the same memory.
-    method: ``fixed point``, ``linear`` or ``one step``.
-    assumptions: decisions taken as equal; inputs taken as whole numbers.
-    """
+    """Worst-case error of a Block in a number format, against exact arithmetic."""
 
     format: str
     steps: float
     outputs: dict[str, float]
     states: dict[str, float]
-    method: str
-    assumptions: tuple[str, ...]
+    method: str  # ``fixed point``, ``linear`` or ``one step``
+    assumptions: tuple[str, ...]  # decisions taken as equal; inputs taken as whole numbers
 
 
 def _coefficients(block: Block, fmt: Format) -> list[list[RangeValue]]:
@@ -61,12 +55,7 @@ def _coefficients(block: Block, fmt: Format) -> list[list[RangeValue]]:
 
 
 def counts(port: Port) -> bool:
-    """Whether a port counts: a mode, a number of frames, a stamp.
-
-    return: true without a unit, with whole ends more than one apart and a whole initial value, all
-        below 2^24. An input of that kind is given whole numbers; a state of that kind is one where
-        the analysis finds that every step makes it one.
-    """
+    """Whether a port counts: a mode, a number of frames, a stamp."""
     values = (port.low, port.high, port.init)
     return (
         port.unit == "1"
@@ -76,12 +65,6 @@ def counts(port: Port) -> bool:
 
 
 class _Step:
-    """One step of a Block under the error analysis, over its ranges.
-
-    room: share of each range that inputs and states may lie beyond it: the guard's own comparisons
-        then stay undecided, and what follows an invalid input or a corrupt state counts as well.
-    """
-
     def __init__(
         self,
         block: Block,
@@ -121,7 +104,6 @@ class _Step:
         )
 
     def __call__(self, errors: Errors, kernel: Kernel | None = None) -> Analysis:
-        """Errors of the results of one step from errors of the states, the worst of all boxes."""
         key = tuple(map(tuple, errors)) if kernel is None else None
         if key in self._found:  # a search for a fixed point comes by the same errors again
             return self._found[key]
@@ -148,7 +130,6 @@ class _Step:
         return RangeValue(*box[name], error, 0.0, *box[name], name in self.whole and error == 0)
 
     def state_errors(self, result: Analysis) -> Errors:
-        """Errors of the states: both the exact and the computed one lie in the port's range."""
         out = []
         for p, r in zip(self.block.state, result.results, strict=False):
             low, high = self.limits[f"s_{p.name}"]
@@ -158,7 +139,6 @@ class _Step:
     def bound(
         self, final: Analysis, states: Errors, steps: float, method: str, *extra: str
     ) -> Bound:
-        """The errors as a Bound."""
         outputs = final.results[len(self.block.state) :]
         return Bound(
             self.fmt.name,
@@ -183,9 +163,6 @@ def block_bound(
     error propagation, verified as inductive: errors no larger going in come out no larger.  For a
     linear Block, whose stability intervals cannot see, one step's own error is summed through the
     powers of its state matrix instead.
-
-    ranges: ``{"u_theta_rad": (low, high), "s_tau_r_Nm": ...}``: inputs and states that stay inside
-        these ranges instead of their ports'.
     """
     once = _Step(block, fmt, ranges)
     limits = once.limits
@@ -211,9 +188,6 @@ def step_bound(
 
     For a Block that :func:`block_bound` refuses: an integral, or a limit on the rate of change,
     adds its rounding errors up.
-
-    return: with ``steps`` 1: of the outputs, and of the states after the step. It holds for corrupt
-        states and invalid inputs too.
     """
     once = _Step(block, fmt, ranges, BEYOND)
     final = once(once.zero)
@@ -221,10 +195,7 @@ def step_bound(
 
 
 def node_errors(block: Block, fmt: Format) -> tuple[Kernel, list[float]]:
-    """Largest |error| of every value of a step, from the same memory.
-
-    return: per node, given that all decisions before it are the same.
-    """
+    """Largest |error| of every value of a step, from the same memory."""
     once = _Step(block, fmt, None, BEYOND)
     kernel = once.kernel
     everything = Kernel(kernel.name, kernel.nodes, (tuple(range(len(kernel.nodes))),))
@@ -232,10 +203,7 @@ def node_errors(block: Block, fmt: Format) -> tuple[Kernel, list[float]]:
 
 
 def whole_nodes(block: Block, kernel: Kernel, fmt: Format) -> frozenset[int]:
-    """Values of a step that are whole numbers, as long as what counts is given whole numbers.
-
-    return: nodes of ``kernel``; empty when the analysis finds no finite range for one.
-    """
+    """Values of a step that are whole numbers, as long as what counts is given whole numbers."""
     everything = Kernel(kernel.name, kernel.nodes, (tuple(range(len(kernel.nodes))),))
     try:
         once = _Step(block, fmt, None, BEYOND)
@@ -255,10 +223,6 @@ def _with_facts(block: Block) -> tuple[Kernel, dict[int, tuple[float, float]]]:
 def limits_of(
     block: Block, ranges: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Ranges of a Block's states (``s_...``) and inputs (``u_...``).
-
-    ranges: ranges to use instead of the ports'.
-    """
     own = {f"s_{p.name}": (p.low, p.high) for p in block.state}
     own |= {f"u_{p.name}": (p.low, p.high) for p in block.inputs}
     unknown = sorted(set(ranges) - set(own))
@@ -273,8 +237,6 @@ def boxes_of(
     """Cut the ranges where the Block says: one box for every choice of pieces.
 
     Cuts of labelled values are left out: only the analysis of whole numbers takes them.
-
-    limits: from :func:`limits_of`.
     """
     axes = []
     for name, cuts in block.split.items():
@@ -284,11 +246,6 @@ def boxes_of(
 
 
 def pieces(limits: tuple[float, float], cuts: Sequence[float]) -> list[tuple[float, float]]:
-    """Cut a range at magnitudes.
-
-    limits: the range.
-    cuts: magnitudes; each cuts on both sides of zero, where the range holds it.
-    """
     low, high = limits
     inside = sorted({c for m in cuts for c in (m, -m) if low < c < high})
     return list(pairwise([low, *inside, high]))
@@ -315,11 +272,7 @@ def _worst(parts: Sequence[Analysis]) -> Analysis:
 def fixed_point(
     once: Callable[[Errors], Analysis], state_errors: Callable[[Analysis], Errors], zero: Errors
 ) -> Errors | None:
-    """Find errors of the states that one step does not make larger.
-
-    once: errors of the results of one step from errors of the states.
-    return: an inductive bound per state and element; None when none is found.
-    """
+    """Find errors of the states that one step does not make larger."""
 
     def image(errors: Errors) -> Errors:
         return state_errors(once(errors))
@@ -389,10 +342,7 @@ def state_jacobian(block: Block) -> ca.Function:
 
 
 def state_matrix(block: Block) -> Array | None:
-    """The one matrix by which a linear Block's states go on, at its default tunables.
-
-    return: without what only says that the Block has started; None when the matrix varies.
-    """
+    """The one matrix by which a linear Block's states go on, at its default tunables."""
     jacobian = state_jacobian(block)
     prepared = block.prepare.call([ca.DM(t.default) for t in block.tunables])
     # Once primed and inside all limits the matrix must be one and the same wherever it is taken.
@@ -422,7 +372,6 @@ def state_matrix(block: Block) -> Array | None:
 
 
 def started_flags(block: Block) -> list[int]:
-    """Rows of the states that only say that the Block has started."""
     names = [p.name for p in block.state for _ in range(p.size)]
     return [k for k, name in enumerate(names) if name == "primed"]
 
@@ -433,10 +382,6 @@ def linear_assumptions(block: Block) -> tuple[str, ...]:
 
 
 def linear_bound(block: Block, local: Errors) -> Errors | None:
-    """Sum one step's own errors through the powers of a linear Block's state matrix.
-
-    return: bound for any number of steps; None when the matrix varies or is not stable.
-    """
     a = state_matrix(block)
     if a is None or np.max(np.abs(np.linalg.eigvals(a))) >= 1:
         return None

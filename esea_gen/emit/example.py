@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from esea_gen.control.faults import FAULT_TEXT, Fault
+from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.control.reference import OFF, TORQUE
 from esea_gen.emit.example_encoders import SETTLE_TICKS, ExampleEncoder, encoder_of
 from esea_gen.errors import UserError
@@ -30,34 +30,25 @@ DIGITS = 6  # behind the point
 
 @dataclass(frozen=True)
 class Sample:
-    """A checked step of the triangle: what the output must be."""
-
     step: int
     expected: float
 
 
 @dataclass(frozen=True)
 class Triangle:
-    """The example of a System without a drive.
-
-    start, peak, lattice: the input is ``(start + triangle) * lattice``, with whole numbers.
-    held: values of all inputs, by name.
-    """
-
     input: External
     output: External
-    start: int
+    start: int  # the input is ``(start + triangle) * lattice``, with whole numbers
     peak: int
     lattice: float
     steps: int
     samples: tuple[Sample, ...]
-    held: Mapping[str, float]
+    held: Mapping[str, float]  # values of all inputs, by name
 
     template = "device/main.c.j2"
 
     @property
     def checked(self) -> tuple[External, ...]:
-        """The one output."""
         return (self.output,)
 
     tunables: tuple[tuple[str, str, float], ...] = ()
@@ -65,13 +56,8 @@ class Triangle:
 
 @dataclass(frozen=True)
 class Column:
-    """An input of the recording.
-
-    feeds: inputs that are given it, every element of them.
-    """
-
     name: str
-    feeds: tuple[External, ...]
+    feeds: tuple[External, ...]  # inputs that are given it, every element of them
 
 
 @dataclass(frozen=True)
@@ -92,29 +78,18 @@ class Axis:
 
 @dataclass(frozen=True)
 class DriveExample:
-    """The example of a System with a drive.
-
-    columns, rows: the recording; inputs in no column keep their value of ``held``.
-    checked: outputs that are compared at every tick.
-    axes, modes, stop, rearm: what the trial of the latch uses.
-    wait: ticks in which the control task delivers for certain.
-    rearmed: last value of ``rearm`` in the recording.
-    driven: whether the law moves the motor on this recording.
-    tunables: instance, name, value: what a calibration would set.
-    """
-
-    columns: tuple[Column, ...]
+    columns: tuple[Column, ...]  # the recording; inputs in no column keep their value of ``held``
     rows: tuple[RecordedTick, ...]
-    checked: tuple[External, ...]
+    checked: tuple[External, ...]  # outputs that are compared at every tick
     held: Mapping[str, float]
     axes: tuple[Axis, ...]
     modes: tuple[External, ...]
     stop: External
     rearm: External
-    wait: int
-    rearmed: int
-    driven: bool
-    tunables: tuple[tuple[str, str, float], ...]
+    wait: int  # ticks in which the control task delivers for certain
+    rearmed: int  # last value of ``rearm`` in the recording
+    driven: bool  # whether the law moves the motor on this recording
+    tunables: tuple[tuple[str, str, float], ...]  # instance, name, value
 
     template = "device/main_drive.c.j2"
     off = float(OFF)
@@ -133,10 +108,7 @@ def example(system: System) -> Triangle | DriveExample:
 
 
 def tolerance(system: System, external: External, share: float) -> float:
-    """Largest error of an output that the example takes for rounding, in its unit.
-
-    share: of the output's range, the number format's own; a law multiplies it by its gains.
-    """
+    """Largest error of an output that the example takes for rounding, in its unit."""
     if _sink(system, external) == ("limits", "u_Nm"):
         share = max(share, COMMAND_SHARE)
     most = max(abs(external.port.low), abs(external.port.high))
@@ -177,7 +149,6 @@ def _rest(port: Port) -> float:
 
 
 def triangle_example(system: System) -> Triangle:
-    """A triangle on the first input, and the first output that it moves."""
     source = next((x for x in system.inputs if x.port.size == 1), None)
     if source is None:
         raise _nothing(
@@ -217,8 +188,6 @@ def _number(value: float) -> float:
 
 
 class _Run:
-    """The symbolic System, tick by tick, with inputs that stay until they are given anew."""
-
     def __init__(
         self,
         system: System,

@@ -13,8 +13,6 @@ SETTLE_TICKS = 20  # encoders and rates have settled
 
 @dataclass(frozen=True)
 class ExampleEncoder:
-    """Count of an encoder by angle."""
-
     at_zero_rad: float
     sign: float
     full: int
@@ -25,7 +23,6 @@ class ExampleEncoder:
 
 
 def encoder_of(block: Block, tunables: Mapping[str, float]) -> ExampleEncoder:
-    """From its Block, with tunables as the example sets them."""
     full = int(next(p for p in block.inputs if p.name == "count").high) + 1
 
     def angle(count: int) -> float:

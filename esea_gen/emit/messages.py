@@ -43,23 +43,15 @@ _TYPE_BYTES = {"uint64_t": 8, "float": 4, "uint32_t": 4, "uint16_t": 2, "uint8_t
 
 @dataclass(frozen=True)
 class MessageField:
-    """A field of a message.
-
-    size: elements; above 1 the field is an array.
-    units: unit, where MAVLink's schema knows it; else empty.
-    enum: enum of a status word's bits, or empty.
-    """
-
     c_type: str
     name: str
     description: str
     size: int = 1
-    units: str = ""
-    enum: str = ""
+    units: str = ""  # unit, where MAVLink's schema knows it; else empty
+    enum: str = ""  # enum of a status word's bits, or empty
 
     @property
     def bitmask(self) -> bool:
-        """Whether the enum names bits."""
         return bool(self.enum) and self.enum not in (
             "ESEA_FAULT",
             "ESEA_STATE",
@@ -69,14 +61,11 @@ class MessageField:
 
     @property
     def bytes(self) -> int:
-        """Size on the wire."""
         return self.size * _TYPE_BYTES[self.c_type]
 
 
 @dataclass(frozen=True)
 class Message:
-    """A message of the dialect."""
-
     id: int
     name: str
     description: str
@@ -90,11 +79,6 @@ class Message:
 
 @dataclass(frozen=True)
 class MessageStatus:
-    """Enum of a status word's bits.
-
-    flags: its bits, least significant first.
-    """
-
     enum: str
     meaning: str
     flags: tuple[Flag, ...]
@@ -102,7 +86,6 @@ class MessageStatus:
 
 @cache
 def mavlink_units() -> frozenset[str]:
-    """Units that MAVLink's own schema knows."""
     package = from_extra("pymavlink", "link", "What a MAVLink message holds")
     schema = resources.files(package) / "generator" / "mavschema.xsd"
     root = ElementTree.fromstring(schema.read_bytes())
@@ -246,7 +229,6 @@ _STAMP = (
 
 
 def task_messages(system: System) -> tuple[Message, ...]:
-    """Input and output of every task, in turn."""
     found = []
     for i, task in enumerate(system.tasks):
         period = f"{task.every * system.base_period_s * 1000:.9g} ms"
@@ -341,7 +323,6 @@ _LIFE = (
 
 
 def messages(system: System) -> tuple[Message, ...]:
-    """The messages of a System beside the standard ones."""
     found = [
         Message(
             FIRST_ID, "ESEA_INFO", "What runs on the board, and its counters; on request.", _INFO
@@ -413,7 +394,6 @@ def messages(system: System) -> tuple[Message, ...]:
 
 
 def status_words(system: System) -> tuple[MessageStatus, ...]:
-    """Enums of the status words among a System's outputs."""
     return tuple(
         MessageStatus(f"ESEA_{system.name}_{x.name}".upper(), x.port.meaning, x.port.flags)
         for x in system.outputs

@@ -11,7 +11,6 @@ from esea_gen.language.block import Block
 
 
 def comment(text: str, indent: int = 0, width: int = 98) -> str:
-    """A C comment, wrapped."""
     pad = " " * indent
     safe = " ".join(text.replace("*/", "* /").split())
     lines = textwrap.wrap(safe, width - indent - 6)
@@ -38,11 +37,6 @@ def bare(text: str) -> str:
 
 @dataclass(frozen=True)
 class Statement:
-    """A line of a printed kernel.
-
-    c_type: type of the constant it defines.
-    """
-
     c_type: str
     name: str
     expression: str
@@ -51,28 +45,18 @@ class Statement:
 
 @dataclass(frozen=True)
 class PrintedKernel:
-    """A kernel as C text.
-
-    results: per result, per element, the C atom that holds it.
-    """
-
     statements: tuple[Statement, ...]
-    results: tuple[tuple[str, ...], ...]
+    results: tuple[tuple[str, ...], ...]  # per result, per element, the C atom that holds it
     used_arguments: frozenset[int]
 
 
 @dataclass(frozen=True)
 class EmittedBlock:
-    """A Block with its kernels printed in one number format.
-
-    stores: per statement of the step, the state that it completes.
-    """
-
     block: Block
     prepare: PrintedKernel | None
     init: PrintedKernel
     step: PrintedKernel
-    stores: tuple[tuple[str, ...], ...]
+    stores: tuple[tuple[str, ...], ...]  # per statement of the step, the state that it completes
     template: str = "device/esea_block.c.j2"
 
 
@@ -83,9 +67,6 @@ def early_stores(
 
     Stored at the end, every new state would stay alive until there; with ten stop operators and
     sixteen registers that costs a tenth of the step.
-
-    names: C names of the states where they are not the ports' own.
-    return: per statement, the stores that follow it; the last one takes what waits for nothing.
     """
     count = len(step.statements)
     defined = {s.name: i for i, s in enumerate(step.statements)}

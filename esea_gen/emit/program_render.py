@@ -14,7 +14,6 @@ class ProgramRenderer(Renderer):
     """Renders a System of one Program: its C files only, no example and no C of CasADi's."""
 
     def files(self) -> dict[str, str]:
-        """The C files."""
         return self.own_files() | {path.name: path.read_text() for path in self.fmt.sources()}
 
 

@@ -42,19 +42,13 @@ class RangeError(Exception):
 
 @dataclass(slots=True)
 class RangeValue:
-    """Range and error of one value; never changed once made.
-
-    a, r: error model: ``|computed - exact| <= a + r |exact|``.
-    computed_low, computed_high: interval of the computed value.
-    whole: the exact value is a whole number that the format holds, and the computed one is it.
-    """
-
     low: float
     high: float
-    a: float = 0.0
+    a: float = 0.0  # error model: ``|computed - exact| <= a + r |exact|``
     r: float = 0.0
-    computed_low: float = -math.inf
+    computed_low: float = -math.inf  # interval of the computed value
     computed_high: float = math.inf
+    # The exact value is a whole number that the format holds, and the computed one is it.
     whole: bool = False
     magnitude: float = field(init=False)
     error: float = field(init=False)
@@ -69,19 +63,13 @@ class RangeValue:
 
     @property
     def exact(self) -> bool:
-        """Whether the computed value is the exact one."""
         return self.a == 0 and self.r == 0
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """Result of an analysis.
-
-    assumptions: decisions that rounding could turn: taken as equal.
-    """
-
     results: tuple[tuple[RangeValue, ...], ...]
-    assumptions: tuple[str, ...]
+    assumptions: tuple[str, ...]  # decisions that rounding could turn: taken as equal
 
 
 def _either(x: RangeValue, y: RangeValue, magnitude: float) -> tuple[float, float]:
@@ -257,11 +245,7 @@ def analyse(
     flag_results: Sequence[int] = (),
     facts: Mapping[int, tuple[float, float]] | None = None,
 ) -> Analysis:
-    """Push ranges and errors through a kernel.
-
-    flag_results: results that are status words: a decision that only they use is no assumption.
-    facts: ranges of nodes known from algebra; the kernel must then be fused already.
-    """
+    """Push ranges and errors through a kernel."""
     if facts is None:
         kernel = fuse_selects(kernel)
     known = facts or {}

@@ -10,57 +10,38 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from esea_gen.control.faults import FAULT_CODES
+from esea_gen.control.limits.faults import FAULT_CODES
 from esea_gen.language.ports import Code
 
 
 @dataclass(frozen=True)
 class BoardState:
-    """A state of the board.
-
-    computes: whether the board's own clock runs the tasks.
-    torque: whether the motor may be driven.
-    mav: MAVLink's word for it.
-    """
-
     name: str
     value: int
     meaning: str
-    computes: bool
-    torque: bool
-    mav: str
+    computes: bool  # whether the board's own clock runs the tasks
+    torque: bool  # whether the motor may be driven
+    mav: str  # MAVLink's word for it
 
 
 @dataclass(frozen=True)
 class BoardEvent:
-    """What may move the board.
-
-    told: whether it comes over the link; else the board finds it itself.
-    """
-
     name: str
     value: int
     meaning: str
-    told: bool
+    told: bool  # whether it comes over the link; else the board finds it itself
 
 
 @dataclass(frozen=True)
 class BoardGuard:
-    """What must hold for a transition."""
-
     name: str
     meaning: str
 
 
 @dataclass(frozen=True)
 class Way:
-    """Where an event leads.
-
-    when: guards that must all hold; of several ways the first whose guards hold is taken.
-    """
-
     to: str
-    when: tuple[str, ...] = ()
+    when: tuple[str, ...] = ()  # guards that must all hold
 
 
 STATES = (
@@ -312,10 +293,7 @@ TABLE: dict[str, dict[str, tuple[Way, ...]]] = {
 
 
 def follow(state: str, event: str, holds: Collection[str]) -> str | None:
-    """Where an event leads by the table; None when it is refused.
-
-    holds: names of the guards that hold.
-    """
+    """Where an event leads by the table; None when it is refused."""
     for way in TABLE[state].get(event, ()):
         if set(way.when) <= set(holds):
             return state if way.to == "same" else way.to
@@ -342,7 +320,6 @@ def _asks(name: str, comment: str, states: list[BoardState]) -> Iterator[str]:
 
 
 def states_header() -> str:
-    """Text of ``firmware/app/states.h``."""
     lines = [
         "/* States of the board and what moves it: written by `python -m esea_gen.emit.states`",
         " * from the table in esea_gen/emit/states.py; do not edit.",
@@ -376,7 +353,6 @@ def states_header() -> str:
 
 
 def state_tables() -> str:
-    """The tables of the documentation, Markdown."""
     lines = ["| state | number | | own clock | motor |", "|---|---|---|---|---|"]
     for s in STATES:
         runs, motor = ("runs" if s.computes else "–"), ("on" if s.torque else "off")

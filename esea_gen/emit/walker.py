@@ -51,46 +51,30 @@ COMMUTATIVE = frozenset({"add", "mul", "eq", "ne", "and", "or"})
 
 
 class UnsupportedOperationError(UserError):
-    """A kernel holds an operation that a number format cannot express."""
-
     def __init__(self, what: str, fix: str = "Try another number format with --real.") -> None:
         super().__init__(what, fix)
 
 
 @dataclass(frozen=True)
 class Node:
-    """One value of a kernel.
-
-    op: ``input``, ``const``, an operation of the tables above, or ``select`` (condition, value if
-        true, value if false), which only a number format's own pass makes.
-    source: of an input: argument and element.
-    """
-
+    # `input`, `const`, an operation of the table, or `select`, which only a format's pass makes.
     op: str
     args: tuple[int, ...] = ()
     value: float = 0.0
-    source: tuple[int, int] = (0, 0)
+    source: tuple[int, int] = (0, 0)  # of an input: argument and element
 
     @property
     def boolean(self) -> bool:
-        """Whether the value is 0 or 1 by construction."""
         return self.op in BOOLEAN
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """A straight-line function in single-assignment form.
-
-    nodes: in an order in which every operand stands before its use.
-    results: per result, per element, the index of its node.
-    """
-
     name: str
-    nodes: tuple[Node, ...]
-    results: tuple[tuple[int, ...], ...]
+    nodes: tuple[Node, ...]  # in an order in which every operand stands before its use
+    results: tuple[tuple[int, ...], ...]  # per result, per element, the index of its node
 
     def cost(self) -> Counter[str]:
-        """How many operations of each kind one call executes."""
         return Counter(n.op for n in self.nodes if n.op not in ("input", "const"))
 
     def listing(self) -> str:
@@ -109,12 +93,7 @@ _WALKED: WeakKeyDictionary[ca.Function, Kernel] = WeakKeyDictionary()
 
 
 def walk(function: ca.Function) -> Kernel:
-    """Turn a CasADi function into a kernel, once for every number format.
-
-    function: scalar expression graph (SX) with dense arguments and results.
-    return: the same operations in the same dependence, so that evaluating them in the same
-        arithmetic gives the same bits.
-    """
+    """Turn a CasADi function into a kernel, once for every number format."""
     found = _WALKED.get(function)
     if found is None:
         found = _WALKED[function] = _walked(function)
@@ -158,7 +137,6 @@ def _walked(function: ca.Function) -> Kernel:
 
 
 def needed_nodes(kernel: Kernel) -> list[int]:
-    """Indices of the nodes that a result needs, rising."""
     needed = {i for r in kernel.results for i in r}
     for i in reversed(range(len(kernel.nodes))):
         if i in needed:
@@ -186,7 +164,6 @@ def labelled_kernel(
 
 
 def use_counts(kernel: Kernel) -> list[int]:
-    """How often each node is an operand."""
     uses = [0] * len(kernel.nodes)
     for n in kernel.nodes:
         for a in n.args:
@@ -195,7 +172,6 @@ def use_counts(kernel: Kernel) -> list[int]:
 
 
 def prune(kernel: Kernel) -> Kernel:
-    """Drop the nodes that no result needs."""
     order = needed_nodes(kernel)
     position = {old: new for new, old in enumerate(order)}
     nodes = tuple(
@@ -276,12 +252,7 @@ def calls_first(kernel: Kernel) -> Kernel:
 
 @dataclass(frozen=True)
 class StatusWord:
-    """A status word found in a kernel.
-
-    flags: node of the condition, and its bit.
-    """
-
-    flags: tuple[tuple[int, int], ...]
+    flags: tuple[tuple[int, int], ...]  # node of the condition, and its bit
     parts: frozenset[int]
 
 

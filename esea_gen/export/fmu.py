@@ -78,10 +78,7 @@ def sources(model: ExportedModel, fmi: Version) -> dict[str, str]:
 
 
 def model_header(model: ExportedModel, token: str, command: str) -> str:
-    """What calls the model by numbers in an array, as C text.
-
-    command: that writes it.
-    """
+    """What calls the model by numbers in an array, as C text."""
     _filters(model)
     given = {"model": model, "token": token, "command": command}
     return model.renderer.render("export/fmu/model.h.j2", **given)
@@ -121,17 +118,13 @@ def _description(model: ExportedModel, fmi: Version, token: str) -> str:
 
 @dataclass(frozen=True)
 class Fmu:
-    """A Functional Mock-up Unit in memory.
-
-    files: content by path inside the archive.
-    """
+    """A Functional Mock-up Unit in memory."""
 
     model: ExportedModel
     fmi: Version
     files: dict[str, bytes]
 
     def packed(self) -> bytes:
-        """The archive: the same bytes for the same content."""
         stream = io.BytesIO()
         with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
             for name in sorted(self.files, key=lambda n: (n != DESCRIPTION, n)):
@@ -143,10 +136,7 @@ class Fmu:
 
 
 def make_fmu(model: ExportedModel, fmi: Version = "3") -> Fmu:
-    """Render, compile and describe a model as an FMU for co-simulation.
-
-    raises: UserError without a C compiler.
-    """
+    """Render, compile and describe a model as an FMU for co-simulation."""
     texts = sources(model, fmi)
     token = _token(texts)
     binary = compile_sources(
@@ -175,10 +165,7 @@ def make_fmu(model: ExportedModel, fmi: Version = "3") -> Fmu:
 
 
 def check_fmu(path: Path) -> dict[str, Any]:
-    """The manifest of an FMU on disk, if the file is whole and of one content.
-
-    raises: UserError for what is no archive, damaged, changed, or put together from two exports.
-    """
+    """The manifest of an FMU on disk, if the file is whole and of one content."""
     fix = "Export it again: esea-gen export fmu."
     try:
         with zipfile.ZipFile(io.BytesIO(read_whole(path, "Name an .fmu file."))) as archive:

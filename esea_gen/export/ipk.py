@@ -12,11 +12,7 @@ _MEMBERS = ("debian-binary", "control.tar.gz", "data.tar.gz")
 
 
 def ipk(control: Mapping[str, str], files: Mapping[str, tuple[bytes, int]]) -> bytes:
-    """Bytes of a package.
-
-    control: fields of its ``control`` file, in order.
-    files: absolute path to content and mode.
-    """
+    """Bytes of a package."""
     told = "".join(f"{name}: {value}\n" for name, value in control.items()).encode()
     parts = (
         b"2.0\n",

@@ -25,76 +25,55 @@ ANGLES = ("theta_g_rad", "theta_m_rad", "theta_l_rad")
 
 @dataclass(frozen=True)
 class ModelVariable:
-    """A number that the importing tool sees.
-
-    reference: its place in the list.
-    role: ``tunable`` may be set between steps, ``fixed`` until initialization ends.
-    whole: a status word.
-    c: field of the C struct; of the params for a tunable.
-    task: whose ``in`` or ``out`` it stands in.
-    """
+    """A number that the importing tool sees."""
 
     name: str
     reference: int
-    role: Role
+    role: Role  # ``tunable`` may be set between steps, ``fixed`` until initialization ends
     whole: bool
     start: float
     low: float
     high: float
     unit: str
     description: str
-    c: str
-    task: str = ""
+    c: str  # field of the C struct; of the params for a tunable
+    task: str = ""  # whose ``in`` or ``out`` it stands in
 
 
 @dataclass(frozen=True)
 class ModelTask:
-    """A step that runs every so many ticks.
-
-    stem: of its C names.
-    """
-
     name: str
-    stem: str
+    stem: str  # of its C names
     every: int = 1
     phase: int = 0
 
 
 @dataclass(frozen=True)
 class ExportedModel:
-    """C with its variables, ready to be wrapped.
+    """C with its variables, ready to be wrapped."""
 
-    kind: what ``model.h`` runs in a tick.
-    stem: of the C names of params, coefficients and state.
-    files: names of the renderer's files that are part of it.
-    command: that exports it.
-    bodies, substeps, step_s: of the virtual exoskeleton: bodies that move, and steps of a tick.
-    """
-
-    kind: Literal["block", "controller", "twin"]
+    kind: Literal["block", "controller", "twin"]  # what ``model.h`` runs in a tick
     identifier: str
     title: str
     renderer: Renderer
     digest: str
-    stem: str
+    stem: str  # of the C names of params, coefficients and state
     tick_s: float
     tasks: tuple[ModelTask, ...]
     variables: tuple[ModelVariable, ...]
     tuned: bool
     latched: bool
-    files: tuple[str, ...]
+    files: tuple[str, ...]  # names of the renderer's files that are part of it
     command: str
-    bodies: int = 0
+    bodies: int = 0  # of the virtual exoskeleton: bodies that move, and steps of a tick
     substeps: int = 0
     step_s: float = 0.0
     angles: tuple[str, ...] = ANGLES
 
     def of(self, role: Role) -> list[ModelVariable]:
-        """Variables of a role."""
         return [v for v in self.variables if v.role == role]
 
     def place(self, name: str) -> int:
-        """Value reference of a variable."""
         return next(v.reference for v in self.variables if v.name == name)
 
 
@@ -172,10 +151,7 @@ def _renderer(device: Device, real: str) -> tuple[Renderer, str]:
 
 
 def controller_model(device: Device, real: str = "f32") -> ExportedModel:
-    """All tasks of a device, from encoder counts to motor command.
-
-    raises: UserError for a number format that has no units.
-    """
+    """All tasks of a device, from encoder counts to motor command."""
     renderer, digest = _renderer(device, real)
     system, naming, found = device.system, renderer.naming, _Variables()
     for task in system.tasks:
@@ -203,10 +179,7 @@ def controller_model(device: Device, real: str = "f32") -> ExportedModel:
 
 
 def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
-    """One Block of a device, by itself.
-
-    raises: UserError for a Block that the device does not have.
-    """
+    """One Block of a device, by itself."""
     kinds = {b.name: b for b in device.system.kinds}  # Programs among them
     if name not in kinds:
         raise UserError(f"{device.name} has no Block '{name}'.", f"It has {', '.join(kinds)}.")
@@ -237,11 +210,7 @@ def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
 
 
 def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) -> ExportedModel:
-    """The virtual exoskeleton: simulated drive, cable, elastomer, load, person and encoders.
-
-    tick_s: of the controller that it is made for.
-    digest: of the device that it is made of.
-    """
+    """The virtual exoskeleton: simulated drive, cable, elastomer, load, person and encoders."""
     system = plant_system(variant.device, variant.cable, variant.step_s, tick_s)
     fmt = FORMATS["f64"]
     content = content_hash(system, digest, title, [fmt])

@@ -15,12 +15,7 @@ from esea_gen.language.system import System
 
 
 class LoadedC:
-    """A System's generated C, compiled for the host.
-
-    system: what was rendered.
-    renderer: its renderer.
-    flags: compiler flags beside the project's own (sanitizers, coverage).
-    """
+    """A System's generated C, compiled for the host."""
 
     def __init__(self, system: System, renderer: Renderer, flags: Sequence[str] = ()) -> None:
         self.system = system
@@ -44,7 +39,6 @@ class LoadedC:
         return getattr(self.lib, self._init if name == f"{self.prefix}_init" else name)
 
     def dtype(self, c_type: str) -> np.dtype[Any]:
-        """numpy type of a C struct, field for field."""
         if c_type not in self._dtypes:
             self._dtypes[c_type] = self._convert(self.ffi.typeof(c_type))
         return self._dtypes[c_type]

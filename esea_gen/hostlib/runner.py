@@ -60,15 +60,12 @@ class CRunner:
     def prepare(self, tunables: Mapping[str, Any]) -> int:
         """Set tunables, the others at their defaults, derive the coefficients, and reset.
 
+        Returns 0, or the number of a refused tunable (tasks only; nothing is then changed).
+
         Parameters
         ----------
         tunables : mapping
             For a Block ``{tunable: value}``; for a task ``{instance: {tunable: value}}``.
-
-        Returns
-        -------
-        int
-            0, or the number of the refused tunable (tasks only; coefficients untouched).
         """
         refused = 0
         if self._params is not None:
@@ -122,18 +119,13 @@ class CRunner:
                 self._state[name] = value
 
     def pack(self, inputs: Mapping[str, Any]) -> Array:
-        """Arrange a stream as the C's input structs.
+        """Arrange a stream as an array of the C's input structs.
 
         Parameters
         ----------
         inputs : mapping of str to array
             One array per input, shape (steps,) or (steps, size), in units (in q31, whole numbers
             are raw numbers).
-
-        Returns
-        -------
-        ndarray
-            Structured, shape (steps,).
         """
         steps = len(np.atleast_1d(next(iter(inputs.values())))) if inputs else 0
         packed = np.zeros(steps, self._in_type)
@@ -154,11 +146,6 @@ class CRunner:
             Whether to record the state after every step.
         raw : bool
             Give the C's own numbers, which in q31 are no units.
-
-        Returns
-        -------
-        outputs, states : dict of str to ndarray
-            By name; states empty without ``trace``.
         """
         packed = self.pack(inputs)
         out = np.zeros(len(packed), self._out_type)
@@ -187,11 +174,6 @@ class CRunner:
         ----------
         **inputs : float or ndarray
             One value per input.
-
-        Returns
-        -------
-        dict
-            One value per output.
         """
         outputs, _ = self.run({k: np.asarray(v)[None] for k, v in inputs.items()}, trace=False)
         return {k: v[0] for k, v in outputs.items()}
@@ -276,11 +258,6 @@ class CBoard:
             Which.
         **inputs : float or sequence of float
             Its external inputs, in units; in q31, NaN and what does not fit is invalid.
-
-        Returns
-        -------
-        dict
-            Its external outputs: float, int for a status word, ndarray for a vector.
         """
         taken, given_back = self._fields[task_name]
         given = {f.c_name: _held(f, inputs[f.name]) for f in taken}
@@ -304,7 +281,7 @@ def _held(f: Field, value: Any) -> Any:
 def run_schedule(
     board: CBoard | SystemSimulator, inputs: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, dict[str, Array]]:
-    """Run every task of a System at its own ticks.
+    """Run every task of a System at its own ticks: per task, an array per external output.
 
     Parameters
     ----------
@@ -313,11 +290,6 @@ def run_schedule(
     inputs : mapping of str to mapping
         Per task, one array per external input with one element a run; for a task without inputs
         ``{"": zeros}`` of as many elements as it has runs.
-
-    Returns
-    -------
-    dict of str to dict of str to ndarray
-        Per task, one array per external output; float32 or uint32 from f32 C.
     """
     system = board.system
     runs = {t: len(next(iter(columns.values()))) for t, columns in inputs.items()}

@@ -154,11 +154,6 @@ class Block(Component):
         prepare : callable, optional
             ``prepare(t) -> coefficients`` with one symbol per tunable; needed with tunables.
 
-        Returns
-        -------
-        Block
-            The Block, its step guarded.
-
         Raises
         ------
         ValueError
@@ -237,11 +232,6 @@ class Block(Component):
         ----------
         tunables : mapping of str to float, optional
             Values other than the defaults.
-
-        Returns
-        -------
-        Simulator
-            Freshly initialised.
         """
         return Simulator(self, tunables)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 # MAVLink 2: start, payload length, incompatibility flags, ..., message id in three bytes.
 START = 0xFD
@@ -11,92 +12,134 @@ HEADER_BYTES = 10
 CHECKSUM_BYTES = 2
 SIGNATURE_BYTES = 13
 SIGNED = 0x01
+# Start, length; flags, sequence, sender and message in one number.
+HEAD = struct.Struct("<BBQ")
+SEQUENCE, SENDER, NUMBER = 0xFF0000, 24, 40
+# So many frames that came again or late are told from a board that started again.
+WINDOW, LATE_ROW = 128, 32
 
 
 @dataclass
-class Counters:
-    """What has come in.
+class LinkHealth:
+    """What came over a link."""
 
-    frames: good ones.
-    bad_frames: those with a wrong checksum, or with flags that nobody knows.
-    unknown_frames: those of a message that the dialect does not have.
-    noise_bytes: all bytes outside good frames.
-    lost_frames: good ones that are missing by their sequence numbers, 8 bits for each sender.
-    """
-
-    frames: int = 0
-    bad_frames: int = 0
-    unknown_frames: int = 0
-    noise_bytes: int = 0
-    lost_frames: int = 0
+    frames: int = 0  # good ones
+    bad_frames: int = 0  # those with a wrong checksum, a length that cannot be, or unknown flags
+    unknown_frames: int = 0  # those of a message that the dialect does not have
+    noise_bytes: int = 0  # all bytes outside good frames
+    lost_frames: int = 0  # missing by their sequence numbers, 8 bits for each sender
+    repeated_frames: int = 0  # of runs, those that came again or after a later one; not taken
 
 
-class FrameReader:
-    """Takes bytes in pieces of any size and gives the messages in them.
+class Frame(NamedTuple):
+    """A good frame; ``body`` lasts from the header's second byte to the payload's end."""
 
-    After a bad frame it goes on one byte behind that frame's start: a stray start byte hides no
-    frame that follows it, as it does in MAVLink's own parsers.
+    number: int
+    sender: int
+    late: bool  # it came again, or after a later one
+    body: bytes
+    whole: bytes
 
-    dialect: a device's generated MAVLink module.
-    """
+
+class FrameScanner:
+    """Finds frames in bytes that come in pieces of any size."""
+
+    # After a bad frame it goes on one byte behind that frame's start: a stray start byte hides no
+    # frame that follows it, as it does in MAVLink's own parsers.
 
     def __init__(self, dialect: Any) -> None:
-        self.counters = Counters()
-        self._decoder = dialect.MAVLink(None)
-        self._known: frozenset[int] = frozenset(dialect.mavlink_map)
-        self._refused: type[Exception] = dialect.MAVError
-        self._buffer = bytearray()
-        # So many of the buffer's first bytes lie in a bad frame that is counted already.
+        self.health = LinkHealth()
+        # Per message id: its extra checksum byte, and the size of its payload.
+        self._sizes = {
+            n: (bytes([m.crc_extra]), m.unpacker.size) for n, m in dialect.mavlink_map.items()
+        }
+        self._crc = dialect.x25crc
+        self._buffer = b""
+        # So many of the next bytes lie in a bad frame that is counted already.
         self._counted = 0
-        self._next: dict[tuple[int, int], int] = {}
+        self._next: dict[int, int] = {}
+        self._late: dict[int, tuple[int, int]] = {}
 
-    def feed(self, data: bytes) -> list[Any]:
-        """The messages that these bytes complete."""
-        self._buffer += data
-        messages: list[Any] = []
+    def _frame_at(self, buffer: bytes, at: int) -> tuple[int, bool, Frame | None]:
+        # Where it goes on, whether it does without more bytes, and the frame there if it is one.
+        at, whole = self._to_start(buffer, at)
+        if not whole:
+            return at, False, None
+        _, length, rest = HEAD.unpack_from(buffer, at)
+        flags, sender, number = rest & 0xFF, rest >> SENDER & 0xFFFF, rest >> NUMBER
+        extra, full = self._sizes.get(number, (b"", -1))
+        end = at + HEADER_BYTES + length
+        last = end + CHECKSUM_BYTES + (SIGNATURE_BYTES if flags & SIGNED else 0)
+        if length > full:
+            return self._refuse(at, last - at, full < 0), True, None
+        if len(buffer) < last:
+            return at, False, None
+        body = buffer[at + 1 : end]
+        if self._crc(body + extra).crc != int.from_bytes(buffer[end : end + 2], "little"):
+            return self._refuse(at, last - at), True, None
+        self.health.frames += 1
+        late = self._count((rest & SEQUENCE) >> 16, sender)
+        self._counted = max(0, self._counted - (last - at))
+        return last, True, Frame(number, sender, late, body, buffer[at:last])
+
+    def _to_start(self, buffer: bytes, at: int) -> tuple[int, bool]:
+        # Where the next frame may begin, and whether its whole header is there.
+        size = len(buffer)
         while True:
-            start = self._buffer.find(START)
-            self._skip(len(self._buffer) if start < 0 else start)
-            head = self._buffer[:HEADER_BYTES]
-            if len(head) >= 3 and head[2] & ~SIGNED:
-                self._refuse(3)
-                continue
-            if len(head) < HEADER_BYTES:
-                return messages
-            length = HEADER_BYTES + head[1] + CHECKSUM_BYTES
-            length += SIGNATURE_BYTES if head[2] & SIGNED else 0
-            known = int.from_bytes(head[7:10], "little") in self._known
-            if known and len(self._buffer) < length:
-                return messages
-            try:
-                message = self._decoder.decode(self._buffer[:length]) if known else None
-            except self._refused:
-                self._refuse(length)
-                continue
-            if message is None:
-                self._refuse(length, unknown=True)
-                continue
-            del self._buffer[:length]
-            self._counted = max(0, self._counted - length)
-            self._count(message)
-            messages.append(message)
+            start = buffer.find(START, at)
+            at = self._skip(at, size if start < 0 else start)
+            # Unknown flags make it no frame, however little has come.
+            if size - at < 3 or not buffer[at + 2] & ~SIGNED:
+                return at, size - at >= HEADER_BYTES
+            at = self._refuse(at, 3)
 
-    def _refuse(self, length: int, unknown: bool = False) -> None:
+    def _count(self, number: int, sender: int) -> bool:
+        # Whether it comes again, or late.
+        ahead = (number - self._next.get(sender, number)) % 256
+        if ahead >= WINDOW:
+            expected, row = self._late.get(sender, (number, 0))
+            self._late[sender] = (number + 1) % 256, row + 1 if number == expected else 0
+            # So long a row in order is not late: more were lost than the numbers can tell.
+            if row < LATE_ROW:
+                return True
+        if ahead:
+            self.health.lost_frames += ahead
+            self._mark()
+            self._late.pop(sender, None)
+        self._next[sender] = (number + 1) % 256
+        return False
+
+    def _mark(self) -> None:
+        """More was counted as lost or bad."""
+
+    def _refuse(self, at: int, length: int, unknown: bool = False) -> int:
         # Start bytes inside of what was counted are no further frames.
         if not self._counted:
-            self.counters.unknown_frames += unknown
-            self.counters.bad_frames += not unknown
+            self.health.unknown_frames += unknown
+            self.health.bad_frames += not unknown
             self._counted = length
-        self._skip(1)
+            self._mark()
+        return self._skip(at, at + 1)
 
-    def _skip(self, count: int) -> None:
-        del self._buffer[:count]
-        self.counters.noise_bytes += count
-        self._counted = max(0, self._counted - count)
+    def _skip(self, at: int, to: int) -> int:
+        self.health.noise_bytes += to - at
+        self._counted = max(0, self._counted - (to - at))
+        return to
 
-    def _count(self, message: Any) -> None:
-        sender = (message.get_srcSystem(), message.get_srcComponent())
-        sequence = message.get_seq()
-        self.counters.frames += 1
-        self.counters.lost_frames += (sequence - self._next.get(sender, sequence)) % 256
-        self._next[sender] = (sequence + 1) % 256
+
+class FrameReader(FrameScanner):
+    """Gives the messages in the bytes, decoded by the dialect's module."""
+
+    def __init__(self, dialect: Any) -> None:
+        super().__init__(dialect)
+        self._decoder = dialect.MAVLink(None)
+
+    def feed(self, data: bytes) -> list[Any]:
+        buffer, at, more = self._buffer + data, 0, True
+        messages: list[Any] = []
+        while more:
+            at, more, frame = self._frame_at(buffer, at)
+            if frame is not None:
+                messages.append(self._decoder.decode(bytearray(frame.whole)))
+        self._buffer = buffer[at:]
+        return messages

@@ -23,78 +23,46 @@ _VALUE = re.compile(r"kept (\S+) (\S+): (clipped|out of bounds|conflicting|unkno
 
 @dataclass(frozen=True)
 class KeptUse:
-    """What outlasts the power beside parameters.
+    """What outlasts the power beside parameters."""
 
-    encoders: serial number and kept zero (rad) of each; 0: nobody said which, None: no zero.
-    zero: where the zero in force comes from: ``none``, ``taken`` since power-on, ``put back``.
-    counters: by the names in :data:`COUNTERS`.
-    """
-
-    encoders: tuple[tuple[int, float | None], ...]
-    zero: str
-    counters: dict[str, int]
+    encoders: tuple[tuple[int, float | None], ...]  # serial (0: unnamed), kept zero in rad
+    zero: str  # where the zero in force comes from: none, taken since power-on, put back
+    counters: dict[str, int]  # by the names in :data:`COUNTERS`
 
 
 @dataclass(frozen=True)
 class KeptValue:
-    """A kept parameter that is not in force as it was saved.
+    """A kept parameter that is not in force as it was saved."""
 
-    name: full; the hash that it is kept by where this firmware has no such parameter.
-    value: that was saved.
-    found: ``clipped`` to the bound next to it, ``out of bounds`` or ``conflicting`` (the default is
-        in force), ``unknown``.
-    """
-
-    name: str
-    value: float
-    found: str
+    name: str  # full; the hash that it is kept by where this firmware has no such parameter
+    value: float  # that was saved
+    found: str  # clipped to the bound; out of bounds or conflicting: default in force; unknown
 
 
 @dataclass(frozen=True)
 class CouplingLife:
-    """What a coupling has borne.
-
-    serial: number on it; 0: nobody said.
-    axis: of the device, from 0 on, that it is fitted to; None: it lies aside.
-    seconds: time counted.
-    energy_J: that it has taken.
-    full: times that the board had no room for a turning point and took half a cycle for it.
-    halves: half cycles by range, in classes of ``width_rad``; smaller ranges are not counted.
-    """
-
-    serial: int
-    axis: int | None
-    seconds: int
-    energy_J: float
-    full: int
-    halves: tuple[int, ...]
+    serial: int  # number on it; 0: nobody said
+    axis: int | None  # of the device, from 0 on, that it is fitted to; None: it lies aside
+    seconds: int  # time counted
+    energy_J: float  # that it has taken
+    full: int  # times that the board had no room for a turning point and took half a cycle for it
+    halves: tuple[int, ...]  # half cycles by range, in classes; smaller ranges are not counted
     width_rad: float
 
 
 @dataclass(frozen=True)
 class RawBlackbox:
-    """A frozen black box as it came.
-
-    fault: number of the fault that froze it; 0: a reset while the motor was on.
-    tick: base tick at which that was.
-    records: bytes of each, the oldest first; None where its check fails.
-    """
-
-    fault: int
-    tick: int
-    records: tuple[bytes | None, ...]
+    fault: int  # number of the fault that froze it; 0: a reset while the motor was on
+    tick: int  # base tick at which that was
+    records: tuple[bytes | None, ...]  # bytes of each, the oldest first; None where its check fails
 
 
 def kept_use(session: Session) -> KeptUse:
-    """Ask the board what it keeps."""
     return _use(session.ask_for("ESEA_KEPT"))
 
 
 def kept_values(session: Session) -> tuple[tuple[KeptValue, ...], str, tuple[str, ...]]:
-    """Ask which kept parameters are not in force.
-
-    return: those; what the board says of all together; what else it has to say, of its clock.
-    """
+    """Kept parameters that are not in force; the board's sum of all; what else it says."""
     dialect = session.dialect
     known = session.known_parameters()
     asked, text = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_STATUSTEXT
@@ -118,10 +86,7 @@ def kept_values(session: Session) -> tuple[tuple[KeptValue, ...], str, tuple[str
 
 
 def name_encoders(session: Session, serials: Sequence[int]) -> KeptUse:
-    """Say which encoders are fitted, in the device's order; the board starts afresh.
-
-    A zero that was kept for all of them is put back.
-    """
+    """Say which encoders are fitted, in the device's order; the board starts afresh."""
     dialect = session.dialect
     filled = [*serials, *[0] * (_ROOM - len(serials))]
     if len(filled) > _ROOM or any(not 0 <= s < 1 << 32 for s in filled):
@@ -164,15 +129,11 @@ def _life(m: Any, axis: int | None) -> CouplingLife:
 
 
 def name_coupling(session: Session, axis: int, serial: int) -> None:
-    """Say which coupling is fitted; what it has borne before goes on.
-
-    What was counted before anybody named the axis's first one is its own.
-    """
+    """Say which coupling is fitted; what it has borne before goes on."""
     _name(session, axis, serial, f"{serial}: another axis has it, or there is no room for one more")
 
 
 def forget_coupling(session: Session, serial: int) -> None:
-    """Forget a coupling that lies aside."""
     _name(session, _FORGET, serial, f"{serial}: no coupling of this number lies aside")
 
 

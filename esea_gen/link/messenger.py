@@ -10,7 +10,7 @@ from itertools import islice
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, Counters, FrameReader
+from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, FrameReader, LinkHealth
 from esea_gen.link.received import shown
 from esea_gen.link.transport import LinkError, Transport
 
@@ -29,23 +29,14 @@ CLOCK_ERROR_MS = 20  # where its clock goes as ours does
 
 
 class Address(NamedTuple):
-    """Who sends a message, or whom a command is for."""
-
     system: int
     component: int
 
 
 class BoardTime(NamedTuple):
-    """What the board last said of its time.
-
-    boot: number of its start.
-    time_ms: its clock then, and so at least so much.
-    at_s: our clock when it came.
-    """
-
-    boot: int
-    time_ms: int
-    at_s: float
+    boot: int  # number of its start
+    time_ms: int  # its clock then, and so at least so much
+    at_s: float  # our clock when it came
 
 
 HOST = Address(255, 190)  # a ground station, by MAVLink's custom
@@ -66,18 +57,9 @@ class CommandedError(LinkError):
 
 
 class Messenger:
-    """Messages with a board at the other end of a transport, and commands that it answers.
+    """Messages with a board, and commands; as a context manager it waits for the HEARTBEAT.
 
-    As a context manager it waits for the board's HEARTBEAT, and closes the transport.
-
-    dialect: the device's generated MAVLink module.
-    timeout_s: longest wait for anything that does not name its own.
-
-    A command that may move something carries the board's time, and the board takes it only soon
-    after: it is asked for its time before one is sent. ``clock_s``: what passes between two of its
-    answers is measured with; of a board whose clock is moved by hand, its own.
-
-    ``texts``: what the board said in words, the oldest first; who has read one takes it away.
+    A command that may move something carries the board's time, which is asked for before it.
     """
 
     def __init__(
@@ -94,7 +76,7 @@ class Messenger:
         self._classes = {c.msgname: c for c in dialect.mavlink_map.values()}
         self._encoder = dialect.MAVLink(None, *host)
         self._key: bytes | None = None
-        self.clock_s: Callable[[], float] = time.monotonic
+        self.clock_s: Callable[[], float] = time.monotonic  # a board moved by hand: its own
         self._board_time: BoardTime | None = None
         self._asked_s, self._every_s = float("-inf"), SOONEST_S
         self._reader = FrameReader(dialect)
@@ -124,13 +106,11 @@ class Messenger:
         return int(self.dialect.MAV_RESULT_DENIED)
 
     def close(self) -> None:
-        """Let go of the board."""
         self.transport.close()
 
     @property
-    def counters(self) -> Counters:
-        """What has come in since the session began."""
-        return self._reader.counters
+    def counters(self) -> LinkHealth:
+        return self._reader.health
 
     def message(self, name: str, *values: Any) -> Any:
         """A message of the dialect by name, its values in the order of the definition."""
@@ -144,7 +124,6 @@ class Messenger:
         return frame
 
     def send(self, message: Any) -> None:
-        """Send a message."""
         self.send_bytes(self.frames(message))
 
     def frames(self, message: Any) -> bytes:
@@ -242,7 +221,6 @@ class Messenger:
         own.sign_outgoing = self._key is not None
 
     def send_bytes(self, data: bytes) -> None:
-        """Send bytes as they are."""
         try:
             self.transport.write(data, self.timeout_s)
         except LinkError:
@@ -260,16 +238,12 @@ class Messenger:
         return found
 
     def receive(self, timeout_s: float | None = None) -> Any:
-        """The next message, whatever it is."""
         return self._wait(lambda _: True, "message", timeout_s)
 
     def wait_for(
         self, name: str, timeout_s: float | None = None, wanted: Callable[[Any], bool] | None = None
     ) -> Any:
-        """The next message of a name; others stay pending.
-
-        wanted: whether it is the one that is meant.
-        """
+        """The next message of a name; others stay pending."""
 
         def fits(message: Any) -> bool:
             return message.get_type() == name and (wanted is None or wanted(message))
@@ -349,11 +323,6 @@ class Messenger:
     def command(
         self, command: int, param1: float = 0.0, param2: float = 0.0, *, drop_before: bool = False
     ) -> int:
-        """Give a command and wait for its result.
-
-        drop_before: forget what came before the result.
-        """
-
         def fits(message: Any) -> bool:
             return message.get_type() == "COMMAND_ACK" and bool(message.command == command)
 
@@ -365,10 +334,7 @@ class Messenger:
         return int(ack.result)
 
     def attempts(self) -> Iterator[None]:
-        """Once; and again where the board says too late, by our own clock not long after the call.
-
-        So that a board whose clock goes faster than ours, which is simulated, can be commanded.
-        """
+        """Once; again where the board, whose clock may be faster (simulated), says too late."""
         begun_s = self.clock_s()
         self.was_late = True
         while self.was_late and 0 <= self.clock_s() - begun_s < AGE_S:
@@ -408,15 +374,12 @@ class Messenger:
         return self.wait_for(name)
 
     def info(self) -> Any:
-        """What runs on the board, and its counters."""
         return self.ask_for("ESEA_INFO")
 
     def state(self) -> str:
-        """State of the board, as its last HEARTBEAT said."""
         return self._entry("ESEA_STATE", self.heartbeat.custom_mode)[0]
 
     def fault(self) -> str:
-        """The latched fault: its name and meaning."""
         name, meaning = self._entry("ESEA_FAULT", self.info().fault)
         return f"{name}: {meaning}"
 
@@ -434,11 +397,7 @@ class Messenger:
         return max(1, min(MOST_ON_THE_WAY, fits))
 
     def exchange(self, requests: Iterable[tuple[Any, str]], window: int) -> Iterator[Any]:
-        """Send requests, a window of them on the way, and give their answers in order.
-
-        requests: a message with a field ``sequence``, and the name of its answer, which has the
-            same one.
-        """
+        """Send requests, a window of them on the way, and give their answers in order."""
 
         def fits(message: Any) -> bool:
             held = (self.dialect.ESEA_STATE_FAULT, self.dialect.ESEA_STATE_STOPPED)

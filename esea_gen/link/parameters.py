@@ -8,31 +8,18 @@ from typing import Any
 
 @dataclass(frozen=True)
 class BoardParameter:
-    """A parameter.
-
-    name: full, ``velocity.bandwidth_Hz``.
-    id: on the wire, at most 16 characters.
-    index: its number.
-    meaning: what it does.
-    unit: 1 where it has none.
-    low, high: bounds; a value outside is refused.
-    default: as built.
-    fixed: whether only a calibration sets it.
-    """
-
-    name: str
-    id: str
-    index: int
-    meaning: str
-    unit: str
-    low: float
+    name: str  # full, velocity.bandwidth_Hz
+    id: str  # on the wire, at most 16 characters
+    index: int  # its number
+    meaning: str  # what it does
+    unit: str  # 1 where it has none
+    low: float  # bounds; a value outside is refused
     high: float
-    default: float
-    fixed: bool
+    default: float  # as built
+    fixed: bool  # whether only a calibration sets it
 
 
 def known_parameters(dialect: Any) -> list[BoardParameter]:
-    """A device's parameters, by index."""
     entries = dialect.enums.get("ESEA_PARAM", {})
     found = []
     for index, entry in sorted(entries.items()):
@@ -47,7 +34,6 @@ def known_parameters(dialect: Any) -> list[BoardParameter]:
 
 
 def find_parameter(known: list[BoardParameter], name: str) -> BoardParameter:
-    """By full name or id."""
     for p in known:
         if name in (p.name, p.id):
             return p

@@ -22,28 +22,12 @@ RESETS = 20
 
 
 class TimeSync(NamedTuple):
-    """Device clock against the host's, at one moment.
-
-    offset_ns: device clock minus host clock (``time.monotonic_ns``).
-    round_trip_ns: of the question it is taken from, the fastest; the offset is off by less than
-        half of it.
-    host_ns: host clock at that moment.
-    """
-
-    offset_ns: int
-    round_trip_ns: int
-    host_ns: int
+    offset_ns: int  # device clock minus host clock (time.monotonic_ns)
+    round_trip_ns: int  # of the fastest question; the offset is off by less than half of it
+    host_ns: int  # host clock at that moment
 
 
 class Session(Messenger):
-    """A board at the other end of a transport.
-
-    As a context manager it waits for the board's HEARTBEAT, and closes the transport.
-
-    dialect: the device's generated MAVLink module.
-    timeout_s: longest wait for anything that does not name its own.
-    """
-
     def __init__(
         self,
         transport: Transport,
@@ -92,11 +76,7 @@ class Session(Messenger):
         self._ask("clear the fault", self.dialect.MAV_CMD_USER_3)
 
     def want(self, deadline_ms: int = 0, **wanted: Any) -> None:
-        """Send what is wanted, which holds until its deadline; nothing is waited for.
-
-        deadline_ms: until the next one must have come; 0: as the board has it.
-        wanted: by name, ``mode``, ``tau_desired_Nm`` ...; what is left out is 0.
-        """
+        """Send what is wanted, which holds until its deadline; nothing is waited for."""
         cls = self._classes.get("ESEA_WANTED")
         if cls is None:
             raise LinkError("this device has no motor: nothing can be wanted of it")
@@ -111,10 +91,7 @@ class Session(Messenger):
         self.send(cls(*(fields[n] for n in cls.fieldnames)))
 
     def tell(self, name: str, interval_us: float) -> None:
-        """Have the runs of a task told: its ``ESEA_<TASK>_IN`` or ``_OUT``.
-
-        interval_us: time between two, rounded up to whole runs; 0: none.
-        """
+        """Have the runs of a task told: its ``ESEA_<TASK>_IN`` or ``_OUT``."""
         wanted = (float(self._classes[name].id), interval_us)
         self._ask(f"tell {name}", self.dialect.MAV_CMD_SET_MESSAGE_INTERVAL, *wanted)
 
@@ -125,12 +102,7 @@ class Session(Messenger):
         return streams.signals(self.dialect)
 
     def stream(self, names: Iterable[str], rate_Hz: float = 0.0) -> tuple[BoardStream, ...]:
-        """Have values sent over and over, beside what is sent already.
-
-        names: ``tau_Nm``, ``sense.tau_Nm``, ``sense.*``.
-        rate_Hz: samples a second; 0: every run of the task. The board rounds it down to whole runs.
-        return: a stream for each task, or more where a message does not hold all values.
-        """
+        """Have values sent at a rate (0: every run), rounded to whole runs; a stream a task."""
         tick_s = self.info().tick_us * 1e-6
         interval = max(1, round(1 / (rate_Hz * tick_s))) if rate_Hz > 0 else 1
         made = []
@@ -176,7 +148,6 @@ class Session(Messenger):
         return answer
 
     def stop_streams(self) -> None:
-        """End every stream, those of a session before this one too."""
         self._streams.clear()
         for number in range(STREAMS):
             self._ask_stream(number, 0, self._choice, 0, [])
@@ -194,7 +165,6 @@ class Session(Messenger):
         return known_parameters(self.dialect)
 
     def parameters(self) -> dict[str, float]:
-        """The values in force, by full name."""
         known = self.known_parameters()
         found: dict[int, float] = {}
         self.send(self.message("PARAM_REQUEST_LIST", *self.board))
@@ -215,7 +185,6 @@ class Session(Messenger):
         return {p.name: found[p.index] for p in known}
 
     def parameter(self, name: str) -> float:
-        """One value in force, by full name or id."""
         p = find_parameter(self.known_parameters(), name)
         self.send(self.message("PARAM_REQUEST_READ", *self.board, p.id.encode(), -1))
         answer = self._told_of(p)
@@ -224,10 +193,7 @@ class Session(Messenger):
         return float(answer.param_value)
 
     def set_parameter(self, name: str, value: float) -> float:
-        """Set a parameter, by full name or id; what the board refuses is an error that says why.
-
-        return: the value in force, which is rounded to the board's number format.
-        """
+        """Set a parameter, by full name or id; what the board refuses is an error that says why."""
         p = find_parameter(self.known_parameters(), name)
         kind = self.dialect.MAV_PARAM_TYPE_REAL32
         for _ in self.attempts():
@@ -288,11 +254,9 @@ class Session(Messenger):
         return min(found, key=lambda s: s.round_trip_ns)
 
     def pair(self, path: Path) -> None:
-        """Give the board a key, once; from then on it takes signed commands only, beside a stop.
+        """Give the board a key; from then on it takes signed commands only, beside a stop.
 
         The key goes over the wire as it is: pair over a cable that nobody listens to.
-
-        path: new file for the key, which only its owner can read; keep it.
         """
         if self.traffic().paired:
             raise LinkError("the board is paired already", "Use its key: use_key(file).")

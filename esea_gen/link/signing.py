@@ -24,16 +24,12 @@ def new_key() -> bytes:
 
 
 def key_folder() -> Path:
-    """Folder of this user's keys."""
     given = os.environ.get("XDG_CONFIG_HOME") or "~/.config"
     return Path(given).expanduser() / "esea-gen" / "keys"
 
 
 def stored_keys(name: str = "") -> list[Path]:
-    """Stored key files whose name starts so, the newest first.
-
-    A board has no number of its own, so there may be several: whose key it is, the board decides.
-    """
+    """Stored key files whose name starts so, the newest first."""
     try:
         found = [(p.stat().st_mtime, p) for p in key_folder().glob(f"{escape(name)}*{SUFFIX}")]
     except OSError as error:

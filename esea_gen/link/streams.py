@@ -13,73 +13,44 @@ _SIDES = ("IN", "OUT")
 
 @dataclass(frozen=True)
 class StreamSignal:
-    """A value that a stream can sample.
-
-    name: ``tau_Nm``, of an array ``pair_rad[0]``.
-    task: whose runs have it.
-    number: its number in ESEA_STREAM.
-    whole: whether it is a whole number (a status word) rather than a float.
-    unit: as the dialect has it; empty where MAVLink knows none.
-    """
-
-    name: str
-    task: str
-    number: int
-    whole: bool
-    unit: str
+    name: str  # tau_Nm, of an array pair_rad[0]
+    task: str  # whose runs have it
+    number: int  # its number in ESEA_STREAM
+    whole: bool  # whether it is a whole number (a status word) rather than a float
+    unit: str  # as the dialect has it; empty where MAVLink knows none
 
     @property
     def full_name(self) -> str:
-        """With the task before it, ``sense.tau_Nm``."""
         return f"{self.task}.{self.name}"
 
     @property
     def array(self) -> str:
-        """Name without the element's number."""
         return self.name.partition("[")[0]
 
 
 @dataclass(frozen=True)
 class StreamSamples:
-    """StreamSamples out of one message, in the order of time.
-
-    names: full names of the values.
-    times: device clock of each sample, base ticks since power-on.
-    sequences: base tick of each sample's run, which a reset sets back.
-    values: a tuple each sample.
-    """
-
-    names: tuple[str, ...]
-    times: tuple[int, ...]
-    sequences: tuple[int, ...]
-    values: tuple[tuple[float, ...], ...]
+    names: tuple[str, ...]  # full names of the values
+    times: tuple[int, ...]  # device clock of each sample, base ticks since power-on
+    sequences: tuple[int, ...]  # base tick of each sample's run, which a reset sets back
+    values: tuple[tuple[float, ...], ...]  # a tuple each sample
 
 
 @dataclass(frozen=True)
 class BoardStream:
-    """What a board sends over and over.
-
-    number, choice: by which its messages are known.
-    interval: base ticks from one sample to the next, as the board rounded it.
-    samples: in a full message.
-    rate_Hz: samples a second.
-    """
-
-    number: int
+    number: int  # with choice: by which its messages are known
     choice: int
     task: str
     signals: tuple[StreamSignal, ...]
-    interval: int
-    samples: int
-    rate_Hz: float
+    interval: int  # base ticks from one sample to the next, as the board rounded it
+    samples: int  # in a full message
+    rate_Hz: float  # samples a second
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Full names of the values."""
         return tuple(s.full_name for s in self.signals)
 
     def decode(self, message: Any) -> StreamSamples:
-        """The samples of one of its messages."""
         width = len(self.signals)
         layout = "<" + "".join("I" if s.whole else "f" for s in self.signals)
         data = bytes(message.data[: 4 * width * message.count])
@@ -93,7 +64,6 @@ class BoardStream:
 
 
 def tasks(dialect: Any) -> list[str]:
-    """Names of the device's tasks, by number."""
     first = dialect.MAVLINK_MSG_ID_ESEA_INFO + 1
     found: list[str] = []
     while (cls := dialect.mavlink_map.get(first + 2 * len(found))) is not None:
@@ -126,11 +96,7 @@ def _fields(cls: Any) -> Iterator[tuple[str, int, bool, str]]:
 
 
 def choose(known: Sequence[StreamSignal], names: Iterable[str]) -> dict[str, list[StreamSignal]]:
-    """Signals by name, a list for each task that has some.
-
-    names: ``tau_Nm`` where one task has it alone, ``sense.tau_Nm``, ``sense.*`` for all of a task;
-        an array's name stands for all its elements.
-    """
+    """Signals of each task: ``tau_Nm`` where one task has it, ``sense.tau_Nm``, ``sense.*``."""
     found: dict[str, list[StreamSignal]] = {}
     for name in names:
         fits = [s for s in known if name in (s.full_name, f"{s.task}.{s.array}", f"{s.task}.*")]
@@ -151,7 +117,6 @@ def _names(known: Sequence[StreamSignal]) -> str:
 
 
 def gaps(samples: Iterable[StreamSamples], interval: int) -> int:
-    """How many samples are missing between those that came."""
     times = [t for s in samples for t in s.times]
     return sum((b - a) // interval - 1 for a, b in pairwise(times))
 

@@ -19,11 +19,6 @@ STOP_S = 3.0
 
 
 class LinkError(RuntimeError):
-    """The board did not answer, or not as the protocol says.
-
-    said: what the other end said beside the link.
-    """
-
     def __init__(self, what: str, fix: str = "", said: str = "") -> None:
         text = f"{what}. {fix}" if fix else what
         super().__init__(f"{text}; it said:\n{said}" if said else text)
@@ -47,13 +42,10 @@ class Transport(Protocol):
 
 
 class SocketTransport:
-    """A connected stream socket."""
-
     def __init__(self, link: socket.socket) -> None:
         self._link = link
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`Transport`."""
         try:
             self._link.settimeout(timeout_s)
             data = self._link.recv(RECEIVE_CHUNK_BYTES)
@@ -66,7 +58,6 @@ class SocketTransport:
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`Transport`."""
         try:
             self._link.settimeout(timeout_s)  # closed meanwhile: an error as well
             self._link.sendall(data)
@@ -75,20 +66,13 @@ class SocketTransport:
             raise LinkError(what, said=self.said()) from None
 
     def close(self) -> None:
-        """See :class:`Transport`."""
         self._link.close()
 
     def said(self) -> str:
-        """Nothing: a socket has no second channel."""
         return ""
 
 
 class TcpTransport(SocketTransport):
-    """A TCP connection to a board, or to what stands before it.
-
-    host: by default this computer: what listens elsewhere must be named.
-    """
-
     def __init__(self, port: int, host: str = "127.0.0.1", timeout_s: float = STOP_S) -> None:
         try:
             link = socket.create_connection((host, port), timeout_s)
@@ -100,11 +84,6 @@ class TcpTransport(SocketTransport):
 
 
 class SerialTransport:
-    """A serial port.
-
-    port: ``/dev/ttyUSB0``, ``COM3``.
-    """
-
     def __init__(self, port: str, baud: int = 115200) -> None:
         try:
             import serial
@@ -120,7 +99,6 @@ class SerialTransport:
             ) from None
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`Transport`."""
         try:
             self._port.timeout = timeout_s
             first = self._port.read(1)
@@ -129,7 +107,6 @@ class SerialTransport:
             raise LinkError(f"the serial link broke ({error})") from None
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`Transport`."""
         try:
             self._port.write_timeout = timeout_s
             self._port.write(data)
@@ -137,19 +114,14 @@ class SerialTransport:
             raise LinkError(f"the board does not take data ({error})") from None
 
     def close(self) -> None:
-        """See :class:`Transport`."""
         self._port.close()
 
     def said(self) -> str:
-        """Nothing: a serial port has no second channel."""
         return ""
 
 
 class PtyTransport:
-    """A terminal without a device behind it, as a simulated board offers one.
-
-    path: its name, ``/dev/pts/4``.
-    """
+    """A terminal without a device behind it, as a simulated board offers one."""
 
     def __init__(self, path: str | Path) -> None:
         try:
@@ -181,7 +153,6 @@ class PtyTransport:
     _other: int = -1
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`Transport`."""
         try:
             ready, _, _ = select.select([self._handle], [], [], timeout_s)
             if not ready:
@@ -196,7 +167,6 @@ class PtyTransport:
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`Transport`."""
         end_s = time.monotonic() + timeout_s
         left = memoryview(data)
         while left:
@@ -211,14 +181,12 @@ class PtyTransport:
                 raise LinkError(f"the link broke ({error})") from None
 
     def close(self) -> None:
-        """See :class:`Transport`."""
         for name in ("_handle", "_other"):
             if getattr(self, name) >= 0:
                 os.close(getattr(self, name))
                 setattr(self, name, -1)
 
     def said(self) -> str:
-        """Nothing: a terminal has no second channel."""
         return ""
 
 
@@ -226,10 +194,7 @@ FROM_FILE = "Name a board; of a recording: esea-host show, or esea-host replay."
 
 
 class FileTransport:
-    """Bytes that a link once carried, out of a file; it takes none.
-
-    path: the bytes as they came.
-    """
+    """Bytes that a link once carried, out of a file; it takes none."""
 
     def __init__(self, path: str | Path) -> None:
         try:
@@ -238,31 +203,23 @@ class FileTransport:
             raise LinkError(f"{path} cannot be read ({error.strerror})") from None
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`Transport`."""
         data = self._file.read(RECEIVE_CHUNK_BYTES)
         if not data:
             raise LinkError("the file has ended")
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`Transport`."""
         raise LinkError(f"{self._file.name} is a file, and takes no commands", FROM_FILE)
 
     def close(self) -> None:
-        """See :class:`Transport`."""
         self._file.close()
 
     def said(self) -> str:
-        """Nothing: a file has no second channel."""
         return ""
 
 
 def open_transport(address: str) -> Transport:
-    """A transport by its address.
-
-    address: ``serial:/dev/ttyUSB0:921600``, ``tcp:5760`` of this computer, ``tcp:host:5760``,
-        ``pty:/dev/pts/4``, ``file:recording.bin``.
-    """
+    """A transport by its address, such as ``serial:/dev/ttyUSB0:921600`` or ``tcp:host:5760``."""
     kind, _, rest = address.partition(":")
     before, _, last = rest.rpartition(":")
     if kind == "serial" and rest:
@@ -288,7 +245,6 @@ class Process:
         self._process = subprocess.Popen(command, stdin=link, stdout=output, stderr=self._log)
 
     def runs(self) -> bool:
-        """Whether it has not ended."""
         return self._process.poll() is None
 
     def said(self) -> str:
@@ -299,7 +255,6 @@ class Process:
         return self._log.read().decode(errors="replace").strip()
 
     def stop(self) -> None:
-        """End it."""
         self._process.terminate()
         try:
             self._process.wait(STOP_S)
@@ -310,8 +265,6 @@ class Process:
 
 
 class ProcessTransport(SocketTransport):
-    """A link to a process that ends with the link."""
-
     def __init__(self, process: Process, link: socket.socket) -> None:
         super().__init__(link)
         self._process = process
@@ -324,10 +277,8 @@ class ProcessTransport(SocketTransport):
             return cls(Process(command, theirs.fileno(), log_output=False), ours)
 
     def close(self) -> None:
-        """See :class:`Transport`."""
         super().close()
         self._process.stop()
 
     def said(self) -> str:
-        """What the process said beside the link."""
         return self._process.said()

@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from esea_gen.control.horizon import Horizon
 from esea_gen.control.laws.predictive import device_horizon
+from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import Device
 from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import Array

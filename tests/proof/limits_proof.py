@@ -15,9 +15,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from esea_gen.control.faults import Fault
-from esea_gen.control.latch import RELEASED_KEY
-from esea_gen.control.safety import STALE_PERIODS
+from esea_gen.control.limits.faults import Fault
+from esea_gen.control.limits.latch import RELEASED_KEY
+from esea_gen.control.limits.safety import STALE_PERIODS
 from esea_gen.device import Device
 from esea_gen.language.ports import Port
 from esea_gen.language.watch import LATE_MOST

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from esea_gen.control.faults import Fault
+from esea_gen.control.limits.faults import Fault
 
 from ..limits_model import FLAGS
 from .limits_proof import POSSIBLE, PROPERTIES

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from esea_gen.control.ahead import ahead
-from esea_gen.control.horizon import Horizon
 from esea_gen.control.law import Base, Law, Parts
-from esea_gen.control.limits import command_stamp
-from esea_gen.control.predictive_drive import (
+from esea_gen.control.limits.block import command_stamp
+from esea_gen.control.predictive.ahead import ahead
+from esea_gen.control.predictive.drive import (
     Q_BEST,
     R_BEST,
     DriveTrain,
     Person,
     predictive_controller,
 )
-from esea_gen.control.rubber_ahead import rubber_ahead
+from esea_gen.control.predictive.horizon import Horizon
+from esea_gen.control.predictive.rubber_ahead import rubber_ahead
 from esea_gen.control.shown import shown_reference, with_state_as_output
 from esea_gen.control.trend import trend
 from esea_gen.devices.file import DeviceData

@@ -26,38 +26,28 @@ T = TypeVar("T")
 
 @dataclass(eq=False)  # not frozen, for some 10^5 are made in a search
 class Span:
-    """Interval of the exact value and error model, one entry a box; it is never changed.
-
-    low, high: interval, shape (boxes,).
-    a, r: ``|computed - exact| <= a + r |exact|``, shape (boxes,).
-    held: whether the computed value, too, lies in the interval: an input or state that has passed
-        its port's check.
-    """
+    """Interval of the exact value and error model, one entry a box; it is never changed."""
 
     low: Array
     high: Array
-    a: Array
+    a: Array  # ``|computed - exact| <= a + r |exact|``, shape (boxes,)
     r: Array
-    held: bool = False
+    held: bool = False  # whether the computed value, too, lies in the interval
 
     @cached_property
     def magnitude(self) -> Array:
-        """Largest |exact value|."""
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
     @cached_property
     def error(self) -> Array:
-        """Largest |computed - exact|."""
         return np.asarray(self.a + self.r * self.magnitude)
 
     @property
     def exact(self) -> bool:
-        """Whether the computed value is the exact one in every box."""
         return not np.any(self.a) and not np.any(self.r)
 
     @property
     def content(self) -> Hashable:
-        """Every bit of it."""
         arrays = (self.low, self.high, self.a, self.r)
         return (*(x.tobytes() for x in arrays), self.held)
 
@@ -72,19 +62,13 @@ class Known:
 
     Of a Block's plans most values are the same, and of one plan's analyses what no state leads to.
     All analyses that share it have the same boxes and facts.
-
-    results: per node, with the assumption that a comparison is; the latest last.
-    given: per node, the one Span of some content: what follows is told by identity.
-    points: per node that is a constant, or that nothing follows from.
-    ends: per state and input, its range in every box.
-    setting: what else the analyses share, made by the first.
     """
 
     results: dict[int, dict[Hashable, tuple[Span, str]]] = field(default_factory=dict)
     given: dict[int, dict[Hashable, Span]] = field(default_factory=dict)
     points: dict[int, Span] = field(default_factory=dict)
     ends: dict[str, tuple[Array, Array]] = field(default_factory=dict)
-    setting: Any = None
+    setting: Any = None  # what else the analyses share, made by the first
 
     def one(self, where: int, x: Span) -> Span:
         """The Span known of a node with the same content, or this one."""
@@ -112,7 +96,6 @@ def _latest(known: dict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T
 
 
 def span(low: float, high: float, error: float, boxes: int) -> Span:
-    """The same interval and error in every box."""
     return Span(np.full(boxes, low), np.full(boxes, high), np.full(boxes, error), np.zeros(boxes))
 
 
@@ -338,10 +321,6 @@ def _logic(op: str, v: list[Span]) -> Span:
 def numeric_nodes(
     lowered: LoweredKernel, flag_results: Sequence[int], solved: Collection[int] = ()
 ) -> set[int]:
-    """Nodes on which a result that is a number depends.
-
-    solved: nodes that an equation defines: on the way to them nothing is followed.
-    """
     kernel = lowered.kernel
     needed = {i for k, r in enumerate(kernel.results) if k not in flag_results for i in r}
     for i in reversed(range(len(kernel.nodes))):
@@ -359,13 +338,6 @@ def analyse(
     solved: Mapping[int, Span] | None = None,
     known: Known | None = None,
 ) -> tuple[list[list[Span]], tuple[str, ...], list[Span]]:
-    """Push ranges and errors through a lowered kernel.
-
-    flag_results: results that are status words: a decision that only they use is no assumption.
-    facts: ranges of nodes that follow from algebra, or pieces of them, shape (boxes,) each.
-    solved: range and error of nodes of which they are known: what leads to them alone is left out.
-    known: of earlier analyses with the same boxes and facts.
-    """
     kernel = lowered.kernel
     solved, facts, known = solved or {}, facts or {}, known or Known()
     numeric = numeric_nodes(lowered, flag_results, solved)
@@ -432,7 +404,6 @@ class _Node:
         return own.local, own.relative, stored, self.numeric, *ranges
 
     def result(self, given: list[Span]) -> tuple[Span, str]:
-        """Its Span, and the assumption that the comparison is."""
         kernel, i, own = self.lowered.kernel, self.i, self.own
         n = kernel.nodes[i]
         stored = [own.constants.get(position, 0.0) for position in range(len(given))]

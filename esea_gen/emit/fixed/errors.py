@@ -47,15 +47,7 @@ def _finer(cuts: Sequence[float], limits: tuple[float, float]) -> list[float]:
 
 
 class Propagation:
-    """One step's errors of a planned Block, from errors of its states.
-
-    plan: the Block, at its default tunables.
-    ranges: ranges of states and inputs that replace their ports'.
-    input_errors: largest error of an input; 0 for those not named.
-    room: share of each range that inputs and states may lie beyond it: the guard's own comparisons
-        then stay undecided, and what follows an invalid input or a corrupt state counts as well.
-    known: of other plans of the same Planner, with the same ranges and room.
-    """
+    """One step's errors of a planned Block, from errors of its states."""
 
     def __init__(
         self,
@@ -118,7 +110,6 @@ class Propagation:
 
     @property
     def zero(self) -> Errors:
-        """No error in any state."""
         return [[0.0] * p.size for p in self.block.state]
 
     def _held(self, name: str, error: float) -> Span:
@@ -129,7 +120,6 @@ class Propagation:
         return Span(low, high, np.full(self.count, error), np.zeros(self.count), True)
 
     def once(self, errors: Errors) -> Analysis:
-        """Errors of all results."""
         results, assumptions, _ = self._analysed(errors)
         assumptions += tuple(
             f"{self.block.name}: |{s.residual}| of {name} is at most {s.most:g}"
@@ -199,10 +189,7 @@ class Propagation:
                     yield k, s.follows[p.name]
 
     def node_errors(self, errors: Errors) -> list[float]:
-        """Largest |error| of every value of the step, the decisions before it being the same.
-
-        return: per node; worst of all boxes; 0 for those outside :attr:`followed`.
-        """
+        """Largest |error| of every value of the step, the decisions before it being the same."""
         return [float(v.error.max()) for v in self._analysed(errors)[2]]
 
     @property
@@ -213,7 +200,6 @@ class Propagation:
         return frozenset(numeric_nodes(self.plan.step, self.block.flag_results, self.solved))
 
     def state_errors(self, result: Analysis) -> Errors:
-        """Errors of the next states: at most their range, for exact and computed both lie in it."""
         out = []
         for p, r in zip(self.block.state, result.results, strict=False):
             low, high = self.limits[f"s_{p.name}"]
@@ -221,7 +207,6 @@ class Propagation:
         return out
 
     def outputs(self, result: Analysis) -> dict[str, float]:
-        """Errors of the outputs that are numbers."""
         return {
             p.name: float(max(v.error for v in r))
             for p, r in zip(
@@ -237,11 +222,7 @@ def block_bound(
     input_errors: Mapping[str, float] | None = None,
     known: Known | None = None,
 ) -> Bound:
-    """Worst-case error of a Block in q31 against exact arithmetic, for any number of steps.
-
-    ranges: ``{"u_theta_rad": (low, high), ...}``: inputs and states that stay inside these ranges
-        instead of their ports'.
-    """
+    """Worst-case error of a Block in q31 against exact arithmetic, for any number of steps."""
     block = plan.block
     step = Propagation(plan, ranges or {}, input_errors or {}, known=known)
     method, extra = "fixed point", tuple[str, ...]()
@@ -275,9 +256,6 @@ def step_bound(
 
     For a Block that :func:`block_bound` refuses: an integral, or a limit on the rate of change,
     adds its rounding errors up.
-
-    return: with ``steps`` 1: of the outputs, and of the states after the step. It holds for corrupt
-        states and invalid inputs too.
     """
     step = Propagation(plan, ranges or {}, {}, BEYOND, known)
     final = step.once(step.zero)
@@ -293,10 +271,7 @@ def step_bound(
 
 
 def any_bound(plan: BlockPlan, known: Mapping[float, Known] | None = None) -> Bound:
-    """The bound for all time where the Block forgets its errors, else the one for a step.
-
-    known: by the room of :class:`Propagation`, of other plans of the same Planner.
-    """
+    """The bound for all time where the Block forgets its errors, else the one for a step."""
     known = known or {}
     try:
         return block_bound(plan, known=known.get(0.0))

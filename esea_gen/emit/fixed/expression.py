@@ -29,20 +29,15 @@ class OverflowProofError(Exception):
 
 @dataclass(frozen=True)
 class Expr:
-    """One whole-number expression.
-
-    bits: type: 1 (``bool``, 0 or 1), 32, 64, or -32 (``uint32_t``).
-    data: numbers that belong to the operation: a shift, a literal's value.
-    name: of a named value: its C name; of a read: the place in memory.
-    """
+    """One whole-number expression."""
 
     op: str
     args: tuple[Expr, ...]
-    bits: int
+    bits: int  # type: 1 (``bool``, 0 or 1), 32, 64, or -32 (``uint32_t``)
     low: int
     high: int
-    data: tuple[int, ...] = ()
-    name: str = ""
+    data: tuple[int, ...] = ()  # numbers that belong to the operation: a shift, a literal's value
+    name: str = ""  # of a named value: its C name; of a read: the place in memory
 
 
 def _make(
@@ -60,17 +55,14 @@ def read(place: str, bits: int, low: int, high: int) -> Expr:
 
 
 def named(name: str, value: Expr) -> Expr:
-    """A value that has a name."""
     return Expr("ref", (), value.bits, value.low, value.high, (), name)
 
 
 def literal(value: int, bits: int = 32) -> Expr:
-    """A whole number."""
     return _make("literal", (), bits, value, value, (value,))
 
 
 def cast(x: Expr, bits: int) -> Expr:
-    """The same number in another type."""
     if x.bits == bits:
         return x
     if x.op == "literal":
@@ -79,24 +71,20 @@ def cast(x: Expr, bits: int) -> Expr:
 
 
 def add(x: Expr, y: Expr, bits: int) -> Expr:
-    """Sum."""
     args = cast(x, bits), cast(y, bits)
     return _make("add", args, bits, x.low + y.low, x.high + y.high)
 
 
 def sub(x: Expr, y: Expr, bits: int) -> Expr:
-    """Difference."""
     args = cast(x, bits), cast(y, bits)
     return _make("sub", args, bits, x.low - y.high, x.high - y.low)
 
 
 def neg(x: Expr) -> Expr:
-    """Negative."""
     return _make("neg", (x,), x.bits, -x.high, -x.low)
 
 
 def absolute(x: Expr) -> Expr:
-    """Magnitude."""
     return _make("abs", (x,), x.bits, max(x.low, -x.high, 0), max(-x.low, x.high))
 
 
@@ -142,11 +130,7 @@ def _corners(x: Expr, y: Expr) -> tuple[int, int]:
 
 
 def mul(x: Expr, y: Expr, shift: int, bits: int) -> Expr:
-    """``x y / 2**shift`` rounded, half a unit upwards.
-
-    shift: bits: up to 62 for two of 32 bits, 1 to 94 when one has 64, 33 to 126 but not 64 when
-        both.
-    """
+    """``x y / 2**shift`` rounded, half a unit upwards."""
     if x.bits < y.bits:
         x, y = y, x
     low, high = _corners(x, y)
@@ -180,19 +164,16 @@ def mul(x: Expr, y: Expr, shift: int, bits: int) -> Expr:
 
 
 def minimum(x: Expr, y: Expr, bits: int) -> Expr:
-    """The smaller."""
     args = cast(x, bits), cast(y, bits)
     return _make("min", args, bits, min(x.low, y.low), min(x.high, y.high))
 
 
 def maximum(x: Expr, y: Expr, bits: int) -> Expr:
-    """The larger."""
     args = cast(x, bits), cast(y, bits)
     return _make("max", args, bits, max(x.low, y.low), max(x.high, y.high))
 
 
 def clamp(x: Expr, low: int, high: int) -> Expr:
-    """Cut a number to an interval, where its own is wider."""
     if x.high > high:
         x = minimum(x, literal(high, x.bits), x.bits)
     if x.low < low:
@@ -201,13 +182,11 @@ def clamp(x: Expr, low: int, high: int) -> Expr:
 
 
 def choose(condition: Expr, x: Expr, y: Expr, bits: int) -> Expr:
-    """One of two numbers."""
     args = condition, cast(x, bits), cast(y, bits)
     return _make("choose", args, bits, min(x.low, y.low), max(x.high, y.high))
 
 
 def compare(op: str, x: Expr, y: Expr) -> Expr:
-    """Whether a relation holds."""
     always = {
         "lt": x.high < y.low,
         "le": x.high <= y.low,
@@ -227,7 +206,6 @@ def compare(op: str, x: Expr, y: Expr) -> Expr:
 
 
 def logic(op: str, *args: Expr) -> Expr:
-    """``and``, ``or``, ``not``."""
     fixed = [a.data[0] if a.op == "literal" else None for a in args]
     if op == "not":
         return literal(1 - fixed[0], 1) if fixed[0] is not None else Expr("not", args, 1, 0, 1)
@@ -241,23 +219,14 @@ def logic(op: str, *args: Expr) -> Expr:
 
 
 def truth(x: Expr) -> Expr:
-    """Whether a number is not zero."""
     return x if x.bits == 1 else compare("ne", x, literal(0, x.bits))
 
 
 def call(name: str, args: tuple[Expr, ...], bits: int, low: int, high: int, *data: int) -> Expr:
-    """A call of a function of ``esea_q31.c``.
-
-    name: ``divide``, ``pow``, ``exp``, ``log``, ``sqrt`` or ``tanh``.
-    """
     return _make(name, args, bits, low, high, data)
 
 
 def flags(bits: tuple[tuple[Expr, int], ...]) -> Expr:
-    """A status word.
-
-    bits: conditions and their bits.
-    """
     args = tuple(c for c, _ in bits)
     numbers = tuple(k for _, k in bits)
     return _make("flags", args, -32, 0, sum(1 << k for k in numbers), numbers)
@@ -279,7 +248,6 @@ def _literal_text(value: int, bits: int) -> str:
 
 
 def c_text(x: Expr) -> str:
-    """The expression as C, bracketed so that it can stand anywhere."""
     if x.op in ("read", "ref"):
         return x.name
     if x.op == "literal":
@@ -289,7 +257,6 @@ def c_text(x: Expr) -> str:
 
 
 def bare_text(x: Expr) -> str:
-    """The expression as C, without brackets round it."""
     if x.op in ("read", "ref", "literal"):
         return c_text(x)
     a = [c_text(y) for y in x.args]
@@ -395,15 +362,11 @@ _RULES: dict[str, Callable[..., Array]] = {
 
 
 def names(x: Expr) -> set[str]:
-    """What an expression reads and refers to."""
     return {x.name} if x.op in ("read", "ref") else {n for a in x.args for n in names(a)}
 
 
 def evaluate(x: Expr, values: Mapping[str, Array], count: int) -> Array:
-    """Value of an expression over many argument sets at once.
-
-    values: of every read and named value in it, by name: Python integers, shape (count,).
-    """
+    """Value of an expression over many argument sets at once."""
     if x.op in ("read", "ref"):
         return values[x.name]
     if x.op == "literal":

@@ -30,10 +30,7 @@ NOT_READ = frozenset({"equations", "streams"})
 
 
 def content_digest(planner: Planner) -> str | None:
-    """Digest of all that a plan depends on: the Block's content, the code, the libraries.
-
-    return: None where the code is not known.
-    """
+    """Digest of all that a plan depends on: the Block's content, the code, the libraries."""
     code = code_digest(ROOMS)
     if code is None:
         return None
@@ -90,7 +87,6 @@ _PLANS: dict[int, tuple[Block, BlockPlan]] = {}
 
 
 def plan_block(block: Block) -> BlockPlan:
-    """The plan of a Block, searched for once."""
     found = _PLANS.get(id(block))
     if found is None or found[0] is not block:
         found = _PLANS[id(block)] = (block, _plan(block))
@@ -98,10 +94,7 @@ def plan_block(block: Block) -> BlockPlan:
 
 
 def raw_tunable(block: Block, name: str, value: float) -> tuple[str, int]:
-    """C field and raw number of a tunable's value.
-
-    value: in its unit; NaN and what does not fit becomes ``INT32_MIN``, which prepare refuses.
-    """
+    """C field and raw number of a tunable's value."""
     f = plan_block(block).field("params", name)
     scaled = value * 2.0**f.fraction
     if not -(2.0**31) < scaled < 2.0**31 - 1:

@@ -35,22 +35,14 @@ EXPLODED = (
 
 @dataclass(frozen=True)
 class BlockRanges:
-    """One Block in the report.
-
-    plan: its plan; None when it cannot be lowered.
-    bound: its proven error; None when there is none.
-    refusal: why it cannot be lowered, or has no proven error, and what would do.
-    """
-
     name: str
     plan: BlockPlan | None
     rows: tuple[RangeRow, ...]
     bound: Bound | None
-    refusal: str
+    refusal: str  # why it cannot be lowered, or has no proven error, and what would do
 
     @property
     def looked_at(self) -> list[tuple[str, str]]:
-        """Values whose range costs most: name, and what it costs."""
         held = [r for r in self.rows if r.why and not r.why.startswith("ends in comparisons")]
         found = [(r.name, f"64 bits: {r.why}") for r in held]
         lost = [(int(r.note.split()[0]), r) for r in self.rows if r.note]
@@ -58,7 +50,6 @@ class BlockRanges:
         return found + [(r.name, r.note) for _, r in worst]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         bound = None
         if self.bound is not None and self.plan is not None:
             ends = {p.name: max(abs(p.low), abs(p.high)) for p in self.plan.block.outputs}
@@ -92,7 +83,6 @@ class BlockRanges:
         }
 
     def lines(self) -> list[str]:
-        """The Block as text."""
         out = [f"{self.name}"]
         if self.refusal:
             out.append(f"  {self.refusal}")
@@ -128,17 +118,11 @@ class BlockRanges:
 
 @dataclass(frozen=True)
 class RangeReport:
-    """All Blocks of a device.
-
-    not_covered: Programs, whose loops no range plan follows.
-    """
-
     device: str
     blocks: tuple[BlockRanges, ...]
-    not_covered: tuple[str, ...] = ()
+    not_covered: tuple[str, ...] = ()  # Programs, whose loops no range plan follows
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return {
             "device": self.device,
             "blocks": {b.name: b.to_dict() for b in self.blocks},
@@ -146,7 +130,6 @@ class RangeReport:
         }
 
     def table(self) -> list[str]:
-        """The report as lines of text: every Block, then what to look at first."""
         out = [line for b in self.blocks for line in [*b.lines(), ""]]
         refused = [b.name for b in self.blocks if b.plan is None]
         if self.not_covered:
@@ -168,7 +151,6 @@ class RangeReport:
         return out
 
     def figure(self) -> Figure:
-        """Bits that every port and value uses, one panel a Block."""
         from matplotlib.figure import Figure
         from matplotlib.patches import Patch
 
@@ -202,10 +184,6 @@ class RangeReport:
 def range_report(
     name: str, system: System, progress: Callable[[str], None] | None = None
 ) -> RangeReport:
-    """Ranges, formats and proven errors of a System's Blocks.
-
-    return: a Block that cannot be lowered stands in it with the reason; a Program only by name.
-    """
     say = progress or (lambda _: None)
     found = []
     programs = tuple(b.name for b in system.kinds if isinstance(b, Program))

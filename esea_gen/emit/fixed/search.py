@@ -304,7 +304,6 @@ def _with_way(planner: Planner, plan: BlockPlan) -> BlockPlan:
 
 
 def search(planner: Planner) -> BlockPlan:
-    """Find the plan of a Block."""
     return _with_way(planner, _searched(planner))
 
 

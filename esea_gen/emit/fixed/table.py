@@ -13,46 +13,29 @@ from esea_gen.emit.fixed.search import coarse_values
 
 @dataclass(frozen=True)
 class RangeRow:
-    """One value of a Block.
-
-    kind: ``input``, ``state``, ``output``, ``coefficient`` or ``value``.
-    low, high: range in the value's unit: the declared one of a port; of a value what it can reach
-        over every bit pattern of the inputs and states.
-    headroom_bits: bits that the range leaves of the width.
-    raw_low, raw_high: the same range in whole numbers.
-    physical: unit of a port; empty for a value.
-    note: of a value with 32 bits, what its range costs.
-    """
-
     name: str
-    kind: str
+    kind: str  # ``input``, ``state``, ``output``, ``coefficient`` or ``value``
     low: float
     high: float
     bits: int
     fraction: int
-    headroom_bits: float
-    raw_low: int
+    headroom_bits: float  # bits that the range leaves of the width
+    raw_low: int  # the same range in whole numbers
     raw_high: int
-    physical: str = ""
+    physical: str = ""  # unit of a port; empty for a value
     why: str = ""
-    note: str = ""
+    note: str = ""  # of a value with 32 bits, what its range costs
 
     @property
     def form(self) -> str:
-        """Integer and fraction bits."""
         return f"Q{self.bits - 1 - self.fraction}.{self.fraction}"
 
     @property
     def unit(self) -> float:
-        """Value of one unit in the last place."""
         return float(2.0**-self.fraction)
 
 
 def range_rows(plan: BlockPlan) -> list[RangeRow]:
-    """Every value of a Block with its range and format.
-
-    return: ports first, then the step's values in order; conditions left out.
-    """
     kinds = {"in": "input", "state": "state", "out": "output", "coeffs": "coefficient"}
     rows = []
     for group, kind in kinds.items():
@@ -100,7 +83,6 @@ NARROW, WIDE, ROOM = "#3b6ea5", "#c8553d", "0.88"
 
 
 def draw_headroom(plan: BlockPlan, axes: Any) -> None:
-    """Draw how many bits of its width every port and every value of the step uses."""
     rows: Sequence[RangeRow] = range_rows(plan)
     places = range(len(rows))
     used = [r.bits - 1 - r.headroom_bits for r in rows]

@@ -98,11 +98,6 @@ def float_operations(name: str, c_type: str, own: str) -> str:
 
 
 class FloatingFormat(Format):
-    """A floating-point format.
-
-    joins_words: whether a status word is put together as an integer.
-    """
-
     default = True
     floating = True
     verified_by = "esea-gen verify"
@@ -114,7 +109,7 @@ class FloatingFormat(Format):
         "   results then differ in the last bits from those that were verified.",
     )
     example_share = 1e-5
-    joins_words: ClassVar[bool]
+    joins_words: ClassVar[bool]  # whether a status word is put together as an integer
 
     @abstractmethod
     def _literal(self, value: float) -> str:
@@ -125,20 +120,14 @@ class FloatingFormat(Format):
         """C expression of an elementary function; None for what is none."""
 
     def literal(self, value: float) -> str:
-        """Shortest C literal that reads back as the value in this format."""
         if not np.isfinite(value):
             raise UnsupportedOperationError(f"constant {value} cannot be emitted")
         return self._literal(value)
 
     def naming(self, system: System) -> Naming:
-        """The ports' own names, in their units."""
         return Naming(system, self.c_type, self.dtype)
 
     def expression(self, node: Node, args: Sequence[str], kernel: Kernel) -> str:
-        """C expression of one operation.
-
-        args: c text of its operands, each an atom (a name, literal or bracketed expression).
-        """
         op = node.op
         if op in _INFIX:
             left, right = args
@@ -166,7 +155,6 @@ class FloatingFormat(Format):
         )
 
     def emit(self, block: Block) -> EmittedBlock:
-        """Print a Block's kernels."""
         kernel, labels = labelled_kernel(block, self.passes)
         names = {node: (name, comment) for node, name, comment in labels}
         init = self.function(block, "init", self.passes(walk(block.init)))
@@ -183,7 +171,6 @@ class FloatingFormat(Format):
         kernel: Kernel,
         names: dict[int, tuple[str, str]] | None = None,
     ) -> PrintedKernel:
-        """Print a kernel as one of a Block's functions: ``prepare``, ``init`` or ``step``."""
         others = meanings(block, function, kernel, names or {})
         if function == "prepare":
             access = _access([("params", block.tunables)])
@@ -218,12 +205,6 @@ def print_kernel(
     words: Sequence[int] = (),
     others: Mapping[int, str] | None = None,
 ) -> PrintedKernel:
-    """Print a kernel as a list of C definitions.
-
-    access: ``access(argument, element) -> (local name, C expression that reads it)``.
-    words: results that are status words.
-    others: names of values without a label, where these stand as statements of their own.
-    """
     uses = use_counts(kernel)
     wanted = {i for r in kernel.results for i in r}
     bits = status_words(kernel, words, uses) if fmt.joins_words else {}

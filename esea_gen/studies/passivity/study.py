@@ -18,7 +18,7 @@ import numpy as np
 from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, Result, rooms_digest
 from esea_gen.analysis.passivity import Hand, hand_family
-from esea_gen.control.faults import FAULT_TEXT, Fault
+from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import Array, Tunable

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from esea_gen.board.driven import CURRENT_TICKS
-from esea_gen.control.safety import STALE_PERIODS
+from esea_gen.control.limits.safety import STALE_PERIODS
 from esea_gen.device import Device
 from esea_gen.emit.states import TIMES_MS
 from esea_gen.errors import UserError

@@ -44,8 +44,6 @@ GROUPS = {
 
 
 class HostCommands(GroupedCommands):
-    """The commands of :data:`GROUPS`."""
-
     package, groups = "esea_host.cli", GROUPS
 
 
@@ -87,5 +85,4 @@ def told(text: str) -> None:
 
 
 def main() -> None:
-    """Entry point."""
     run("esea-host", app)

@@ -63,13 +63,11 @@ def interaction(
 
 
 def checked_page(report: Path | None) -> None:
-    """Before anything is computed: a page's name."""
     if report is not None and report.suffix != ".html":
         raise UserError(f"{report}: a page ends in .html.", "Give another name.")
 
 
 def shown_interaction(folder: Path, json_file: Path | None, report: Path | None) -> None:
-    """The analysis of a folder, on the screen and in files."""
     from esea_host.interaction.analysis import analyse_interaction
     from esea_host.interaction.words import lines
 

@@ -42,7 +42,6 @@ SHIPPED_TASKS = ("esea_host.assess.tasks", "esea_host.interaction", "esea_host.w
 
 
 def know_shipped_tasks() -> None:
-    """So that a protocol may name them."""
     for room in SHIPPED_TASKS:
         import_module(room)
 

@@ -42,8 +42,6 @@ SIMULATED, VIRTUAL, POINTER = "simulated", "virtual", "pointer"
 
 
 class PatchMode(StrEnum):
-    """When the square for a photodiode changes."""
-
     off = "off"
     frame = "frame"
     onset = "onset"
@@ -95,8 +93,6 @@ LeverOption = Annotated[
 
 @dataclass(frozen=True)
 class _Asked:
-    """What was asked for on the command line."""
-
     device: str
     key: Path | None
     arm: bool

@@ -30,8 +30,6 @@ app.add_typer(study_app, name="study")
 
 
 class ExportForm(StrEnum):
-    """For whom data is written."""
-
     rows = "rows"
     parquet = "parquet"
     bids = "bids"
@@ -257,17 +255,13 @@ def export(
 
 
 def trusted(hashes: Iterable[str] | None) -> None:
-    """Trust task files by their hashes, from now on."""
     from esea_host.study.trust import trust
 
     trust(hashes or ())
 
 
 def opened(folder: Path, trust: list[str] | None = None, runs: bool = True) -> StudyFolder:
-    """A study's folder, with every shipped task known.
-
-    runs: whether the tasks in it are needed; they run if they are trusted.
-    """
+    """A study's folder, with every shipped task known; runs: whether its trusted tasks are run."""
     from esea_host.study.folder import StudyFolder
     from esea_host.study.trust import inside
 

@@ -53,14 +53,12 @@ def view(
 
 
 def watch_demo(address: str, record: Path | None, seconds: float | None) -> None:
-    """See a simulated board that somebody operates."""
     _watch(address, None, None, record, None, seconds, None, operated=True)
 
 
 def watch_recording(
     path: Path, speed: float, seconds: float | None, screenshot: Path | None
 ) -> None:
-    """See a recording in the live view, at any speed."""
     need_a_screen("esea-host replay without --view")
     from esea_host.connection import PlayedBoard
     from esea_host.recording import open_log

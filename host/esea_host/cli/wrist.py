@@ -130,7 +130,6 @@ def analyse_wrist(
 def shown_wrist(
     result: WristResult, to_json: Path | None, report: Path | None, csv: Path | None
 ) -> None:
-    """The wrist study's tables, on the screen and in files."""
     from esea_host.wrist.figures import COLUMNS, cells, page
 
     mark = "SIMULATED participants" if result.simulated else "participants"

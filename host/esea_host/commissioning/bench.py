@@ -33,26 +33,15 @@ class CommissioningEndedError(Exception):
 
 @dataclass(frozen=True)
 class HandAct:
-    """What a person is asked to do at the machine.
-
-    kind: ``rest`` at the joint's zero with nothing on it, ``turn`` by hand, ``clamp`` the output,
-        ``load`` it with a hanging mass while the motor is held.
-    torque_Nm: of the load.
-    path: how the joint is turned, as a simulated hand does it.
-    """
-
     kind: ActKind
     text: str
-    torque_Nm: float = 0.0
-    path: GearPath | None = None
+    torque_Nm: float = 0.0  # of the load
+    path: GearPath | None = None  # how the joint is turned, as a simulated hand does it
 
 
 @dataclass(frozen=True)
 class Capture:
-    """Rows of the sensing task, what it was given and what it gave, tick by tick.
-
-    given, told: structured, shape (n,); of several axes the values of ``axis`` are looked up.
-    """
+    """Rows of the sensing task, what it was given and what it gave, tick by tick."""
 
     tick_s: float
     given: Array
@@ -64,7 +53,6 @@ class Capture:
 
     @property
     def time_s(self) -> Array:
-        """Since the first row, shape (n,)."""
         return np.asarray((self.told["sequence"] - self.told["sequence"][0]) * self.tick_s)
 
     def __getitem__(self, name: str) -> Array:
@@ -75,14 +63,7 @@ class Capture:
 
 
 class CommissioningBench:
-    """A connected board, and somebody who does what is asked.
-
-    device: listened to.
-    axis: of a device with several.
-    hands: does an act, and returns when it is done.
-    pass_time: lets seconds go by; default: the computer's own.
-    hands_free: whether nobody has to do anything: all is simulated, time too.
-    """
+    """A connected board, and somebody who does what is asked."""
 
     def __init__(
         self,
@@ -112,7 +93,6 @@ class CommissioningBench:
         self._cancelled = threading.Event()
 
     def change_hands(self, hands: Callable[[HandAct], None]) -> None:
-        """Somebody else does what is asked."""
         self._hands = hands
 
     def cancel(self) -> None:
@@ -121,21 +101,17 @@ class CommissioningBench:
 
     @property
     def cancelled(self) -> bool:
-        """Whether the step that runs is to end."""
         return self._cancelled.is_set()
 
     def begin(self) -> None:
-        """A new step."""
         self._cancelled.clear()
 
     def ask(self, act: HandAct) -> None:
-        """Have a person do something."""
         self.say(act.text)
         self._hands(act)
         self._check()
 
     def wait(self, seconds: float) -> None:
-        """Let time go by."""
         for _ in range(max(1, round(seconds / TURN_S))):
             self._check()
             self._pass_time(TURN_S)
@@ -147,10 +123,7 @@ class CommissioningBench:
     def capture(
         self, seconds: float, each: Callable[[float], bool | None] | None = None
     ) -> Capture:
-        """What the sensing task was given and gave meanwhile, without a hole.
-
-        each: called with the time, some times a second; False ends it early.
-        """
+        """What the sensing task was given and gave meanwhile, without a hole."""
         self.device.listen(self._streams)
         queue = self.device.subscribe(self._streams)
         try:
@@ -183,11 +156,7 @@ class CommissioningBench:
         return found
 
     def recording(self, c: Capture) -> DriveRecording:
-        """A capture as :mod:`esea_gen.identify.bringup` takes it.
-
-        The shaft's turns count from the first row, where both sides of the cable stand together.
-        Without a motor the motor side stands for its shaft.
-        """
+        """A capture as :mod:`esea_gen.identify.bringup` takes it."""
         motor, load = c["theta_motor_rad"], c["theta_load_rad"]
         if not self.drives:
             return DriveRecording(c.tick_s, np.zeros(len(c)), motor, motor, load)

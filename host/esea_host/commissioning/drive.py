@@ -32,15 +32,10 @@ SLOWEST_RAD_S, MOST_BEND_RAD_S2, LEAST_ROWS = 0.1, 1.5, 10
 
 @dataclass(frozen=True)
 class JudgedEncoders:
-    """Joint encoders against the motor's.
-
-    at_rad: angles of the joint; errors: of each side there, offset and ratio taken off.
-    """
-
     checks: tuple[StartupCheck, ...]
     problem: tuple[str, str] | None
     found: dict[str, Any]
-    at_rad: Array
+    at_rad: Array  # angles of the joint; errors: of each side there, offset and ratio taken off
     errors: dict[str, Array]
     limit_rad: float = ERROR_RAD
 
@@ -115,8 +110,7 @@ def _error(r: DriveRecording, tau_Nm: Array, edges: Array) -> Array:
 def judged_encoders(device: Device, c: Capture, r: DriveRecording) -> JudgedEncoders:
     """Direction and ratio of both joint encoders, error over the travel of the motor side's.
 
-    The load side's error cannot be told from what the torque that turns the drive does to the
-    rubber; the check with a known mass sees it.
+    The load side's error cannot be told from the rubber's deflection; the known mass shows it.
     """
     far = int(np.argmax(np.abs(r.load_rad - r.load_rad[0])))
     moved = [float(x[far] - x[0]) for x in (r.gear_rad, r.motor_rad, r.load_rad)]
@@ -247,8 +241,7 @@ def _correction(device: Device, c: Capture, side: str, at: Array, error: Array) 
 def commanded_work(device: Device, r: DriveRecording) -> tuple[float, float]:
     """Work that the commanded torque did on the drive, and that in either direction, in J.
 
-    A motor that turns the way it is told to gives work; one that turns the other way seems to take
-    it.  Whatever friction, rubber and disturbance do, that sign is the motor's.
+    Whatever friction, rubber and disturbance do, its sign is the motor's: right if positive.
     """
     a = device.file.actuator
     assert a is not None
@@ -286,10 +279,7 @@ def motor_sign(
 
 @dataclass(frozen=True)
 class TurnedFriction:
-    """Friction of a drive that somebody turned with its motor off.
-
-    rubber_Nm, model_Nm: over ``time_s``, at the samples that were used.
-    """
+    """Friction of a drive that somebody turned with its motor off."""
 
     fc: Estimate
     fv: Estimate
@@ -299,11 +289,7 @@ class TurnedFriction:
 
 
 def turned_friction(device: Device, r: DriveRecording) -> TurnedFriction:
-    """Coulomb and viscous friction, from (5.2) with no motor torque.
-
-    The rubber's torque turns inertia and friction.  The cable's loss is in it: it is what a hand
-    feels, not the drive's own alone.
-    """
+    """Coulomb and viscous friction, from (5.2) with no motor torque; the cable's loss is in it."""
     s = Signals(device, r, float(r.motor_rad[0] - r.load_rad[0]))
     turning = -s.term(s.cable_Nm(0.0))
     columns = [s.term(x) for x in (s.alpha_rad_s2, s.omega_rad_s, s.way)]

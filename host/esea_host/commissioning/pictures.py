@@ -18,7 +18,6 @@ COLOURS = (MODEL, MEASURED, BOUND)
 
 
 def new_picture(title: str, simulated: bool, rows: int = 1) -> tuple[Figure, list[Axes]]:
-    """A figure that says what it is."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.2, 2.4 + 2.2 * rows), layout="constrained")
         axes = [figure.add_subplot(rows, 1, k + 1) for k in range(rows)]
@@ -41,7 +40,6 @@ def over(
 
 
 def torque_bars(axes: Axes, check: TorqueCheck) -> None:
-    """Every comparison over its limit."""
     with mpl.rc_context(STYLE):
         worst: dict[str, float] = {}
         for d in check.decisions:

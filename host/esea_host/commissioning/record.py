@@ -17,10 +17,7 @@ KIND, VERSION, NAME = "esea-host commissioning", 1, "record.json"
 
 
 class CommissioningRecord:
-    """A folder with ``record.json`` and pictures; entries are added, never changed.
-
-    folder: made with the first entry.
-    """
+    """A folder with ``record.json`` and pictures; entries are added, never changed."""
 
     def __init__(self, folder: Path, device: str) -> None:
         self.folder, self.device = Path(folder), device
@@ -71,10 +68,6 @@ class CommissioningRecord:
         return next((e for e in fits if e["device_digest"] == digest), None)
 
     def summary(self, steps: tuple[tuple[str, str], ...], digest: str) -> list[str]:
-        """Where each step stands.
-
-        steps: name and title of each.
-        """
         lines = []
         for name, title in steps:
             entry = self.last(name, digest)

@@ -13,19 +13,12 @@ from esea_gen.identify.bringup.checks import StartupCheck
 
 @dataclass(frozen=True)
 class StepResult:
-    """Of one step.
-
-    problem: what is wrong and the fix, where a comparison would say nothing.
-    found: numbers by name with unit.
-    picture: drawn, not yet written.
-    """
-
     step: str
     title: str
-    picture: Figure
+    picture: Figure  # drawn, not yet written
     checks: tuple[StartupCheck, ...] = ()
     problem: tuple[str, str] | None = None
-    found: Mapping[str, Any] = field(default_factory=dict)
+    found: Mapping[str, Any] = field(default_factory=dict)  # numbers by name with unit
 
     @property
     def passed(self) -> bool:
@@ -33,7 +26,6 @@ class StepResult:
         return self.problem is None and bool(self.checks) and all(c.passed for c in self.checks)
 
     def lines(self) -> list[str]:
-        """For people: verdict, then what speaks for and against it."""
         out = [f"{self.title}: {'PASSED' if self.passed else 'FAILED'}"]
         if self.problem is not None:
             out += [f"  {self.problem[0]}", f"    Fix: {self.problem[1]}"]
@@ -44,7 +36,6 @@ class StepResult:
         return out
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
         what, fix = self.problem or ("", "")
         return {
             "step": self.step,

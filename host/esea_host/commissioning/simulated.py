@@ -37,7 +37,6 @@ class HandledJoint:
         self._returns = True
 
     def act(self, act: HandAct, torque_Nm: float) -> None:
-        """Do it from now on."""
         self._load_Nm = torque_Nm
         self._returns = act.kind == "rest"
         path = act.path.theta_rad.tolist() if act.path is not None else []
@@ -45,7 +44,6 @@ class HandledJoint:
         self._path = iter([at + angle for angle in path])
 
     def step(self) -> Mapping[str, tuple[float, float]]:
-        """See :class:`esea_host.simulated.motion.JointMotion`."""
         held = self._at_rad
         if self._returns:
             held -= min(max(held, -RETURN_RAD), RETURN_RAD)
@@ -56,12 +54,7 @@ class HandledJoint:
 
 
 class SimulatedHands:
-    """Does what is asked of a person, in the virtual exoskeleton.
-
-    drive: a simulated board whose clock the caller moves.
-    torque_error: share by which the simulated load is not what it is said to be.
-    axis: on which; the others are left alone.
-    """
+    """Does what is asked of a person, in the virtual exoskeleton."""
 
     def __init__(
         self, drive: SimulatedBoard, torque_error: float = 0.0, axis: str | None = None
@@ -75,7 +68,6 @@ class SimulatedHands:
             drive.set_up(motion=self._joint)
 
     def __call__(self, act: HandAct) -> None:
-        """Do it."""
         before, self._load_Nm = self._load_Nm, None
         if self._joint is not None:
             self._joint.act(act, act.torque_Nm * (1 + self._error))

@@ -45,13 +45,7 @@ TIME = "time, s"
 
 @dataclass(frozen=True)
 class StepOptions:
-    """What a person chooses.
-
-    known: the hanging mass.
-    settle_s, record_s, repeats: of the torque check.
-    """
-
-    known: KnownLoad | None = None
+    known: KnownLoad | None = None  # the hanging mass
     settle_s: float = SETTLE_S
     record_s: float = RECORD_S
     repeats: int = REPEATS
@@ -59,18 +53,11 @@ class StepOptions:
 
 @dataclass(frozen=True)
 class CommissioningStep:
-    """One step.
-
-    finds: what it is for.
-    motor: whether the motor moves.
-    run: does it.
-    """
-
     name: str
     title: str
-    finds: str
-    run: Callable[[CommissioningBench, StepOptions], StepResult] = field(repr=False)
-    motor: bool = False
+    finds: str  # what it is for
+    run: Callable[[CommissioningBench, StepOptions], StepResult] = field(repr=False)  # does it
+    motor: bool = False  # whether the motor moves
 
 
 # -- zero -----------------------------------------------------------------------------------------
@@ -362,7 +349,6 @@ def steps_of(device: Device) -> tuple[CommissioningStep, ...]:
 
 
 def guide(device: Device) -> list[str]:
-    """What there is to do, as lines of text."""
     reach = math.degrees(_reach_rad(device))
     lines = [
         f"Commissioning of {device.name} ({device.title}); joint free from 0 to {reach:.0f} deg.",
@@ -376,6 +362,5 @@ def guide(device: Device) -> list[str]:
 def run_step(
     bench: CommissioningBench, step: CommissioningStep, options: StepOptions
 ) -> StepResult:
-    """Do a step."""
     bench.begin()
     return step.run(bench, options)

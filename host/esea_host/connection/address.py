@@ -26,20 +26,14 @@ FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0
 
 @dataclass(frozen=True)
 class BoardAddress:
-    """A parsed address.
-
-    place: what stands behind the first colon.
-    """
-
     kind: str
-    place: str
+    place: str  # what stands behind the first colon
 
     def __str__(self) -> str:
         return f"{self.kind}:{self.place}"
 
 
 def parse_address(text: str) -> BoardAddress:
-    """An address from what somebody typed."""
     file = text.removeprefix("file:")
     if file.endswith(".mcap"):
         raise UserError(
@@ -71,10 +65,7 @@ def open_transport(address: BoardAddress) -> Transport:
 
 
 class SimulatedProcess(SocketTransport):
-    """A simulated board in a process of its own, which ends with the link.
-
-    place: ``device``, or ``device?person=...&speed=...`` as the command's options.
-    """
+    """A simulated board in a process of its own, which ends with the link."""
 
     def __init__(self, place: str) -> None:
         device, _, options = place.partition("?")
@@ -152,7 +143,6 @@ class SimulatedProcess(SocketTransport):
             self._process.communicate()
 
     def close(self) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         super().close()
         if self._process.poll() is None:
             self._stop()

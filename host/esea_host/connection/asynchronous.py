@@ -74,11 +74,6 @@ class AsyncDevice:
             A stream, or signals of one stream.
         timeout_s : float
             Longest silence.
-
-        Yields
-        ------
-        RunSample
-            One run.
         """
         device = self._connected
         stream, wanted = await asyncio.to_thread(device.chosen, names)
@@ -106,10 +101,5 @@ def connect(address: str, device: str | None = None, key: Path | None = None) ->
         What it must be.
     key : Path, optional
         File of its key, where it is paired; default: the stored one that it takes.
-
-    Returns
-    -------
-    AsyncDevice
-        For ``async with``.
     """
     return AsyncDevice(address, device, key)

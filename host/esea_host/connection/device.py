@@ -144,11 +144,6 @@ class ConnectedDevice:
         ----------
         timeout_s : float
             Longest wait.
-
-        Returns
-        -------
-        bool
-            Whether anything came.
         """
         came = self.receiver.pump(timeout_s)
         for recording in self._recordings:
@@ -163,13 +158,7 @@ class ConnectedDevice:
         return self.identity.simulated
 
     def fault(self) -> int:
-        """Number of the latched fault, as the dialect's ESEA_FAULT; 0: none.
-
-        Returns
-        -------
-        int
-            Asked of the board.
-        """
+        """Number of the latched fault, as the dialect's ESEA_FAULT; 0: none."""
         with self._lock:
             return int(self.session.info().fault)
 
@@ -183,49 +172,25 @@ class ConnectedDevice:
         return [layout.name for layout in self._layouts]
 
     def health(self) -> dict[str, int]:
-        """Counters of the link: frames, losses, wrong checksums, new connections, gaps.
-
-        Returns
-        -------
-        dict of str to int
-            Since the connection was made.
-        """
+        """Counters of the link: frames, losses, wrong checksums, new connections, gaps."""
         own = {"reconnects": self.receiver.reconnects, "gaps": self.receiver.gap_count}
         dropped = sum(r.subscription.dropped_rows for r in self._recordings)
         return asdict(self.receiver.health) | own | {"dropped_rows": dropped}
 
     def state(self) -> str:
-        """The board's state by name, as its last HEARTBEAT told.
-
-        Returns
-        -------
-        str
-            ``READY``, ``ACTIVE`` ...; ``UNKNOWN`` before the first.
-        """
+        """The board's state by name, as its last HEARTBEAT told."""
         with self._lock:
             self.session.pending()
             return self.session.state() if self.session.heartbeat is not None else "UNKNOWN"
 
     def clock(self) -> dict[str, int]:
-        """The board's own counters: ticks, what it lost, dropped and refused.
-
-        Returns
-        -------
-        dict of str to int
-            Fields of ESEA_CLOCK.
-        """
+        """The board's own counters: ticks, what it lost, dropped and refused."""
         with self._lock:
             told = self.session.clock()
         return {name: int(getattr(told, name)) for name in told.get_fieldnames()}
 
     def boot_number(self) -> int:
-        """Number of the board's start: another one after a loss of power.
-
-        Returns
-        -------
-        int
-            Asked of the board.
-        """
+        """Number of the board's start: another one after a loss of power."""
         with self._lock:
             return self.session.boot_number()
 
@@ -253,11 +218,6 @@ class ConnectedDevice:
             Default: input and output of every task.
         rate_Hz : float, optional
             Default: every run.
-
-        Returns
-        -------
-        list of str
-            The streams that are told now.
         """
         named = {s.layout.name for s in self.receiver.named.values()}  # they are told already
         chosen = [s for s in (self.streams if streams is None else streams) if s not in named]
@@ -281,11 +241,6 @@ class ConnectedDevice:
         ----------
         streams : collection of str, optional
             Default: all that is told.
-
-        Returns
-        -------
-        Subscription
-            With a bound; what does not fit is counted.
         """
         return self.receiver.subscribe(streams)
 
@@ -298,11 +253,6 @@ class ConnectedDevice:
             A stream, or signals of one stream.
         timeout_s : float
             Longest silence.
-
-        Returns
-        -------
-        iterator of RunSample
-            Endless.
 
         Raises
         ------
@@ -329,11 +279,6 @@ class ConnectedDevice:
         ----------
         names : tuple of str
             A stream, or signals of one.
-
-        Returns
-        -------
-        str, tuple of str
-            Stream and signals.
         """
         if not names:
             raise UserError("No signal is named.", "Name one, such as tau_Nm.")
@@ -392,13 +337,7 @@ class ConnectedDevice:
             self.session.want(deadline_ms, **wanted)
 
     def parameters(self) -> dict[str, float]:
-        """The values in force.
-
-        Returns
-        -------
-        dict of str to float
-            By full name, such as ``smc.lambda_1_s``, in the unit of the name.
-        """
+        """The values in force."""
         with self._lock:
             return self.session.parameters()
 
@@ -409,11 +348,6 @@ class ConnectedDevice:
         ----------
         name : str
             Full, or what stands behind its dot where only one has that.
-
-        Returns
-        -------
-        str
-            As in :meth:`parameters`.
         """
         known = [p.name for p in self.session.known_parameters()]
         found = [n for n in known if name == n] or [n for n in known if n.endswith(f".{name}")]
@@ -434,11 +368,6 @@ class ConnectedDevice:
             Full, or what stands behind its dot.
         value : float
             Within its bounds, in the unit of the name.
-
-        Returns
-        -------
-        float
-            In force now, in the board's number format.
 
         Raises
         ------
@@ -467,11 +396,6 @@ class ConnectedDevice:
             Default: input and output of every task, every run.
         compress : bool
             With zstandard.
-
-        Returns
-        -------
-        LiveRecording
-            A context manager; it has counters and takes notes.
         """
         recorder = Recorder(Path(path), self.identity.attachments(), compress)
         given = recorder, self.receiver, streams, self.health, self._forget

@@ -35,23 +35,15 @@ PACKAGES = ("esea-gen", "numpy", "casadi", "pymavlink", "mcap")
 
 @dataclass(frozen=True)
 class Identity:
-    """A board that we understand.
-
-    real: number format of its C.
-    board: its name; simulated boards say so.
-    key: file of the key that it takes commands by, where it is paired.
-    """
-
     device: Device
-    real: str
+    real: str  # number format of its C
     content_hash: str
-    board: str
+    board: str  # its name; simulated boards say so
     tick_us: int
-    key: Path | None = None
+    key: Path | None = None  # file of the key that it takes commands by, where it is paired
 
     @property
     def simulated(self) -> bool:
-        """Whether no hardware is behind it."""
         return self.board in SIMULATED_BOARDS
 
     def facts(self) -> dict[str, Any]:
@@ -113,11 +105,6 @@ def _zipped(files: Any) -> bytes:
 def identify(
     transport: Transport, expected: str | None = None, key: Path | None = None
 ) -> Identity:
-    """Ask a board who it is.
-
-    expected: name or file of the device that it should be; default: any shipped one.
-    key: file of its key, where it is paired; default: the stored one that it takes.
-    """
     device = loaded_device(expected or ANYBODY)
     session = Session(transport, load_dialect(device), PROBE_S)
     try:

@@ -25,18 +25,13 @@ class NamedStream:
 
     @property
     def key(self) -> tuple[int, int]:
-        """By which its messages are known."""
         return self.board.number, self.board.choice
 
 
 def named_streams(
     made: Iterable[BoardStream], name: str, units: Texts, meanings: Texts
 ) -> list[NamedStream]:
-    """Layouts of what a board has agreed to send.
-
-    name: of the streams; with several, their task and a number behind it.
-    units, meanings: of whole messages, by message and field.
-    """
+    """Layouts of what a board has agreed to send."""
     found = []
     boards = list(made)
     for i, board in enumerate(boards):
@@ -58,7 +53,6 @@ def named_streams(
 
 
 def data_key(payload: bytes) -> tuple[int, int]:
-    """Which stream a message is of."""
     return payload[14], payload[15]
 
 

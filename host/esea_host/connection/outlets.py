@@ -38,10 +38,7 @@ def _library(module: str, package: str) -> Any:
 
 
 class FoxgloveOutlet:
-    """A WebSocket server for Foxglove and Lichtblick: the recording's own messages, live.
-
-    port: 0: any that is free.
-    """
+    """A WebSocket server for Foxglove and Lichtblick: the recording's own messages, live."""
 
     def __init__(self, port: int = 8765, host: str = "127.0.0.1") -> None:
         self._foxglove = _library("foxglove", "foxglove-sdk")
@@ -68,7 +65,6 @@ class FoxgloveOutlet:
         return self._channels[layout.name]
 
     def put(self, batch: Batch) -> None:
-        """See :class:`Outlet`."""
         if self._start_ns is None:
             self._start_ns = batch.arrived_ns - int(batch.board_ns[0])
         channel, data = self._channel(batch.layout), batch.layout.record(batch.rows)
@@ -76,7 +72,6 @@ class FoxgloveOutlet:
             channel.log(row.tobytes(), log_time=ns)
 
     def close(self) -> None:
-        """See :class:`Outlet`."""
         self._server.stop()
 
 
@@ -84,7 +79,6 @@ class LslOutlet:
     """An outlet of the Lab Streaming Layer for each stream: its numbers, by name and unit.
 
     Samples are stamped by the board's clock, put onto LSL's by the quickest arrival so far.
-    rates_Hz: of each stream; 0 where nobody knows.
     """
 
     def __init__(self, device: str, rates_Hz: dict[str, float]) -> None:
@@ -110,7 +104,6 @@ class LslOutlet:
         return self._outlets[layout.name]
 
     def put(self, batch: Batch) -> None:
-        """See :class:`Outlet`."""
         outlet, names = self._outlet(batch.layout)
         last_s = float(batch.board_ns[-1]) * 1e-9
         self._ahead_s = min(self._ahead_s, float(self._lsl.local_clock()) - last_s)
@@ -119,5 +112,4 @@ class LslOutlet:
             outlet.push_sample(row, ns * 1e-9 + self._ahead_s)
 
     def close(self) -> None:
-        """See :class:`Outlet`."""
         self._outlets.clear()

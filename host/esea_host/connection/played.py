@@ -29,27 +29,19 @@ class NobodyListens:
     """The link of a recording: nothing comes, nothing can be said."""
 
     def read(self, timeout_s: float) -> bytes:
-        """Nothing."""
         return b""
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """Refused."""
         raise LinkError("This is a recording: there is no board to command", "")
 
-    def close(self) -> None:
-        """Nothing is open."""
+    def close(self) -> None: ...
 
     def said(self) -> str:
-        """Nothing."""
         return ""
 
 
 class PlayedBoard(ConnectedDevice):
-    """A recording that is listened to as a board is; whoever has subscribed gets its rows.
-
-    log: open; it stays the caller's.
-    speed: 1: as it was.
-    """
+    """A recording that is listened to as a board is; whoever has subscribed gets its rows."""
 
     def __init__(self, log: Log, speed: float = 1.0) -> None:
         if not SLOWEST <= speed <= FASTEST:
@@ -82,11 +74,9 @@ class PlayedBoard(ConnectedDevice):
         return {"gaps": len(self.log.gaps)}
 
     def play(self) -> None:
-        """Begin, in a thread."""
         self._player.start()
 
     def close(self) -> None:
-        """Stop playing."""
         self._halt.set()
         if self._player.ident is not None:
             self._player.join(5.0)

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from esea_gen.link.frames import LinkHealth
 from esea_gen.link.transport import LinkError, Transport
-from esea_host.connection.decoder import TICK, Decoded, LinkHealth, TelemetryDecoder
+from esea_host.connection.decoder import TICK, Decoded, TelemetryDecoder
 from esea_host.connection.named import NamedStream, data_key, data_rows
 from esea_host.recording.gaps import Gap
 from esea_host.recording.layout import Array, StreamLayout
@@ -27,24 +28,17 @@ KEY = "key"  # a stream whose rows are parts of a frame
 
 @dataclass(frozen=True)
 class Batch:
-    """Rows of a stream that came together, and the holes before and between them.
-
-    board_ns: on the board's clock; it goes on where the board's ticks start again at 0.
-    arrived_ns: since 1970, as :meth:`Receiver.now_ns`.
-    """
+    """Rows of a stream that came together, and the holes before and between them."""
 
     layout: StreamLayout
     rows: Array
-    board_ns: Array
-    arrived_ns: int
+    board_ns: Array  # on the board's clock; it goes on where the board's ticks start again at 0
+    arrived_ns: int  # since 1970, as :meth:`Receiver.now_ns`
     gaps: tuple[Gap, ...] = ()
 
 
 class Subscription:
-    """A queue of batches for one reader; filling it never waits.
-
-    dropped_rows: those for which there was no room.
-    """
+    """A queue of batches for one reader; filling it never waits."""
 
     def __init__(self, streams: Collection[str] | None = None, most_rows: int = MOST_ROWS) -> None:
         self.streams = None if streams is None else frozenset(streams)
@@ -57,7 +51,6 @@ class Subscription:
         self._error: Exception | None = None
 
     def put(self, batch: Batch) -> None:
-        """Take a batch, or count it as dropped."""
         name = batch.layout.name
         if self.streams is not None and name not in self.streams:
             return
@@ -92,7 +85,6 @@ class Subscription:
             self._changed.notify_all()
 
     def take(self, timeout_s: float) -> list[Batch]:
-        """All that waits; empty when nothing comes in time."""
         with self._changed:
             if not self._batches and self._error is None and timeout_s > 0:
                 self._changed.wait(timeout_s)
@@ -111,34 +103,19 @@ class SessionTransport:
         self._receiver = receiver
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`esea_gen.link.transport.Transport`."""
         return self._receiver.other_bytes(timeout_s)
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         self._receiver.write(data, timeout_s)
 
     def close(self) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         self._receiver.close()
 
     def said(self) -> str:
-        """See :class:`esea_gen.link.transport.Transport`."""
         return self._receiver.transport.said()
 
 
 class Receiver:
-    """Reads a link and hands out what comes.
-
-    transport: open.
-    decoder: of the device's dialect.
-    tick_ns: the board's base tick.
-    reopen: opens the link anew after it broke, or raises LinkError; without it a broken link ends
-        it.
-
-    ``away``: the link is broken, and not, or not yet, open again.
-    """
-
     def __init__(
         self,
         transport: Transport,
@@ -177,7 +154,6 @@ class Receiver:
 
     @property
     def health(self) -> LinkHealth:
-        """What came."""
         return self.decoder.health
 
     def subscribe(
@@ -191,16 +167,13 @@ class Receiver:
         return made
 
     def unsubscribe(self, subscription: Subscription) -> None:
-        """Give a queue back."""
         self._subscriptions = [s for s in self._subscriptions if s is not subscription]
 
     def start(self) -> None:
-        """Listen in a thread from now on."""
         self._thread = threading.Thread(target=self._run, name="esea-receiver", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread and the link."""
         self._stopped.set()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(2.0)
@@ -237,7 +210,6 @@ class Receiver:
         return bool(data)
 
     def take(self, data: bytes) -> None:
-        """Hand out what these bytes complete."""
         decoded, others = self.decoder.feed(data)
         now = self.now_ns()
         if self.named:
@@ -252,16 +224,12 @@ class Receiver:
                 self._changed.notify_all()
 
     def hand_out(self, batch: Batch) -> None:
-        """To everybody who has subscribed."""
         self.gap_count += len(batch.gaps)
         for subscription in self._subscriptions:
             subscription.put(batch)
 
     def add_named(self, stream: NamedStream, number: int) -> None:
-        """Make rows of a stream that the board was asked for by names.
-
-        number: of the messages that carry it.
-        """
+        """Make rows of a stream that the board was asked for by names."""
         self.decoder.keep_back(number)
         self.named = {**self.named, stream.key: stream}
 

@@ -21,16 +21,11 @@ CLOCK_S, CLOSE_S = 1.0, 60.0
 
 
 class LiveRecording:
-    """Writes what comes, in a thread of its own.
+    """Writes what comes, in a thread of its own; ``error`` has the reason of an early end.
 
-    When the board goes away for good, the file is ended with a gap ``disconnected`` in every
-    stream; when the disk is full, with its last complete piece.  ``error`` has the reason.
-
-    Time in the file is the board's, put onto the host's clock once, at the first row; every
-    second an event ``clock`` tells both, and by how much the wall clock has been set since.
-
-    health: of link and board, told with the clocks.
-    ended: called once the file is closed.
+    A board that goes away for good leaves a gap ``disconnected`` in every stream; a full disk the
+    last complete piece.  Time in the file is the board's, put onto the host's clock once, at the
+    first row; every second an event ``clock`` tells both, and how far the wall clock was set.
     """
 
     def __init__(
@@ -74,17 +69,14 @@ class LiveRecording:
         self.close()
 
     def note(self, text: str, **facts: Any) -> None:
-        """Write down what somebody saw or did."""
         with self._lock:
             self.recorder.note(text, **facts)
 
     def event(self, topic: str, **content: Any) -> None:
-        """Write an event."""
         with self._lock:
             self.recorder.event(topic, content)
 
     def drain(self, timeout_s: float) -> None:
-        """Write what waits."""
         for batch in self.subscription.take(timeout_s):
             if self._start is None:
                 self._start = batch.arrived_ns, int(batch.board_ns[0])
@@ -111,7 +103,6 @@ class LiveRecording:
             self.error = error  # who holds the recording sees it
 
     def close(self) -> None:
-        """End the file; more than once does no harm."""
         self._receiver.unsubscribe(self.subscription)  # else a slow disk is never done
         self._stopped.set()
         if self._thread is not None:

@@ -109,11 +109,6 @@ def clock_fit(log: Log) -> ClockFit | None:
     log : Log
         With the event ``clock``, once a second.
 
-    Returns
-    -------
-    ClockFit or None
-        None where there are fewer than ten pairs, or less than ten seconds of them.
-
     References
     ----------
     .. [1] P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau", Journal of

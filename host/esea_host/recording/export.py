@@ -38,68 +38,22 @@ def _about(log: Log, table: Table) -> dict[str, Any]:
 
 
 def says_simulated(table: FileTable) -> bool:
-    """Whether an exported table has the column that says so.
-
-    Parameters
-    ----------
-    table : FileTable
-        Read with all its columns.
-
-    Returns
-    -------
-    bool
-        True if any row says so.
-    """
+    """Whether an exported table has the column that says so."""
     return SIMULATED in table.cells and bool(table.numbers(SIMULATED, holes=True).any())
 
 
 def reported(table: FileTable) -> str:
-    """How a table was read and what was left out, and whether it is simulated.
-
-    Parameters
-    ----------
-    table : FileTable
-        Read with all its columns.
-
-    Returns
-    -------
-    str
-        One line.
-    """
+    """How a table was read and what was left out, and whether it is simulated."""
     return table.report() + ("; SIMULATED" if says_simulated(table) else "")
 
 
 def column_of(table: FileTable, name: str) -> str:
-    """A column of a table by its name, without the unit that an export has in brackets.
-
-    Parameters
-    ----------
-    table : FileTable
-        An export, or any other table.
-    name : str
-        Such as ``theta_rad`` for ``theta_rad [rad]``.
-
-    Returns
-    -------
-    str
-        Its name in the table; the name itself if there is none.
-    """
+    """A column of a table by its name, without the unit that an export has in brackets."""
     return next((n for n in table.names if n.partition(" [")[0] == name), name)
 
 
 def longest_run(table: FileTable) -> FileTable:
-    """The longest run of the board in an exported table; any other table as it is.
-
-    Parameters
-    ----------
-    table : FileTable
-        Read with all its columns.
-
-    Returns
-    -------
-    FileTable
-        The rows between two restarts of ``sequence``; the others are counted as left out.
-    """
+    """The longest run of the board in an exported table; any other table as it is."""
     if TICK not in table.cells or not len(table):
         return table
     cuts = np.flatnonzero(np.diff(table.numbers(TICK)) <= 0) + 1
@@ -124,24 +78,7 @@ def _columns(table: Table, simulated: bool = False) -> list[tuple[str, str, Arra
 
 
 def to_csv(log: Log, stream: str, path: Path) -> int:
-    """A stream as CSV.
-
-    Parameters
-    ----------
-    log : Log
-        The recording.
-    stream : str
-        Which.
-    path : Path
-        Must not exist.  Header ``name [unit]``; floats so that they read back to the same bits.
-        The last column of a simulated recording is ``simulated``, 1.
-
-    Returns
-    -------
-    int
-        Rows; a gap is a row with nothing but its time's place left empty, so that no line is drawn
-        across.  ``PATH.json`` has the facts, the gaps and whether the recording is complete.
-    """
+    """A stream as CSV."""
     table, simulated = log[stream], bool(log.facts.get("simulated"))
     with (
         new_whole(path) as target,
@@ -167,23 +104,7 @@ def _text(value: object) -> str:
 
 
 def to_parquet(log: Log, stream: str, path: Path) -> int:
-    """A stream as Parquet.
-
-    Parameters
-    ----------
-    log : Log
-        The recording.
-    stream : str
-        Which.
-    path : Path
-        Must not exist; columns as in the CSV; each column's metadata has ``unit`` and ``meaning``,
-        the file's the facts, the gaps and whether the recording is complete.
-
-    Returns
-    -------
-    int
-        Rows.
-    """
+    """A stream as Parquet."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -203,31 +124,7 @@ def to_parquet(log: Log, stream: str, path: Path) -> int:
 
 
 def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sense_out") -> Path:
-    """A stream as a BIDS data set with motion data.
-
-    Parameters
-    ----------
-    log : Log
-        The recording; without a gap in the stream, for BIDS has no place for one.
-    folder : Path
-        Of the data set; a new one, or one that has no such file yet.
-    subject, task : str
-        Labels: letters and digits.
-    stream : str
-        Which.
-
-    Returns
-    -------
-    Path
-        The file of the samples.
-
-    Raises
-    ------
-    UserError
-        For a label with other characters, or a file that is there already.
-    GapError
-        When a gap is in the stream.
-    """
+    """A stream as a BIDS data set with motion data."""
     for what, label in (("subject", subject), ("task", task)):
         if not _LABEL.fullmatch(label):
             raise UserError(f"The {what} '{label}' is no BIDS label.", "Use letters and digits.")
@@ -282,18 +179,7 @@ def _write_motion(log: Log, table: Table, task: str, track: str, names: Sequence
 
 
 def longest(table: Table) -> Table:
-    """The table, in one piece; refused when a gap is in it.
-
-    Parameters
-    ----------
-    table : Table
-        As recorded.
-
-    Returns
-    -------
-    Table
-        The same; where only the board's clock started again, the stretch behind the last start.
-    """
+    """The table, in one piece; refused when a gap is in it."""
     parts = list(table.pieces())
     if not parts:
         raise UserError(f"{table.layout.name} has no rows.", "Record for longer.")

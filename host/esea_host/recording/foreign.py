@@ -32,63 +32,33 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$", max_length=100)]
 
 
 class ForeignColumn(BaseModel):
-    """A column of the file.
-
-    source: its header, or its number from 0.
-    name: ours, with the unit at its end.
-    scale, offset: value = raw * scale + offset.
-    wraps_at: a raw value of half of this or more is this much less: unsigned numbers that were
-        meant to have a sign.
-    broken: raw values that mean that nothing was measured.
-    """
-
     model_config = _STRICT
-    source: str | int
-    name: Name
+    source: str | int  # its header, or its number from 0
+    name: Name  # ours, with the unit at its end
     unit: str = ""
     meaning: str = ""
     scale: float = 1.0
     offset: float = 0.0
-    wraps_at: float | None = None
-    broken: list[float] = []
+    wraps_at: float | None = None  # raw values from half of this on are this much less
+    broken: list[float] = []  # raw values that mean that nothing was measured
 
 
 class ForeignTime(BaseModel):
-    """How time runs.
-
-    source: column of the time; without it ``period_s`` counts.
-    scale: seconds of its unit.
-    period_s: distance of two samples.
-    tolerance: a distance that is off by more than this share of the period is a gap.
-    """
-
     model_config = _STRICT
-    source: str | int | None = None
-    scale: Annotated[float, Field(gt=0)] = 1.0
-    period_s: Annotated[float, Field(ge=1e-9, le=86400)]
+    source: str | int | None = None  # column of the time; without it period_s counts
+    scale: Annotated[float, Field(gt=0)] = 1.0  # seconds of its unit
+    period_s: Annotated[float, Field(ge=1e-9, le=86400)]  # distance of two samples
     tolerance: Annotated[float, Field(gt=0, lt=10)] = 0.5
 
 
 class ForeignMapping(BaseModel):
-    """A mapping file.
-
-    stream: name of the stream that is made.
-    delimiter: of the file; detected if left out.
-    skip_lines: the header, if there is one, is the line after these; else the first rows are.
-    header: whether there is one; without it columns are named by number.
-    fields: of a row.  Lines with another number of fields, or without a number where one is needed,
-        are then left out and counted; if it is left out, such a line is an error.
-    drop_first: rows at the beginning that were not framed right.
-    format: more on how the file is written, as in the mapping of ``esea-gen identify``.
-    """
-
     model_config = _STRICT
-    stream: Name = "foreign"
+    stream: Name = "foreign"  # name of the stream that is made
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
     skip_lines: Annotated[int, Field(ge=0, lt=1000)] = 0
-    header: bool = True
+    header: bool = True  # whether there is one; without it columns are named by number
     fields: Annotated[int, Field(ge=1)] | None = None
-    drop_first: Annotated[int, Field(ge=0)] = 0
+    drop_first: Annotated[int, Field(ge=0)] = 0  # rows at the beginning that were not framed right
     format: TableFormat = TableFormat()
     time: ForeignTime
     columns: Annotated[list[ForeignColumn], Field(min_length=1)]
@@ -107,28 +77,17 @@ class ForeignMapping(BaseModel):
 
 @dataclass
 class ImportReport:
-    """What an import did.
-
-    rows: written.
-    read: how the file was read and what was left out, with counts and lines.
-    left_out: the latter alone.
-    wrapped, broken: values that were unwrapped, or became NaN.
-    missing: cells that are empty or not finite; NaN.
-    backward_s: by how much time went backward, each time: the machine started again.
-    """
-
-    rows: int = 0
-    read: str = ""
-    left_out: tuple[str, ...] = ()
+    rows: int = 0  # written
+    read: str = ""  # how the file was read and what was left out, with counts and lines
+    left_out: tuple[str, ...] = ()  # the latter alone
     wrapped: int = 0
     broken: int = 0
-    missing: int = 0
+    missing: int = 0  # cells that are empty or not finite; NaN
     backward_s: list[float] = field(default_factory=list)
     gaps: list[Gap] = field(default_factory=list)
 
 
 def read_mapping(path: Path) -> ForeignMapping:
-    """Read a mapping file."""
     text = read_text(path, "docs/host.md has a mapping file.")
     document = parse_toml(text, path.name, "docs/host.md")
     mapping = checked(ForeignMapping, document, path.name, lambda _: None, text)
@@ -144,7 +103,6 @@ def read_mapping(path: Path) -> ForeignMapping:
 
 
 def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport:
-    """Make a recording of a foreign log."""
     with new_whole(target) as part:
         return _import(source, mapping, part)
 

@@ -22,20 +22,14 @@ REASONS = {
 
 @dataclass(frozen=True)
 class Gap:
-    """Runs of a task that are missing between two that are there.
-
-    after_tick, before_tick: base ticks of the runs on both sides; -1 where there is none.
-    missing: runs; -1 where nobody knows.
-    board_ns: time of the run before the hole, on the board's clock; see :class:`Table`.
-    reason: a key of :data:`REASONS`.
-    """
+    """Runs of a task that are missing between two that are there."""
 
     stream: str
     after_tick: int
     before_tick: int
-    missing: int
-    reason: str
-    board_ns: int = -1
+    missing: int  # runs; -1 where nobody knows
+    reason: str  # a key of :data:`REASONS`
+    board_ns: int = -1  # time of the run before the hole, on the board's clock; see :class:`Table`
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self | None:
@@ -50,7 +44,6 @@ class Gap:
         return cls(**found | {"stream": shown(texts[0]), "reason": shown(texts[1])})
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -63,11 +56,7 @@ class Gap:
 
 
 class GapError(UserError):
-    """A figure was asked for over a stretch with a hole in it.
-
-    what: which stretch, which hole.
-    gaps: the holes.
-    """
+    """A figure was asked for over a stretch with a hole in it."""
 
     def __init__(self, what: str, gaps: tuple[Gap, ...]) -> None:
         super().__init__(what, "Take a stretch between the gaps: Table.pieces() lists them.")

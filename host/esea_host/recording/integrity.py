@@ -30,17 +30,9 @@ MEANINGS = {
 
 @dataclass(frozen=True)
 class Damage:
-    """A place of the file that cannot be used.
-
-    offset, end: bytes of the file.
-    what: what is wrong there.
-    start_s, end_s: of the messages in it, since the recording's beginning; None where unknown.
-    lost: messages by topic, as far as an index tells.
-    """
-
     offset: int
     end: int
-    what: str
+    what: str  # what is wrong there
     start_s: float | None = None
     end_s: float | None = None
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -52,36 +44,24 @@ class Damage:
         return f"{what}; messages lost: {lost}" if lost else what
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {**vars(self), "lost": dict(self.lost)}
 
 
 @dataclass(frozen=True)
 class Integrity:
-    """What is known of a recording's completeness.
-
-    states: all that apply, the worst first.
-    damages: places that cannot be used.
-    readable_bytes, size_bytes: up to where there are whole records, and of the file.
-    checked: whether checksums cover all messages; without them a changed value is not noticed.
-    lost: messages that are not there, by topic; empty where no index tells.
-    """
-
-    states: tuple[RecordingState, ...]
-    damages: tuple[Damage, ...]
+    states: tuple[RecordingState, ...]  # all that apply, the worst first
+    damages: tuple[Damage, ...]  # places that cannot be used
     readable_bytes: int
     size_bytes: int
     checked: bool
-    lost: Mapping[str, int]
+    lost: Mapping[str, int]  # messages that are not there, by topic; empty where no index tells
 
     @property
     def state(self) -> RecordingState:
-        """The worst that applies."""
         return self.states[0]
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is missing or changed."""
         return self.state is RecordingState.COMPLETE
 
     def __str__(self) -> str:
@@ -96,7 +76,6 @@ class Integrity:
         return f"{text}; messages missing: {lost}" if lost else text
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {
             "state": self.state.value,
             "states": [s.value for s in self.states],

@@ -29,17 +29,11 @@ _KINDS = {"f4": (5, 2), "u4": (5, 7), "i4": (5, 15), "f8": (1, 1), "u8": (1, 6),
 
 @dataclass(frozen=True)
 class StreamColumn:
-    """A column of a stream.
-
-    kind: ``f4``, ``u4``, ``i4``, ``f8``, ``u8`` or ``i8``.
-    size: elements; above 1 the column is a vector.
-    """
-
     name: str
-    kind: str = "f4"
+    kind: str = "f4"  # f4, u4, i4, f8, u8 or i8
     unit: str = ""
     meaning: str = ""
-    size: int = 1
+    size: int = 1  # elements; above 1 the column is a vector
 
 
 @dataclass(frozen=True)
@@ -67,16 +61,13 @@ class StreamLayout:
 
     @property
     def shape(self) -> list[tuple[str, str, int]]:
-        """Name, kind and size of every column."""
         return [(c.name, c.kind, c.size) for c in self.columns]
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of every column that has one."""
         return {c.name: c.unit for c in self.columns if c.unit}
 
     def record(self, rows: Array) -> Array:
-        """Rows as protobuf messages."""
         out = np.zeros(len(rows), self.record_dtype)
         for number, column in enumerate(self.columns, 1):
             out[f"tag {number}"] = list(_tag(number, column))
@@ -118,7 +109,6 @@ class StreamLayout:
         return _text(1, file + _text(12, "proto3"))
 
     def to_json(self) -> str:
-        """Columns, units and meanings."""
         return json.dumps([asdict(c) for c in self.columns])
 
     @classmethod
@@ -177,11 +167,7 @@ def _number(number: int, value: int) -> bytes:
 def layout_of(
     message: Any, name: str, units: dict[str, str], texts: dict[str, str]
 ) -> StreamLayout:
-    """Layout of a message of a generated dialect.
-
-    message: its class in the dialect's module.
-    units, texts: by field.
-    """
+    """Layout of a message of a generated dialect."""
     letters = bytes(message.native_format).decode().lstrip("<")
     kinds = {"f": "f4", "I": "u4", "i": "i4", "d": "f8", "Q": "u8", "q": "i8"}
     columns = [

@@ -128,11 +128,6 @@ class Table:
         start_s, end_s : float
             From the first to before the second.
 
-        Returns
-        -------
-        Table
-            Without a hole.
-
         Raises
         ------
         GapError
@@ -258,11 +253,6 @@ class Log:
         ----------
         topic : str
             ``note``, ``gap``, ``clock`` ...
-
-        Returns
-        -------
-        list of dict
-            In the order of writing; empty for a topic that is not there.
         """
         return [{"log_ns": ns, **content} for ns, content in self._file.events(topic)]
 
@@ -353,11 +343,6 @@ class Log:
         ----------
         stream : str
             One of :attr:`streams`.
-
-        Returns
-        -------
-        iterator of ndarray
-            Structured, of the rows of one piece; damaged pieces are left out.
         """
         for rows, _ in self._rows(stream):
             yield rows
@@ -372,11 +357,6 @@ class Log:
         damaged : bool
             With the rows of damaged pieces whose frame and time fit to those before: to name what
             was changed, not to compute with.
-
-        Returns
-        -------
-        iterator of (ndarray, ndarray)
-            Rows, and nanoseconds of the board's clock.
         """
         if not damaged:
             yield from self._rows(stream)
@@ -417,11 +397,6 @@ class Log:
         ----------
         stream : str
             One of :attr:`streams`, such as ``sense_out``.
-
-        Returns
-        -------
-        Table
-            Its rows, times and holes.
         """
         layout = self._layout(stream)
         parts = [*self._rows(stream)]
@@ -449,11 +424,6 @@ def open_log(path: str | Path) -> Log:
     ----------
     path : str or Path
         An MCAP file of ``esea-host record``; one that was cut off is read up to the cut.
-
-    Returns
-    -------
-    Log
-        ``log["sense_out"]["tau_Nm"]`` is an array, ``log["sense_out"].frame()`` a pandas frame.
 
     Raises
     ------

@@ -40,14 +40,7 @@ KEPT_BYTES = 1 << 25  # of unpacked pieces
 
 @dataclass(slots=True, eq=False)
 class Piece:
-    """A chunk, or messages that stand outside one.
-
-    offset, end: of the whole in the file; data: where its records begin.
-    size, crc, compression: of its records; crc 0: without one.
-    indexes: bytes of the file with its message indexes.
-    problem: why it cannot be used; empty where it can.
-    spans: of its messages, one row a channel.
-    """
+    """A chunk, or messages that stand outside one."""
 
     offset: int
     end: int
@@ -56,9 +49,9 @@ class Piece:
     crc: int = 0
     compression: str = ""
     times_ns: tuple[int, int] | None = None
-    indexes: tuple[int, int] = (0, 0)
-    problem: str = ""
-    spans: Array | None = None
+    indexes: tuple[int, int] = (0, 0)  # bytes of the file with its message indexes
+    problem: str = ""  # why it cannot be used; empty where it can
+    spans: Array | None = None  # of its messages, one row a channel
 
 
 class PieceFile:
@@ -96,7 +89,6 @@ class PieceFile:
         self.holes.sort()
 
     def close(self) -> None:
-        """Let go of the file."""
         self._kept.clear()
         self._map.close()
 

@@ -13,10 +13,6 @@ LONGEST_S = 3600.0  # without a row
 
 
 def play(log: Log, stream: str, speed: float) -> Iterator[str]:
-    """Rows as JSON, each when its time has come.
-
-    speed: 1: as it was; 0: at once.
-    """
     started_s = time.monotonic()
     table = log[stream]
     holes = {gap.after_tick: gap for gap in table.gaps}

@@ -29,16 +29,12 @@ MOST_EVENTS = 500_000
 
 @dataclass(frozen=True)
 class Rows:
-    """Messages of a topic, of a piece.
-
-    data: their contents, one after another.
-    lengths: of each.
-    """
+    """Messages of a topic, of a piece."""
 
     log_ns: Array
     board_ns: Array
-    data: bytes
-    lengths: Array
+    data: bytes  # their contents, one after another
+    lengths: Array  # of each
 
     def of(self, layout: StreamLayout) -> Array:
         """Rows of a stream; refused when the messages are not of its layout."""
@@ -208,7 +204,6 @@ class LogFile(PieceFile):
     # -- reading ---------------------------------------------------------------------------------
 
     def topics(self) -> dict[str, list[int]]:
-        """Channels of every topic, without the slash before it."""
         found: dict[str, list[int]] = {}
         for number in self.channels:
             found.setdefault(self._topic(number), []).append(number)
@@ -239,10 +234,6 @@ class LogFile(PieceFile):
         return found
 
     def read(self, piece: Piece, topic: str, damaged: bool = False) -> Rows | None:
-        """Messages of a topic in a piece.
-
-        damaged: of a damaged piece too, as far as its records can be told apart.
-        """
         numbers = self.topics()[topic]
         if piece.problem and (not damaged or piece.compression):
             raise PieceError(f"{self.path.name}: the piece at byte {piece.offset} {piece.problem}")

@@ -36,37 +36,29 @@ class PieceError(ValueError):
 
 
 class Fields:
-    """A record's fields, one after another, each within the record.
-
-    at, end: bytes of ``data`` that are the record's content.
-    """
+    """A record's fields, one after another, each within the record."""
 
     def __init__(self, data: bytes | mmap.mmap | memoryview, at: int, end: int) -> None:
         self.data, self.at, self.end = data, at, end
 
     def bytes(self, count: int) -> bytes:
-        """So many bytes."""
         start, self.at = self.at, self.at + count
         if not start <= self.at <= self.end:
             raise PieceError("has a length that goes beyond its end")
         return bytes(self.data[start : self.at])
 
     def skip(self, count: int) -> None:
-        """Go on behind so many bytes."""
         if not 0 <= count <= self.end - self.at:
             raise PieceError("has a length that goes beyond its end")
         self.at += count
 
     def number(self, size: int) -> int:
-        """An unsigned number of so many bytes."""
         return int.from_bytes(self.bytes(size), "little")
 
     def text(self) -> str:
-        """A text behind its length."""
         return self.bytes(self.number(4)).decode("utf-8", "replace")
 
     def pairs(self) -> dict[str, str]:
-        """A map of texts."""
         size = self.number(4)
         inner = type(self)(self.data, self.at, self.at + size)
         self.skip(size)
@@ -79,22 +71,17 @@ class Fields:
 
 @dataclass(frozen=True)
 class Schema:
-    """What messages of a channel look like."""
-
     number: int
     name: str
     encoding: str
 
     @classmethod
     def read(cls, fields: Fields) -> Self:
-        """Out of its record."""
         return cls(fields.number(2), shown(fields.text()), shown(fields.text()))
 
 
 @dataclass(frozen=True)
 class Channel:
-    """Where messages belong to."""
-
     number: int
     schema: int
     topic: str
@@ -103,7 +90,6 @@ class Channel:
 
     @classmethod
     def read(cls, fields: Fields) -> Self:
-        """Out of its record."""
         number, schema = fields.number(2), fields.number(2)
         topic, encoding = shown(fields.text()), shown(fields.text())
         return cls(number, schema, topic, encoding, fields.pairs())
@@ -111,19 +97,15 @@ class Channel:
 
 @dataclass(frozen=True)
 class AttachmentPlace:
-    """An attachment: its name, and the bytes of the file from ``start`` to ``end``.
-
-    body: start of what its checksum covers.
-    """
+    """An attachment: its name, and the bytes of the file from ``start`` to ``end``."""
 
     name: str
-    body: int
+    body: int  # start of what its checksum covers
     start: int
     end: int
 
 
 def attachment(data: mmap.mmap, at: int, end: int) -> AttachmentPlace:
-    """The attachment in a record."""
     fields = Fields(data, at + HEAD.size, end)
     fields.skip(16)
     name = shown(fields.text())
@@ -138,14 +120,11 @@ def attachment(data: mmap.mmap, at: int, end: int) -> AttachmentPlace:
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """A chunk's own fields; ``data`` is where its records begin.
-
-    size: of its records when unpacked.
-    """
+    """A chunk's own fields; ``data`` is where its records begin."""
 
     start_ns: int
     end_ns: int
-    size: int
+    size: int  # of its records when unpacked
     crc: int
     compression: str
     data: int

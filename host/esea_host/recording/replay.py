@@ -36,21 +36,15 @@ MOST_DIFFERENCES = 20
 
 @dataclass(frozen=True)
 class ReplayDifference:
-    """A bit that is another than the C gives.
-
-    tick: base tick of the run; time_s: since the recording's beginning.
-    signal: the output, or a word of the state in a key frame.
-    recorded, computed: both as numbers.
-    input_signal: the input that explains it, where a single flipped bit of one does.
-    """
+    """A bit that is another than the C gives."""
 
     stream: str
-    tick: int
+    tick: int  # base tick of the run; time_s: since the recording's beginning
     time_s: float
-    signal: str
+    signal: str  # the output, or a word of the state in a key frame
     recorded: float
     computed: float
-    input_signal: str = ""
+    input_signal: str = ""  # the input that explains it, where a single flipped bit of one does
 
     def __str__(self) -> str:
         where = f"tick {self.tick} ({self.time_s:.3f} s), {self.stream}.{self.signal}"
@@ -62,23 +56,12 @@ class ReplayDifference:
 
 @dataclass
 class ReplayVerdict:
-    """What came of a replay.
-
-    integrity: of the recording.
-    ticks: base ticks that were computed again.
-    values: outputs that were compared.
-    unproven: ticks of the recording that no key frame reaches, or whose inputs are missing.
-    key_frames: complete ones.
-    differences: in sound pieces.
-    changed: what is different in damaged pieces, as far as their rows can be told apart.
-    """
-
-    integrity: Integrity
-    ticks: int = 0
-    values: int = 0
+    integrity: Integrity  # of the recording
+    ticks: int = 0  # base ticks that were computed again
+    values: int = 0  # outputs that were compared
     unproven: int = 0
-    key_frames: int = 0
-    differences: list[ReplayDifference] = field(default_factory=list)
+    key_frames: int = 0  # complete ones
+    differences: list[ReplayDifference] = field(default_factory=list)  # in sound pieces
     changed: list[ReplayDifference] = field(default_factory=list)
 
     @property
@@ -100,7 +83,6 @@ class _KeyFrame:
 
 
 def verify(log: Log, progress: Callable[[float], None] | None = None) -> ReplayVerdict:
-    """Compute a recording again."""
     replay = _Replay(log)
     found = replay.run(progress or (lambda _: None))
     if any(p.problem and not p.compression for p in log.file.pieces):

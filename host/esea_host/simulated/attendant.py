@@ -23,11 +23,7 @@ AIM_TICKS = 10  # from one aim to the next: a frame of a study
 
 
 class Attendant:
-    """Does at the virtual machine what a person does at a real one.
-
-    drive: of one axis.
-    seed: of the noise of the person who is led.
-    """
+    """Does at the virtual machine what a person does at a real one."""
 
     def __init__(self, drive: SimulatedBoard, seed: int = 0) -> None:
         self.drive = drive

@@ -33,15 +33,10 @@ SETTLE_S, ZERO_S, ZERO_TRIES = 0.3, 0.4, 5
 
 @dataclass(frozen=True)
 class Demo:
-    """What a demonstration left.
-
-    rms_error_Nm: of the sensed torque, from the second cycle on.
-    """
-
     recording: Path
     report: Path
     verdict: ReplayVerdict
-    rms_error_Nm: float
+    rms_error_Nm: float  # of the sensed torque, from the second cycle on
 
 
 def run_demo(
@@ -53,12 +48,7 @@ def run_demo(
     seed: int = 0,
     say: Callable[[str], None] = lambda _: None,
 ) -> Demo:
-    """Zero, arm, follow a sine of torque against a virtual person; record, prove, draw.
-
-    device: its name, or a simulated drive that is powered on.
-    seconds: of torque control, by the board's clock.
-    report: a PNG; the recording lies beside it unless it is named.
-    """
+    """Zero, arm, follow a sine of torque against a virtual person; record, prove, draw."""
     if not 1 <= seconds <= 3600:
         raise UserError(f"A demonstration of {seconds:g} s.", "Give 1 to 3600 s.")
     target = recording or report.with_suffix(".mcap")

@@ -47,18 +47,6 @@ class SimulatedBoard:
 
     While the board of a drive is active the person moves to and fro; otherwise the person rests.
     A passive joint rests until its encoders are zeroed; from then on it moves.
-
-    device: of a passive one without encoders its board's is simulated.
-    plant: of a drive: ``ideal``, ``real`` or ``random``.
-    person: at a drive: ``nobody``, ``none`` (the joint is held), ``ideal``, ``uncertain`` ...
-    seed: of the plant, of the person, and of all noise.
-    board: ``sim``, which computes in f32, or ``sim-q31``.
-    motion: of a passive joint: ``person``, ``therapist``, or a table's file.  A motion that is an
-        object goes on where it is after a restart.
-    spring_Nm_rad: of a spring in place of the elastomer, in a drive of one axis; 0: the elastomer.
-
-    ``plant`` has the truth: ``board.plant.truth()``.  ``pushes_rad`` is how far somebody pushes
-    each axis away from what the person intends; ``led``: the person intends nothing else.
     """
 
     def __init__(
@@ -121,10 +109,7 @@ class SimulatedBoard:
         return SteppedPlant(dataclasses.replace(self._variant, device=device))
 
     def build_in(self, spring_Nm_rad: float) -> None:
-        """Exchange the unloaded element of a drive of one axis; the board is not told.
-
-        spring_Nm_rad: of a linear spring; 0: the device's own elastomer.
-        """
+        """Exchange the unloaded element of a drive of one axis; the board is not told."""
         before, plant = self.plant, self._plant_with(spring_Nm_rad)
         assert isinstance(before, SteppedPlant)
         assert isinstance(self._person, Person)
@@ -146,15 +131,7 @@ class SimulatedBoard:
         values: Mapping[str, float] | None = None,
         motion: JointMotion | None = None,
     ) -> None:
-        """What somebody does at the machine meanwhile; everything goes on from where it is.
-
-        clamped: of several axes one for all, or one each.
-        person: of several axes a CoupledHand; default: nobody.
-        hand: what the person intends, asked once a tick; of several axes a sequence, one each;
-            default: as the board's state says.
-        values: of the plant, that differ from its own, such as a drive that is locked.
-        motion: of a passive joint, which has nothing else to set up.
-        """
+        """What somebody does at the machine meanwhile; everything goes on from where it is."""
         more, self._intent = dict(values or {}), hand
         if isinstance(self.plant, SteppedPlant):
             self._person = EMPTY if person is None else person
@@ -250,15 +227,12 @@ class SimulatedBoard:
         return paths
 
     def write(self, data: bytes) -> None:
-        """Bytes from the host."""
         self._transport.write(data, 0.0)
 
     def read(self) -> bytes:
-        """Bytes for the host."""
         return self._transport.read(0.0)
 
     def close(self) -> None:
-        """Let go of the board."""
         self.board.close()
 
 

@@ -17,10 +17,7 @@ TURN_RAD = 2 * math.pi
 
 
 class MovedJoint:
-    """Counts of the encoders on both sides of every axis' coupling, in the board's order.
-
-    Encoders that the device file gives no zero start anywhere in a turn.
-    """
+    """Counts of the encoders on both sides of every axis' coupling, in the board's order."""
 
     def __init__(self, device: DeviceData, motion: JointMotion, seed: int) -> None:
         self.axes, self.motion, self._seed = device.axes, motion, seed
@@ -37,7 +34,6 @@ class MovedJoint:
                 self._mounted.append((turned, zero))
 
     def start(self) -> list[int]:
-        """Where the motion begins."""
         self._noise = np.random.default_rng([self._seed, 3])
         self._ticks = 0
         self._moved = self.motion.step()

@@ -21,7 +21,6 @@ class LockstepTransport:
         self.drive = drive
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`esea_gen.link.transport.Transport`."""
         data = self.drive.read()
         last = self.drive.ticks + round(timeout_s * 1000)
         while not data and self.drive.ticks < last:
@@ -30,23 +29,17 @@ class LockstepTransport:
         return data
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         self.drive.write(data)
 
     def close(self) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         self.drive.close()
 
     def said(self) -> str:
-        """See :class:`esea_gen.link.transport.Transport`."""
         return ""
 
 
 class LockstepDevice(ConnectedDevice):
-    """A simulated board, connected, moved by :meth:`advance`.
-
-    drive: powered on.
-    """
+    """A simulated board, connected, moved by :meth:`advance`."""
 
     def __init__(self, drive: SimulatedBoard) -> None:
         self.drive = drive
@@ -55,7 +48,6 @@ class LockstepDevice(ConnectedDevice):
         self.session.clock_s = lambda: drive.ticks * 1e-3
 
     def advance(self, time_s: float) -> None:
-        """Let time pass."""
         for i in range(round(time_s * 1000)):
             if self.drive.ticks % BEAT_TICKS == 0:
                 self.drive.write(self._heartbeat())

@@ -31,18 +31,13 @@ MOST_GAP_S = 0.1
 
 
 class JointMotion(Protocol):
-    """A simulated movement of a passive joint."""
-
     def step(self) -> Mapping[str, tuple[float, float]]:
         """One base tick on; of each axis the angles of motor side and load side in rad."""
         ...
 
 
 class SteppedCoupling:
-    """A coupling whose one side is moved along a path while a torque acts on the other.
-
-    inertia_kgm2: of the side that the torque acts on; default: a cuff's.
-    """
+    """A coupling whose one side is moved along a path while a torque acts on the other."""
 
     def __init__(self, device: DeviceData, inertia_kgm2: float | None = None) -> None:
         library = compile_system(passive_system(device, STEP_S, TICK_S), "f64")
@@ -62,10 +57,7 @@ class SteppedCoupling:
         self._path_rad = 0.0
 
     def step(self, torque_Nm: float, path_rad: float) -> tuple[float, float]:
-        """A tick on, to this angle of the moved side: the other's angle, torque of the coupling.
-
-        The torque is the one on the side that is moved.
-        """
+        """A tick on, to this angle of the moved side: the other's angle, torque of the coupling."""
         push, steps = self._in, round(TICK_S / STEP_S)
         push.tau_hand_Nm = torque_Nm
         push.omega_l_rad_s = (path_rad - self._path_rad) / TICK_S
@@ -92,7 +84,6 @@ class SwingingPerson:
         self._ticks = 0
 
     def step(self) -> Mapping[str, tuple[float, float]]:
-        """See :class:`JointMotion`."""
         self._ticks += 1
         t_s = self._ticks * TICK_S % (BOUT_S + REST_S) - REST_S
         grown = math.sin(math.pi * t_s / BOUT_S) ** 2 if t_s > 0 else 0.0
@@ -104,10 +95,7 @@ class SwingingPerson:
 
 
 class TherapistHand:
-    """Hands on the motor side that move a limp limb slowly, pause, and move it back; axis by axis.
-
-    Each movement there and back is faster than the one before, then slow again.
-    """
+    """Hands on the motor side that move a limp limb slowly, pause, and move it back."""
 
     def __init__(self, device: DeviceData) -> None:
         joint = device.file.joint
@@ -120,7 +108,6 @@ class TherapistHand:
         self._at, self._ticks = 0, 0
 
     def step(self) -> Mapping[str, tuple[float, float]]:
-        """See :class:`JointMotion`."""
         moving, move_s = self._plan[self._at]
         turn_s = 2 * (move_s + PAUSE_S)
         self._ticks += 1
@@ -151,11 +138,9 @@ def _there_and_back(t_s: float, move_s: float) -> tuple[float, float, float]:
 
 
 class RecordedMotion:
-    """Both angles from a table, between its rows on straight lines; at its end they stay.
+    """Both angles from a table with ``time_s``, ``theta_motor_rad`` and ``theta_load_rad``.
 
-    Columns ``time_s``, ``theta_motor_rad``, ``theta_load_rad`` or with axes
-    ``theta_motor_flexion_rad`` ..., as a board's exported stream has them; axes that it does not
-    have rest.
+    Linear between its rows; at the end they stay; axes that it does not have rest.
     """
 
     def __init__(self, device: DeviceData, path: Path) -> None:
@@ -210,7 +195,6 @@ class RecordedMotion:
         self._next, self._last = 0, len(at_s) - 1
 
     def step(self) -> Mapping[str, tuple[float, float]]:
-        """See :class:`JointMotion`."""
         at = self._next
         self._next = min(at + 1, self._last)
         return self._rest | {axis: path[at] for axis, path in self._axes.items()}

@@ -10,12 +10,7 @@ KINDS = ("flip", "cut", "repeat", "swap")
 
 
 class NoisyTransport:
-    """A link that damages what comes in.
-
-    transport: the good one.
-    seed: of what happens where.
-    every_bytes: mean distance of two accidents.
-    """
+    """A link that damages what comes in."""
 
     def __init__(self, transport: Transport, seed: int, every_bytes: float = 2000.0) -> None:
         self.transport, self.every_bytes = transport, every_bytes
@@ -23,7 +18,6 @@ class NoisyTransport:
         self.accidents = dict.fromkeys(KINDS, 0)
 
     def damage(self, data: bytes) -> bytes:
-        """What arrives of some bytes."""
         out = bytearray(data)
         for _ in range(self._random.poisson(len(data) / self.every_bytes)):
             kind = KINDS[self._random.integers(len(KINDS))]
@@ -44,17 +38,13 @@ class NoisyTransport:
         return bytes(out)
 
     def read(self, timeout_s: float) -> bytes:
-        """See :class:`esea_gen.link.transport.Transport`."""
         return self.damage(self.transport.read(timeout_s))
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         self.transport.write(data, timeout_s)
 
     def close(self) -> None:
-        """See :class:`esea_gen.link.transport.Transport`."""
         self.transport.close()
 
     def said(self) -> str:
-        """See :class:`esea_gen.link.transport.Transport`."""
         return self.transport.said()

@@ -151,16 +151,6 @@ def serve(
     hands: int | None = None,
     spring_Nm_rad: float = 0.0,
 ) -> None:
-    """Serve a simulated board until somebody ends it.
-
-    port: of TCP on this computer, 0 for any; None: a pseudo terminal.
-    speed: of the board's time against the clock's; 0: as fast as the host reads.
-    board: ``sim``, or ``sim-q31``.
-    zeroed: its encoders are zeroed before, while everything rests.
-    once: end when the first host has gone.
-    hands: where lines for :class:`Hands` come from, a file's number.
-    spring_Nm_rad: of a spring in place of the coupling's elastomer; 0: the elastomer.
-    """
     if not 0 <= speed <= 1000:
         raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
     tell = say or (lambda text: print(text, flush=True))
@@ -199,11 +189,8 @@ def _zero(drive: SimulatedBoard) -> None:
 class Hands:
     """What somebody does at the virtual machine: lines of text, read without waiting.
 
-    ``push RAD ...``, ``lead RAD ...``: the joint, a number an axis; ``aim RAD``: the arm;
-    ``hang NM``: a mass on it, the motor held; ``let-go 0``: the mass is taken off; ``spring
-    NM_RAD``: built in in place of the elastomer, 0: the elastomer.
-
-    source: the file's number; None: nobody.
+    ``push RAD ...``, ``lead RAD ...``: the joint, a number an axis; ``aim RAD``: the arm; ``hang
+    NM``: a mass, the motor held; ``let-go 0``: it is taken off; ``spring NM_RAD``: 0: elastomer.
     """
 
     def __init__(self, source: int | None) -> None:
@@ -213,7 +200,6 @@ class Hands:
             os.set_blocking(source, False)
 
     def reach(self, drive: SimulatedBoard) -> None:
-        """Do what was said last."""
         if self._source is None:
             return
         try:

@@ -13,13 +13,10 @@ from esea_host.study.task import Actor, Inputs, Situation, StudyTask
 
 
 class Timed(Actor):
-    """A task's own actor, whose time the source can read."""
-
     def __init__(self, task: StudyTask, inner: Actor) -> None:
         self.task, self.inner, self.time_s = task, inner, 0.0
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
-        """As the actor inside."""
         reacted: tuple[float, Inputs] = of_task(self.task, self._react, scene, requests)
         return reacted
 
@@ -30,17 +27,13 @@ class Timed(Actor):
 
 
 class SimulatedSource(InputSource):
-    """Each trial is done by :meth:`StudyTask.simulate`; rests pass in no time.
-
-    seed: of the simulated people.
-    """
+    """Each trial is done by :meth:`StudyTask.simulate`; rests pass in no time."""
 
     def __init__(self, seed: int) -> None:
         self.seed, self._past_s = seed, 0.0
         self._actor: Timed | None = None
 
     def ready(self) -> Mapping[str, Any]:
-        """Nothing can be wrong with what is simulated."""
         return {"simulated": True}
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
@@ -51,9 +44,7 @@ class SimulatedSource(InputSource):
         return self._actor
 
     def rest(self, seconds: float) -> None:
-        """Pass the time."""
         self._past_s, self._actor = self.now_s() + seconds, None
 
     def now_s(self) -> float:
-        """Simulated time."""
         return self._past_s + (self._actor.time_s if self._actor else 0.0)

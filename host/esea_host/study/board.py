@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from esea_gen.control.faults import FAULT_CODES
+from esea_gen.control.limits.faults import FAULT_CODES
 from esea_gen.emit.states import BOARD_FAULTS, STATES
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
@@ -37,13 +37,7 @@ REST_SHARE = 0.1  # of the largest torque: more at rest is a zero that is not on
 
 
 class BoardSource(InputSource):
-    """A board that somebody wears, for a session.
-
-    device: connected.
-    folder: of the session: its recording goes there.
-    drive: zero and arm it before the first trial, and after it was lost.
-    advance: moves the clock of a board whose clock stands still.
-    """
+    """A worn board; drive: zero and arm it; advance: moves the clock of a board in lockstep."""
 
     def __init__(
         self,
@@ -72,7 +66,6 @@ class BoardSource(InputSource):
 
     @property
     def board_ns(self) -> int:
-        """Time of the newest sample, by the board's clock."""
         return self._rows.board_ns
 
     def _limit(self, name: str, axis: str) -> float:
@@ -205,7 +198,6 @@ class BoardSource(InputSource):
             self.pull()
 
     def now_s(self) -> float:
-        """By the board's clock."""
         return (self.board_ns - (self._first_ns or self.board_ns)) * 1e-9
 
     def rest(self, seconds: float) -> None:
@@ -222,7 +214,6 @@ class BoardSource(InputSource):
     # -- trials ------------------------------------------------------------------------------------
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
-        """Whoever wears the board, once it holds the task's conditions."""
         self.begin(task, situation, number)
         return _Wearer(self)
 
@@ -281,7 +272,6 @@ class BoardSource(InputSource):
             self._recording.event(topic, board_ns=self.board_ns, **content)
 
     def want(self, requests: Mapping[str, float]) -> None:
-        """Ask the board for what the task asks for, beside the conditions of its trial."""
         wanted = self._none | self._asked | self.signals.wanted(requests)
         self._state = state = self.device.state()
         if state in ("FAULT", "STOPPED"):
@@ -294,7 +284,6 @@ class BoardSource(InputSource):
             self.device.want(DEADLINE_MS, mode=TORQUE_MODE, **wanted)
 
     def frame(self, requests: Mapping[str, float]) -> Inputs:
-        """Ask for what the task asks for, and take the next frame in."""
         try:
             if self._recording is not None and self._recording.error is not None:
                 raise UserError(f"The recording failed: {self._recording.error}", "")
@@ -332,11 +321,9 @@ class BoardSource(InputSource):
         raise UserError(what, fix) from None
 
     def status(self) -> str:
-        """The board's own, as it was seen last."""
         return self._state
 
     def broken(self) -> str:
-        """Why the board was lost, until it is ready again."""
         return self._broken
 
     def tick_s(self) -> float | None:
@@ -344,7 +331,6 @@ class BoardSource(InputSource):
         return self._rows.taken_s
 
     def gauges(self) -> tuple[Gauge, ...]:
-        """Torque and angle of every axis beside the limits in force."""
         found = []
         for axis, tap in self._torques.items():
             most, of = self._limit("tau_max_Nm", axis), f" {axis}" if axis else ""
@@ -370,6 +356,5 @@ class _Wearer(Actor):
         self._source, self._begun_ns = source, source.board_ns
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
-        """The next frame, by the board's clock."""
         inputs = self._source.frame(requests)
         return round((self._source.board_ns - self._begun_ns) * 1e-9, 6), inputs

@@ -32,11 +32,7 @@ RECENTRE, PAUSE = "recentre", "pause"
 
 @dataclass(frozen=True)
 class ShownScene:
-    """A scene on its way to a screen.
-
-    number: counted from 1.  onsets: how often something has appeared so far.  made_s: by the
-    host's monotonic clock.  tick_s: when the device took the sample behind it, where that is known.
-    """
+    """A scene for a screen; made_s, tick_s (of its sample): by the host's monotonic clock."""
 
     scene: Scene
     number: int = 0
@@ -46,13 +42,9 @@ class ShownScene:
 
 
 class FrameCounter(Protocol):
-    """A screen that knows when it has painted."""
+    def drop(self) -> None: ...
 
-    def drop(self) -> None:
-        """Forget what was painted outside of trials."""
-
-    def take(self, whole: bool) -> Mapping[str, Any]:
-        """Numbers of the last trial, or of the whole session."""
+    def take(self, whole: bool) -> Mapping[str, Any]: ...
 
 
 def appears(before: Scene, now: Scene) -> bool:
@@ -65,24 +57,7 @@ def appears(before: Scene, now: Scene) -> bool:
 
 
 class Conductor(SessionWatcher):
-    """Runs a participant's session, and tells of it.
-
-    study: the study.
-    code: participant.
-    number: which session, from 0.
-    source: where inputs come from.
-    speed: of a simulated source's time against the clock's; infinite for one that has its own
-        clock, or where nobody waits.
-    hold: whether the session waits after a trial that was not good enough.
-    day, early: as of :meth:`StudyFolder.session`.
-
-    Attributes
-    ----------
-    phase : str
-        starting, running, resting, paused, held, over.
-    display : FrameCounter, optional
-        What a screen has to tell of its frames; into the log after every trial, and at the end.
-    """
+    """speed: simulated time over the clock's; hold: wait after a poor calibration."""
 
     def __init__(
         self,
@@ -122,16 +97,13 @@ class Conductor(SessionWatcher):
     # -- asked from outside ------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin, or go on where the log ends."""
         self._thread.start()
 
     def join(self, timeout_s: float | None = None) -> None:
-        """Wait for the end."""
         self._thread.join(timeout_s)
 
     @property
     def over(self) -> bool:
-        """Whether the session has ended, for whatever reason."""
         return self.phase == OVER
 
     def stop(self, reason: str) -> None:
@@ -145,11 +117,9 @@ class Conductor(SessionWatcher):
             self.phase = PAUSED
 
     def recentre(self) -> None:
-        """Bring back what has left the screen, in a task that knows how."""
         self._recentre = True
 
     def note(self, text: str) -> None:
-        """A note into the log."""
         self._notes.put(text)
 
     def skip(self, number: int, reason: str) -> None:
@@ -190,7 +160,6 @@ class Conductor(SessionWatcher):
     # -- what the participant sees -----------------------------------------------------------------
 
     def screen(self) -> ShownScene:
-        """What is to be drawn now."""
         words = {STARTING: "wait", PAUSED: "paused", HELD: "paused"}
         if self.phase == OVER:
             words[OVER] = "stopped" if self.reason or self.error else "thanks"
@@ -206,18 +175,15 @@ class Conductor(SessionWatcher):
 
     @property
     def rest_left_s(self) -> float:
-        """Of a rest."""
         speed = self.source.speed if self.source.speed < float("inf") else 1.0
         return max(0.0, (self.rest_until_s - time.monotonic()) * speed)
 
     @property
     def coming(self) -> PlannedTrial | None:
-        """The next trial after the one that runs."""
         left = (t for t in self.plan.trials if self.states[t.number] in (PENDING, "aborted"))
         return next((t for t in left if t is not self.trial), None)
 
     def longest_s(self, trial: PlannedTrial) -> float:
-        """How long a trial can take."""
         task = task_named(trial.task, "plan")
         return task.longest_s(task.Parameters(**trial.parameters))
 
@@ -246,7 +212,6 @@ class Conductor(SessionWatcher):
         return found
 
     def turn(self) -> str:
-        """As asked for."""
         self._write_notes(self._session)
         return self._stopped or self._again
 
@@ -259,7 +224,6 @@ class Conductor(SessionWatcher):
         self.happened.append((self.source.now_s(), text))
 
     def between(self) -> None:
-        """Skip, repeat, wait."""
         session = self._session
         while True:
             self._again = TrialOnly()
@@ -280,17 +244,14 @@ class Conductor(SessionWatcher):
             time.sleep(PIECE_S)
 
     def waits(self, words: str) -> None:
-        """Say what is waited for, as long as it is."""
         self.advice = (words,) if words else ()
 
     def rests(self, seconds: float) -> None:
-        """A rest begins."""
         self.rest_until_s = time.monotonic() + seconds / min(self.source.speed, 1e9)
         self.phase = RESTING
         self._tell(f"rest of {seconds:g} s")
 
     def begins(self, trial: PlannedTrial) -> None:
-        """A trial begins."""
         self.trial, self.trial_s, self.advice = trial, 0.0, ()
         self.states = {**self.states, trial.number: RUNNING}
         self.shown = ShownScene(Scene(), self.shown.number, self.shown.onsets)
@@ -300,7 +261,6 @@ class Conductor(SessionWatcher):
         self._tell(f"trial {trial.number}: {trial.block}")
 
     def steps(self, time_s: float, step: TaskStep) -> None:
-        """Pass the scene on; what a task advises is for the operator."""
         before = self.shown
         self.trial_s = time_s
         onsets = before.onsets + appears(before.scene, step.scene)
@@ -312,7 +272,6 @@ class Conductor(SessionWatcher):
             self._tell(event.name.replace("_", " "))
 
     def ends(self, number: int, state: str, reason: str, row: Mapping[str, Any]) -> None:
-        """Tell how; wait where it was not good enough."""
         session = self._session
         self.states = {**self.states, number: state}
         self.reasons = {**self.reasons, number: str(reason)}

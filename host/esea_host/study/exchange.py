@@ -44,11 +44,6 @@ TRACKED = "device"
 
 @dataclass
 class TrialTrace:
-    """Samples and events of a completed trial.
-
-    samples: time and inputs by name.  events: time and name.
-    """
-
     trial: PlannedTrial
     row: Row = field(default_factory=dict)
     samples: list[tuple[float, Mapping[str, float]]] = field(default_factory=list)
@@ -91,7 +86,6 @@ def _traces(entries: Sequence[LoggedEvent]) -> list[TrialTrace]:
 
 
 def to_parquet(study: StudyFolder, out: Path, seed: int = 0) -> int:
-    """Rows of all participants as one Parquet file; lists stay lists."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -105,12 +99,7 @@ def to_parquet(study: StudyFolder, out: Path, seed: int = 0) -> int:
 
 
 def to_bids(study: StudyFolder, out: Path, seed: int = 0) -> int:
-    """A BIDS data set: one run a completed trial, its inputs as motion, its events beside it.
-
-    References
-    ----------
-    https://bids-specification.readthedocs.io, Motion.
-    """
+    """A BIDS data set (bids-specification.readthedocs.io, Motion): one run a completed trial."""
     with new_whole(out) as scratch:
         scratch.mkdir()
         return _bids(study, scratch, seed)

@@ -19,12 +19,7 @@ LATE_S = 0.25  # who is later than that does not hurry to catch up
 
 
 class OperatedSource(InputSource):
-    """A source inside, slowed down to the clock, with what is pressed put to its inputs.
-
-    inner: where inputs come from.
-    speed: of its time against the clock's; infinite: nothing is waited for.
-    pressed: switches that are pressed now; those that a task has not are left out.
-    """
+    """A source inside, slowed down to the clock, with what is pressed put to its inputs."""
 
     def __init__(
         self, inner: InputSource, speed: float, pressed: Callable[[], Mapping[str, float]]
@@ -39,20 +34,16 @@ class OperatedSource(InputSource):
             time.sleep(min(left_s, PIECE_S))
 
     def ready(self) -> Mapping[str, Any]:
-        """As the source inside."""
         self.inner.listen_to(self)
         return self.inner.ready()
 
     def before(self, trial: PlannedTrial) -> str:
-        """As the source inside."""
         return self.inner.before(trial)
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
-        """Whoever acts, in the clock's time."""
         return _Operated(self.inner.trial(task, situation, number), self, task.switches)
 
     def over(self, number: int, state: str) -> None:
-        """As the source inside."""
         self.inner.over(number, state)
 
     def rest(self, seconds: float) -> None:
@@ -64,23 +55,18 @@ class OperatedSource(InputSource):
             time.sleep(PIECE_S)
 
     def now_s(self) -> float:
-        """As the source inside."""
         return self.inner.now_s()
 
     def status(self) -> str:
-        """As the source inside."""
         return self.inner.status()
 
     def broken(self) -> str:
-        """As the source inside."""
         return self.inner.broken()
 
     def tick_s(self) -> float | None:
-        """As the source inside."""
         return self.inner.tick_s()
 
     def gauges(self) -> tuple[Gauge, ...]:
-        """As the source inside."""
         return self.inner.gauges()
 
 

@@ -24,8 +24,6 @@ class TrialOnly(str):
 
 @dataclass(frozen=True)
 class Gauge:
-    """A signal of the device beside its limits."""
-
     name: str
     value: float
     low: float
@@ -34,24 +32,17 @@ class Gauge:
 
 
 def not_stopped() -> str:
-    """Nobody asks for a stop."""
     return ""
 
 
-def told_nobody(*_: Any, **__: Any) -> None:
-    """Nobody listens."""
+def told_nobody(*_: Any, **__: Any) -> None: ...
 
 
-def shown_nowhere(_: Scene) -> None:
-    """The drawer of a headless run."""
+def shown_nowhere(_: Scene) -> None: ...
 
 
 class SessionWatcher:
-    """Is told all that happens, in the session's thread; this one only draws and stops.
-
-    show: draws each scene.
-    stop: says why to stop; empty while nobody wants to.
-    """
+    """Is told all that happens, in the session's thread; this one only draws and stops."""
 
     def __init__(self, show: Show = shown_nowhere, stop: Stop = not_stopped) -> None:
         self._show, self._stop = show, stop
@@ -69,15 +60,12 @@ class SessionWatcher:
         return
 
     def rests(self, seconds: float) -> None:
-        """A rest begins."""
         return
 
     def begins(self, trial: PlannedTrial) -> None:
-        """A trial begins."""
         return
 
     def steps(self, time_s: float, step: TaskStep) -> None:
-        """A task has made a step."""
         self._show(step.scene)
 
     def ends(self, number: int, state: str, reason: str, row: Mapping[str, Any]) -> None:

@@ -17,12 +17,6 @@ DRAWN_MS = 50
 
 
 class VirtualArm(QWidget):
-    """An upper arm, and a forearm that somebody takes and pushes; let go it is pushed no more.
-
-    push: called when it is pushed another way, from where the virtual person wants it.
-    axis: of a device with several.
-    """
-
     def __init__(self, feed: LiveFeed, push: Callable[[], None], axis: str = "") -> None:
         super().__init__()
         (self._shown,) = AxisColumns(feed).signals((("theta_load_rad", "1", ""),), axis)
@@ -42,7 +36,6 @@ class VirtualArm(QWidget):
         return 0.0 if row is None else float(row[self._shown.column])
 
     def set_push(self, push_rad: float) -> None:
-        """Push so far, from now on."""
         self.push_rad = min(max(push_rad, -MOST_RAD), MOST_RAD)
         self._push()
         self.update()
@@ -63,22 +56,18 @@ class VirtualArm(QWidget):
         return math.atan2(off.x(), off.y())
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Take the forearm."""
         self._taken_rad = self._angle_of(event.position())
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        """Push it."""
         if self._taken_rad is not None:
             turn = self._angle_of(event.position()) - self._taken_rad
             self.set_push(math.remainder(turn, 2 * math.pi))
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
-        """Let go."""
         self._taken_rad = None
         self.set_push(0.0)
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """The arm as it is, and where it is pushed to."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         ink = self.palette().windowText().color()
@@ -107,10 +96,7 @@ class VirtualArm(QWidget):
 
 
 def add_arms(window: QMainWindow, feed: LiveFeed, push: Callable[..., None]) -> list[VirtualArm]:
-    """Put an arm for each axis beside the plots of a live view; keys push the first.
-
-    push: called with how far each axis is pushed, in rad.
-    """
+    """An arm for each axis; push is called with how far each axis is pushed, rad."""
     arms: list[VirtualArm] = []
 
     def pushed() -> None:

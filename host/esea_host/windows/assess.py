@@ -175,17 +175,13 @@ class AssessWindow(QMainWindow):
         self.said.setStyleSheet(f"color: {colour}")
 
     def move_leg(self) -> None:
-        """Make the proposed movement with the simulated patient, and show how the leg went."""
         self._step(self.desk.ask_therapist if self.desk.board else self.desk.move)
         self._began_s = time.monotonic()
 
     def undo(self) -> None:
-        """Take back the last step."""
         self._step(lambda: "" if self.desk.undo() else "Nothing to take back.")
 
     def limit(self, low_deg: float, high_deg: float, fastest_deg_s: float) -> None:
-        """Other limits of reach and comfort."""
-
         def job() -> None:
             self.desk.comfort = Comfort(low_deg * DEG, high_deg * DEG, fastest_deg_s * DEG)
 
@@ -193,7 +189,6 @@ class AssessWindow(QMainWindow):
         self.controls.show_limits(self.desk.comfort)
 
     def open_recording(self, path: Path | None = None) -> None:
-        """Read a recorded movement."""
         name = str(path or "") or QFileDialog.getOpenFileName(self, "Recording", "", RECORDINGS)[0]
         if name:
             self._step(partial(self._read, Path(name)))
@@ -203,7 +198,6 @@ class AssessWindow(QMainWindow):
         return "\n".join(filter(None, (self.desk.recording(recording, path.name), recording.read)))
 
     def save_page(self, path: Path | None = None) -> None:
-        """Write the page for the file."""
         name = str(path or "") or QFileDialog.getSaveFileName(self, "Page", "knee.pdf", PAGES)[0]
         if name:
             self._step(partial(self._write, Path(name)))
@@ -217,7 +211,6 @@ class AssessWindow(QMainWindow):
     # -- looking -----------------------------------------------------------------------------------
 
     def refresh(self) -> None:
-        """All as it is known now."""
         session, theme = self.desk.session, self.theme
         simulated = "<b>SIMULATED PATIENT.</b> " if self.desk.simulated else ""
         self.now.setText(simulated + escape(" ".join(conclusion(session)[:3])))
@@ -248,7 +241,6 @@ class AssessWindow(QMainWindow):
         return panel.board.rows[-1][1] if panel.board.rows and panel.board.valid else None
 
     def animate(self) -> None:
-        """The moving target, and the leg: as it is, or once more as it has been moved."""
         move, moved = self.desk.proposed, self.desk.moved
         since_s = time.monotonic() - self._began_s
         key, angle, target = "knee_watch", None, move
@@ -266,12 +258,10 @@ class AssessWindow(QMainWindow):
         self.leg.show_scene(leg_scene((key,), self.desk.comfort, angle, shown, where))
 
     def toggle_theme(self) -> None:
-        """Dark or light."""
         self.set_theme(LIGHT if self.theme is DARK else DARK)
         self.refresh()
 
     def set_theme(self, theme: Theme) -> None:
-        """All in these colours."""
         self.theme = theme
         self.setPalette(theme.palette())
         self.notice.setStyleSheet(f"color: {theme.limit}; font-weight: bold")
@@ -283,10 +273,6 @@ class AssessWindow(QMainWindow):
 
 
 def run_assess(desk: ClinicDesk, who: str = "", dark: bool | None = None) -> None:
-    """Open the window, and return when it is closed.
-
-    dark: None: as the desktop has it.
-    """
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
     pg.setConfigOptions(antialias=True)

@@ -71,12 +71,10 @@ class BoardPanel(QWidget):
         column.addLayout(both)
 
     def show_theme(self, theme: Theme) -> None:
-        """In these colours."""
         self.theme = theme
         self.loop.show(theme)
 
     def take(self, event: MovementEvent) -> None:
-        """What the stream brought about: a limit is warned of by colour and sound."""
         if event.kind in ("warning", "broken"):
             self._warned_s = time.monotonic()
             self.warning.setText(event.text)
@@ -87,7 +85,6 @@ class BoardPanel(QWidget):
             self._to_s = event.segment.end_s
 
     def draw(self, attempt: MovementVerdict | None) -> None:
-        """All as it is now."""
         board = self.board
         limits = board.watch.comfort
         rows = np.array([r for r in board.rows if self._from_s <= r[0] <= self._to_s])

@@ -116,7 +116,6 @@ class ClinicControls(QWidget):
         return box
 
     def show_limits(self, comfort: Comfort) -> None:
-        """As they are."""
         self.low.setValue(comfort.low_rad / DEG)
         self.high.setValue(comfort.high_rad / DEG)
         self.fastest.setValue(comfort.rate_rad_s / DEG)

@@ -30,7 +30,6 @@ class _Plot:
         self.title, self._x, self._y = title, x, y
 
     def show(self, theme: Theme) -> None:
-        """In these colours."""
         self.view.setBackground(theme.ground)
         self.item.setTitle(f"<b>{self.title}</b>", color=theme.ink, size="9pt")
         self.item.setLabel("bottom", self._x, color=theme.ink)
@@ -62,7 +61,6 @@ class InformationMap(_Plot):
         self.item.setYRange(low[1], low[1] + size[1], padding=0.05)
 
     def show(self, theme: Theme) -> None:
-        """In these colours; what tells most stands out from the ground."""
         super().show(theme)
         colours = ((28, 40, 56), (32, 120, 150), (240, 228, 66))
         if theme.name == "light":
@@ -79,7 +77,6 @@ class InformationMap(_Plot):
     def draw(
         self, value: Floats, passed_deg: Floats, move: ProbingMovement, comfort: Comfort, unit: str
     ) -> None:
-        """Draw what is known now; empty where no comfortable movement goes."""
         shape = len(self._grid.angle_rad), len(self._grid.rate_rad_s)
         most = max(float(np.nanmax(value)), 1e-12)
         share = np.nan_to_num(value / most).reshape(shape)
@@ -116,7 +113,6 @@ class MovementLoop(_Plot):
         self.item.setMouseEnabled(x=False, y=False)
 
     def show(self, theme: Theme) -> None:
-        """In these colours."""
         super().show(theme)
         for line in self._limits:
             line.setPen(pg.mkPen(theme.limit, width=2, style=Qt.PenStyle.DashLine))
@@ -127,7 +123,6 @@ class MovementLoop(_Plot):
     def draw(
         self, angle_deg: Floats, torque_Nm: Floats, now: tuple[float, float], comfort: Comfort
     ) -> None:
-        """Draw what came since the movement began."""
         ends = comfort.low_rad / DEG, comfort.high_rad / DEG
         for line, at in zip(self._limits, ends, strict=True):
             line.setValue(at)
@@ -139,8 +134,6 @@ class MovementLoop(_Plot):
 
 
 class ProbabilityBars(_Plot):
-    """What is known now."""
-
     def __init__(self, names: list[str]) -> None:
         super().__init__("What is known now", "probability [%]", "")
         self._names = names
@@ -152,7 +145,6 @@ class ProbabilityBars(_Plot):
         self.item.getAxis("left").setWidth(165)
 
     def show(self, theme: Theme) -> None:
-        """In these colours."""
         super().show(theme)
         self._bars.setOpts(brush=theme.wanted, pen=theme.wanted)
 
@@ -168,8 +160,6 @@ class ProbabilityBars(_Plot):
 
 
 class HistoryPlot(_Plot):
-    """How probabilities came to be what they are."""
-
     def __init__(self, names: list[str]) -> None:
         super().__init__("How it came to that", "step", "probability [%]")
         self._names = names
@@ -178,7 +168,6 @@ class HistoryPlot(_Plot):
         self.item.setMouseEnabled(y=False)
 
     def show(self, theme: Theme) -> None:
-        """In these colours."""
         super().show(theme)
         self._theme = theme
         for line, colour in zip(self._lines, theme.curves, strict=False):

@@ -26,10 +26,7 @@ LOOP = (("theta_rad", "rad", "deflection"), ("tau_Nm", "Nm", "measured torque"))
 
 
 class AxisColumns:
-    """The columns of all streams, found by the axis that they are of.
-
-    drives: whether the device has motors.
-    """
+    """The columns of all streams, found by the axis that they are of."""
 
     def __init__(self, feed: LiveFeed) -> None:
         self._feed, self._device = feed, feed.device.identity.device
@@ -40,24 +37,20 @@ class AxisColumns:
             self._streams.setdefault(name, stream)
 
     def signals(self, wanted: Wanted, axis: str) -> list[ShownSignal]:
-        """Those of an axis that the device has."""
         own = [(of_axis(name, axis), unit, label) for name, unit, label in wanted]
         return [
             signal_of(self._streams[n], n, u, label) for n, u, label in own if n in self._streams
         ]
 
     def panels(self, axis: str) -> list[tuple[tuple[str, str], list[ShownSignal]]]:
-        """Title and unit of each plot that has signals, and these."""
         found = [(head, self.signals(wanted, axis)) for head, *wanted in PANELS]
         return [(head, signals) for head, signals in found if signals]
 
     def flags(self, axis: str) -> list[tuple[str, LimitFlag]]:
-        """What may be reported of an axis, each with its stream."""
         found = limit_flags(self._device, axis)
         return [(self._streams[f.word], f) for f in found if f.word in self._streams]
 
     def mode(self, axis: str) -> str:
-        """The mode in force, in words; empty where there is none."""
         name = of_axis("mode_held", axis)
         newest = self._feed.rings[self._streams[name]].newest() if name in self._streams else None
         return "" if newest is None else mode_text(self._device, float(newest[name]))

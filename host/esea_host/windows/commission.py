@@ -47,10 +47,7 @@ class _News(QObject):
 
 
 class CommissioningWindow(QMainWindow):
-    """One step after another; each is done in a thread beside, and ends with a verdict.
-
-    bench: who answers what a step asks is changed to this window, unless it is simulated.
-    """
+    """Each step runs in a thread; unless simulated, the bench asks this window."""
 
     def __init__(
         self,
@@ -123,12 +120,10 @@ class CommissioningWindow(QMainWindow):
 
     @property
     def step(self) -> CommissioningStep:
-        """The one that is chosen."""
         return self.steps[max(0, self.list.currentRow())]
 
     @property
     def busy(self) -> bool:
-        """Whether a step runs."""
         return self._thread is not None
 
     def _rename(self) -> None:
@@ -163,7 +158,6 @@ class CommissioningWindow(QMainWindow):
     # -- a step ----------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Do the chosen step."""
         if self.busy or not self.start_button.isEnabled():
             return
         self.picture.clear()
@@ -195,7 +189,6 @@ class CommissioningWindow(QMainWindow):
                 return
 
     def go_on(self) -> None:
-        """What was asked for is done."""
         if not self.ready_button.isEnabled():
             return
         self.ready_button.setEnabled(False)
@@ -275,7 +268,6 @@ def run_commissioning(
     record: CommissioningRecord,
     shown: Callable[[CommissioningWindow], None] = lambda _: None,
 ) -> None:
-    """Open the screens, and return when they are closed."""
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
     window = CommissioningWindow(bench, steps, options, record)

@@ -15,7 +15,6 @@ RETURNED = (None, True, False, NotImplemented)
 
 
 def take_many() -> None:
-    """Once is enough; it does no harm where Qt counts right."""
     # Debug builds of Python lay an object out otherwise.
     plain = not hasattr(sys, "getobjects") and sys.implementation.name == "cpython"
     for one in RETURNED:

@@ -12,10 +12,7 @@ from esea_host.windows.plots import Shown, TimePlot
 
 
 class Cursors:
-    """Moves both lines of every plot together.
-
-    span: gives what is seen, from when to when.
-    """
+    """Moves both lines of every plot together."""
 
     def __init__(self, plots: list[TimePlot], readout: QLabel, span: Any) -> None:
         self._plots, self.readout, self._span = plots, readout, span
@@ -26,11 +23,9 @@ class Cursors:
 
     @property
     def on(self) -> bool:
-        """Whether they are seen."""
         return bool(self._plots[0].cursors[0].isVisible())
 
     def toggle(self) -> bool:
-        """Show or hide them; whether they are seen now."""
         on = not self.on
         left_s, right_s = self._span()
         for plot in self._plots:
@@ -46,17 +41,14 @@ class Cursors:
                 plot.cursors[which].setValue(line.value())
 
     def move(self, part: float) -> None:
-        """Move the chosen one by a part of what is seen."""
         left_s, right_s = self._span()
         line = self._plots[0].cursors[self._active]
         line.setValue(line.value() + part * (right_s - left_s))
 
     def other(self) -> None:
-        """Choose the other one."""
         self._active = 1 - self._active
 
     def read(self, shown: Shown) -> None:
-        """Say what is there."""
         first_s, second_s = (line.value() for line in self._plots[0].cursors)
         lines = []
         for i, at_s in enumerate((first_s, second_s)):

@@ -161,7 +161,6 @@ class LiveWindow(QMainWindow):
         self._split.setSizes([760, 340])
 
     def choose_axis(self, place: int) -> None:
-        """Show this one of the device's axes from now on."""
         self.axis = self.columns.axes[place]
         self._signals = [signals for _, signals in self.columns.panels(self.axis)]
         self.bands.flags = self.columns.flags(self.axis)
@@ -263,7 +262,6 @@ class LiveWindow(QMainWindow):
 
     @property
     def paused(self) -> bool:
-        """Whether the picture stands still."""
         return bool(self._frozen)
 
     def pause(self, on: bool | None = None, *_: Any) -> None:
@@ -275,7 +273,6 @@ class LiveWindow(QMainWindow):
                 self.played.held = hold
 
     def zoom(self, step: int) -> None:
-        """To the next shorter or longer time."""
         place = min(range(len(WINDOWS_S)), key=lambda i: abs(WINDOWS_S[i] - self.window_s))
         self.window_s = WINDOWS_S[min(max(place + step, 0), len(WINDOWS_S) - 1)]
         if self.paused:
@@ -306,7 +303,6 @@ class LiveWindow(QMainWindow):
             self._timer.start(max(FRAME_MS, int(2 * spent_ms)))
 
     def draw(self) -> None:
-        """One picture of what there is now."""
         shown = self._shown()
         now_s = max((float(s.time_s[-1]) for s in shown.values() if len(s.time_s)), default=0.0)
         if not self.paused:
@@ -412,7 +408,6 @@ class LiveWindow(QMainWindow):
         self.spectrum.show([s for s, _ in drawn], self.theme, [c for _, c in drawn])
 
     def toggle_dock(self, title: str) -> None:
-        """Show or hide the channels, or the parameters."""
         dock = self._docks[title]
         dock.setVisible(not dock.isVisible())
         widget = dock.widget()
@@ -422,32 +417,26 @@ class LiveWindow(QMainWindow):
                 self.parameters.read()
 
     def toggle_loop(self) -> None:
-        """Show or hide torque over deflection."""
         self._loop_area.setVisible(not self._loop_area.isVisible())
 
     def toggle_spectrum(self) -> None:
-        """Show or hide amplitude over frequency."""
         self.spectrum.toggle()
         self._loop_area.setVisible(True)
 
     def toggle_trigger(self) -> None:
-        """Show or hide the trigger's fields; hidden it is off."""
         on = not self.trigger_bar.isVisible()
         self.trigger_bar.setVisible(on)
         self.trigger_bar.mode.setCurrentText(NORMAL if on else OFF)
         (self.trigger_bar.level if on else self._area).setFocus()
 
     def toggle_cursors(self) -> None:
-        """Two lines across all plots, and what is there; the picture stands still."""
         if self.cursors.toggle():
             self.pause(True)
 
     def toggle_theme(self) -> None:
-        """Dark or light."""
         self.set_theme(LIGHT if self.theme is DARK else DARK)
 
     def set_theme(self, theme: Theme) -> None:
-        """All in these colours."""
         self.theme = theme
         self.setPalette(theme.palette())
         for area in (self._area, self._loop_area):

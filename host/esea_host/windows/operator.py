@@ -16,10 +16,7 @@ TURN_S, DEADLINE_MS, PATIENCE_S = 0.01, 500, 1.0
 
 
 class DemoOperator:
-    """Zeroes; a drive it arms too, and asks each axis for a sine of torque, until somebody stops.
-
-    Only for simulated boards: nobody stands beside it.
-    """
+    """Zeroes, arms and asks each axis for a sine until stopped; simulated boards only."""
 
     def __init__(self, device: ConnectedDevice) -> None:
         if not device.simulated:
@@ -30,7 +27,6 @@ class DemoOperator:
         self._thread.start()
 
     def close(self) -> None:
-        """Hands off."""
         self._closed.set()
         self._thread.join(3.0)
 

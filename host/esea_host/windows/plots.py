@@ -24,11 +24,6 @@ Shown = Mapping[str, Stretch]
 
 @dataclass(frozen=True)
 class ShownSignal:
-    """A column of a stream, as it is shown.
-
-    scale: from the column's unit to the shown one.
-    """
-
     stream: str
     column: str
     label: str
@@ -37,11 +32,9 @@ class ShownSignal:
 
     @property
     def name(self) -> str:
-        """Stream and column."""
         return f"{self.stream}.{self.column}"
 
     def values(self, shown: Shown) -> Floats:
-        """Of the rows that are shown."""
         return np.asarray(shown[self.stream].rows[self.column], np.float64) * self.scale
 
 
@@ -54,8 +47,6 @@ def signal_of(stream: str, column: str, unit: str, label: str = "") -> ShownSign
 
 
 class TimePlot:
-    """Some signals over time, in one plot of a column of them."""
-
     def __init__(self, area: Any, row: int, title: str, unit: str) -> None:
         self.item = area.addPlot(row=row, col=0)
         self.title, self.unit = title, unit
@@ -71,7 +62,6 @@ class TimePlot:
             self.item.addItem(line, ignoreBounds=True)
 
     def show(self, signals: list[ShownSignal], theme: Theme, colours: list[str]) -> None:
-        """Draw these from now on, the last on top."""
         for drawn in self._curves:
             self.item.removeItem(drawn)
         self.signals = signals
@@ -92,13 +82,11 @@ class TimePlot:
             line.setPen(pg.mkPen(theme.ink, style=Qt.PenStyle.DashLine))
 
     def draw(self, shown: Shown) -> None:
-        """Draw what has come."""
         for signal, drawn in zip(self.signals, self._curves, strict=True):
             time_s, values = curve(shown[signal.stream], signal.values(shown), MOST_POINTS)
             drawn.setData(time_s, values)
 
     def at(self, time_s: float, shown: Shown) -> list[str]:
-        """The signals' values at a time."""
         found = []
         for signal in self.signals:
             times = shown[signal.stream].time_s
@@ -109,10 +97,7 @@ class TimePlot:
 
 
 class LimitBands:
-    """When which limit acted: a row each, of those that did.
-
-    flags: each with its stream.
-    """
+    """When which limit acted: a row each, of those that did."""
 
     def __init__(self, area: Any, row: int, flags: list[tuple[str, LimitFlag]], title: str) -> None:
         self.item = area.addPlot(row=row, col=0)
@@ -129,7 +114,6 @@ class LimitBands:
         self.item.getAxis("left").setTicks([[]])
 
     def show(self, theme: Theme) -> None:
-        """In these colours."""
         pen = pg.mkPen(theme.limit, width=9)
         pen.setCapStyle(Qt.PenCapStyle.FlatCap)
         self._bands.setPen(pen)
@@ -138,7 +122,6 @@ class LimitBands:
         dress(self.item, theme)
 
     def acting(self, shown: Shown) -> list[LimitFlag]:
-        """What acts in the newest row."""
         return [f for s, f in self.flags if len(shown[s].rows) and f.held(shown[s].rows[-1:])[0]]
 
     def draw(self, shown: Shown, left_s: float, right_s: float) -> None:
@@ -167,8 +150,6 @@ class LimitBands:
 
 
 class LoopPlot:
-    """Torque over deflection: the hysteresis of the elastomer."""
-
     def __init__(self, area: Any, x: ShownSignal, y: ShownSignal) -> None:
         self.item = area.addPlot(row=0, col=0)
         self.item.setMenuEnabled(False)
@@ -177,7 +158,6 @@ class LoopPlot:
         self._past, self._now = self.item.plot(antialias=True), self.item.plot()
 
     def show(self, theme: Theme) -> None:
-        """In these colours."""
         self._past.setPen(pg.mkPen(theme.measured, width=1))
         self._now.setSymbol("o")
         self._now.setSymbolBrush(theme.measured)
@@ -197,7 +177,6 @@ class LoopPlot:
 
 
 def dress(item: Any, theme: Theme) -> None:
-    """Axes and grid of a plot."""
     for side in ("top", "right"):
         # Not seen, but they would write their label anew whenever the range moves.
         item.getAxis(side).enableAutoSIPrefix(False)

@@ -22,12 +22,7 @@ def run_live(
     screenshot: Path | None = None,
     push: Callable[..., None] | None = None,
 ) -> None:
-    """Open the view, and return when it is closed, or after some seconds.
-
-    dark: None: as the desktop has it.
-    screenshot: a picture, just before it closes.
-    push: pushes a simulated board's axes, each so far.
-    """
+    """Open the view, and return when it is closed, or after some seconds."""
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
     if dark is None:

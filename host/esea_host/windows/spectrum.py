@@ -17,10 +17,7 @@ MOST_ROWS, LEAST_ROWS, LEAST_PX = 8192, 64, 230
 
 
 def amplitudes(stretch: Stretch, values: Floats) -> tuple[Floats, Floats]:
-    """Frequencies in Hz and the amplitude of the sine at each, of the newest rows without a gap.
-
-    Welch's estimate with a Hann window: a sine of amplitude a shows as a, whatever the window.
-    """
+    """Frequencies in Hz and the amplitude of the sine at each, of the newest rows without a gap."""
     holes = np.flatnonzero(stretch.after_gap)
     first = int(holes[-1]) if len(holes) else 0
     y, time_s = values[first:], stretch.time_s[first:]
@@ -32,8 +29,6 @@ def amplitudes(stretch: Stretch, values: Floats) -> tuple[Floats, Floats]:
 
 
 class SpectrumPlot:
-    """Spectra of some signals, both axes logarithmic."""
-
     def __init__(self, area: Any, row: int) -> None:
         self.item = area.addPlot(row=row, col=0)
         self.item.setMenuEnabled(False)
@@ -45,13 +40,11 @@ class SpectrumPlot:
         self._curves: list[Any] = []
 
     def toggle(self) -> None:
-        """Show or hide it."""
         on = not self.item.isVisible()
         self.item.setVisible(on)
         self._layout.setRowMinimumHeight(self._row, LEAST_PX if on else 0)
 
     def show(self, signals: list[ShownSignal], theme: Theme, colours: list[str]) -> None:
-        """Draw these from now on."""
         for drawn in self._curves:
             self.item.removeItem(drawn)
         self.signals = signals
@@ -67,7 +60,6 @@ class SpectrumPlot:
         dress(self.item, theme)
 
     def draw(self, shown: Shown) -> None:
-        """Draw what has come."""
         for signal, drawn in zip(self.signals, self._curves, strict=True):
             part = shown[signal.stream]
             f_Hz, size = amplitudes(part, signal.values(shown))

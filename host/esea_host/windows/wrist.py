@@ -87,7 +87,6 @@ class _FactorPlot:
         self.item.addItem(self._now)
 
     def show(self, display: WristDisplay, theme: Theme) -> None:
-        """With this calibration, in these colours."""
         dress(self.item, theme)
         found = display.curves.get(self.axis)
         for part in (self._range, self._curve, self._nodes):
@@ -123,22 +122,12 @@ class _FactorPlot:
         self.item.setTitle(title, color=theme.ink, size="10pt")
 
     def draw(self, now: AxisView) -> None:
-        """The present angle."""
         self._now.setValue(now.theta_deg)
         self._here.setData([now.theta_deg], [now.factor])
 
 
 class WristWindow(QMainWindow):
-    """A window on a :class:`WristDisplay`.
-
-    feed: of the board: state, faults, stop.
-    display: what is shown.
-    keeper: asks for the constraint.
-    dark: colours.
-    lead: leads a simulated hand to angles in deg.
-    save_to: where a calibration goes as soon as it is complete; no file is overwritten.
-    guide: makes a guide.
-    """
+    """lead: leads a simulated hand, deg; save_to: a complete calibration, never overwritten."""
 
     def __init__(
         self,
@@ -172,7 +161,6 @@ class WristWindow(QMainWindow):
         self.draw()
 
     def start(self) -> None:
-        """Draw by itself from now on."""
         self._timer.start(FRAME_MS)
 
     # -- what there is -----------------------------------------------------------------------------
@@ -264,14 +252,12 @@ class WristWindow(QMainWindow):
     # -- asking ------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """Stop the motors, and a calibration that runs."""
         self.feed.stop()
         self.keeper.wanted = False
         self._asked_s = time.monotonic()
         self._end_guide("The calibration was stopped.")
 
     def disarm(self) -> None:
-        """Switch the motors off, gently."""
         self.keeper.arms = False
         self.feed.do("disarm", self.feed.device.disarm)
 
@@ -283,12 +269,10 @@ class WristWindow(QMainWindow):
         return stops
 
     def constrain(self, wanted: bool) -> None:
-        """Ask for the constraint, or for none."""
         if self.display.guide is None:
             self.keeper.wanted = wanted
 
     def calibrate(self) -> None:
-        """Begin a guided calibration, or end the one that runs."""
         if self.display.guide is not None:
             self._end_guide("The calibration was ended.")
         elif self._off:
@@ -304,7 +288,6 @@ class WristWindow(QMainWindow):
         return state in ALARMING or (self.keeper.there and not armed)
 
     def back(self) -> None:
-        """Repeat the calibration's last step."""
         if self.display.guide is not None:
             self.display.guide.back()
 
@@ -329,7 +312,6 @@ class WristWindow(QMainWindow):
             self.said = f"No calibration: {error}"
 
     def use(self, calibration: WristCalibration) -> None:
-        """Normalise with this calibration."""
         self.display.calibrate(calibration)
         self.set_theme(self.theme)
 
@@ -339,12 +321,10 @@ class WristWindow(QMainWindow):
     # -- looking -----------------------------------------------------------------------------------
 
     def turn(self) -> None:
-        """Take what has come, and draw it."""
         self.take()
         self.draw()
 
     def take(self) -> None:
-        """Take what has come; the guide and the simulated hand go on."""
         with contextlib.suppress(LinkError):  # the feed has it, and shows it
             self.display.receive(self._rows.take(0.0))
             self._go_on()
@@ -365,7 +345,6 @@ class WristWindow(QMainWindow):
             self._lead(*self.hand.aim(*given))
 
     def draw(self) -> None:
-        """One picture of what there is now."""
         picture, guide = self.display.picture(), self.display.guide
         self.panes["raw"].show_scene(picture.raw if guide is None else guide.scene)
         self.panes["normalised"].show_scene(picture.normalised)
@@ -456,11 +435,9 @@ class WristWindow(QMainWindow):
         return "  |  ".join(parts)
 
     def toggle_theme(self) -> None:
-        """Dark or light."""
         self.set_theme(LIGHT if self.theme is DARK else DARK)
 
     def set_theme(self, theme: Theme) -> None:
-        """All in these colours."""
         self.theme = theme
         self.setPalette(theme.palette())
         self._area.setBackground(theme.ground)

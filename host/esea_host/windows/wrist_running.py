@@ -41,11 +41,7 @@ def run_wrist(
     seconds: float | None = None,
     screenshot: Path | None = None,
 ) -> None:
-    """Open the display, and return when it is closed, or after some seconds.
-
-    dark: None: as the desktop has it.
-    screenshot: a picture, just before it closes.
-    """
+    """Open the display, and return when it is closed, or after some seconds."""
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
     if dark is None:
@@ -78,7 +74,6 @@ def _lead(transport: SimulatedProcess, fe_deg: float, ru_deg: float) -> None:
 
 
 def save_picture(window: WristWindow, path: Path) -> None:
-    """The window as it is now."""
     with written_whole(path) as scratch:
         window.grab().save(str(scratch))
 
@@ -93,10 +88,7 @@ def film_wrist(
     dark: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> None:
-    """Run a simulated board as fast as it can: calibrate unless that is done, constrain, draw.
-
-    seconds: by the board's clock, constrained; they are recorded.
-    """
+    """Run a simulated board as fast as it can: calibrate unless done, constrain, draw."""
     if record is not None and record.exists():
         raise UserError(f"{record} is there already.", "Give another name.")
     application = QApplication.instance() or QApplication([])

@@ -22,10 +22,7 @@ SEEN_TO_RUN_S = 0.5  # after the reaction: then it is clear whether a target run
 
 
 class Arm:
-    """A participant's wrist in a device; goes on from trial to trial.
-
-    axes: who moves each.  aims_deg, felt_deg: where each is held and was read last.
-    """
+    """A participant's wrist in a device; goes on from trial to trial."""
 
     def __init__(self, who: VirtualParticipant, handle_kgm2: float) -> None:
         self.axes = [AxisController(who.model, x, handle_kgm2, who.rng) for x in who.limbs]
@@ -34,15 +31,7 @@ class Arm:
 
 
 class WristActor(ActingHand):
-    """A person in the virtual device, for one trial.
-
-    who: learns by it.
-    rig: the device.
-    arm: the person's.
-    task: name of the task: people are told what to do.
-    parameters: whether the target runs away, which is seen in time, and the impairment acts, which
-        is felt.
-    """
+    """A person for one trial, who sees the target run away, and feels the impairment."""
 
     def __init__(
         self,
@@ -66,7 +55,6 @@ class WristActor(ActingHand):
         self._paths = [(math.inf, x.goal_rad, x.goal_rad) for x in arm.axes]
 
     def move(self, muscles: Sequence[Muscle], requests: Mapping[str, float]) -> Inputs:
-        """A frame of the device."""
         return self.rig.advance_by(muscles, requests)
 
     def rests(self) -> Sequence[Muscle]:
@@ -76,7 +64,6 @@ class WristActor(ActingHand):
         return self.act({})
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
-        """One frame; what the device reads is what the wrist feels."""
         time_s, inputs = super().react(scene, requests)
         self.arm.felt_deg[:] = inputs["fe_deg"], inputs["ru_deg"]
         return time_s, inputs

@@ -21,8 +21,6 @@ Values = Mapping[str, float | None]
 
 @dataclass(frozen=True)
 class Wanted:
-    """One line of a published table: medians of either side, and p where it is printed."""
-
     metric: str
     unit: str
     first: str
@@ -61,11 +59,7 @@ STATES_PUBLISHED = (
 
 @dataclass(frozen=True)
 class TableLine:
-    """One comparison: medians, test, effect, and what was published.
-
-    n: people with both values.  effect: rank-biserial correlation, with its interval.  p_holm: over
-    the lines of its table.  note: why there is no test.
-    """
+    """n: people with both values; p_holm: over its table; note: why there is no test."""
 
     metric: str
     unit: str
@@ -86,11 +80,7 @@ class TableLine:
 
 @dataclass(frozen=True)
 class WristResult:
-    """Everything that the analysis gives.
-
-    simulated: whether the people were.  tables: by title.  people: per participant the values by
-    metric, for figures and CSV.
-    """
+    """Everything that the analysis gives."""
 
     simulated: bool
     participants: int
@@ -99,12 +89,10 @@ class WristResult:
     sides: Mapping[str, tuple[str, str]]
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return asdict(self)
 
 
 def analyse(folder: Path) -> WristResult:
-    """Every metric and test of the wrist study."""
     study = StudyFolder.open(folder, durable=False, runs=False)
     simulated = study.simulated
     codes = sorted({c for c, _, _ in study.sessions()})

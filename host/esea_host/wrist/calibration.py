@@ -19,14 +19,11 @@ LEAST_REACH = 0.8
 
 @dataclass(frozen=True)
 class Crossings:
-    """When a trace went through a node, and how fast each time."""
-
     node_deg: float
     speeds_deg_s: tuple[float, ...]
 
 
 def crossings(time_s: npt.ArrayLike, theta_deg: npt.ArrayLike, node_deg: float) -> Crossings:
-    """Speeds at which a trace goes through a node."""
     t, th = np.asarray(time_s, np.float64), np.asarray(theta_deg, np.float64)
     beyond = th >= node_deg
     k = np.flatnonzero(beyond[1:] != beyond[:-1])
@@ -37,7 +34,6 @@ def crossings(time_s: npt.ArrayLike, theta_deg: npt.ArrayLike, node_deg: float) 
 def node_speeds(
     low_deg: float, high_deg: float, traces: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]]
 ) -> NodeSpeeds:
-    """Mean speed at every node of a range."""
     if not high_deg > low_deg:
         raise UserError(
             f"The range of motion, {low_deg:.1f} to {high_deg:.1f} deg, is empty.",
@@ -53,10 +49,7 @@ def node_speeds(
 
 @dataclass(frozen=True)
 class Complaint:
-    """What is not good enough in a calibration, and what to do; ``key`` of the message catalogue.
-
-    key: ``faster``, ``further`` or ``more``.  node_deg: where; None for the whole range.
-    """
+    """What is not good enough, and what to do; ``key`` of the message catalogue."""
 
     key: str
     what: str
@@ -65,7 +58,6 @@ class Complaint:
 
     @property
     def words(self) -> str:
-        """For the operator."""
         return f"{self.what[0].upper()}{self.what[1:]}. {self.fix}"
 
 

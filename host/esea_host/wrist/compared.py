@@ -21,12 +21,7 @@ TRACK_KEY = "rms_error_percent"
 
 @dataclass(frozen=True)
 class MethodOutcome:
-    """One method: medians over people, and how far constrained is from healthy.
-
-    people: with a whole study; refused: sessions that ended early, with the reason.
-    rms_percent: per axis, tracking the own healthy motion.  peak_ratio: per axis, constrained over
-    healthy peak speed.  achieved_gap, after_effect_gap: healthy less constrained.
-    """
+    """One method: medians over people; gaps are healthy less constrained."""
 
     method: str
     people: int
@@ -37,7 +32,6 @@ class MethodOutcome:
     after_effect_gap_deg: float | None
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return asdict(self)
 
 
@@ -51,7 +45,6 @@ def _gap(result: WristResult, key: str) -> float | None:
 
 
 def outcome(method: str, folder: Path, refused: list[str]) -> MethodOutcome:
-    """What a study under one method gave."""
     result = analyse(folder)
     rms, ratio = {}, {}
     for title in ("7.1 validation, RU", "7.2 validation, FE"):
@@ -74,7 +67,6 @@ def outcome(method: str, folder: Path, refused: list[str]) -> MethodOutcome:
 def compare_methods(
     folder: Path, participants: int, seed: int, jobs: int = 1, cluster: str | None = None
 ) -> tuple[MethodOutcome, ...]:
-    """Run the study under every method."""
     found = []
     for method in METHODS:
         refused = run_study(folder / method, participants, seed, jobs, method, cluster=cluster)

@@ -15,20 +15,7 @@ TURN_S, AGAIN_S = 0.05, 0.5
 
 
 class ConstraintKeeper:
-    """Keeps 0 Nm and the constraint asked for; a stop, a fault or a closed link ends it.
-
-    device: one without ``constrained`` is asked for nothing.
-    arms: zero and arm it until it is stopped: only done to simulated boards, which nobody stands
-        beside.
-    threaded: ask by itself; otherwise by :meth:`turn`.
-
-    Attributes
-    ----------
-    wanted : bool
-        Whether the constraint is wanted.
-    arms : bool
-        Whether it still zeroes and arms the board.
-    """
+    """Asks for 0 Nm and the constraint; arms simulated boards only, until a stop or fault."""
 
     def __init__(self, device: ConnectedDevice, arms: bool, threaded: bool = True) -> None:
         roles = board_roles(device.identity.device.system)
@@ -72,7 +59,6 @@ class ConstraintKeeper:
                     return
 
     def close(self) -> None:
-        """End asking."""
         self._closed.set()
         if self._thread is not None:
             self._thread.join(3.0)

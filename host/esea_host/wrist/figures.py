@@ -75,7 +75,6 @@ def maps(healthy: NodeSpeeds, constrained: NodeSpeeds, found: CursorMap, axis: s
 
 
 def number(value: float | None) -> str:
-    """Four significant digits, or a dash."""
     return "-" if value is None else f"{value:.4g}"
 
 
@@ -83,7 +82,6 @@ COLUMNS = ("metric", "unit", "n", "", "", "p", "p Holm", "effect", "95 %", "publ
 
 
 def cells(line: TableLine) -> list[str]:
-    """A line as words, for tables of any kind."""
     effect = "-"
     if line.effect_low is not None:
         effect = f"{number(line.effect_low)} to {number(line.effect_high)}"
@@ -94,7 +92,6 @@ def cells(line: TableLine) -> list[str]:
 
 
 def page(result: WristResult) -> str:
-    """One HTML page with every table and figure."""
     who = "SIMULATED participants" if result.simulated else "participants"
     parts = [
         f"<h1>Wrist study: {result.participants} {who}</h1>",

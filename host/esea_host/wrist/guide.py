@@ -24,28 +24,20 @@ TITLES = {
 
 @dataclass(frozen=True)
 class GuideStep:
-    """One trial of the calibration.
-
-    parameters: of the task; ``impairment`` is the constraint.
-    """
-
     task: str
     parameters: Mapping[str, Any]
 
     @property
     def constrained(self) -> bool:
-        """Whether the constraint must act."""
         return bool(self.parameters["impairment"])
 
     @property
     def title(self) -> str:
-        """For the operator."""
         axis = f", {self.parameters['axis']}" if "axis" in self.parameters else ""
         return f"{'constrained' if self.constrained else 'healthy'}: {TITLES[self.task]}{axis}"
 
 
 def guide_steps(constraint: bool, range_s: float, movements: int) -> tuple[GuideStep, ...]:
-    """Steps of a calibration, healthy first."""
     steps = []
     for impairment in (False, True) if constraint else (False,):
         state = {"impairment": impairment}
@@ -61,21 +53,7 @@ def guide_steps(constraint: bool, range_s: float, movements: int) -> tuple[Guide
 
 
 class CalibrationGuide:
-    """Leads through a calibration, frame by frame.
-
-    constraint: whether the board has a constraint: then both states are calibrated.
-    range_s: time for each end of a range.
-    movements: of each sweep, from end to end.
-
-    Attributes
-    ----------
-    past : list of rows
-        Of the steps that are done.
-    advice : str
-        Why the last step is repeated, or what could be better.
-    scene : Scene
-        What the participant sees.
-    """
+    """Leads through a calibration, frame by frame; ``advice``: why the last step is repeated."""
 
     def __init__(
         self, constraint: bool, range_s: float = RANGE_S, movements: int = MOVEMENTS
@@ -89,7 +67,6 @@ class CalibrationGuide:
 
     @property
     def current(self) -> GuideStep | None:
-        """The step that runs; None at the end."""
         at = len(self.past)
         return self.steps[at] if at < len(self.steps) else None
 
@@ -102,7 +79,6 @@ class CalibrationGuide:
         self._state = None
 
     def step(self, time_s: float, inputs: Inputs, acts: bool) -> None:
-        """One frame."""
         step = self.current
         if step is None:
             return

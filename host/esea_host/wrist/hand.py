@@ -15,14 +15,6 @@ MIN_JERK = 1.875  # peak over mean speed of a minimum-jerk movement
 
 
 class WanderingHand:
-    """Where the simulated hand is meant to be.
-
-    Attributes
-    ----------
-    dragged_deg : pair of float or None
-        Where a mouse holds it.
-    """
-
     def __init__(self) -> None:
         self.dragged_deg: tuple[float, float] | None = None
         self.aim_deg = (0.0, 0.0)
@@ -33,7 +25,6 @@ class WanderingHand:
     def aim(
         self, time_s: float, scene: Scene | None, angles_deg: tuple[float, float]
     ) -> tuple[float, float]:
-        """The next place, FE and RU in deg."""
         if self.dragged_deg is not None:
             goal = self.dragged_deg
         elif scene is not None:

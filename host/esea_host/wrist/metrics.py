@@ -40,7 +40,6 @@ def median_peak(values: Array) -> float:
 
 
 def tracking(row: Row) -> dict[str, float]:
-    """What the validation reports of one trial, the healthy motion first."""
     healthy, step = speed(row["time_s"], row["target_deg"])
     shown, _ = speed(row["time_s"], row["cursor_deg"])
     h, c = dominant(healthy, step), dominant(shown, step)
@@ -57,17 +56,13 @@ def tracking(row: Row) -> dict[str, float]:
 
 
 def after_effect_deg(row: Row, pulls_away: bool) -> float:
-    """On a target that stands: how far beyond it, or how far away first; negative as published.
-
-    pulls_away: whether this participant's way is to go away from a target first.
-    """
+    """On a standing target, how far beyond it, or away first; negative as published."""
     if pulls_away:
         return float(row["nearest_deg"] - row["distance_deg"])
     return float(min(row["distance_deg"] - row["furthest_deg"], 0.0))
 
 
 def learning(rows: Sequence[Row]) -> dict[str, float | None]:
-    """What the motor-learning task reports of one session."""
     found: dict[str, float | None] = {}
     blocks = list(dict.fromkeys(r["block"] for r in rows))
     for axis in ("FE", "RU"):

@@ -50,8 +50,6 @@ ANGLES_SEEN = 0.25  # of the distance: a first excursion that far is a strategy,
 
 
 class OnScreen(OnAxis):
-    """What every task with a cursor is told."""
-
     method: Method = Field("rbf", description="normalisation: none, linear, published or rbf")
 
 
@@ -63,7 +61,6 @@ class Cursor:
     maps: Mapping[str, CursorMap] | None
 
     def logged(self) -> Row:
-        """The normalisation with its hash, for the log; nothing where there is none."""
         if self.maps is None:
             return {}
         fitted = {a: m.numbers() for a, m in self.maps.items()}
@@ -72,7 +69,6 @@ class Cursor:
         return {"normalisation": fitted, "normalisation_sha256": digest}
 
     def at(self, inputs: Inputs) -> tuple[float, float]:
-        """Where the cursor is, deg."""
         raw = [a - n for a, n in zip(angles(inputs), self.neutral, strict=True)]
         if self.maps is not None:
             raw = [float(self.maps[a].position(x)) for a, x in zip(AXES, raw, strict=True)]
@@ -80,7 +76,6 @@ class Cursor:
 
 
 def cursor_of(past: Sequence[Row], parameters: OnScreen) -> Cursor:
-    """The cursor in a state, from the calibrations before."""
     maps = cursor_maps(past, parameters.method) if parameters.impairment else None
     return Cursor(calibrated(past, parameters.impairment).neutral, maps)
 
@@ -89,8 +84,6 @@ def cursor_of(past: Sequence[Row], parameters: OnScreen) -> Cursor:
 
 
 class TrackParameters(OnScreen):
-    """One replay of the own healthy motion."""
-
     take: int = Field(0, ge=0, le=20, description="which block of the healthy calibration, from 0")
     start_within_deg: float = Field(5.0, gt=0, le=90, description="how near its start is ready")
     start_s: float = Field(8.0, gt=0, le=60, description="then it starts anyhow")
@@ -98,8 +91,6 @@ class TrackParameters(OnScreen):
 
 @dataclass(frozen=True)
 class Tracking:
-    """Samples so far, and what is tracked."""
-
     parameters: TrackParameters
     cursor: Cursor
     healthy: tuple[tuple[float, ...], tuple[float, ...]]
@@ -112,8 +103,6 @@ class Tracking:
 
 @register
 class Track(_WristTask):
-    """Follow a replay of one's own healthy motion."""
-
     name = "wrist.track"
     title = "Replay of the own healthy motion"
     Parameters = TrackParameters
@@ -209,8 +198,6 @@ def _interpolated(
 
 
 class CatchParameters(OnScreen):
-    """One target."""
-
     way: Way = Field(1, description="1 extension or radial, -1 flexion or ulnar")
     stationary: bool = Field(False, description="whether the target stands still")
     mass_kg: float = Field(MASS_KG, gt=0, le=100, description="of the target")
@@ -227,8 +214,6 @@ class CatchParameters(OnScreen):
 
 @dataclass(frozen=True)
 class Catching:
-    """A target and the way to it."""
-
     parameters: CatchParameters
     cursor: Cursor
     distance_deg: float
@@ -247,8 +232,6 @@ class Catching:
 
 @register
 class Catch(_WristTask):
-    """Catch a target that moves with the cursor."""
-
     name = "wrist.catch"
     title = "Catch the target"
     Parameters = CatchParameters

@@ -25,18 +25,13 @@ METHODS: tuple[Method, ...] = ("none", "linear", "published", "rbf")
 
 @dataclass(frozen=True)
 class Calibrated:
-    """The latest calibration in one state.
-
-    neutral: both axes, deg.  ends: per axis the lowest and highest angle from it.
-    traces: per axis the movements as (time_s, theta_deg).
-    """
+    """The latest calibration in one state; traces: per axis (time_s, theta_deg)."""
 
     neutral: tuple[float, float]
     ends: Mapping[str, tuple[float, float]]
     traces: Mapping[str, tuple[tuple[Sequence[float], Sequence[float]], ...]]
 
     def range_of(self, axis: str) -> tuple[float, float]:
-        """Range of motion of an axis."""
         if axis not in self.ends or not self.ends[axis][0] < self.ends[axis][1]:
             raise UserError(
                 f"The range of {axis} has not been measured both ways.",
@@ -45,28 +40,21 @@ class Calibrated:
         return self.ends[axis]
 
     def nodes(self, axis: str) -> list[float]:
-        """Places of the nodes of an axis."""
         return node_places(*self.range_of(axis))
 
     def speeds(self, axis: str) -> NodeSpeeds:
-        """Speeds at the nodes of an axis."""
         return node_speeds(*self.range_of(axis), self.traces.get(axis, ()))
 
     @property
     def complete(self) -> bool:
-        """Whether both axes have ranges and movements."""
         return all(a in self.ends and self.traces.get(a) for a in AXES)
 
     def smallest_deg(self) -> float:
-        """Smallest range of any direction."""
         return min(abs(end) for axis in AXES for end in self.range_of(axis))
 
 
 def calibrated(past: Sequence[Row], impairment: bool) -> Calibrated:
-    """The latest calibration with or without the impairment.
-
-    A new neutral position begins a new one: repeating it drops what was measured before.
-    """
+    """The latest calibration in a state; a new neutral position begins a new one."""
     neutral = (0.0, 0.0)
     ends: dict[str, dict[int, float]] = {}
     traces: dict[str, list[tuple[Sequence[float], Sequence[float]]]] = {}
@@ -85,7 +73,6 @@ def calibrated(past: Sequence[Row], impairment: bool) -> Calibrated:
 
 
 def cursor_maps(past: Sequence[Row], method: Method) -> dict[str, CursorMap]:
-    """The map of each axis in the constrained state."""
     healthy, constrained = calibrated(past, False), calibrated(past, True)
     found = {}
     for axis in AXES:

@@ -75,12 +75,6 @@ SPANS = (
 
 @dataclass(frozen=True)
 class ShiftedRun:
-    """The study with one number shifted.
-
-    effects: per conclusion, as :func:`effects_of`.  changed: conclusions that are other ones.
-    early: sessions that ended early, with the reason.
-    """
-
     name: str
     end: str
     source: str
@@ -89,7 +83,6 @@ class ShiftedRun:
     early: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return asdict(self)
 
 
@@ -114,7 +107,6 @@ def conclusion(effect: float | None) -> str:
 
 
 def changed(usual: Mapping[str, float | None], now: Mapping[str, float | None]) -> tuple[str, ...]:
-    """Conclusions that differ, with what they were and are."""
     pairs = ((k, conclusion(usual[k]), conclusion(now.get(k))) for k in usual)
     return tuple(f"{k}: {a} to {b}" for k, a, b in pairs if a != b)
 
@@ -153,7 +145,6 @@ def sensitivity(
 
 
 def sensitivity_figure(runs: Sequence[ShiftedRun]) -> Figure:
-    """Every comparison's effect in every run; a ring where the conclusion is another one."""
     keys = list(runs[0].effects)
     values = np.array(
         [[np.nan if r.effects[k] is None else r.effects[k] for k in keys] for r in runs]
@@ -184,7 +175,6 @@ def sensitivity_figure(runs: Sequence[ShiftedRun]) -> Figure:
 
 
 def sensitivity_page(runs: Sequence[ShiftedRun], participants: int) -> str:
-    """One HTML page."""
     rows = "".join(
         f"<tr><td>{html.escape(r.name)}</td><td>{r.end}</td><td>{html.escape(r.source)}</td>"
         f"<td>{html.escape('; '.join(r.changed)) or '-'}</td></tr>"

@@ -21,7 +21,6 @@ class Follower(Actor):
         self.theta = np.zeros(2)
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
-        """One frame of 10 ms."""
         self.time_s = round(self.time_s + 0.01, 6)
         aim = next((s for s in scene.shapes if s.role == "target"), None)
         seen = next((s for s in scene.shapes if s.role == "cursor"), None)

@@ -14,8 +14,6 @@ SHARE, LARGER_SHARE = 0.20, 0.25
 
 @dataclass(frozen=True)
 class Moving:
-    """Position and speed along one axis."""
-
     x_deg: float
     v_deg_s: float = 0.0
 

@@ -38,14 +38,11 @@ IMPAIRMENT = DataColumn("impairment", bool, "whether the simulated impairment wa
 
 
 class OnAxis(TaskParameters):
-    """What every task on one axis is told."""
-
     axis: Axis = Field("FE", description='"FE" or "RU"')
     impairment: bool = Field(False, description="whether the simulated impairment acts")
 
 
 def angles(inputs: Inputs) -> tuple[float, float]:
-    """Both angles, deg."""
     return inputs["fe_deg"], inputs["ru_deg"]
 
 
@@ -55,7 +52,6 @@ def requests(parameters: Any) -> Mapping[str, float]:
 
 
 def dot(role: str, x: float, y: float, size: float = 1.0) -> Shape:
-    """A disc."""
     return Shape("disc", role, x, y, size)
 
 
@@ -82,8 +78,6 @@ class _WristTask(StudyTask):
 
 
 class NeutralParameters(TaskParameters):
-    """How long the hand rests."""
-
     impairment: bool = Field(False, description="whether the simulated impairment acts")
     seconds: float = Field(3.0, ge=1, le=30, description="how long; the last second counts")
     still_deg: float = Field(2.0, gt=0, le=20, description="most motion in that second")
@@ -91,16 +85,12 @@ class NeutralParameters(TaskParameters):
 
 @dataclass(frozen=True)
 class Resting:
-    """Samples of the last second."""
-
     parameters: NeutralParameters
     kept: tuple[tuple[float, float, float], ...] = ()
 
 
 @register
 class Neutral(_WristTask):
-    """The neutral position: the origin from then on."""
-
     name = "wrist.neutral"
     title = "Self-selected neutral position"
     Parameters = NeutralParameters
@@ -139,16 +129,12 @@ class Neutral(_WristTask):
 
 
 class RangeParameters(OnAxis):
-    """One direction."""
-
     way: Way = Field(1, description="1 extension or radial, -1 flexion or ulnar")
     seconds: float = Field(4.0, ge=1, le=60, description="how long")
 
 
 @dataclass(frozen=True)
 class Reaching:
-    """How far it went."""
-
     parameters: RangeParameters
     middle: tuple[float, float]
     end_deg: float = 0.0
@@ -164,8 +150,6 @@ DIRECTIONS = {
 
 @register
 class Range(_WristTask):
-    """Range of motion, one direction of one axis."""
-
     name = "wrist.range"
     title = "As far as possible"
     Parameters = RangeParameters
@@ -218,8 +202,6 @@ NOT_REACHED = Complaint(
 
 
 class VelocityParameters(OnAxis):
-    """A block of linear movements."""
-
     movements: int = Field(5, ge=2, le=50, description="how many, from end to end")
     longest_s: float = Field(30.0, gt=1, le=300, description="then it ends anyhow")
     near_end: float = Field(
@@ -229,8 +211,6 @@ class VelocityParameters(OnAxis):
 
 @dataclass(frozen=True)
 class Sweeping:
-    """Movements so far."""
-
     parameters: VelocityParameters
     past: Calibrated
     done: int = -1  # the way to the first end does not count
@@ -243,8 +223,6 @@ class Sweeping:
 
 @register
 class VelocitySweep(_WristTask):
-    """To and fro through the nodes, as far and as fast as is comfortable."""
-
     name = "wrist.velocity"
     title = "Position-dependent velocity"
     version = "3"

@@ -22,13 +22,7 @@ PROTOCOL = Path(__file__).parent / "protocol.toml"
 
 
 class VirtualPerson(WornWrist):
-    """A person in the simulated wrist drive, for a session.
-
-    who: comes again another day.
-    folder: of the session, for the board's recording.
-    pointer: somebody real who points moves this person's hand; the device stays simulated.
-    device: default: ``wrist_drive``.
-    """
+    """A person in the simulated drive, whose hand a real pointer may move."""
 
     def __init__(
         self,
@@ -42,7 +36,6 @@ class VirtualPerson(WornWrist):
         self._resting: WristActor | None = None
 
     def hand(self, task: StudyTask, situation: Situation, number: int) -> Actor:
-        """The person, told what to do."""
         self._resting = None
         hand = WristActor(self.who, self, self.arm, task.name, situation.parameters)
         hand.pointer = self.pointer
@@ -65,10 +58,7 @@ def wrist_protocol(seed: int, method: str = "rbf") -> Protocol:
 
 
 class WristPeople(VirtualPeople):
-    """Participants of the wrist study."""
-
     def source(self, who: VirtualParticipant, index: int, session: int) -> InputSource:
-        """In the virtual wrist device."""
         return VirtualPerson(who)
 
 
@@ -83,7 +73,6 @@ def run_study(
     cluster: str | None = None,
     say: Callable[[str], None] | None = None,
 ) -> list[str]:
-    """The wrist study with virtual participants."""
     asked = protocol or wrist_protocol(seed, method)
     SimulatedBoard(wrist_drive(), person="nobody").close()  # compiled before the processes start
     people = WristPeople(seed, model or PersonModel())
@@ -91,7 +80,6 @@ def run_study(
 
 
 def all_rows(folder: Path) -> list[Row]:
-    """Rows of every participant of a study."""
     study = StudyFolder.open(folder, durable=False, runs=False)
     codes = sorted({c for c, _, _ in study.sessions()})
     return [row for code in codes for row in study.rows(code)]

@@ -31,7 +31,6 @@ LIMP = [(0.0,) * 5] * 2  # muscles of a hand that rests, while the motors are of
 
 @cache
 def wrist_drive() -> Device:
-    """The device, read once a process."""
     return load_device("wrist_drive")
 
 
@@ -70,11 +69,7 @@ def hand_of(limbs: Sequence[Limb]) -> CoupledHand:
 
 
 class Muscles:
-    """What the muscles of both axes do, asked once a tick.
-
-    board: whose truth they feel.
-    limbs: FE and RU.
-    """
+    """What the muscles of both axes do, asked once a tick."""
 
     def __init__(self, board: SimulatedBoard, limbs: Sequence[Limb]) -> None:
         self._board = board
@@ -92,7 +87,6 @@ class Muscles:
         self._frame, self._tick = muscles, 0
 
     def __call__(self) -> list[dict[str, float]]:
-        """Their torques in the next tick."""
         self._tick += 1
         share, truth = min(self._tick / TICKS, 1.0), self._board.plant.truth()
         each = zip(self._limbs, self._frame, self._names, strict=True)
@@ -106,12 +100,7 @@ class Muscles:
 
 
 class WornWrist(BoardSource):
-    """A participant in the simulated drive, through its link, in lockstep.
-
-    who: comes again another day.
-    folder: of the session: its recording goes there.
-    device: default: ``wrist_drive``.
-    """
+    """A participant in the simulated drive, through its link, in lockstep."""
 
     def __init__(
         self, who: VirtualParticipant, folder: Path | None = None, device: Device | None = None
@@ -124,12 +113,10 @@ class WornWrist(BoardSource):
         self._moved, self._skipped_s = False, 0.0
 
     @abstractmethod
-    def hand(self, task: StudyTask, situation: Situation, number: int) -> Actor:
-        """The person, told what to do."""
+    def hand(self, task: StudyTask, situation: Situation, number: int) -> Actor: ...
 
     @abstractmethod
-    def idle(self) -> Sequence[Sequence[float]]:
-        """What the muscles do in a frame in which nothing is to be done."""
+    def idle(self) -> Sequence[Sequence[float]]: ...
 
     def ready(self) -> Mapping[str, Any]:
         """With the hand in the handle; a latched limit is cleared: nobody real is in it."""
@@ -139,24 +126,20 @@ class WornWrist(BoardSource):
         return super().ready()
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
-        """The same person in every trial."""
         self.begin(task, situation, number)
         return self.hand(task, situation, number)
 
     def advance_by(
         self, muscles: Sequence[Sequence[float]], requests: Mapping[str, float]
     ) -> Inputs:
-        """A frame, with what the muscles do; what the board tells of it."""
         self.muscles.frame(muscles)
         self._moved = True
         return self.frame(requests)
 
     def angles_deg(self) -> list[float]:
-        """Of both axes, as the board told them last."""
         return [gauge.value for gauge in self.gauges() if gauge.unit == "deg"]
 
     def pull(self) -> None:
-        """As of a board, with the hand in it."""
         if not self._moved:
             self.muscles.frame(self.idle() if self.status() in WORKING else LIMP)
         self._moved = False
@@ -168,10 +151,8 @@ class WornWrist(BoardSource):
         self._skipped_s += max(0.0, seconds - RESTS_S)
 
     def now_s(self) -> float:
-        """Simulated time."""
         return super().now_s() + self._skipped_s
 
     def close(self) -> None:
-        """Let go of the board."""
         super().close()
         self.device.close()

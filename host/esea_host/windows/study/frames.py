@@ -17,7 +17,6 @@ def summary(
     refresh_Hz: float,
     ages_s: Sequence[float] = (),
 ) -> dict[str, Any]:
-    """Intervals between frames in numbers."""
     found: dict[str, Any] = {"refresh_Hz": refresh_Hz, "intervals": len(intervals_s)}
     refreshes = np.round(np.asarray(intervals_s, np.float64) * refresh_Hz)
     found["dropped"] = int(np.sum(np.maximum(refreshes - 1, 0)))
@@ -30,13 +29,7 @@ def summary(
 
 
 class FrameTimes:
-    """Gathers painted frames in the window's thread; another takes the numbers.
-
-    What is measured is when Qt has painted, by the host's clock.  When light leaves the screen only
-    a photodiode on the patch can tell.
-
-    facts: what else is known of the screen, for the whole session.
-    """
+    """When Qt painted, by the host's clock; light on the screen needs a photodiode."""
 
     def __init__(self, refresh_Hz: float) -> None:
         self.refresh_Hz = refresh_Hz
@@ -47,10 +40,7 @@ class FrameTimes:
         self._all: Lists = ([], [], [])
 
     def painted(self, at_s: float, onsets: int, made_s: float, tick_s: float | None = None) -> bool:
-        """A frame was painted; whether something appeared with it.
-
-        tick_s: when the device took the sample that it shows.
-        """
+        """A frame was painted; whether something appeared with it."""
         intervals, delays, ages = self._trial
         if tick_s is not None and tick_s > self._tick_s:
             ages.append(at_s - tick_s)
@@ -78,5 +68,4 @@ class FrameTimes:
         return summary(intervals, delays, self.refresh_Hz, ages)
 
     def drop(self) -> None:
-        """Forget what was painted between trials."""
         self._trial, self._last_s = ([], [], []), None

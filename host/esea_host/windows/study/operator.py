@@ -49,13 +49,7 @@ BY_STATE = {"completed": "good", "running": "measured", "failed": "alarm", "abor
 
 
 class OperatorWindow(QMainWindow):
-    """A window on a :class:`Conductor`: it reads, and what it asks for is done beside it.
-
-    conductor: the session.
-    board: that the stop goes to first.
-    language: of the participant's scene.
-    dark: colours.
-    """
+    """A window on a :class:`Conductor`: it reads, and what it asks for is done beside it."""
 
     def __init__(
         self,
@@ -219,18 +213,15 @@ class OperatorWindow(QMainWindow):
     # -- asking ------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """Stop the motor, then the session."""
         if self.stopper is not None:
             self.stopper.stop()
             self._stop_asked_s = time.monotonic()
         self.conductor.stop("the operator stopped it")
 
     def pause(self) -> None:
-        """Hold, or go on."""
         self.conductor.pause(not self.conductor.paused and self.conductor.phase != HELD)
 
     def note(self) -> None:
-        """What was written, into the log."""
         if text := self._written():
             self.conductor.note(text)
 
@@ -250,17 +241,14 @@ class OperatorWindow(QMainWindow):
         return self.conductor.trial
 
     def repeat(self) -> None:
-        """The chosen trial again."""
         if self.chosen is not None:
             self.conductor.repeat(self.chosen.number, self._written())
 
     def repeat_block(self) -> None:
-        """The chosen trial's block again."""
         if self.chosen is not None:
             self.conductor.repeat_block(self.chosen.block, self._written())
 
     def skip(self) -> None:
-        """Not the chosen trial."""
         if self.chosen is not None:
             self.conductor.skip(self.chosen.number, self._written())
 
@@ -278,7 +266,6 @@ class OperatorWindow(QMainWindow):
     # -- looking -----------------------------------------------------------------------------------
 
     def refresh(self) -> None:
-        """What there is now."""
         c = self.conductor
         word = escape(self._word())
         self.state.setText(f'<b style="font-size:22px; color:{self._colour()}">{word}</b>')
@@ -370,11 +357,9 @@ class OperatorWindow(QMainWindow):
             self.happened.scrollToBottom()
 
     def toggle_theme(self) -> None:
-        """Dark or light."""
         self.set_theme(LIGHT if self.theme is DARK else DARK)
 
     def set_theme(self, theme: Theme) -> None:
-        """All in these colours."""
         self.theme = theme
         self.setPalette(theme.palette())
         self.scene.set_dark(theme is DARK)

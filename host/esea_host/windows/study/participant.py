@@ -17,14 +17,7 @@ Patch = Literal["off", "frame", "onset"]
 
 
 class ParticipantWindow(SceneView):
-    """Full screen on a second monitor where there is one.
-
-    conductor: whose session it shows.
-    language: of the texts.
-    dark: ground of the scene.
-    patch: A square in the corner for a photodiode: ``off``, ``frame``: it changes with every frame,
-        ``onset``: whenever something appears.
-    """
+    """Full screen on a second monitor, if any; patch: the square for a photodiode."""
 
     def __init__(
         self, conductor: Conductor, language: str = "en", dark: bool = True, patch: Patch = "off"
@@ -47,7 +40,6 @@ class ParticipantWindow(SceneView):
         self._timer.start(max(1, int(1000 / self.frames.refresh_Hz)))
 
     def place(self) -> None:
-        """Where it belongs, and on the screen."""
         primary = QGuiApplication.primaryScreen()
         others = [s for s in QGuiApplication.screens() if s is not primary]
         if others:
@@ -62,11 +54,9 @@ class ParticipantWindow(SceneView):
         self.frames.facts = {"patch": self.patch, "language": self.language, "size_px": size_px}
 
     def toggle_full_screen(self) -> None:
-        """Full screen, or a window."""
         self.setWindowState(self.windowState() ^ Qt.WindowState.WindowFullScreen)
 
     def turn(self) -> None:
-        """The scene of now, painted with the next frame."""
         self._now = self.conductor.screen()
         self.show_scene(self._now.scene)
 

@@ -26,12 +26,7 @@ def run_windows(
     close: bool = False,
     point: Callable[[tuple[float, float]], None] | None = None,
 ) -> None:
-    """Show a session, and return when its windows are closed and it has ended.
-
-    dark: None: the operator's window as the desktop has it, the participant's dark.
-    close: the windows close by themselves once the session is over.
-    point: told where somebody points into the participant's window, 1 is its edge.
-    """
+    """Show a session, and return when its windows are closed and it has ended."""
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
     asked = dark

@@ -1,6 +1,6 @@
 """Sliding mode torque control of the motor side relative to the load side (5.12 to 5.22).
 
-CasADi evaluates what SymPy derived in :mod:`esea_gen.control.surface`.
+CasADi evaluates what SymPy derived in :mod:`esea_gen.control.sliding_mode.surface`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.control.linear_loop import check_loop, sliding_mode_numbers, slope_range
 from esea_gen.control.setpoint import ACCELERATION_ROOM
-from esea_gen.control.sliding_mode_streams import STREAMS
-from esea_gen.control.softening import SwingSoftening
-from esea_gen.control.surface import (
+from esea_gen.control.sliding_mode.linear_loop import check_loop, sliding_mode_numbers, slope_range
+from esea_gen.control.sliding_mode.softening import SwingSoftening
+from esea_gen.control.sliding_mode.streams import STREAMS
+from esea_gen.control.sliding_mode.surface import (
     DELTA,
     ERROR,
     ERROR_RATE,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from esea_gen.control.horizon import Tape
+from esea_gen.control.predictive.horizon import Tape
 from esea_gen.language.ports import Constant, Port, around, threshold
 from esea_gen.observe import drive_of
 from esea_gen.observe.cable import cable_of, give_most_rad_Nm, wound_range_rad

@@ -27,17 +27,17 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.control.faults import FAULT_CODES, Fault, limit_flags
-from esea_gen.control.latch import REARMS, RELEASED_KEY, UNKNOWN, limit_step
-from esea_gen.control.limits_streams import STREAMS
-from esea_gen.control.reference import IMPEDANCE, OFF
-from esea_gen.control.safety import (
+from esea_gen.control.limits.faults import FAULT_CODES, Fault, limit_flags
+from esea_gen.control.limits.latch import REARMS, RELEASED_KEY, UNKNOWN, limit_step
+from esea_gen.control.limits.safety import (
     SLOTS,
     STALE_PERIODS,
     LimitNumbers,
     command_range,
     safety_sections,
 )
+from esea_gen.control.limits.streams import STREAMS
+from esea_gen.control.reference import IMPEDANCE, OFF
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Constant, Flag, Port, Tunable, around, flag_word
 from esea_gen.language.watch import CLOCK_OK, COEFFS_OK, LATE_LEVEL

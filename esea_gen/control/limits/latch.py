@@ -1,6 +1,6 @@
 """The law of the limits: whom to believe, what forbids a command, the latch, the command itself.
 
-:func:`esea_gen.control.limits.limits` says what it is for.
+:func:`esea_gen.control.limits.block.limits` says what it is for.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.control.faults import Fault
+from esea_gen.control.limits.faults import Fault
+from esea_gen.control.limits.safety import LimitNumbers
 from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
-from esea_gen.control.safety import LimitNumbers
 from esea_gen.language.block import Guard, Labels
 from esea_gen.language.ports import Port, clip, flag_word, in_range
 from esea_gen.language.watch import LATE_MOST

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.control.safety import STALE_PERIODS
+from esea_gen.control.limits.safety import STALE_PERIODS
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import casadi as ca
 
-from esea_gen.control.horizon import Stops, Tape
+from esea_gen.control.predictive.horizon import Stops, Tape
 from esea_gen.language.block import Guard, Labels
 from esea_gen.language.ports import Constant, Port, around, clip
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid

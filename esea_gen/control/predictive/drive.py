@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import casadi as ca
 import sympy as sp
 
-from esea_gen.control.cable_model import CableModel
-from esea_gen.control.horizon import Horizon, Model, Tape
-from esea_gen.control.predictive import predictive_program
-from esea_gen.control.rubber_ahead import rubber_ahead
+from esea_gen.control.predictive.cable_model import CableModel
+from esea_gen.control.predictive.horizon import Horizon, Model, Tape
+from esea_gen.control.predictive.program import predictive_program
+from esea_gen.control.predictive.rubber_ahead import rubber_ahead
 from esea_gen.devices.fields import field_facts
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Constant, Port, Tunable, around, clip

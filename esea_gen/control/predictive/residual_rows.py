@@ -8,9 +8,9 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.control.box_qp import UNROLL_MOST, QpMemory
-from esea_gen.control.horizon import Model
-from esea_gen.control.kernels import plus, same, take_from, zero
+from esea_gen.control.predictive.box_qp import UNROLL_MOST, QpMemory
+from esea_gen.control.predictive.horizon import Model
+from esea_gen.control.predictive.kernels import plus, same, take_from, zero
 from esea_gen.language.builder import Builder
 from esea_gen.language.statements import Ix, Memory
 

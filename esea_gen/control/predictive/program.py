@@ -1,8 +1,8 @@
 """Nonlinear model predictive control with an input box, as a program of kernels.
 
-From a symbolic plant and a cost (:class:`esea_gen.control.horizon.Model`) come a rollout over the
-horizon, the exact forward sensitivities of every state and of the elastomer's memory, the condensed
-quadratic program and its solver: one real-time iteration [1]_ (one linearisation, one QP) a step.
+From a symbolic plant and a cost (:class:`.horizon.Model`) come a rollout over the horizon, the
+exact forward sensitivities of every state and of the elastomer's memory, the condensed quadratic
+program and its solver: one real-time iteration [1]_ (one linearisation, one QP) a step.
 
 References
 ----------
@@ -17,11 +17,11 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.control.box_qp import UNROLL_MOST, QpMemory, add_box_qp
-from esea_gen.control.horizon import Horizon, Linearised, Model, linearise
-from esea_gen.control.kernels import flags_of, one, same, zero
-from esea_gen.control.residual_rows import ResidualRows
-from esea_gen.control.stop_rollout import StopRollout
+from esea_gen.control.predictive.box_qp import UNROLL_MOST, QpMemory, add_box_qp
+from esea_gen.control.predictive.horizon import Horizon, Linearised, Model, linearise
+from esea_gen.control.predictive.kernels import flags_of, one, same, zero
+from esea_gen.control.predictive.residual_rows import ResidualRows
+from esea_gen.control.predictive.stop_rollout import StopRollout
 from esea_gen.language.builder import Builder, declare_ports, guard_inputs
 from esea_gen.language.ports import Flag, Port, clip, in_range
 from esea_gen.language.program import Program

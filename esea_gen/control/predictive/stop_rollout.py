@@ -15,8 +15,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.horizon import Horizon, Stops
-from esea_gen.control.kernels import plus, same, take_from, zero
+from esea_gen.control.predictive.horizon import Horizon, Stops
+from esea_gen.control.predictive.kernels import plus, same, take_from, zero
 from esea_gen.language.builder import Builder
 from esea_gen.language.ports import clip
 from esea_gen.language.statements import Ix, Memory, Ref
