@@ -1,9 +1,4 @@
-"""Gates on object files: what the emitted C may hold and ask for, on every target.
-
-No double arithmetic in f32, no libm, no heap, no writable data, no export without the prefix, a
-bounded stack; and no warning from any compiler.  Every gate reads what the compiler made, not the
-C text.  On the host the example program runs, too: it must compare something, and agree.
-"""
+"""What the compiler made of the C: no double in f32, no libm, no heap, a bounded stack."""
 
 from __future__ import annotations
 
@@ -65,13 +60,7 @@ STRICT_F32 = ("-Wdouble-promotion", "-Wfloat-conversion")
 
 @dataclass(frozen=True)
 class GateReport:
-    """What the gates found on one target.
-
-    compiler: first line of the compiler's version.
-    problems: each with the file, what was found and which rule it breaks; empty when all gates
-        hold.
-    stack_bytes: largest stack use below each task's step.
-    """
+    """What the gates found on one target."""
 
     device: str
     real: str
@@ -186,12 +175,7 @@ def _stack(
 def check_objects(
     device: Device, target: str, real: str = "f32", files: Mapping[str, str] | None = None
 ) -> GateReport:
-    """Compile a device's C for a target and hold its object files against the rules.
-
-    real: number format. The rules on double and libm, and the stack limit, are those of f32; f64 is
-        what the host computes with.
-    files: files to compile in place of the device's own; tests break a rule in one.
-    """
+    """Compile a device's C for a target and hold its object files against the rules."""
     chosen = find_target(target)
     gcc = find_compiler(*chosen.toolchain.gcc)
     texts = dict(files if files is not None else render_device(device, [real])[0].files)

@@ -1,9 +1,4 @@
-"""Intervals of computed values: what no input can make the emitted arithmetic do.
-
-Unlike :mod:`esea_gen.emit.ranges`, which follows exact values and their errors, this follows the
-numbers that the C computes, in the format's own arithmetic.  Rounding is monotone, so the ends of a
-sum, difference, product or quotient are those of the operands' ends, rounded as the C rounds.
-"""
+"""Intervals of computed values: what no input can make the emitted arithmetic do."""
 
 from __future__ import annotations
 
@@ -19,10 +14,7 @@ from esea_gen.emit.walker import Kernel, Node, fuse_selects
 
 @dataclass(frozen=True)
 class Interval:
-    """What a computed value may be.
-
-    low, high: ends; infinite where nothing is known.
-    """
+    """What a computed value may be."""
 
     low: float
     high: float
@@ -206,10 +198,7 @@ def computed_intervals(
     arguments: Sequence[Sequence[Interval]],
     undecided: Collection[int] = (),
 ) -> list[Interval]:
-    """Intervals of every value that a kernel computes.
-
-    undecided: booleans that may be either, whatever the arguments' intervals say.
-    """
+    """Intervals of every value that a kernel computes."""
     everything = Kernel(kernel.name, kernel.nodes, (tuple(range(len(kernel.nodes))),))
     fused = fuse_selects(everything)
     work = _Evaluator(fused, fmt)

@@ -1,9 +1,4 @@
-"""Proof of the emitted C: value analysis by Frama-C, of q31 Blocks and of whole drives.
-
-The value analysis is given every emitted file under any bit pattern in every input and state and in
-every coefficient that a step itself checks, with tunables and the other coefficients inside their
-declared ranges.  What it assumes is counted and listed.
-"""
+"""Proof of the emitted C: value analysis by Frama-C, of q31 Blocks and of whole drives."""
 
 from __future__ import annotations
 
@@ -34,14 +29,7 @@ SSE = ("-msse2", "-mfpmath=sse")
 
 @dataclass(frozen=True)
 class EvaResult:
-    """What the value analysis said of one Block.
-
-    alarms: possible undefined behaviour: overflow, division by zero, invalid access, a shift out of
-        range, a conversion that does not fit.
-    unproven: assertions that could not be shown: that ``prepare`` keeps its coefficients' ranges.
-    assumptions: ranges that the caller is assumed to keep: of tunables, and of coefficients that
-        the step does not check.
-    """
+    """What the value analysis said of one Block."""
 
     device: str
     block: str
@@ -79,11 +67,7 @@ def prove_block(
     change: Callable[[str, str], str] | None = None,
     narrow: bool = False,
 ) -> EvaResult:
-    """Analyse the emitted C of one Block.
-
-    change: ``change(file name, text) -> text``: a deliberate fault, to see that the analysis finds
-        it.
-    """
+    """Analyse the emitted C of one Block."""
     renderer = Renderer(
         device.system, FORMATS["q31"], format_hash(device, "q31"), "-", device.title
     )
@@ -137,12 +121,7 @@ def prove_drive(
     free: bool = False,
     change: Callable[[str, str], str] | None = None,
 ) -> EvaResult:
-    """Analyse a whole device: its tasks, latches and conversions, with all its Blocks.
-
-    free: whether all coefficients hold any bits, or only those that a step checks itself, and the
-        others are as ``prepare`` leaves them.
-    change: a deliberate fault in an emitted file.
-    """
+    """Analyse a whole device: its tasks, latches and conversions, with all its Blocks."""
     fmt = FORMATS[real]
     renderer = Renderer(device.system, fmt, format_hash(device, real), "-", device.title)
     files = renderer.files()

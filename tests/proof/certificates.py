@@ -1,10 +1,4 @@
-"""Certificates of the fixed-point arithmetic, by Gappa and z3, each tied to the emitted C.
-
-A script for z3 names a C function (``; C file function``); what that function computes is read from
-the emitted text and put before the script's own lines, so that these only say what is wanted.  A
-script for Gappa has the C in its comments (``# C file``, then the lines): the emitted text must
-contain it to the character, blanks aside, else nothing is certified.
-"""
+"""Certificates of the fixed-point arithmetic, by Gappa and z3, each tied to the emitted C."""
 
 from __future__ import annotations
 
@@ -27,11 +21,7 @@ Change = Callable[[str, str], str]
 
 @dataclass(frozen=True)
 class RoundingResult:
-    """What a prover said of the arithmetic core.
-
-    proven: whether it holds, without any assumption, and of the C that ships.
-    why: what is wrong where it is not.
-    """
+    """What a prover said of the arithmetic core."""
 
     script: str
     goal: str
@@ -40,11 +30,7 @@ class RoundingResult:
 
 
 def _translated(path: Path, function: str, defines: list[str]) -> str:
-    """Definitions of what a function of the emitted text computes.
-
-    ``c_return`` and ``c_<pointer>``: its results; of the k-th product of two unknowns, which may be
-    any number here, ``product_k`` and its operands ``left_k`` and ``right_k``.
-    """
+    """Definitions of what a function of the emitted text computes."""
     script = Script()
     reader = Reader(path, script, free="*", defines=defines)
     _, made = reader.result(function)
@@ -108,10 +94,7 @@ def _ran(command: list[str], text: str) -> subprocess.CompletedProcess[str]:
 
 
 def prove_rounding(change: Change | None = None) -> list[RoundingResult]:
-    """Certify the rounding of the arithmetic core, by Gappa and by z3.
-
-    change: ``change(file name, text) -> text``: a deliberate fault in a script or in the C.
-    """
+    """Certify the rounding of the arithmetic core, by Gappa and by z3."""
     out = []
     with tempfile.TemporaryDirectory() as scratch:
         folder, sources = Path(scratch), {}

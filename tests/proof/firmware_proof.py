@@ -1,9 +1,4 @@
-"""Value analysis by Frama-C of the hand-written C: state machine, store, and the link.
-
-Each part is a driver in ``templates/proof``. Where a call needs a relation between values that the
-analysis does not keep, a function is taken by a contract, which the next part proves of it for
-each value of what it depends on. The contracts are put into copies; no source has any.
-"""
+"""Value analysis by Frama-C of the hand-written C: state machine, store, and the link."""
 
 from __future__ import annotations
 
@@ -145,10 +140,7 @@ def _sources(device: Device) -> dict[str, str]:
 def prove_firmware(
     device: Device, part: str, change: Callable[[str, str], str] | None = None
 ) -> EvaResult:
-    """Analyse a part of the hand-written C, one of ``PARTS``.
-
-    change: a deliberate fault in a file, to see that the analysis finds it.
-    """
+    """Analyse a part of the hand-written C, one of ``PARTS``."""
     of = PARTS[part]
     files = _sources(device)
     link = f"'-DESEA_LINK_HEADER=\"esea_{device.name}_link.h\"'"

@@ -29,11 +29,7 @@ def _ends(value: Fraction) -> tuple[np.float32, np.float32]:
 
 @dataclass(frozen=True)
 class Number:
-    """A field's number.
-
-    term: a float32 number, or a word of :data:`WIDE` bits.
-    fraction: bits after its point; None for a float.
-    """
+    """A field's number."""
 
     term: str
     fraction: int | None

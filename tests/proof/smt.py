@@ -84,11 +84,7 @@ class Script:
 
 @dataclass(frozen=True)
 class Answer:
-    """What z3 said.
-
-    said: ``sat``, ``unsat`` or ``unknown`` (which includes out of time).
-    example: values that satisfy the question, as z3 prints them.
-    """
+    """What z3 said."""
 
     said: str
     example: dict[str, str]

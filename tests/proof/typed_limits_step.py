@@ -82,10 +82,7 @@ WIDE_OPEN = {
 
 
 class Told(Step):
-    """A step whose numbers are typed instead of computed by the C.
-
-    fraction: bits after the point of every number; None for floats.
-    """
+    """A step whose numbers are typed instead of computed by the C."""
 
     def __init__(
         self, block: Any, limit: Any, changes: dict[str, Any], fraction: int | None = None
