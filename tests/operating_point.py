@@ -230,5 +230,3 @@ _DECIDED: dict[str, Callable[..., bool | float]] = {
     "and": lambda x, y: bool(x) and bool(y),
     "or": lambda x, y: bool(x) or bool(y),
 }
-
-__all__ = ["NEAR", "PointAnalysis", "PointBound"]

@@ -269,13 +269,3 @@ def _scheduled(
             value = np.atleast_1d(held[task.name][x.name])[i]
             expected[tick, j] = naming.stored(x, value).view(np.uint32)
     return words, expected
-
-
-__all__ = [
-    "BARE_BOARDS",
-    "BareResult",
-    "Emulation",
-    "emulate",
-    "run_bare",
-    "run_bare_system",
-]

@@ -6,7 +6,6 @@ GHz, so it counts instructions, which are not cycles.
 
 from __future__ import annotations
 
-import shutil
 import socket
 import subprocess
 import tempfile
@@ -38,13 +37,7 @@ POLL_S = 0.1
 
 def find_qemu() -> str:
     """Path of the emulator."""
-    path = shutil.which("qemu-system-arm")
-    if path is None:
-        raise UserError(
-            "The emulator 'qemu-system-arm' is not installed.",
-            "Install it with: apt-get install --no-install-recommends qemu-system-arm",
-        )
-    return path
+    return find_compiler("qemu-system-arm", "qemu-system-arm")
 
 
 def qemu_command(board: Board, semihosting: bool = False) -> list[str]:

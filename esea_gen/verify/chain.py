@@ -144,6 +144,3 @@ def _worst(
             shape = tuple(map(float, ends)), tuple(map(float, lasting))
             best = ChainError(real, float(error.max()), rms, *shape, counts)
     return best
-
-
-__all__ = ["AIM_RMS_SHARE", "AIM_SHARE", "ChainError", "ChainReport", "search_chain"]

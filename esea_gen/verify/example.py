@@ -85,6 +85,3 @@ def judged(said: str, code: int) -> ExampleRun:
 def _count(pattern: re.Pattern[str], said: str) -> tuple[int, int]:
     found = pattern.search(said)
     return (int(found[1]), int(found[2])) if found else (0, 0)
-
-
-__all__ = ["ExampleRun", "judged", "run_example"]

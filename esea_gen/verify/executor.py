@@ -77,7 +77,7 @@ def told_otherwise(
 
 
 def _value(node: Node, values: Sequence[Array], fmt: Format, kernel: Kernel) -> Array:
-    result = _apply(node, [values[a] for a in node.args], fmt, kernel)
+    result = operation(node, [values[a] for a in node.args], fmt, kernel)
     expected = np.dtype(np.bool_) if node.boolean else fmt.dtype
     if result.dtype != expected:  # a promotion would hide rounding
         raise TypeError(f"{kernel.name}: {node.op} gave {result.dtype}")
@@ -92,7 +92,8 @@ def _choose(condition: Array, x: Array, y: Array | np.floating[Any]) -> Array:
     return np.asarray(np.where(condition, x, y))
 
 
-def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
+def operation(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
+    """One operation of a kernel on its operands."""
     op = node.op
     if op == "not":
         return ~_truth(args[0])

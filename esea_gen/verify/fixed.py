@@ -36,7 +36,7 @@ from esea_gen.language.stream import Stream
 from esea_gen.verify.assumed import broken, steps_beyond
 from esea_gen.verify.bounds import full_scales
 from esea_gen.verify.compare import unexplained
-from esea_gen.verify.executor import counter_fields, evaluate, expected_counters
+from esea_gen.verify.executor import evaluate, expected_counters
 from esea_gen.verify.runs import run_c, run_symbolic
 
 Raw = np.ndarray[Any, np.dtype[Any]]
@@ -346,18 +346,3 @@ def bounds_of(device: Device) -> dict[str, Bound]:
                 "needs more of a linear spring. Or use --real f32.",
             ) from error
     return found
-
-
-__all__ = [
-    "FixedComparison",
-    "RawExecutor",
-    "SingleSteps",
-    "bounds_of",
-    "compare_fixed",
-    "counter_fields",
-    "first_difference",
-    "raw_stream",
-    "seen_stream",
-    "single_steps",
-    "states_before",
-]

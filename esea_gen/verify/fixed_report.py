@@ -258,15 +258,3 @@ def read_recorded(device: Device, mapping: Path | None, data: Path | None) -> di
     from esea_gen.identify import recorded_deflections
 
     return {} if mapping is None else dict(recorded_deflections(device, mapping, data))
-
-
-__all__ = [
-    "AIM_SHARE",
-    "BlockResult",
-    "FixedReport",
-    "SignalResult",
-    "check_fixed",
-    "compare_signal",
-    "published_motions",
-    "read_recorded",
-]

@@ -18,7 +18,7 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError, nearest
 from esea_gen.hostlib.compiler import compiler_version, find_compiler
-from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
+from esea_gen.targets import CONTROL_FLAGS, PROCESSORS, Processor
 from esea_gen.verify.example import run_example
 
 # Single-precision helpers of a processor without an FPU: the compiler's, not libm's.
@@ -39,7 +39,6 @@ _X86_DOUBLE = re.compile(
 )
 _A64_DOUBLE = re.compile(r"\bf\w+\s+[^\n]*\bd\d+[^\n]*")
 
-
 _HOST_DOUBLE = _A64_DOUBLE if platform.machine() in ("aarch64", "arm64") else _X86_DOUBLE
 
 # Of 8 kB on the smallest board, of which the rest of the firmware has taken 1.8 kB at most.  A
@@ -49,13 +48,6 @@ CONTROL_STACK_BYTES = 384
 PROGRAM_STACK_BYTES = 448
 
 TARGETS = {p.name: p for p in PROCESSORS.values() if p.stack_limit_bytes is not None}
-
-STRICT_FLAGS = (
-    *EXACT_FLAGS,
-    *("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"),
-)
-# These see a slip to double where -Wconversion does not look.
-STRICT_F32 = ("-Wdouble-promotion", "-Wfloat-conversion")
 
 
 @dataclass(frozen=True)
@@ -218,34 +210,3 @@ def check_objects(
         _stack_limit(device, chosen),
         sum(int(line.split()[0]) for line in sizes),
     )
-
-
-def compiler_warnings(
-    device: Device, real: str, compiler: str = "gcc", files: Mapping[str, str] | None = None
-) -> str:
-    """What a strict compiler says of a device's C."""
-    tool = find_compiler(*(HOST_GCC.gcc if compiler == "gcc" else (compiler, compiler)))
-    texts = dict(files if files is not None else render_device(device, [real])[0].files)
-    flags = [*STRICT_FLAGS, *(() if FORMATS[real].needs_libm else STRICT_F32)]
-    if "gcc" in compiler and not FORMATS[real].needs_libm:
-        flags.append("-Wunsuffixed-float-constants")
-    said = []
-    with tempfile.TemporaryDirectory(prefix="esea-strict-") as scratch:
-        folder = Path(scratch)
-        for name, text in texts.items():
-            if "/" not in name:
-                (folder / name).write_text(text, encoding="utf-8")
-        for name in sorted(n for n in texts if n.endswith(".c") and "/" not in n):
-            # The example program prints, and so promotes to double: not part of what ships.
-            own = [f for f in flags if name != "main.c" or f not in STRICT_F32]
-            own = [f for f in own if name != "main.c" or "unsuffixed" not in f]
-            done = subprocess.run(
-                [tool, *own, "-c", name, "-o", "x.o"],
-                cwd=folder,
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-            if done.returncode != 0 or done.stderr:
-                said.append(done.stderr)
-    return "".join(said)

@@ -285,7 +285,3 @@ class COperators:
         how = "bvshl" if op == "<<" else "bvashr" if a.type.signed else "bvlshr"
         count = self.term(self.convert(b, CType("int", a.type.bits, b.type.signed)))
         return self.name(a.type, f"({how} {self.term(a)} {count})")
-
-
-__all__ = ["BASIC", "INT", "LONG", "REAL", "UINT", "ULONG"]
-__all__ += ["COperators", "CType", "CValue", "RefusedError", "literal", "single"]

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from esea_gen.emit.fixed.functions import source_files
 from esea_gen.files import template_folder
-from esea_gen.verify.tools import TIMEOUT_S, tool
+from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.verify.proof import TIMEOUT_S
 
 from .emitted_c import Reader
 from .smt import Script
@@ -68,7 +69,7 @@ def _gappa(text: str, sources: dict[str, str]) -> tuple[bool, str]:
     for file, quote in quotes:
         if _bare(quote) not in _bare(sources[file]):
             return False, f"{file} is not what the script says:\n{quote}"
-    done = _ran([tool("gappa", "gappa")], text)
+    done = _ran([find_compiler("gappa", "gappa")], text)
     # A rewriting that is no identity is a warning only: it would be an assumption.
     return done.returncode == 0 and "Warning" not in done.stdout + done.stderr, done.stderr
 
@@ -82,7 +83,7 @@ def _z3(text: str, folder: Path) -> tuple[bool, str]:
     if text.count(first) != 1:
         return False, "no line sets the logic"
     c = _translated(folder / file, function, defines.split())
-    done = _ran([tool("z3", "z3"), "-in"], text.replace(first, f"{first}{c}\n"))
+    done = _ran([find_compiler("z3", "z3"), "-in"], text.replace(first, f"{first}{c}\n"))
     said = (done.stdout + done.stderr).strip()
     return done.returncode == 0 and said == "unsat", said
 
@@ -111,6 +112,3 @@ def prove_rounding(change: Change | None = None) -> list[RoundingResult]:
             goal = text.splitlines()[0].lstrip("#; ")
             out.append(RoundingResult(path.name, goal, proven, "" if proven else why))
     return out
-
-
-__all__ = ["RoundingResult", "prove_rounding"]

@@ -11,7 +11,7 @@ from typing import Any
 
 from pycparser import c_ast, c_parser
 
-from esea_gen.verify.tools import tool
+from esea_gen.hostlib.compiler import find_compiler
 
 from .c_values import (
     BASIC,
@@ -46,7 +46,7 @@ def preprocessed(path: Path, defines: Sequence[str] = ()) -> str:
     done = subprocess.run(
         # Its own <stdint.h>, which has types and no more.
         [
-            *(tool("gcc", "gcc"), "-E", "-std=c99", "-ffreestanding", f"-I{path.parent}"),
+            *(find_compiler("gcc", "gcc"), "-E", "-std=c99", "-ffreestanding", f"-I{path.parent}"),
             *(f"-D{name}" for name in defines),
             str(path),
         ],
@@ -348,6 +348,3 @@ class Reader(COperators):
     def terms(self, memory: Mapping[str, CValue]) -> dict[str, str]:
         """Values as terms, by place."""
         return {place: self.term(value) for place, value in memory.items() if "#" not in place}
-
-
-__all__ = ["Memory", "Reader", "preprocessed"]

@@ -150,6 +150,3 @@ def of_field(term: str, fraction: int | None) -> Number:
     if fraction is None:
         return Number(term, None)
     return Number(f"((_ sign_extend {WIDE - 32}) {term})", fraction)
-
-
-__all__ = ["Number", "of_field", "snapped"]

@@ -475,6 +475,3 @@ def show_possible(
         found = ask(step.script, POSSIBLE[name](step), LIMIT_S)
         said = {"unsat": "impossible", "sat": "possible"}.get(found.said, "open")
         yield LimitsVerdict(name, "", said, "", found.example)
-
-
-__all__ = ["POSSIBLE", "PROPERTIES", "LimitsVerdict", "Property", "prove_limits", "show_possible"]

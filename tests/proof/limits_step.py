@@ -219,6 +219,3 @@ class Step:
     def above(self, x: Number, y: Number) -> str:
         """A magnitude is above a number."""
         return some(x > y, x < -y)
-
-
-__all__ = ["Change", "Compiled", "LimitsC", "Step", "compiled"]
