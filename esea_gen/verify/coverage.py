@@ -43,7 +43,7 @@ SIDES: dict[str, tuple[str, ...]] = {
 }
 
 
-def _masks(op: str, args: Sequence[Array], value: Array) -> tuple[Array, ...]:
+def side_masks(op: str, args: Sequence[Array], value: Array) -> tuple[Array, ...]:
     x = args[0]
     if op in ("fmin", "fmax"):
         y = args[1]
@@ -208,7 +208,7 @@ def branch_coverage(
         values = evaluate(kernel, fmt, arguments)
         for d in decisions:
             args = [values[a] for a in kernel.nodes[d.node].args]
-            for side, mask in zip(d.seen, _masks(d.op, args, values[d.node]), strict=True):
+            for side, mask in zip(d.seen, side_masks(d.op, args, values[d.node]), strict=True):
                 d.seen[side] += int(np.count_nonzero(mask))
         tried.append(stream.name)
         steps += stream.steps
