@@ -19,9 +19,9 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device, compile_system
-from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.inverse import judge_inverse, refit_inverse
-from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording.cycles import DataSet
+from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.stream import Stream, single
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import (
@@ -29,7 +29,7 @@ from esea_gen.model.published_inverse import (
     filter_taps,
     published_inverse,
 )
-from esea_gen.studies.chapter4 import sensed_torque
+from esea_gen.reproduce.chapter4 import sensed_torque
 from esea_gen.verify.bounds import derive_bounds, forward_residual, residual_flag
 from esea_gen.verify.compare import compare
 from esea_gen.verify.equivalence import verify

@@ -8,7 +8,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from esea_gen.identify.bringup.checks import StartupCheck
+from esea_gen.identify.drive.startup import StartupCheck
 
 
 @dataclass(frozen=True)
