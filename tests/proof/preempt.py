@@ -128,8 +128,8 @@ class _Rig:
         self.state_at = state_at
         tick = self.watch("tick")
         self.board.release(tick)
-        self.held.write(coeffs_at, bytes(self.ffi.buffer(self.board._coeffs[0])))
-        self.held.write(state_at, bytes(self.ffi.buffer(self.board._state)))
+        self.held.write(coeffs_at, bytes(self.board.memory["coeffs"]))
+        self.held.write(state_at, bytes(self.board.memory["state"]))
         return tick
 
     def watch(self, name: str) -> int:
@@ -167,11 +167,7 @@ class _Rig:
     def host(self, task: Task, run: int, tick: int) -> None:
         """The same run by the host's library."""
         given = {n: a[run] for n, a in self.inputs[task.name].items() if n}
-        out = self.board.library.ffi.new(f"{self.board.library.prefix}_{task.name}_out_t *")
-        taken, _ = self.board._fields[task.name]
-        packed = {f.c_name: f.encode(np.asarray(given[f.name], np.float64)).tolist() for f in taken}
-        values = self.board._new(f"{task.name}_in", packed)
-        self.board._call(f"{task.name}_step", *self.board._coeffs, self.board._state, values, out)
+        out = self.board.raw_step(task.name, given)
         self.expected[task.name] = (tick, bytes(self.ffi.buffer(out)))
 
     def compare(self, task: Task) -> None:
@@ -193,7 +189,7 @@ class _Rig:
 
     def same_state(self, tick: int) -> None:
         """Every bit of the whole state, where no run is under way."""
-        wanted = bytes(self.ffi.buffer(self.board._state))
+        wanted = bytes(self.board.memory["state"])
         if self.held.read(self.state_at, len(wanted)) != wanted:
             self.differences.append(("state", tick))
 
