@@ -37,8 +37,6 @@ from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, boards_for
 from esea_gen.twin.controllers import controller_device
-from tests.benchmarks.predictive_loop import recorded_rows
-from tests.benchmarks.predictive_peer import step_times
 from tests.rendered_program import ProgramRenderer, render_program
 
 from .peers import with_templates

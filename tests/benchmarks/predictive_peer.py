@@ -25,7 +25,6 @@ from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.controllers import controller_device
-from tests.benchmarks.predictive_loop import recorded_rows
 from tests.rendered_program import render_program
 
 from .predictive_loop import recorded_rows

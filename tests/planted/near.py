@@ -105,11 +105,7 @@ def near_tests(
 
 
 class Entered:
-    """Which functions each test entered without a fault, kept by the content of its file.
-
-    A record that is out of date costs time and nothing else: whoever is asked first, the nearest
-    files are asked whole before a fault counts as survived.
-    """
+    """Which functions each test entered without a fault, kept by the content of its file."""
 
     def __init__(self, root: Path, folder: Path) -> None:
         self.root, self.folder = root, folder
@@ -136,10 +132,7 @@ class Entered:
     def quick(
         self, tests: Iterable[str], path: str, function: int, most_s: float
     ) -> tuple[list[str], float]:
-        """Tests that entered a function of the package and little else, and their time.
-
-        function: its first line; 0, of what stands outside every one, for any of the file's.
-        """
+        """Tests that entered a function of the package and little else, and their time."""
         place = f"{path.removeprefix(f'{PACKAGE}/')}:{function or ''}"
         known = sorted(
             (len(told["entered"]), told["time_s"], name, test)

@@ -1,9 +1,4 @@
-"""Faults of Python sources: one small edit of the syntax tree at a time.
-
-Left out is what gives no wrong result, by rule, for all files alike: messages, annotations and
-assertions; whether ``zip`` looks at lengths and what ``repr`` shows; how a figure looks; 1 % more
-of an order of magnitude, such as a tolerance of 1e-9; and which argument of "and" comes first.
-"""
+"""Faults of Python sources: one small edit of the syntax tree at a time."""
 
 from __future__ import annotations
 
@@ -69,15 +64,7 @@ def _deletable(x: Any) -> bool:
 
 @dataclass(frozen=True)
 class PythonMutant:
-    """One file with one fault.
-
-    path: as it was given.
-    line: where, from 1.
-    edit: what was there, and what stands there now.
-    suspect: why it may well do nothing that a test could tell; empty where nothing says so.
-    text: the whole file.
-    function: first line of the function in whose body it is, 0 outside every one.
-    """
+    """One file with one fault."""
 
     path: str
     line: int
@@ -92,10 +79,7 @@ class PythonMutant:
 
 
 def _silent(tree: ast.AST) -> tuple[set[ast.AST], set[ast.AST]]:
-    """What gives no wrong result, and what of that is left out by a rule for what runs.
-
-    Annotations, docstrings, decorators and messages are no code of the result's.
-    """
+    """What gives no wrong result, and what of that is left out by a rule for what runs."""
     hidden: set[ast.AST] = set()
     by_rule: set[ast.AST] = set()
     for node in ast.walk(tree):
@@ -239,10 +223,7 @@ def _suspicion(node: ast.AST, kind: str, in_text: bool, in_stream: bool) -> str:
 
 
 class PythonFaults:
-    """Every fault of a file, found by its place, and made when it is asked for.
-
-    left_out: how many the rules kept out: looks, lengths, 1 % of an order of magnitude.
-    """
+    """Every fault of a file, found by its place, and made when it is asked for."""
 
     def __init__(self, path: str, text: str) -> None:
         self.path = path

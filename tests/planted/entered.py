@@ -1,9 +1,4 @@
-"""pytest plugin: which functions of ``esea_gen`` each test enters, and how long it takes.
-
-Copied to where pytest finds it, it imports nothing of the program.  What a fixture that several
-tests share enters counts for each of them; what another process enters is not seen, nor what an
-earlier test has left in a cache.
-"""
+"""pytest plugin: which functions of ``esea_gen`` each test enters, and how long it takes."""
 
 from __future__ import annotations
 

@@ -1,16 +1,9 @@
-"""Mutation of this program's own sources, to see whether its tests notice.
-
-A copy of the checkout gets one fault at a time, and child processes run tests against it until one
-fails: first those that are known to enter the function with the fault and little else, then the
-nearest test files whole.  Left out by default are tests that only compare with committed output:
-whoever made the fault would accept its output too.
-"""
+"""Mutation of this program's own sources, to see whether its tests notice."""
 
 from __future__ import annotations
 
 import json
 import os
-import random
 import re
 import shutil
 import subprocess
@@ -23,11 +16,13 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
+from random import Random
 from typing import Any, Literal
 
 from esea_gen.errors import UserError
-from esea_gen.verify.mutation.python_edits import PythonFaults, PythonMutant
-from esea_gen.verify.mutation.python_tests import (
+
+from .edits import PythonFaults, PythonMutant
+from .near import (
     COMMITTED_TEST,
     PACKAGE,
     Entered,
@@ -81,12 +76,7 @@ class Found:
 
 @dataclass
 class PythonReport:
-    """What became of the faults.
-
-    found: in order; a test that does not end counts as one that fails.
-    broken: tests that fail without a fault, which therefore prove nothing.
-    left_out: places of faults, of all in the same files, that give no wrong result by rule.
-    """
+    """What became of the faults."""
 
     seed: int
     found: list[Found] = field(default_factory=list)
@@ -278,7 +268,7 @@ def _faults(root: Path, sources: Sequence[Path]) -> list[PythonFaults]:
 
 def _drawn(files: Sequence[PythonFaults], sample: int | None, seed: int) -> list[PythonMutant]:
     places = [(f, k) for f in files for k in range(len(f))]
-    random.Random(seed).shuffle(places)
+    Random(seed).shuffle(places)
     made: dict[tuple[str, str], PythonMutant] = {}
     for f, k in places:
         if sample is not None and len(made) >= sample:
@@ -313,18 +303,7 @@ def mutate_python(
     jobs: int = 1,
     progress: Callable[[str], None] | None = None,
 ) -> PythonReport:
-    """Plant faults into rooms or files and run tests against each.
-
-    root: checkout with ``esea_gen`` and ``tests``; it is copied, not touched.
-    whats: rooms, or files, of ``esea_gen``; ``room:8`` for eight faults.
-    sample: number of faults of each of the others, drawn by ``seed``; all when not given.
-    tests: test files or names; those that stand nearest to a fault by import when not given.
-    independent: leave out tests that only compare with committed output.
-    widen: so many more test files for a fault that the nearest do not notice.
-    limit_s: time of one test file; from three times that without a fault when not given.
-    entered: folder that keeps, from one call to the next, which functions each test enters.
-    jobs: so many faults at a time, each in a copy of its own.
-    """
+    """Plant faults into rooms or files and run tests against each."""
     say = progress or (lambda _: None)
     drawn: list[tuple[str, PythonMutant]] = []
     left_out = places = 0

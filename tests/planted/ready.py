@@ -1,9 +1,4 @@
-"""A Python with other people's libraries loaded, which forks itself for each run of pytest.
-
-A script of its own that imports nothing of the program, so that each run loads the sources as they
-then are.  It reads one request a line, as JSON (``arguments``, ``env``, ``said``: where the output
-goes, ``limit_s``), and answers with pytest's exit code, ``null`` where the time was not enough.
-"""
+"""A Python with other people's libraries loaded, which forks itself for each run of pytest."""
 
 from __future__ import annotations
 
