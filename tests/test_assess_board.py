@@ -128,7 +128,7 @@ def test_a_board_that_is_not_zeroed_measures_nothing(opened):
 
 
 def test_keep_repeat_and_the_warning_in_the_window(opened, qtbot, monkeypatch):
-    from PySide6.QtCore import Qt, QTimer
+    from PySide6.QtCore import Qt
     from PySide6.QtWidgets import QApplication
 
     from esea_host.windows.assess import AssessWindow
@@ -137,8 +137,7 @@ def test_keep_repeat_and_the_warning_in_the_window(opened, qtbot, monkeypatch):
     beeps: list[int] = []
     monkeypatch.setattr(QApplication, "beep", lambda: beeps.append(1))
     window = AssessWindow(desk)
-    for timer in window.findChildren(QTimer):
-        timer.stop()
+    window.timer.stop()
     qtbot.addWidget(window)
     panel = window.panel
 

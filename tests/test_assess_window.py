@@ -32,24 +32,10 @@ def opened(qtbot, data, tmp_path):
 
     file = tmp_path / "session.json"
     desk = ClinicDesk(Assessment(data), Comfort(0, 120 * DEG), file=file)
-    window = without_clock(AssessWindow(desk, "P01", dark=False))
+    window = AssessWindow(desk, "P01", dark=False)
+    window.timer.stop()
     qtbot.addWidget(window)
     return window
-
-
-def without_clock(window):
-    """A window whose animation is asked for, not timed."""
-    from PySide6.QtCore import QTimer
-
-    for timer in window.findChildren(QTimer):
-        timer.stop()
-    return window
-
-
-def click(widget, text: str) -> None:
-    from PySide6.QtWidgets import QPushButton
-
-    next(b for b in widget.findChildren(QPushButton) if b.text() == text).click()
 
 
 def steps(window) -> list[str]:
@@ -85,7 +71,7 @@ def test_the_clinician_judges_and_takes_back_and_the_steps_tell(opened):
     c.name.setCurrentIndex(opened.desk.session.names.index("D2"))
     c.percent.setValue(70)
     c.why.setText("history")
-    click(c, "Set")
+    c.judge()
     assert opened.desk.session.by_name()["D2"] == pytest.approx(0.7)
     assert "mild dystonic-like 70% (history)" in opened.trail.item(1).text()
     opened.undo()
@@ -104,13 +90,18 @@ def test_the_clinician_judges_and_takes_back_and_the_steps_tell(opened):
 
 def test_limits_are_shown_and_kept_and_impossible_ones_refused(opened):
     c = opened.controls
-    opened.limit(0, 80, 60)
+    c.high.setValue(80)
+    c.fastest.setValue(60)
+    c.limit()
     assert opened.desk.comfort.high_rad == pytest.approx(80 * DEG)
     assert max(opened.desk.proposed.start_rad, opened.desk.proposed.end_rad) <= 80 * DEG + 1e-9
+    lines = [line.value() for line in opened.map.limits]
+    assert lines == pytest.approx([0, 80, -60, 60])
     # Cells that no comfortable movement passes are empty, the others are not.
     seen = opened.map.image.image[..., 3] > 0
     assert np.array_equal(seen.ravel(), np.isfinite(opened.desk.value))
-    opened.limit(0, -5, 60)
+    c.high.setValue(5)
+    c.limit()
     assert "reach" in opened.said.text()
     assert opened.desk.comfort.high_rad == pytest.approx(80 * DEG)
     assert c.high.value() == 80
@@ -125,8 +116,8 @@ def test_a_typed_number_is_the_same_in_every_locale(qtbot, data, locale):
     before = QLocale()
     QLocale.setDefault(QLocale(locale))
     try:
-        desk = ClinicDesk(Assessment(data), Comfort(0, 120 * DEG))
-        window = without_clock(AssessWindow(desk))
+        window = AssessWindow(ClinicDesk(Assessment(data), Comfort(0, 120 * DEG)))
+        window.timer.stop()
         qtbot.addWidget(window)
         c = window.controls
         for text, taken in (("62.5", True), ("412,5", False), ("1.062,5", False), ("62,5", True)):
@@ -137,7 +128,7 @@ def test_a_typed_number_is_the_same_in_every_locale(qtbot, data, locale):
         for text in ("2 500", "", "2,5"):
             c.torque.clear()
             qtbot.keyClicks(c.torque, text)
-            click(c, "Take")
+            c._take_torque()
         assert steps(window) == ["begin", "measured"]
         assert "2.5 Nm" in window.trail.item(1).text()
     finally:
@@ -151,6 +142,7 @@ def test_a_recording_and_the_page(opened, tmp_path):
     np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,torque_Nm", comments="")
     opened.open_recording(path)
     assert opened.said.text().startswith("r.csv: ")
+    assert len(opened.map._been.getData()[0]) > 5
     opened.open_recording(tmp_path / "none.csv")
     assert "cannot be read" in opened.said.text()
     page = tmp_path / "page.pdf"
@@ -174,7 +166,8 @@ def driven(data):
 def test_a_simulated_patient_is_driven_from_it_and_never_taken_for_a_person(driven, qtbot):
     from esea_host.windows.assess import AssessWindow
 
-    window = without_clock(AssessWindow(driven, ""))
+    window = AssessWindow(driven, "")
+    window.timer.stop()
     qtbot.addWidget(window)
     assert "SIMULATED PATIENT" in window.windowTitle()
     assert "SIMULATED PATIENT" in window.now.text()
@@ -183,7 +176,7 @@ def test_a_simulated_patient_is_driven_from_it_and_never_taken_for_a_person(driv
     assert "measured" in steps(window)
     assert driven.about("P01") == "SIMULATED PATIENT P01"
     wanted, passed = driven.moved
-    qtbot.wait(300)
+    window._began_s -= 0.3
     window.animate()
     assert window.leg.scene.texts[0].key == "knee_moved"
     assert np.ptp(passed.angle_rad) > 0.3 * abs(wanted.end_rad - wanted.start_rad)
@@ -193,13 +186,14 @@ def test_a_simulated_patient_is_driven_from_it_and_never_taken_for_a_person(driv
 def test_pictures_for_the_manual(driven, qtbot, dark, tmp_path):
     from esea_host.windows.assess import AssessWindow
 
-    window = without_clock(AssessWindow(driven, "", dark))
+    window = AssessWindow(driven, "", dark)
+    window.timer.stop()
     qtbot.addWidget(window)
     window.resize(1280, 860)
     window.show()
     while len(driven.session.evidence) < 3:
         window.move_leg()
-    qtbot.wait(900)
+    window._began_s -= 0.9
     window.animate()
     target = os.environ.get("ESEA_PICTURES") or tmp_path
     path = Path(target) / ("assessment-window-dark.png" if dark else "assessment-window.png")

@@ -15,8 +15,8 @@ import pytest
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.identify import identify, load_mapping, load_recordings
-from esea_gen.identify.family_identification import identify_member
-from esea_gen.identify.recording import beyond_rad, followed_rad
+from esea_gen.identify.family.identification import identify_member
+from esea_gen.identify.recording.reading import beyond_rad, followed_rad
 
 from .conftest import require_tool
 from .result_schemas import held

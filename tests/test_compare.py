@@ -12,26 +12,26 @@ from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 from typer.testing import CliRunner
 
-import esea_gen.identify.compare as comparing
+import esea_gen.identify.family.compare as comparing
 import esea_gen.verify.step_count
 from esea_gen.cli.app import app
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
 from esea_gen.identify import load_mapping, load_recordings
-from esea_gen.identify.candidates import members
-from esea_gen.identify.compare import CompareRow, choose, compare
-from esea_gen.identify.conditions import splits_of
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.family_file import family_device
-from esea_gen.identify.family_fit import (
+from esea_gen.identify.family.compare import CompareRow, choose, compare
+from esea_gen.identify.family.file import family_device
+from esea_gen.identify.family.fit import (
     UnitTerms,
     fit_member,
     solve_weights,
     trained_scale,
 )
-from esea_gen.identify.family_identification import identify_member
-from esea_gen.identify.misfit import Misfits
-from esea_gen.identify.peers import PEERS, fit_peer
+from esea_gen.identify.family.identification import identify_member
+from esea_gen.identify.family.members import members
+from esea_gen.identify.family.peers import PEERS, fit_peer
+from esea_gen.identify.recording.conditions import splits_of
+from esea_gen.identify.recording.misfit import Misfits
 from esea_gen.identify.verdict import judge
 from esea_gen.verify.step_count import sensor_instructions
 from tests.conftest import require_tool

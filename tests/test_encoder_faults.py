@@ -108,21 +108,6 @@ def test_what_is_no_fault_is_refused(text, said):
     assert str(parse_fault("freeze:both@2")) == "freeze:both@2"
 
 
-def test_what_an_encoder_does_where_no_amount_is_given():
-    """4.8 degrees, a twentieth of a radian a second, a fifth too little; at most 10 of each."""
-    amounts = {"freeze": 0, "slip": 0.0838, "drift": 0.05, "gain": 0.8}
-    assert {k: parse_fault(f"{k}:load@4").amount for k in amounts} == amounts
-    for text in ("slip:load@10000=10", "slip:load@0=-10"):
-        assert str(parse_fault(text)) == text
-    for text, said in (
-        ("slip:load@10001", r"'slip:load@10001': the time '10001' is not a number from 0 to 10000"),
-        ("gain:load@4=10.01", r"the amount '10.01' is not a number from -10 to 10"),
-        ("gain:load@4=-10.01", r"the amount '-10.01' is not a number from -10 to 10"),
-    ):
-        with pytest.raises(UserError, match=said):
-            parse_fault(text)
-
-
 # -- its figures, on a run made by hand ------------------------------------------------------------
 
 

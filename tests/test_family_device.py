@@ -16,9 +16,9 @@ from esea_gen.devices.schema import json_schema
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify.candidates import members
-from esea_gen.identify.family_file import family_device, family_section
-from esea_gen.identify.family_identification import identify_member
+from esea_gen.identify.family.file import family_device, family_section
+from esea_gen.identify.family.identification import identify_member
+from esea_gen.identify.family.members import members
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.rubber import fitted_of, stiffness_range_Nm_rad
 from esea_gen.report.identification import identification_page
@@ -273,7 +273,7 @@ def test_the_command_compares_and_writes_the_chosen_one(tmp_path, monkeypatch):
         chosen = "slips, strain"
 
     monkeypatch.setattr(
-        "esea_gen.identify.compare.compare", lambda *a, **_: asked.append(a) or Chosen
+        "esea_gen.identify.family.compare.compare", lambda *a, **_: asked.append(a) or Chosen
     )
     monkeypatch.setattr("esea_gen.cli.identification.show", lambda *a: None)
     monkeypatch.setattr("esea_gen.report.identification.identification_page", lambda r: "page")

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from esea_gen.identify.cycles import DataSet
-from esea_gen.identify.family_fit import (
+from esea_gen.identify.family.fit import (
     MemberChannels,
     UnitTerms,
     alike,
@@ -20,8 +19,9 @@ from esea_gen.identify.family_fit import (
     term_rows,
     trained_scale,
 )
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.resampling import FitRows, resampled
+from esea_gen.identify.recording.cycles import DataSet
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.resampling import FitRows, resampled
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.temperature import TemperatureFactor
 

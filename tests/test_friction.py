@@ -12,7 +12,7 @@ from scipy.optimize import curve_fit
 from esea_gen.cli import main
 from esea_gen.device import parse_device
 from esea_gen.errors import UserError
-from esea_gen.identify.friction import SteadyRun, fit_friction, read_run
+from esea_gen.identify.drive.friction import SteadyRun, fit_friction, read_run
 
 DATA = Path(__file__).parent / "data" / "epos_friction"
 FULL_Nm = 9.84e-3  # the drives' nominal torque

@@ -19,10 +19,10 @@ from esea_gen.identify.drafting import (
     round_up,
     sourced_device,
 )
-from esea_gen.identify.fit import Fit
-from esea_gen.identify.parameters import bounds_of, with_values
-from esea_gen.identify.plant import FittedPlant
-from esea_gen.identify.uncertainty import Uncertainty
+from esea_gen.identify.published.fit import Fit
+from esea_gen.identify.published.parameters import bounds_of, with_values
+from esea_gen.identify.published.plant import FittedPlant
+from esea_gen.identify.published.uncertainty import Uncertainty
 
 from .conftest import require_tool
 

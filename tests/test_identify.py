@@ -18,11 +18,11 @@ from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify import Identification, identify, load_mapping, load_recordings, parse_mapping
-from esea_gen.identify.cycles import divide, reversals
-from esea_gen.identify.fit import solve_linear
-from esea_gen.identify.parameters import bounds_of
-from esea_gen.identify.space import Space, parameters_of
-from esea_gen.identify.tables import Cycles
+from esea_gen.identify.published.parameters import bounds_of
+from esea_gen.identify.published.search_problem import solve_linear
+from esea_gen.identify.published.space import Space, parameters_of
+from esea_gen.identify.recording.cycles import divide, reversals
+from esea_gen.identify.recording.tables import Cycles
 from tests.conftest import require_tool
 
 DATA = Path(__file__).parent / "data" / "hdrb"

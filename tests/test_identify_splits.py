@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.identify import compare, peers
-from esea_gen.identify.candidates import members
-from esea_gen.identify.cycles import Cycle, data_sets
-from esea_gen.identify.quality import backlash_rad, offset_Nm
-from esea_gen.identify.resampling import whole_conditions
+from esea_gen.identify.family import compare, peers
+from esea_gen.identify.family.members import members
+from esea_gen.identify.recording.cycles import Cycle, data_sets
+from esea_gen.identify.recording.quality import backlash_rad, offset_Nm
+from esea_gen.identify.recording.resampling import whole_conditions
 
 
 def recording(time_s, theta, tau, *sets):

@@ -11,7 +11,7 @@ from esea_gen.language.builder import Builder, declare_ports
 from esea_gen.language.ports import Port
 from esea_gen.language.program import Program
 from esea_gen.language.stream import Stream, single
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.verify.runs import run_c
 from tests.benchmarks.predictive_loop import recorded_rows
 

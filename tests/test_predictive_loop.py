@@ -11,7 +11,6 @@ from esea_gen.control.predictive.box_qp_program import box_qp
 from esea_gen.control.predictive.drive import drive_model, predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.shown import with_state_as_output
-from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
@@ -34,6 +33,7 @@ from tests.benchmarks.predictive_loop import recorded_rows
 from tests.benchmarks.predictive_peer import flat_residuals
 
 from .conftest import require_tool
+from .rendered_program import render_program
 
 pytestmark = pytest.mark.ci
 

@@ -18,9 +18,9 @@ from esea_gen.device import parse_device
 from esea_gen.errors import UserError
 from esea_gen.identify import identification as identification_file
 from esea_gen.identify import identify, load_mapping, load_recordings
-from esea_gen.identify.family_identification import identify_member
-from esea_gen.identify.quality import Finding, after_gaps, jumps
-from esea_gen.identify.quality_gate import gate_notes
+from esea_gen.identify.family.identification import identify_member
+from esea_gen.identify.recording.quality import Finding, after_gaps, jumps
+from esea_gen.identify.recording.quality_gate import gate_notes
 from tests.conftest import require_tool
 
 DATA = Path(__file__).parent / "data" / "hdrb"

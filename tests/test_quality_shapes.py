@@ -9,10 +9,10 @@ import pytest
 
 from esea_gen.errors import UserError
 from esea_gen.identify import load_mapping, load_recordings
-from esea_gen.identify.family_identification import identify_member
-from esea_gen.identify.quality import Finding, offset_Nm, runs, spikes, still, stuck
-from esea_gen.identify.quality_gate import gate_notes
-from esea_gen.identify.temperatures import temperature_name
+from esea_gen.identify.family.identification import identify_member
+from esea_gen.identify.recording.quality import Finding, offset_Nm, runs, spikes, still, stuck
+from esea_gen.identify.recording.quality_gate import gate_notes
+from esea_gen.identify.recording.temperatures import temperature_name
 from tests.conftest import require_tool
 from tests.test_quality import DATA, found, held_out, mapped, rig, written
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.identify.mapping import FITTABLE, MappingFile, load_mapping, parse_mapping
-from esea_gen.identify.tables import ToFit
+from esea_gen.identify.recording.mapping import FITTABLE, MappingFile, load_mapping, parse_mapping
+from esea_gen.identify.recording.tables import ToFit
 
 from .test_recording_steps import MAPPING as ONE
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.identify.conditions import conditions_of, divided, splits_of
-from esea_gen.identify.cycles import DataSet
-from esea_gen.identify.misfit import Misfits
-from esea_gen.identify.recorded import Recording, recording_rows
-from esea_gen.identify.replay import _replay, recorded_deflections, recordings_for
-from esea_gen.identify.tables import Cycles
+from esea_gen.identify.recording.conditions import conditions_of, divided, splits_of
+from esea_gen.identify.recording.cycles import DataSet
+from esea_gen.identify.recording.misfit import Misfits
+from esea_gen.identify.recording.recorded import Recording, recording_rows
+from esea_gen.identify.recording.replay import _replay, recorded_deflections, recordings_for
+from esea_gen.identify.recording.tables import Cycles
 
 BOTH, ONLY, JUDGE, UNUSED = ([0, 1], [2]), ([0, 1, 2], []), ([], [0, 1, 2]), ([], [])
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.identify import recording
-from esea_gen.identify.mapping import MappingFile, load_mapping, parse_mapping
-from esea_gen.identify.quality import Finding
-from esea_gen.identify.recording import load_recordings
-from esea_gen.identify.tables import RecordingTable
+from esea_gen.identify.recording.mapping import MappingFile, load_mapping, parse_mapping
+from esea_gen.identify.recording.quality import Finding
+from esea_gen.identify.recording.reading import load_recordings
+from esea_gen.identify.recording.reading import reading as recording
+from esea_gen.identify.recording.tables import RecordingTable
 
 MAPPING = """\
 schema = 1

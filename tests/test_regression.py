@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from esea_gen.identify.regression import (
+from esea_gen.identify.drive.regression import (
     CONFIDENCE,
     Estimate,
     LeastSquares,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from esea_gen.identify.resampling import FitRows, LeftOut, covered, resampled
+from esea_gen.identify.recording.resampling import FitRows, LeftOut, covered, resampled
 
 # A known rubber: springs and two stops; five amplitudes of four cycles, of which the first
 # conditions, the last judges.

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from esea_gen.identify.parameters import bounds_of
-from esea_gen.identify.space import Space, linear_bounds, parameters_of
+from esea_gen.identify.published.parameters import bounds_of
+from esea_gen.identify.published.space import Space, parameters_of
 
 LINEAR = np.array([12.0, 90.0, 40.0, 5.0])
 X = np.array([math.log(0.01), 0.7, math.log(0.5), math.log(20.0), 1.5, math.log(4.0), 0.6])
@@ -73,13 +73,6 @@ def test_parameters_are_cut_to_the_files_bounds():
     assert values["k1_Nm_rad"] == bounds_of("k1_Nm_rad")[1]
     assert values["k3_Nm_rad3"] == bounds_of("k3_Nm_rad3")[0]
     assert values["alpha_Nm_rad"] == 40
-
-
-def test_bounds_of_what_is_solved_for_are_the_files():
-    keys = ("k1_Nm_rad", "k3_Nm_rad3", "alpha_Nm_rad", "kv_Nm_rad")
-    for rate_terms, count in ((False, 3), (True, 4)):
-        low, high = linear_bounds(rate_terms)
-        assert list(zip(low, high, strict=True)) == [bounds_of(k) for k in keys[:count]]
 
 
 def test_slopes_of_the_shape_are_those_by_differences():

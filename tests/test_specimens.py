@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from esea_gen.cli import app
 from esea_gen.errors import UserError
 from esea_gen.identify import specimens as specimens_file
-from esea_gen.identify.mapping import load_mapping
-from esea_gen.identify.recording import load_recordings
+from esea_gen.identify.recording.mapping import load_mapping
+from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.identify.reliability import coefficients
 from esea_gen.identify.specimens import NODES, joint_fit, torque_table
 

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.identify.compare import CompareRow, ModelComparison
-from esea_gen.identify.encoder_table import EncoderTable
-from esea_gen.identify.friction import Friction
+from esea_gen.identify.drive.encoder_table import EncoderTable
+from esea_gen.identify.drive.friction import Friction
+from esea_gen.identify.drive.regression import Estimate
+from esea_gen.identify.family.compare import CompareRow, ModelComparison
 from esea_gen.identify.next_experiment import Advice, CommandedMotion
-from esea_gen.identify.regression import Estimate
 from esea_gen.identify.reliability import Coefficient, PairAgreement, Reliability
 from esea_gen.identify.specimens import JointFit
 from esea_gen.model.family import Rise, Softening, Term

@@ -12,14 +12,23 @@ from esea_gen.devices.fields import DeviceFile, Domain, Encoder, Limits, Timing,
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import Elastomer, Maxwell
 from esea_gen.devices.writing import render_toml
-from esea_gen.identify.cycles import DataSet
-from esea_gen.identify.fit import Fit
-from esea_gen.identify.mapping import MappingFile
-from esea_gen.identify.parameters import EPS2_DEFAULT, at_bound, with_parameters
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.recording import MAX_TAU_NM, MAX_THETA_RAD
-from esea_gen.identify.uncertainty import Uncertainty
+from esea_gen.identify.published.fit import Fit
+from esea_gen.identify.published.parameters import EPS2_DEFAULT, at_bound, with_parameters
+from esea_gen.identify.published.uncertainty import Uncertainty
+from esea_gen.identify.recording.cycles import DataSet
+from esea_gen.identify.recording.mapping import MappingFile
+from esea_gen.identify.recording.reading import MAX_TAU_NM, MAX_THETA_RAD
+from esea_gen.identify.recording.recorded import Recording
 from esea_gen.model.elastomer import RATE_KEYS
+
+# Rate of a search or a fit on recordings with time, where the mapping gives none.
+FIT_RATE_HZ = 100.0
+
+
+def grid_rate(source: MappingFile) -> float:
+    """Rate at which a member that needs time is fitted, Hz."""
+    fine = source.mapping.device.sense_rate_Hz.value
+    return source.mapping.sampling.fit_rate_Hz or min(FIT_RATE_HZ, fine)
 
 
 def round_up(x: float) -> float:

@@ -27,14 +27,14 @@ from scipy.optimize import differential_evolution
 from esea_gen.device import load_device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.mapping import load_mapping
-from esea_gen.identify.parameters import bounds_of
-from esea_gen.identify.plant import ROWS_SEARCH, FitStream, FittedPlant
-from esea_gen.identify.recording import load_recordings
-from esea_gen.identify.search_memo import SearchMemo
-from esea_gen.identify.search_problem import PresentBest, Searching, SearchProblem
-from esea_gen.identify.searches import POPULATION, multi_start
-from esea_gen.identify.space import Space
+from esea_gen.identify.published.parameters import bounds_of
+from esea_gen.identify.published.plant import ROWS_SEARCH, FitStream, FittedPlant
+from esea_gen.identify.published.search_memo import SearchMemo
+from esea_gen.identify.published.search_problem import PresentBest, Searching, SearchProblem
+from esea_gen.identify.published.searches import POPULATION, multi_start
+from esea_gen.identify.published.space import Space
+from esea_gen.identify.recording.mapping import load_mapping
+from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 

@@ -50,7 +50,7 @@ def plot_latency(seconds: float) -> dict[str, float]:
                 begun_s = time.perf_counter()
                 shown = feed.rings["sense_out"].last(1).time_s
                 super().draw()
-                self._area.viewport().repaint()
+                self.area.viewport().repaint()
                 now_ns = time.time_ns()
                 took_s.append(time.perf_counter() - begun_s)
                 for batch in queue.take(0.0):
@@ -121,6 +121,7 @@ def window_soak(
     device, pieces = _pieces(drive)
     feed = LiveFeed(device, threaded=False)
     window = LiveWindow(feed)
+    window.timer.stop()
     window.toggle_spectrum()
     for i in range(min(channels, window.channels.count())):
         window.channels.item(i).setCheckState(Qt.CheckState.Checked)

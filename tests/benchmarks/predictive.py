@@ -29,7 +29,6 @@ from esea_gen.control.predictive.box_qp_program import box_qp
 from esea_gen.control.predictive.drive import predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.emit.program_c import loop_lines
-from esea_gen.emit.program_render import ProgramRenderer, render_program
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
@@ -38,6 +37,7 @@ from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, boards_for
 from esea_gen.twin.controllers import controller_device
+from tests.rendered_program import ProgramRenderer, render_program
 
 from .peers import with_templates
 from .predictive_loop import recorded_rows

@@ -20,12 +20,12 @@ from esea_gen.control.laws.predictive import device_horizon, drive_train
 from esea_gen.control.predictive.drive import drive_model
 from esea_gen.control.predictive.horizon import Horizon, Model, linearise
 from esea_gen.control.predictive.program import predictive_program
-from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.controllers import controller_device
+from tests.rendered_program import render_program
 
 from .predictive_loop import recorded_rows
 

@@ -31,9 +31,8 @@ from esea_host.study.log import read_log
 from esea_host.study.protocol import parse_protocol
 from esea_host.study.recorded import BoardInputs
 from esea_host.study.session import replay
-from esea_host.study.source import InputSource
+from esea_host.study.source import InputSource, SessionWatcher
 from esea_host.study.task import TaskStep
-from esea_host.study.watching import SessionWatcher
 
 TRIAL_S = 60.0
 DEVICE = "elbow_drive"

@@ -13,8 +13,7 @@ from typing import Literal
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.identify.bringup.motions import GearPath
-from esea_gen.identify.bringup.watch import DriveRecording
+from esea_gen.identify.drive.startup import DriveRecording, GearPath
 from esea_gen.link.transport import LinkError
 from esea_gen.model.sensing import of_axis
 from esea_host.connection import Batch, ConnectedDevice, Subscription
@@ -89,7 +88,7 @@ class CommissioningBench:
                 f"Commissioning needs a sensing task that is called {task}.",
             )
         self.device, self.say = device, say
-        self._hands, self._pass_time, self.hands_free = hands, pass_time, hands_free
+        self._hands, self.pass_time, self.hands_free = hands, pass_time, hands_free
         self._cancelled = threading.Event()
 
     def change_hands(self, hands: Callable[[HandAct], None]) -> None:
@@ -114,7 +113,7 @@ class CommissioningBench:
     def wait(self, seconds: float) -> None:
         for _ in range(max(1, round(seconds / TURN_S))):
             self._check()
-            self._pass_time(TURN_S)
+            self.pass_time(TURN_S)
 
     def _check(self) -> None:
         if self.cancelled:
@@ -151,7 +150,7 @@ class CommissioningBench:
             self._check()
             if each is not None and each(k * TURN_S) is False:
                 break
-            self._pass_time(TURN_S)
+            self.pass_time(TURN_S)
             found += queue.take(0.0)
         return found
 
@@ -230,6 +229,3 @@ class CommissioningBench:
             device.disarm()
             self.reach("READY", 5.0)
         return found
-
-
-__all__ = ["Capture", "CommissioningBench", "CommissioningEndedError", "HandAct"]
