@@ -176,7 +176,7 @@ def test_a_simulated_patient_is_driven_from_it_and_never_taken_for_a_person(driv
     assert "measured" in steps(window)
     assert driven.about("P01") == "SIMULATED PATIENT P01"
     wanted, passed = driven.moved
-    window._began_s -= 0.3
+    qtbot.wait(300)
     window.animate()
     assert window.leg.scene.texts[0].key == "knee_moved"
     assert np.ptp(passed.angle_rad) > 0.3 * abs(wanted.end_rad - wanted.start_rad)
@@ -193,7 +193,7 @@ def test_pictures_for_the_manual(driven, qtbot, dark, tmp_path):
     window.show()
     while len(driven.session.evidence) < 3:
         window.move_leg()
-    window._began_s -= 0.9
+    qtbot.wait(900)
     window.animate()
     target = os.environ.get("ESEA_PICTURES") or tmp_path
     path = Path(target) / ("assessment-window-dark.png" if dark else "assessment-window.png")

@@ -18,6 +18,7 @@ from esea_gen.plotting import INK, STYLE
 from esea_host.interaction.design import FIRST, SPRING, checked_group, read_rows
 from esea_host.interaction.published import TABLE_6_4
 from esea_host.statistics import SignedRank, holm, signed_rank
+from esea_host.statistics.checks import StatisticResult
 
 QUESTIONS = ("comfort", "naturalness", "control", "effort")
 LEVELS = {"much less": -2, "less": -1, "no different": 0, "more": 1, "much more": 2}
@@ -63,16 +64,12 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Survey:
+class Survey(StatisticResult):
     """All four questions of all people.  read: how the file was read, and what was left out."""
 
     people: dict[str, str]
     questions: tuple[Question, ...]
     read: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        questions = [q.to_dict() for q in self.questions]
-        return {"people": self.people, "questions": questions, "read": self.read}
 
     def lines(self) -> list[str]:
         out = [self.read] if self.read else []

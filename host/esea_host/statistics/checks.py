@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import is_dataclass
 from typing import Any
 
 import numpy as np
@@ -75,12 +76,14 @@ class StatisticResult:
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, StatisticResult):
+    if hasattr(value, "to_dict"):
         return value.to_dict()
+    if is_dataclass(value):
+        return _plain(vars(value))
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
     return None if isinstance(value, float) and not np.isfinite(value) else value
