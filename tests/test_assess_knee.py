@@ -385,11 +385,11 @@ def test_a_meeting_goes_to_its_end_and_draws_again_the_same(monkeypatch):
 @pytest.mark.ci
 def test_the_judge_counts(tmp_path):
     """Made-up meetings: all right, all sure at the second movement, one outsider missed."""
-    from esea_host.assess.evaluation import Met, hypothesis_names
+    from esea_host.assess.evaluation import Met
     from esea_host.assess.pages import evaluation_page
 
     data = made_up()
-    names = hypothesis_names(data)
+    names = assessed_hypotheses(data).names
 
     def met(group: str, truth: str, said: str, way: str, sure: int) -> Met:
         steps = np.full((13, len(names)), 0.01 / (len(names) - 1))

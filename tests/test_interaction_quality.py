@@ -17,18 +17,12 @@ from esea_host.interaction import analysis
 from esea_host.interaction.analysis import analyse_interaction
 from esea_host.interaction.comments import read_comments
 from esea_host.interaction.design import element_of
-from esea_host.interaction.elements import (
-    ELEMENTS,
-    PUBLISHED_NM_DEG,
-    element_device,
-    simulated_loading,
-)
+from esea_host.interaction.figures import render_report
 from esea_host.interaction.loading import (
     LoadingProtocol,
     analyse_loading,
     loading_branches,
 )
-from esea_host.interaction.page import render_report
 from esea_host.interaction.published import (
     TABLE_6_2,
     TABLE_6_3,
@@ -36,6 +30,12 @@ from esea_host.interaction.published import (
     reread,
 )
 from esea_host.interaction.recordings import read_manifest
+from esea_host.interaction.rig import (
+    ELEMENTS,
+    PUBLISHED_NM_DEG,
+    element_device,
+    simulated_loading,
+)
 from esea_host.interaction.survey import (
     read_survey,
 )

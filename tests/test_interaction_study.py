@@ -18,7 +18,7 @@ from esea_host.cli import main
 from esea_host.interaction import tasks
 from esea_host.interaction.analysis import analyse_interaction
 from esea_host.interaction.design import element_of
-from esea_host.interaction.page import render_report
+from esea_host.interaction.figures import render_report
 from esea_host.interaction.player import RigPlayer
 from esea_host.interaction.recordings import read_angle, read_manifest
 from esea_host.interaction.rig import HANDLE_KGM2, ElementRig

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -238,18 +237,3 @@ def evaluate(
         if say:
             say(f"{len(results)} of {len(work)} groups of patients")
     return [m for part in results[:-1] for m in part], results[-1]
-
-
-def hypothesis_names(data: ResponseDataBase) -> tuple[str, ...]:
-    """Names of the columns of ``Met.steps`` without mixtures."""
-    return assessed_hypotheses(data).names
-
-
-def as_result(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(k): as_result(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [as_result(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return as_result(value.tolist())
-    return value.item() if isinstance(value, np.generic) else value

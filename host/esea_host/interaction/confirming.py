@@ -32,8 +32,8 @@ from esea_gen.language.block import Block
 from esea_gen.model.rubber import rubber_sensor
 from esea_gen.studies.torque_check.load import KnownLoad
 from esea_host.interaction.design import ELASTOMER, SPRING
-from esea_host.interaction.elements import PUBLISHED_NM_DEG, simulated_loading
 from esea_host.interaction.loading import Array
+from esea_host.interaction.rig import PUBLISHED_NM_DEG, simulated_loading
 
 EQUAL = "equal"
 COVERAGE = 2.0  # of an expanded uncertainty, 95 %
