@@ -39,7 +39,7 @@ def kinds(events):
     return [e.kind for _, e in events]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     hz=RATES,
     middle=st.floats(40, 90),
