@@ -70,12 +70,6 @@ def _known_scales(monkeypatch):
     monkeypatch.setattr("esea_gen.identify.notes.scales_assumed", lambda source: False)
 
 
-def test_assumed_scales_are_told(monkeypatch):
-    assert "scales" not in told()
-    monkeypatch.setattr("esea_gen.identify.notes.scales_assumed", lambda source: True)
-    assert "The scales from the specimen to a coupling are assumed." in told()
-
-
 @pytest.mark.parametrize(
     ("worst", "side"), [(0.049, "within"), (-0.049, "within"), (0.051, "above"), (-0.3, "above")]
 )
@@ -153,28 +147,6 @@ def test_bounds_and_edges():
     assert f"k1_Nm_rad = {high:.4g} is at its upper bound" in text
     assert "poorly" not in text
     assert "Omega is low." in text
-
-
-@pytest.mark.parametrize(("omega_rad", "said"), [(0.19, False), (0.21, True)])
-def test_stops_that_never_slip(omega_rad, said):
-    # 0.2 rad is the farthest that was recorded.
-    assert ("No stop slips" in told(VALUES | {"omega_rad": omega_rad})) == said
-
-
-@pytest.mark.parametrize(("alpha", "said"), [(0.0, True), (1e-9, False)])
-def test_stops_without_torque(alpha, said):
-    assert ("carry no torque" in told(VALUES | {"alpha_Nm_rad": alpha})) == said
-
-
-@pytest.mark.parametrize(("friction_Nm", "way"), [(0.08, "0.08 Nm more"), (-0.08, "0.08 Nm less")])
-def test_friction_that_the_residuals_show_has_no_sign(friction_Nm, way):
-    verdict = SimpleNamespace(torque_Nm={})
-    spread = SimpleNamespace(band_Nm=0.1, friction_Nm=friction_Nm)
-    none = SimpleNamespace(label="one", tau_Nm=np.zeros(2), sets=[SimpleNamespace(held_out=[0, 1])])
-    verdict.torque_Nm["one"] = np.array([0.05, 0.2])
-    told_Nm = "\n".join(band_notes([none], verdict, spread, 4.0))
-    assert f"show {way} friction than the model has" in told_Nm
-    assert "50 % are" in told_Nm
 
 
 def test_the_band_is_told_in_percent_of_full_scale_and_beside_what_was_held_out():

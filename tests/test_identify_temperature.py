@@ -25,9 +25,8 @@ from esea_gen.identify.recording.conditions import splits_of
 from esea_gen.identify.recording.temperatures import searched_factor
 from esea_gen.model.family import Member, Rise, Term
 from esea_gen.model.temperature import TemperatureFactor
-from esea_gen.report.identification import identification_page
 from tests.conftest import require_tool
-from tests.test_identify import MAPPING, says, table
+from tests.test_recordings import MAPPING, says, table
 
 PER_K, AT_23_C, NOISE_Nm = -0.004, 23.0, 0.01
 MODEL = "stops, Maxwell, offset"
@@ -107,7 +106,6 @@ def test_it_is_in_the_device_file_and_in_the_result(found, tmp_path):
     said = "\n".join(found.summary())
     assert "% a kelvin (95 %: -0.4" in said
     assert "temperature_C is the reference until somebody sets it" in said
-    assert "Temperature T multiplies every term but the offset" in identification_page(found)
 
 
 def test_its_own_c_is_judged_at_each_temperature(found):
@@ -239,15 +237,6 @@ def test_the_search_is_the_optimum_of_another_solver(truth):
     assert factor.per_K == pytest.approx(slope / k, abs=1e-7)
 
 
-def test_what_the_device_file_cannot_hold_is_not_searched(tmp_path):
-    """A rubber that loses 9 % a kelvin ends at the bound."""
-    recordings = load_recordings(load_mapping(recorded(tmp_path, THREE, -0.09)))
-    member = Member("one", "one", (Term("spring", Rise("power", 1)),))
-    fitted = fit_member(UnitTerms(member, recordings, 100.0), recordings, 3.0)
-    low = field_facts("family.temperature.per_K")["low"]
-    assert fitted.temperature.per_K == pytest.approx(low, rel=1e-3)
-
-
 @pytest.mark.parametrize(("side", "room_K"), [(1, 42.5), (-1, 8.5)])
 def test_the_factor_keeps_its_least_at_every_known_temperature(side, room_K):
     """Trained at 20 and 25 degC; one at -20 and one at 31 only judge, and it holds there, too."""
@@ -296,35 +285,6 @@ def test_a_column_gives_its_mean(tmp_path):
     rows[:, 3] += np.linspace(0, 4, len(t))
     np.savetxt(tmp_path / "rig.csv", rows, delimiter=",", header="t,x,y,T", comments="")
     says(error(section), "more than 3 K", "one temperature")
-
-
-@pytest.mark.parametrize(
-    ("change", "parts"),
-    [
-        (
-            lambda s: s.replace(
-                "temperature_C = { value = 23.0", "temperature_C = { value = 230.0"
-            ),
-            ["recording[1].temperature_C = 230 is above its limit 200"],
-        ),
-        (
-            lambda s: s.replace("temperature_C = { value = 23.0", "# = { value = 23.0"),
-            ["recording[1].temperature_C is missing"],
-        ),
-        (
-            lambda s: s.replace("[[rec", '[temperature]\ncolumn = "T"\n\n[[rec', 1),
-            ["recording[0].temperature_C and [temperature] are both"],
-        ),
-    ],
-)
-def test_a_wrong_temperature_is_refused(tmp_path, change, parts):
-    path = recorded(tmp_path, THREE)
-    text = change(path.read_text())
-    assert text != path.read_text()
-    path.write_text(text)
-    with pytest.raises(UserError) as caught:
-        load_mapping(path)
-    says(caught.value, *parts)
 
 
 def test_a_recording_beyond_the_range_is_not_judged(found, tmp_path):

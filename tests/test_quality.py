@@ -165,16 +165,6 @@ def test_a_drop_out_is_not_trained_on(clean, tmp_path):
     assert held_out(result) == pytest.approx(held_out(clean), abs=0.05)
 
 
-def test_what_stood_in_a_spikes_place_neither_trains_nor_judges(tmp_path):
-    t, x, y = rig()
-    spikes = [310, 555, 900, 901, 1333]
-    y[spikes] = [15, -9, 12, 12, 6]
-    (r,) = load_recordings(load_mapping(written(tmp_path, t, x, y)))
-    used = np.concatenate([u for s in r.sets for u in (s.training, s.held_out)])
-    assert len(used) > 1000
-    assert not set(spikes) & set(used.tolist())
-
-
 JUMPS = {310: 0.02, 555: -0.02, 900: 0.03, 901: 0.03, 1333: -0.02}
 
 
@@ -192,14 +182,6 @@ def test_a_deflection_that_jumps_and_comes_back_changes_nothing(clean, tmp_path)
     assert not set(JUMPS) & set(used.tolist())
     result = identify_member(path, "stops")
     assert held_out(result) == pytest.approx(held_out(clean), abs=0.01)
-
-
-@pytest.mark.parametrize("width", [1, 2, 3, 4])
-def test_a_jump_lasts_three_samples_at_most(width):
-    x = np.linspace(0, 1, 1001)
-    x[400 : 400 + width] += 0.01
-    expected = range(400, 400 + width) if width < 4 else ()
-    assert np.flatnonzero(jumps(x)).tolist() == list(expected)
 
 
 def test_a_motion_that_turns_or_a_sensor_that_flickers_does_not_jump():
@@ -447,12 +429,3 @@ def test_an_offset_of_the_model_excuses_an_offset_and_nothing_else(offset_fitted
     assert ("Quality gate: offset" in notes("offset", "spike")) is not offset_fitted
     assert "Quality gate: frozen" in notes("frozen")
     assert "Quality gate" not in notes("spike")
-
-
-def test_what_all_recordings_have_is_said_once():
-    told = [Finding("frozen", t, True) for t in ("one", "both")]
-    made = [
-        SimpleNamespace(label=label, findings=found)
-        for label, found in (("first", told), ("second", told[1:]))
-    ]
-    assert gate_notes(made)[1:] == ("Quality, first: one.", "Quality, all: both.")

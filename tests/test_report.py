@@ -105,9 +105,9 @@ def chirped(elbow: Device) -> Report:
     """The elbow without a recording, its board left out: that has a test of its own."""
     require_tool("gcc")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(builder, "run_board", _no_board)
-        patch.setattr(sensing, "domain_chirp", _ramp)
-        _shorten(patch)
+        patch.setattr(builder, "run_board", no_board)
+        patch.setattr(sensing, "domain_chirp", ramp)
+        shorten(patch)
         return gather(elbow)
 
 
@@ -115,7 +115,7 @@ def chirped(elbow: Device) -> Report:
 def recorded(identification: Identification, mapping: Path) -> Report:
     """The identified rubber with its own recording, board and all."""
     with pytest.MonkeyPatch.context() as patch:
-        _shorten(patch)
+        shorten(patch)
         return gather(identification.device, mapping)
 
 
@@ -129,18 +129,18 @@ def recorded_page(recorded: Report) -> str:
     return recorded.html()
 
 
-def _shorten(patch: pytest.MonkeyPatch) -> None:
+def shorten(patch: pytest.MonkeyPatch) -> None:
     # Every stream, but shorter: verification has tests of its own.
     patch.setattr(equivalence, "streams", lambda block, seed: streams(block, seed, 400))
-    patch.setattr(equivalence, "domain_chirp", _ramp)
+    patch.setattr(equivalence, "domain_chirp", ramp)
 
 
-def _ramp(device: Device) -> np.ndarray:
+def ramp(device: Device) -> np.ndarray:
     theta = device.file.domain.theta_max_rad.value
     return np.float64(np.float32(theta * np.sin(np.arange(1500) * 0.004)))
 
 
-def _no_board(device: Device, board: str, deflections: object, say: object) -> BoardRun:
+def no_board(device: Device, board: str, deflections: object, say: object) -> BoardRun:
     return BoardRun(board, "a board", skipped="The emulator is not installed.")
 
 

@@ -99,21 +99,6 @@ def test_the_friction_that_is_found_is_the_one_that_was_there():
     assert found.friction_Nm == pytest.approx(0.08, abs=0.015)
 
 
-def test_a_plain_covariance_would_not_cover():
-    """Armed: where noise is slow it says several times too little, of friction nothing."""
-    for case, least in (("alike", 3.0), ("friction", 10.0)):
-        errors, plain = [], []
-        for seed in range(8):
-            shown, torque = measured(case, np.random.default_rng(seed))
-            j, y = shown[TRAINS], torque[TRAINS]
-            fit = np.linalg.lstsq(j, y, rcond=None)[0]
-            noise = float(np.mean((y - j @ fit) ** 2))
-            errors.append(fit - WEIGHTS)
-            plain.append(noise * np.diag(np.linalg.inv(j.T @ j)))
-        ratio = np.mean(np.square(errors), axis=0) / np.mean(plain, axis=0)
-        assert np.sqrt(ratio.mean()) > least
-
-
 def test_leaving_out_is_what_fits_without_the_block_give():
     """Against a fit anew for every block, weights of rows included; both levels, their mean."""
     rng = np.random.default_rng(2)
@@ -136,14 +121,6 @@ def test_leaving_out_is_what_fits_without_the_block_give():
     order = np.argsort(np.abs(outside))
     share = np.cumsum(weight[order] ** 2) / np.sum(weight**2)
     assert found.band_Nm == pytest.approx(np.abs(outside)[order][np.searchsorted(share, 0.95)])
-
-
-def test_few_cycles_are_cut_into_blocks():
-    rows = FitRows.of([(0, 1, np.zeros(100))])
-    assert len(np.unique(rows.cycle)) == 6
-    rows = FitRows.of([(0, 2, np.zeros(50)), (1, 5, np.zeros(50))])
-    assert len(np.unique(rows.cycle)) == 3 + 5
-    assert np.array_equal(rows.condition, np.repeat([0, 1], 50))
 
 
 def test_fewer_blocks_than_parameters_leave_none_without_a_deviation():

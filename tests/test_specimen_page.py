@@ -74,13 +74,6 @@ def test_each_class_has_the_band_of_its_own_errors():
     assert {(w.torque, w.rate): w for w in alike}["75-100 %", "35-100 %"].band_Nm == 0.5
 
 
-def test_without_time_there_are_classes_of_torque_only():
-    of = JudgedSamples(np.full(30, 0.2), np.full(30, 1.0), None, np.ones(30))
-    found = torque_worth(of, of, 10.0, 2.0)
-    assert [(w.torque, w.rate) for w in found if w.samples] == [(None, None), ("5-25 %", None)]
-    assert {w.rate for w in found} == {None}
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """A mapping with its recording, and what identify wrote of it."""

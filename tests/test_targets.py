@@ -45,18 +45,6 @@ def test_the_help_names_every_board_with_firmware():
         assert name in said
 
 
-@pytest.mark.parametrize(
-    ("toolchain", "tool", "expected"),
-    [
-        (targets.HOST_GCC, "nm", ("nm", "binutils")),
-        (targets.ARM_GCC, "nm", ("arm-none-eabi-nm", "binutils-arm-none-eabi")),
-        (targets.ARM_LINUX_GCC, "size", ("arm-linux-gnueabi-size", "binutils-arm-linux-gnueabi")),
-    ],
-)
-def test_tools_and_their_debian_packages(toolchain, tool, expected):
-    assert toolchain.tool(tool) == expected
-
-
 def test_the_set_up_installs_every_compiler_from_its_package():
     setup = (ROOT / ".ci" / "setup").read_text()
     for processor in targets.PROCESSORS.values():

@@ -20,11 +20,11 @@ from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.family.members import members
 from esea_gen.identify.notes import temperature_notes, told_apart_notes
 from esea_gen.identify.recording.resampling import FitRows, resampled
-from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
+from esea_gen.model.family import FittedMember, Member, Rise, Term
 from esea_gen.model.temperature import TemperatureFactor
 from tests.conftest import require_tool
-from tests.test_identify import MAPPING, table
 from tests.test_identify_temperature import THREE, motion, recorded, springs
+from tests.test_recordings import MAPPING, table
 
 PER, CYCLES = 100, 4
 
@@ -173,13 +173,6 @@ def test_a_weight_that_is_not_determined_is_assumed():
     assert "infinite" in note
     assert spring[1].text in note
     assert spring[0].text not in note
-
-
-def test_softening_by_path_has_its_own_words():
-    terms = (Term("spring"), Term("spring", softening=Softening("path", 40.0)))
-    (note,) = told_apart_notes(FittedMember(Member("p", "p", terms), 0.1, (1.0, 0.0)), {1: 0}, {})
-    assert "Softening by path is not seen" in note
-    assert "1 softened term is not" in note
 
 
 # The change a kelvin.
