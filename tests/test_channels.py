@@ -273,15 +273,6 @@ def test_a_backlash_is_found_and_taken_out(tmp_path):
 
 
 @pytest.mark.ci
-def test_without_a_backlash_none_is_taken_and_nothing_changes(tmp_path):
-    result = identify_member(written(tmp_path, two_sizes(1), BACKLASH), "stops")
-    (n,) = result.channels
-    assert n.value == 0.0
-    assert 0 <= n.found <= 2 * n.sigma < 1e-4
-    assert result.toml() == identify_member(mapped(tmp_path), "stops").toml()
-
-
-@pytest.mark.ci
 def test_a_lag_and_a_backlash_are_told_apart(tmp_path):
     off = {"lag_s": 0.012, "gap": 0.003}
     made = two_rates(4, **off)
@@ -323,16 +314,6 @@ def test_a_dead_zone_is_found_and_stands_in_the_device_file(tmp_path):
     assert rubber.k1_Nm_rad.status == "identified"
     assert np.array_equal(result.recordings[0].theta_rad, plain[0].theta_rad)
     assert result.to_dict()["mean_rms"]["held_out_percent"] < 0.35
-
-
-@pytest.mark.ci
-def test_without_a_dead_zone_none_is_taken_and_nothing_changes(tmp_path):
-    path = written(tmp_path, two_sizes(1, rubber=published_rubber), DEAD)
-    result = identify(path)
-    (n,) = result.channels
-    assert n.value == 0.0
-    assert n.found <= 2 * n.sigma < 0.001
-    assert result.toml() == identify(mapped(tmp_path)).toml()
 
 
 # What is refused.

@@ -237,6 +237,7 @@ def test_the_emitted_c_draws_the_fitted_torque(hdrb):
     assert "slip of x, path 0.03" in header
 
 
+@pytest.mark.ci
 def test_its_step_is_within_the_aim_on_the_emulated_board(hdrb):
     """900 instructions a step, bits as on this machine."""
     require_tool("qemu-system-arm")

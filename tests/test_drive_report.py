@@ -227,12 +227,12 @@ def test_nothing_stands_beside_where_the_published_law_does_not_go(tmp_path, fin
     assert "2000 Hz" in drive.no_yardstick(load_device(own))
     assert drive.no_yardstick(load_device("elbow_drive")) == ""
     alone = replace(findings, yardsticks={}, device=load_device(own))
-    (row, *_) = drive._experiments(alone)["experiments"]
+    (row, *_) = alone.to_dict()["experiments"]
     assert row["rms_true_Nm"] is not None
     assert row["printed_rms_true_Nm"] is row["thesis_rms_Nm"] is row["ratio"] is None
     assert "as published" not in " ".join(drive.summary(alone)[:1])
-    assert any("2000 Hz" in note for note in drive._notes(alone)["notes"])
-    (row, *_) = drive._experiments(findings)["experiments"]
+    assert any("2000 Hz" in note for note in alone.to_dict()["notes"])
+    (row, *_) = findings.to_dict()["experiments"]
     assert row["thesis_rms_Nm"] is not None
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.control.sliding_mode.linear_loop import least_damped
-from esea_gen.device import Device, copy_device, load_device, parse_device
+from esea_gen.device import Device, load_device, parse_device
 from esea_gen.devices.schema import json_schema
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
@@ -84,13 +84,6 @@ def test_every_member_can_be_written(member, elbow):
     section = family_section(fitted, "drawn")
     file = elbow.file.model_copy(update={"elastomer": None, "family": section})
     assert fitted_of(Device(file, "mine.toml")) == fitted
-
-
-def test_a_copy_has_assumed_numbers_only(rig):
-    mine = copy_device(rig, "mine")
-    assert {q.status for _, q in mine.quantities()} == {"assumed"}
-    assert mine.file.family.terms[4].times_s.status == "assumed"
-    assert dict(mine.quantities())["family.terms[0].weight_Nm"].source.startswith("copied from")
 
 
 WEIGHT = 'weight_Nm = { value = 1.0, status = "assumed", source = "x" }'

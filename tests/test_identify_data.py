@@ -16,14 +16,11 @@ import pytest
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify import Identification, Recording, identify, load_mapping, load_recordings
-from esea_gen.identify.inverse import refit_inverse
 from esea_gen.identify.published.plant import FittedPlant
 from esea_gen.identify.published.plays import KEYS, play_spread
 from esea_gen.identify.published.uncertainty import uncertainty
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.resampling import FitRows
-from esea_gen.model.inverse import inverse_system
-from esea_gen.model.published_inverse import published_inverse
 from esea_gen.model.sensing import sensing_system
 
 from .conftest import require_tool
@@ -180,26 +177,6 @@ def test_a_wrong_held_out_torque_reaches_no_row_of_a_fit_with_rate_terms(
     cycles = sum(c.role == "training" for c in recording.cycles)
     assert cycles == (4 if skip_first else 7)
     assert len(good.measured) == pytest.approx(cycles * rate_Hz, abs=0.02 * rate_Hz)
-
-
-def test_a_wrong_held_out_deflection_changes_no_number_of_the_inverse(elbow):
-    require_tool("gcc")
-    block = published_inverse(elbow, kappa=0.12, phi=3.0, chi=0.004)
-    runner = compile_system(inverse_system(elbow, block), "f64").block(block.name)
-    at = np.arange(3000)
-    tau = 4 * np.sin(at * 0.012) * (0.5 + 0.5 * np.sin(at * 0.0031))
-    theta = runner.run({"tau_Nm": tau}, trace=False)[0]["theta_rad"] + 1e-3 * np.cos(2.3 * at)
-    whole = DataSet("own", 0.2, at[:2000], at[2000:], {}, None, None, None)
-    good = Recording("own", "own.csv", "0" * 16, at * 1e-3, theta, tau, True, 0, (), (whole,))
-    bad = theta.copy()
-    bad[2000:] *= 0.7
-    fits = [
-        refit_inverse(elbow, [r], "a test", population=4)
-        for r in (good, replace(good, theta_rad=bad))
-    ]
-    assert fits[0].values == fits[1].values
-    assert fits[0].sigma == fits[1].sigma
-    assert fits[1].sets.mean_rms(True) > 10 * fits[0].sets.mean_rms(True)
 
 
 # -- how much each counts --------------------------------------------------------------------------

@@ -152,20 +152,6 @@ def springs(theta: np.ndarray, temperature_C: float, per_K: float) -> np.ndarray
     return (1 + per_K * (temperature_C - AT_23_C)) * (8 * theta + 180 * theta**3) - 0.06
 
 
-def test_weights_are_those_at_the_reference(tmp_path):
-    """Also where one temperature has three data sets and the other one."""
-    path = recorded(tmp_path, {15.0: "cycles", 31.0: "train"}, law=springs, noise_Nm=1e-5)
-    recordings = load_recordings(load_mapping(path))
-    assert [len(r.sets) for r in recordings] == [3, 1]
-    rises = (Term("spring", Rise("power", 1)), Term("spring", Rise("power", 3)), Term("offset"))
-    fitted = fit_member(
-        UnitTerms(Member("three", "three", rises), recordings, 100.0), recordings, 3.0
-    )
-    assert fitted.temperature.per_K == pytest.approx(PER_K, rel=1e-3)
-    scale = fitted.scale_rad
-    assert fitted.weights_Nm == pytest.approx((8 * scale, 180 * scale**3, -0.06), rel=1e-3)
-
-
 def test_each_temperature_is_a_condition_to_leave_out(tmp_path):
     path = recorded(tmp_path, THREE | {15.2: "cycles"})
     splits = splits_of(load_recordings(load_mapping(path)))
@@ -196,11 +182,6 @@ def test_too_near_or_one_temperature_tells_nothing(tmp_path, uses, said):
     (note,) = temperature_notes(recordings)
     assert "not known" in note
     assert said in note
-
-
-def test_the_published_model_is_said_to_have_none(tmp_path):
-    (note,) = temperature_notes(load_recordings(load_mapping(recorded(tmp_path, THREE))))
-    assert "published model has no factor" in note
 
 
 def test_no_change_is_not_told_from_none(tmp_path):

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-import h5py
 import numpy as np
-import pyarrow
-import pyarrow.parquet
 import pytest
-import scipy.io
 
-from esea_gen.device import parse_device
 from esea_gen.errors import UserError
 from esea_gen.identify import identification as identification_file
 from esea_gen.identify import identify, load_mapping, load_recordings
@@ -114,12 +108,6 @@ def test_a_wrong_unit_of_time_is_refused(tmp_path, unit, parts):
     said = refused(written(tmp_path, 1000 * t if unit == "min" else t, x, y, change))
     for part in parts:
         assert part in said
-
-
-def test_a_period_of_minutes_is_refused(tmp_path):
-    said = refused(written(tmp_path, *rig(), (PERIOD[0], PERIOD[1].replace("VALUE", "100"))))
-    assert "1.6e+05 s, 1.6e+08 steps" in said
-    assert "Check sampling.period_s" in said
 
 
 # What is masked.
@@ -323,34 +311,6 @@ def test_rate_terms_that_do_not_help_are_left_out(tmp_path, monkeypatch):
 # Files.
 
 
-@pytest.mark.parametrize("kind", ["mat", "mat 7.3", "hdf5", "parquet", "json", "json rows"])
-def test_every_kind_of_file_gives_the_same(tmp_path, kind):
-    columns = dict(zip("txy", rig(*(0.1,) * 4), strict=True))
-    wanted = load_recordings(load_mapping(written(tmp_path, *columns.values())))[0]
-    name = f"rig.{kind.split()[0]}"
-    if kind == "mat":
-        scipy.io.savemat(tmp_path / name, columns)
-    elif kind in ("hdf5", "mat 7.3"):
-        # MATLAB puts its text into the 512 bytes before HDF5's own, and a vector into a column.
-        with h5py.File(tmp_path / name, "w", userblock_size=512) as file:
-            for key, values in columns.items():
-                file[key] = values.reshape(1, -1) if kind == "mat 7.3" else values
-        if kind == "mat 7.3":
-            with (tmp_path / name).open("r+b") as raw:
-                raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512))
-    elif kind == "parquet":
-        pyarrow.parquet.write_table(pyarrow.table(columns), tmp_path / name)
-    else:
-        content = {k: v.tolist() for k, v in columns.items()}
-        rows = [dict(zip("txy", row, strict=True)) for row in zip(*content.values(), strict=True)]
-        (tmp_path / name).write_text(json.dumps(rows if "rows" in kind else content))
-    form = f'[format]\nkind = "{kind.split()[0]}"\n[[recording]]'
-    path = mapped(tmp_path, ("rig.csv", name), ("[[recording]]", form))
-    got = load_recordings(load_mapping(path))[0]
-    assert np.abs(got.tau_Nm - wanted.tau_Nm).max() < 1e-7
-    assert len(got.time_s) == len(wanted.time_s)
-
-
 @pytest.mark.parametrize(("kind", "package"), [("hdf5", "h5py"), ("parquet", "pyarrow")])
 def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, kind, package):
     monkeypatch.setitem(sys.modules, package, None)
@@ -361,16 +321,6 @@ def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, kind, package
 
 
 # What the device file and verification let pass.
-
-
-def test_a_rate_that_no_board_runs_is_refused(elbow):
-    """333.3 Hz stood in the header as 3000 us and in the model as 3000.3."""
-    text = elbow.toml()
-    assert "{ value = 1000.0, status" in text
-    with pytest.raises(UserError, match=r"period of 3000\.3 us.*333\.333333 Hz"):
-        parse_device(text.replace("{ value = 1000.0, status", "{ value = 333.3, status"), "x.toml")
-    whole = text.replace("{ value = 1000.0, status", "{ value = 333.333333, status")
-    assert round(1e6 * parse_device(whole, "x.toml").period_s) == 3000
 
 
 # Sign and lag of the torque.

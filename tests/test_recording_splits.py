@@ -69,13 +69,6 @@ def test_each_condition_judges_once_beside_the_files_own_cycles():
         "a": "train", "b": "train", "c": "judge", "d": "judge", "e": "train []"}  # fmt: skip
 
 
-def test_what_has_all_data_sets_leaves_nothing_to_train_on():
-    one = splits_of([recording(data("a", BOTH))])
-    assert told(one) == [("last cycles", True, False)]
-    two = [recording(data(k, BOTH), conditions=("x",)) for k in "ab"]
-    assert told(splits_of(two)) == [("last cycles", True, False)]
-
-
 def test_a_condition_that_the_file_holds_out_stands_for_both():
     made = [recording(data("a", ONLY)), recording(data("b", ONLY)), recording(data("c", JUDGE))]
     assert told(splits_of(made)) == [("a", False, True), ("b", False, True), ("c", True, True)]

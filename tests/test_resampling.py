@@ -84,16 +84,6 @@ def test_what_is_said_covers(case):
     assert (seen == 8) if case == "friction" else (seen <= 1)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
-def test_what_is_said_covers_over_many_runs(case):
-    ratio, inside, seen = sweep(case, range(1000, 1200))
-    print(f"{case}: error/sigma {ratio:.2f}, in the band {100 * inside:.1f} %, friction {seen}")
-    assert 0.75 < ratio < 1.25
-    assert 0.93 < inside < 0.97
-    assert (seen == 200) if case == "friction" else (seen <= 10)
-
-
 def test_the_friction_that_is_found_is_the_one_that_was_there():
     _, found, _ = one("friction", 3)
     assert found.friction_Nm == pytest.approx(0.08, abs=0.015)

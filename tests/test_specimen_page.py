@@ -231,13 +231,6 @@ def test_a_life_without_a_curve_is_not_known(at):
     assert "203.5" in text
 
 
-def test_without_an_identification_the_chosen_model_is_identified(at):
-    text = page(f"map.toml {compared()}")
-    assert "torque model springs and slip operators" in text
-    assert "made for this page: esea-gen identify map.toml" in text
-    assert "another one" not in text
-
-
 def change(name: str, **new) -> str:
     content = json.loads(Path(name).read_text())
     Path(name).write_text(json.dumps(content | new))

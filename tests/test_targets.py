@@ -52,15 +52,6 @@ def test_the_set_up_installs_every_compiler_from_its_package():
         assert re.search(rf'need {command} "{package}', setup), processor.name
 
 
-def test_every_use_has_one_board_a_core():
-    for use in ("instructions", "bits"):
-        cores = [b.core for b in targets.boards_for(use)]
-        assert cores
-        assert len(set(cores)) == len(cores)
-        assert all(b.machine and b.code_bytes and b.ram_bytes for b in targets.boards_for(use))
-        assert use == "bits" or all(b.clock_Hz for b in targets.boards_for(use))
-
-
 def test_no_flag_of_a_processor_stands_outside_the_table():
     pattern = re.compile(r"-m(cpu|arch|fpu|float-abi|tune|thumb)\b")
     found = [

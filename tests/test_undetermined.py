@@ -221,16 +221,6 @@ def test_the_interval_of_the_change_a_kelvin_is_as_wide_as_its_error(tmp_path, u
     assert 0.6 < np.sqrt(np.mean(error**2) / np.mean(said**2)) < 1.6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("uses", USES.values(), ids=USES)
-def test_the_interval_of_the_change_a_kelvin_over_many_runs(tmp_path, uses):
-    require_tool("gcc")
-    error, said = kelvins(tmp_path, uses, range(1000, 1200))
-    ratio = float(np.sqrt(np.mean((error / said) ** 2)))
-    print(f"{list(uses)} degC: error over deviation {ratio:.2f}")
-    assert 0.8 < ratio < 1.25
-
-
 def test_a_change_at_the_end_of_the_search_is_called_out(tmp_path):
     """A rubber that loses 9 % a kelvin: the factor would be below 0.2."""
     require_tool("gcc")
