@@ -41,7 +41,7 @@ docs: setup
 	@echo "Open $(OUT)/site/index.html"
 
 bench: setup
-	@$(BIN)/python -m esea_gen.bench --json bench.json
+	@$(BIN)/python -m tests.benchmarks --json bench.json
 
 # Other hostile files, bytes and texts at each run: 5 minutes for each kind, or FUZZ_S seconds.
 fuzz: setup

@@ -47,14 +47,7 @@ ARM_LINUX_GCC = Toolchain("arm-linux-gnueabi-gcc", "gcc-arm-linux-gnueabi libc6-
 
 @dataclass(frozen=True)
 class Processor:
-    """A processor that C is compiled for.
-
-    fpu: whether it computes single precision itself; else the compiler's helpers do.
-    stack_limit_bytes: largest stack use of a task's step, in single precision, of a device that
-        only measures; None where no gate asks.
-    cycles_per_instruction: assumed, and measured by nobody: most take one, loads, divisions and a
-        flash that makes it wait take more.
-    """
+    """A processor that C is compiled for."""
 
     name: str
     title: str
@@ -137,26 +130,7 @@ _MB = 1 << 20
 
 @dataclass(frozen=True)
 class Board:
-    """A board, or machine, that an image can be built for.
-
-    name: at most 15 characters: the board tells it over the link.
-    family: folder in ``firmware/boards`` that it shares with others; empty for one of its own name.
-    machine: QEMU's name of it; empty for a program.
-    clock_Hz: of the processor, which the image sets, and which what a number of instructions would
-        take is reckoned with; 0 where nobody asks.
-    reset_Hz: at which it starts, and stays where the other does not come; 0: at ``clock_Hz``.
-    runner: what runs a program of another processor here.
-    package: what opkg calls the processor, where it takes packages.
-    code, code_bytes, ram, ram_bytes: where programs without the firmware and their data lie.
-    most_bits: of a drive's count that the encoders which its drivers read can send, by the key of
-        the device file; none where it has no drivers.
-    real: number format of the firmware's control code.
-    tick_instructions: instructions that a tick of its timer stands for in QEMU.
-    uses: what it serves beside the firmware: ``instructions`` of a step counted in the benchmarks,
-        ``bits`` of fixed point and float held against the host.
-    flags, app_flags, link: beside the processor's; of all files, of the application's, of the
-        firmware's linking.
-    """
+    """A board, or machine, that an image can be built for."""
 
     name: str
     title: str

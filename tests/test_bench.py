@@ -11,20 +11,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.bench import bench, twin
-from esea_gen.bench import steps as bench_steps
-from esea_gen.bench.bench import benchmark_stream, instruction_rows, main, step_rows, table
-from esea_gen.bench.boards import BOARDS, Count, checksum, count_step
-from esea_gen.bench.peers import (
+from esea_gen.device import load_device
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.render import Renderer
+from esea_gen.twin.parameters import plant_tunables
+from esea_gen.twin.recorded import record_drive
+from esea_gen.twin.run import plant_variant
+from tests.benchmarks import sensor as bench
+from tests.benchmarks import steps as bench_steps
+from tests.benchmarks import twin
+from tests.benchmarks.boards import BOARDS, Count, checksum, count_step
+from tests.benchmarks.peers import (
     CompiledPeer,
     EvaluatorPeer,
     NumpyPeer,
     count_board_instructions,
     peer_sources,
 )
-from esea_gen.bench.recorded import block_streams, task_rows
-from esea_gen.bench.row import Row
-from esea_gen.bench.steps import (
+from tests.benchmarks.recorded import block_streams, task_rows
+from tests.benchmarks.row import Row
+from tests.benchmarks.sensor import benchmark_stream, instruction_rows, main, step_rows, table
+from tests.benchmarks.steps import (
     AIMS,
     BLOCKS,
     alone,
@@ -36,14 +43,8 @@ from esea_gen.bench.steps import (
     task_cost_rows,
     task_sources,
 )
-from esea_gen.bench.twin import torque_errors, twin_rows, twin_table
-from esea_gen.bench.twin_peers import PlantEquations
-from esea_gen.device import load_device
-from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.render import Renderer
-from esea_gen.twin.parameters import plant_tunables
-from esea_gen.twin.recorded import record_drive
-from esea_gen.twin.run import plant_variant
+from tests.benchmarks.twin import torque_errors, twin_rows, twin_table
+from tests.benchmarks.twin_peers import PlantEquations
 
 from .conftest import require_tool
 from .test_plant import slopes, torque_of
@@ -184,7 +185,7 @@ def test_costs_without_an_emulator_are_times_alone(elbow, monkeypatch):
     require_tool("gcc")
     monkeypatch.setattr(shutil, "which", _without("qemu-system-arm", shutil.which))
     few = [s for s in subjects(elbow, 30) if s.name in ("sensor", "velocity")]
-    monkeypatch.setattr("esea_gen.bench.steps.subjects", lambda *_: few)
+    monkeypatch.setattr("tests.benchmarks.steps.subjects", lambda *_: few)
     said: list[str] = []
     rows = step_cost_rows(elbow, 1, said.append, 30, 30)
     assert [r.unit for r in rows] == ["ns", "ns"]

@@ -21,7 +21,7 @@ from esea_gen.language.system import System
 from esea_gen.language.wires import Task
 from esea_gen.observe.cable import cable_observer
 from esea_gen.observe.disturbance import drive_observer_by_gear
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Setting
 from esea_gen.twin.judge import judge
 from esea_gen.twin.run import run_case

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
-from esea_gen.device import load_device
+from esea_gen.device import load_device, with_numbers
 from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.language.wires import Signal
-from esea_gen.studies.chain import reaches, with_encoder
+from esea_gen.twin.trajectories import reaches
 from esea_gen.verify.chain import ChainError, ChainReport, search_chain
 
 from .observed import filtered
@@ -106,14 +106,14 @@ def test_the_bandwidth_that_suits_an_encoder_keeps_the_aims(elbow, sweep):
     """Sweep at 12 and 14 bits, reaches with a count of next to nothing."""
     theta, load, true = sweep
     for bits, aim in ((12, 0.4), (14, 0.1)):
-        library = compile_device(with_encoder(elbow, bits), "f64")
+        library = compile_device(with_numbers(elbow, {"encoder.resolution_bits": bits}), "f64")
         given = smoothed(library, read(theta, load, bits), suited_bandwidth_Hz(bits))
         sensor = library.block("sensor")
         sensor.reset()
         assert of_full_scale(sensor.run(given, trace=False)[0]["tau_Nm"] - true) < aim
     ends, lasting = np.array([0.1, -0.15, 0.05]), np.array([0.4, 0.5, 0.3])
     fine = reaches(ends, lasting, H / FINE)
-    library = compile_device(with_encoder(elbow, 24), "f64")
+    library = compile_device(with_numbers(elbow, {"encoder.resolution_bits": 24}), "f64")
     given = smoothed(library, fine[::FINE], suited_bandwidth_Hz(24))
     error = library.block("sensor").run(given, trace=False)[0]["tau_Nm"] - continuous(fine)[::FINE]
     assert 100 * float(np.sqrt(np.mean(error**2))) / FULL_NM < 0.05
@@ -192,7 +192,7 @@ def test_white_counts_are_smoothed_by_the_filters_own_gain(elbow, bits):
     left = np.sqrt(solve_discrete_lyapunov(m, np.outer(gains, gains))[3, 3])
     rng = np.random.default_rng(4)
     noise = COUNT[bits] * (rng.uniform(-0.5, 0.5, (2, 200_000)).sum(axis=0))
-    device = with_encoder(elbow, bits)
+    device = with_numbers(elbow, {"encoder.resolution_bits": bits})
     given = smoothed(compile_device(device, "f64"), 0.05 + noise)["theta_rad"]
     assert np.std(given[1000:]) == pytest.approx(COUNT[bits] * left / np.sqrt(6), rel=0.05)
     assert left < 1 / 3  # where raw counts leave 1

@@ -12,9 +12,8 @@ from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 from typer.testing import CliRunner
 
-import esea_gen.bench.sensor_cost
 import esea_gen.identify.family.compare as comparing
-from esea_gen.bench.sensor_cost import sensor_instructions
+import esea_gen.verify.step_count
 from esea_gen.cli.app import app
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
@@ -34,6 +33,7 @@ from esea_gen.identify.family.peers import PEERS, fit_peer
 from esea_gen.identify.recording.conditions import splits_of
 from esea_gen.identify.recording.misfit import Misfits
 from esea_gen.identify.verdict import judge
+from esea_gen.verify.step_count import sensor_instructions
 from tests.conftest import require_tool
 from tests.test_recordings import MAPPING
 
@@ -307,7 +307,7 @@ def test_the_command_prints_a_table_and_writes_json(tmp_path, monkeypatch):
     few = tuple(m for m in members() if m.name in ("stops", "slips"))
     monkeypatch.setattr(comparing, "members", lambda: few)
     monkeypatch.setattr(comparing, "PEERS", {})
-    monkeypatch.setattr(esea_gen.bench.sensor_cost, "sensor_instructions", lambda device: 321.0)
+    monkeypatch.setattr(esea_gen.verify.step_count, "sensor_instructions", lambda device: 321.0)
     path = write_rig(tmp_path, {"small": 2.0, "middle": 3.5, "large": 5.0})
     target = tmp_path / "found.json"
     done = CliRunner().invoke(app, ["identify", str(path), "--compare", "--json", str(target)])
@@ -331,7 +331,7 @@ def test_without_an_emulator_the_comparison_goes_on(tmp_path, monkeypatch):
     require_tool("gcc")
     monkeypatch.setattr(comparing, "members", lambda: (member("stops"),))
     monkeypatch.setattr(comparing, "PEERS", {})
-    monkeypatch.setattr(esea_gen.bench.sensor_cost, "missing_tool", lambda: "No emulator.")
+    monkeypatch.setattr(esea_gen.verify.step_count, "missing_tool", lambda: "No emulator.")
     path, target = write_rig(tmp_path, {"small": 2.0, "large": 5.0}), tmp_path / "found.json"
     head, *rows = (tmp_path / "large.csv").read_text().split()
     moved = (r.rsplit(",", 1) for r in rows)

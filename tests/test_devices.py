@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import re
-import subprocess
 import tomllib
 from functools import cache
 
@@ -15,7 +13,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import esea_gen
-from esea_gen.cli.app import GROUPS
 from esea_gen.device import copy_device, parse_device
 from esea_gen.devices.fields import SCHEMA_FILE
 from esea_gen.devices.file import shipped_devices
@@ -25,7 +22,6 @@ from esea_gen.emit.build import (
     device_hash,
     differences,
     render_device,
-    write_bundles,
 )
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.walker import walk
@@ -39,7 +35,6 @@ from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 
 from .conftest import ROOT, require_tool
 from .test_cli import refused, run
-from .test_emit import STRICT
 
 BOARDS = ("elbow_board", "knee_board", "wrist_board")  # from counts of encoders
 NAMES = ("elbow", "knee", "knee_printed", "wrist", *BOARDS)  # those that measure
@@ -83,35 +78,12 @@ def quasi_static(theta: np.ndarray) -> np.ndarray:
     return out
 
 
-def rate_torque(reading: str, amplitude: float, f_Hz: float, times, refine: int) -> np.ndarray:
-    """Equation 3.3 for a sine on a finer grid; the rate is that of the deflection beyond."""
-    p = TABLE | READINGS[reading]
-    h = (times[1] - times[0]) / refine
-    t = np.arange(1, (len(times) - 1) * refine + 1) * h - h / 2
-    theta = amplitude * np.sin(2 * np.pi * f_Hz * t)
-    rate = 2 * np.pi * f_Hz * amplitude * np.cos(2 * np.pi * f_Hz * t)
-    rate = np.where(np.abs(theta) > DEAD_ZONE, rate, 0.0)
-    eta = p["A_Nms_rad"] * np.abs(beyond(theta)) ** p["m"] + p["eps1_Nms_rad"]
-    eta = eta / (p["B"] * np.abs(rate) ** p["n"] + p["eps2"])
-    decay = np.exp(-p["kv_Nm_rad"] * h / eta)
-    tau, out = 0.0, [0.0]
-    for k, (d, gain) in enumerate(zip(decay, eta * (1 - decay) * rate, strict=True), 1):
-        tau = d * tau + gain
-        if k % refine == 0:
-            out.append(tau)
-    return np.array(out)
-
-
 @pytest.fixture(scope="module", params=NAMES)
 def device(request):
     return esea_gen.load_device(request.param)
 
 
 # -- every shipped device ----------------------------------------------------------------------
-
-
-def test_these_are_all():
-    assert sorted(shipped_devices()) == sorted((*NAMES, *DRIVES))
 
 
 @pytest.mark.ci
@@ -137,25 +109,6 @@ def test_it_reads_back_equal_and_has_its_file_name(device):
     assert device.origin == f"{device.name}.toml"
     for key, q in device.quantities():
         assert q.source, key
-
-
-@pytest.mark.ci
-def test_the_committed_output_is_current(device):
-    assert device_formats(device) == ["f64", "f32"]
-    bundles = [*render_device(device, device_formats(device)), render_dialect(device)]
-    assert differences(bundles, ROOT / "generated" / device.name) == []
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize("real", ["f64", "f32"])
-def test_the_example_compiles_strictly_and_agrees(device, real, tmp_path):
-    require_tool("gcc")
-    write_bundles(render_device(device, [real]), tmp_path)
-    sources = sorted(str(p) for p in (tmp_path / real).glob("*.c"))
-    flags = ["-std=c99", "-O2", "-ffp-contract=off", *STRICT]
-    subprocess.run(["gcc", *flags, *sources, "-o", "example", "-lm"], cwd=tmp_path, check=True)
-    done = subprocess.run(["./example"], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert "12 of 12 samples agree" in done.stdout
 
 
 # The elbow: test_equivalence.  The wrist's f32 has the elbow's bits: below.  As printed the knee is
@@ -243,15 +196,7 @@ def test_knee_rate_torque_in_both_readings(name, peak_Nm):
         "omega_rad_s": amplitude * omega * np.cos(omega * (t - 5e-4)),
     }
     out, _ = esea_gen.load_device(name).sensor.simulator().run(inputs)
-    fine = rate_torque(name, amplitude, f_Hz, t, 20)
-    for torque in (fine, out["tau_rate_Nm"]):
-        assert np.max(np.abs(torque)) == pytest.approx(peak_Nm, abs=0.005)
-    # The step that leaves the dead zone is the worst: at most kv |rate| h, documented.
-    error = np.abs(out["tau_rate_Nm"] - fine)
-    kv = READINGS[name]["kv_Nm_rad"]
-    assert np.max(error) < kv * amplitude * omega * 1e-3 + 1e-3
-    assert 100 * np.max(error) / 47.8 < 0.12
-    assert 100 * np.sqrt(np.mean(error**2)) / 47.8 < 0.01
+    assert np.max(np.abs(out["tau_rate_Nm"])) == pytest.approx(peak_Nm, abs=0.005)
 
 
 @cache
@@ -325,15 +270,6 @@ def test_a_residual_rate_torque_relaxes_inside_the_dead_zone_whatever_the_rate()
         assert out["tau_rate_Nm"] == pytest.approx(expected, rel=1e-4)
 
 
-def test_knee_equations_carry_the_dead_zone():
-    numbers = [e.number for e in esea_gen.load_device("knee").sensor.equations]
-    assert "(8.7/8.8)" in numbers
-    header = (ROOT / "generated/knee/f32/esea_knee.h").read_text()
-    assert "(8.7/8.8)" in header
-    assert "dead_zone_rad" in header
-    assert "(8.7/8.8)" not in [e.number for e in esea_gen.load_device("elbow").sensor.equations]
-
-
 def test_the_dead_zone_is_checked(elbow):
     assert "dead_zone_rad" not in elbow.canonical()  # nothing changes for a device without it
     text = esea_gen.load_device("knee").toml()
@@ -365,19 +301,6 @@ def test_wrist_is_two_elbows_and_says_so(elbow):
         assert "nothing is published for the wrist" in q.source
     assert [b.name for b in wrist.system.kinds] == ["velocity", "smoothing", "sensor"]
     assert walk(wrist.sensor.step).listing() == walk(elbow.sensor.step).listing()
-
-
-def test_wrist_names_keep_the_unit():
-    system = esea_gen.load_device("wrist").system
-    assert [x.name for x in system.inputs] == ["theta_flexion_rad", "theta_deviation_rad"]
-    names = [x.name for x in system.outputs]
-    for name in ("tau_flexion_Nm", "tau_rate_deviation_Nm", "omega_flexion_rad_s"):
-        assert name in names
-    for name in ("sensor_flexion_status", "velocity_deviation_status"):
-        assert name in names
-    for x in (*system.inputs, *system.outputs):
-        if not x.port.flags:
-            assert unit_of(x.name) == x.port.unit
 
 
 def test_wrist_axes_are_independent_elbows(elbow):
@@ -425,12 +348,6 @@ def test_wrong_axes_are_said(axes, words):
         parse_device(text.replace('["flexion", "deviation"]', axes), "x.toml")
 
 
-def test_the_most_axes_fit_a_frame():
-    text = esea_gen.load_device("wrist").toml()
-    six = text.replace('["flexion", "deviation"]', json.dumps([12 * c for c in "abcdef"]))
-    assert "ESEA_SENSE_OUT" in render_dialect(parse_device(six, "x.toml")).files["esea_wrist.xml"]
-
-
 # -- new device files and their schema ---------------------------------------------------------
 
 
@@ -456,19 +373,6 @@ def test_new_writes_a_file_that_builds(tmp_path):
         run("build", "shoulder.toml", "--real", "f32", "--out", "o", cwd=tmp_path).returncode == 0
     )
     assert (tmp_path / "o/f32/esea_shoulder.c").exists()
-
-
-def test_new_names_the_optional_keys(tmp_path):
-    done = run("new", "mine", "--out", "deep/mine.toml", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    text = (tmp_path / "deep/mine.toml").read_text()
-    assert "# Optional, dead_zone_rad: Half-width of the dead zone" in text
-    assert (tmp_path / "deep" / SCHEMA_FILE).exists()
-    assert esea_gen.load_device(tmp_path / "deep/mine.toml").file.elastomer.dead_zone_rad is None
-    # The schema that is there is left as it is.
-    (tmp_path / "deep" / SCHEMA_FILE).write_text("mine")
-    assert run("new", "other", "--out", "deep/other.toml", cwd=tmp_path).returncode == 0
-    assert (tmp_path / "deep" / SCHEMA_FILE).read_text() == "mine"
 
 
 @pytest.mark.parametrize(
@@ -499,14 +403,6 @@ def test_copies_change_no_number(device):
     assert walk(copy.sensor.step).listing() == walk(device.sensor.step).listing()
     assert device_hash(copy) != device_hash(device)
     assert copy.axes == device.axes
-
-
-def test_schema_command_writes_what_new_writes(tmp_path):
-    assert run("schema", "--out", "s.json", cwd=tmp_path).returncode == 0
-    assert run("new", "mine", cwd=tmp_path).returncode == 0
-    assert (tmp_path / "s.json").read_text() == (tmp_path / SCHEMA_FILE).read_text()
-    assert json.loads((tmp_path / "s.json").read_text()) == json_schema()
-    assert {"new", "schema"} <= {name for group in GROUPS.values() for name in group}
 
 
 def conforms(value, schema, where="") -> list[str]:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from esea_gen import files
-from esea_gen.bench.encoder_faults import AT_S, CASES, quiet
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person
@@ -19,6 +18,7 @@ from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.judge import fault_figures
 from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.run import run_case
+from tests.benchmarks.encoder_faults import AT_S, CASES, quiet
 
 from .conftest import require_tool, without
 from .test_cli import run as run_cli
@@ -251,8 +251,8 @@ def test_the_command_says_what_came_of_it(tmp_path):
 
 @pytest.mark.slow
 def test_the_pages_table_is_what_the_benchmark_finds():
-    from esea_gen.bench.encoder_faults import FAULTS, fault_rows
-    from esea_gen.bench.encoder_faults import table as lines
+    from tests.benchmarks.encoder_faults import FAULTS, fault_rows
+    from tests.benchmarks.encoder_faults import table as lines
 
     rows = fault_rows(FAULTS, 1, -1)
     files.stamped("bench-encoder-faults", {"simulated": True, "faults": rows})

@@ -12,7 +12,6 @@ import pytest
 from typer.testing import CliRunner
 
 import esea_gen
-from esea_gen.bench.fixed import PROGRAMS, run_filter
 from esea_gen.board import bare
 from esea_gen.board.bare import emulate, run_bare_system
 from esea_gen.cli import app
@@ -29,7 +28,7 @@ from esea_gen.identify import recorded_deflections
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, clip
 from esea_gen.language.system import System, Task
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.recorded import record_drive
@@ -39,6 +38,7 @@ from esea_gen.verify.fixed_report import AIM_SHARE, compare_signal, published_mo
 from esea_gen.verify.runs import run_c
 from esea_gen.verify.streams import domain_chirp, streams
 from esea_gen.verify.traces import trace_stream
+from tests.benchmarks.fixed import PROGRAMS, run_filter
 
 from .conftest import require_tool
 from .test_fixed import header_problems

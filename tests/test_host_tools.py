@@ -17,11 +17,11 @@ from matplotlib.image import imread
 import esea_host
 from esea_gen import files
 from esea_gen.errors import UserError
-from esea_host.bench import link as bench
 from esea_host.cli import main
 from esea_host.recording.export import to_bids, to_csv, to_parquet
 from esea_host.recording.foreign import import_table, read_mapping
 from esea_host.simulated.demo import run_demo
+from tests.benchmarks import link as bench
 
 from .conftest import require_tool
 
@@ -277,7 +277,7 @@ def test_the_bench_measures_what_it_says(simulated_elbow):
 # In a process of its own: in one that has run for long, memory that is free hides what is kept.
 SOAK = """
 import json, sys
-from esea_host.bench.plotting import window_soak
+from tests.benchmarks.live_view import window_soak
 from esea_host.simulated import SimulatedBoard
 from esea_host.windows.history import RowRing
 

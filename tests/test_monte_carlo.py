@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.analysis.monte_carlo import percentiles
-from esea_gen.analysis.plots import percentile_bars
 from esea_gen.errors import UserError
 
 
@@ -48,11 +47,3 @@ def test_the_bootstrap_interval_covers():
         for p in (percentiles("x", np.random.default_rng(s).normal(size=60)) for s in range(100))
     )
     assert 88 <= hits <= 100
-
-
-def test_the_picture_says_what_failed():
-    rows = [(n, percentiles(n, np.arange(50.0) + 1, failed=f)) for n, f in (("a", 0), ("b", 3))]
-    figure = percentile_bars(rows, {"a": 40.0})
-    assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == ["a", "b\n3 of 53 failed"]
-    texts = [t.get_text() for t in figure.legends[0].get_texts()]
-    assert texts == ["5 to 95 %", "25 to 75 %", "95 % interval of the 95 %", "largest", "limit"]

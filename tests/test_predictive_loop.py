@@ -5,19 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from esea_gen.bench.predictive import (
-    AIM_BOUND,
-    AIM_TYPICAL,
-    CORES,
-    FLAGS,
-    _build,
-    _entry,
-    cost_on,
-    seen_on_m4f,
-    stress_rows,
-)
-from esea_gen.bench.predictive_loop import recorded_rows
-from esea_gen.bench.predictive_peer import flat_residuals
 from esea_gen.board.bound import BoundError, blocks_of, disassemble
 from esea_gen.control.predictive.box_qp import packed
 from esea_gen.control.predictive.box_qp_program import box_qp
@@ -32,6 +19,19 @@ from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.judge import judge
 from esea_gen.twin.run import run_case
+from tests.benchmarks.predictive import (
+    AIM_BOUND,
+    AIM_TYPICAL,
+    CORES,
+    FLAGS,
+    _build,
+    _entry,
+    cost_on,
+    seen_on_m4f,
+    stress_rows,
+)
+from tests.benchmarks.predictive_loop import recorded_rows
+from tests.benchmarks.predictive_peer import flat_residuals
 
 from .conftest import require_tool
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from esea_gen.bench.predictive import stress_rows
 from esea_gen.board import release as releases
 from esea_gen.board.release import TaskTimes, task_times
 from esea_gen.control.predictive.drive import LEAST_SHARE
@@ -19,6 +18,7 @@ from esea_gen.emit.program_render import render_program
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.targets import BOARDS
+from tests.benchmarks.predictive import stress_rows
 
 from .conftest import require_tool
 

@@ -16,7 +16,6 @@ from esea_gen.analysis.frequency import FrequencyResponse
 from esea_gen.analysis.impedance import impedance
 from esea_gen.analysis.plots import (
     bode,
-    cell_edges,
     rms_by_case,
     save,
     torque_cases,
@@ -31,8 +30,8 @@ from esea_gen.analysis.sweeps import (
     welch_response,
 )
 from esea_gen.errors import UserError
+from esea_gen.reproduce.spring_rig import author_bandwidth, check_on_data
 from esea_gen.studies.output_impedance import impedance_figure
-from esea_gen.studies.spring_rig import author_bandwidth, check_on_data
 from esea_gen.studies.tuning_sweep.figure import tuning_trade
 
 H = 1e-3
@@ -83,20 +82,6 @@ def test_second_order_step_in_any_unit_and_at_any_time(zeta, f_Hz, scale, offset
     # The envelope bounds the settling from above.
     assert m.settling_5_s <= m.settling_2_s
     assert m.settling_2_s <= -math.log(0.02 * math.sqrt(1 - zeta**2)) / (zeta * wn) * 1.01
-
-
-def test_irregular_samples_and_noise_leave_the_figures():
-    rng = np.random.default_rng(3)
-    t = np.sort(rng.uniform(-1, 3, 4000))
-    y = second_order(t, 2 * np.pi * 3, 0.5) + rng.normal(0, 0.003, len(t))
-    m = step_metrics(t, y, step_s=0.0)
-    assert m.rise_s == pytest.approx(0.0871, abs=0.003)  # wn t_r = 1.64 at zeta 0.5
-    assert m.overshoot_percent == pytest.approx(16.3, abs=1)
-    assert m.tail_rms == pytest.approx(0.003, rel=0.15)
-    loud = step_metrics(t, y + rng.normal(0, 0.03, len(t)), step_s=0.0)
-    assert loud.verdict == "stable"  # noise is no oscillation
-    assert loud.settling_2_s is None
-    assert "none within the record" in "\n".join(loud.table())
 
 
 @pytest.mark.parametrize(
@@ -233,17 +218,6 @@ def test_the_worst_of_several_crossings_counts():
     assert m.gain_margin_Hz == pytest.approx(0.5 / 0.03, rel=1e-3)
 
 
-def test_the_least_delay_need_not_be_where_the_phase_margin_is():
-    # Gain crosses 1 at 1, 5 and 20 Hz, with margins of 30, 80 and 60 deg: delays of 83, 44, 8 ms.
-    f = np.geomspace(0.1, 100, 4001)
-    gain = np.where(f < 1, 2.0, np.where(f < 5, 0.5, np.where(f < 20, 2.0, 0.5)))
-    phase_deg = np.interp(np.log(f), np.log([0.5, 1, 5, 20, 50]), [-120, -150, -100, -120, -120])
-    locus = gain * np.exp(1j * np.radians(phase_deg))
-    m = FrequencyResponse(f, locus, None, None, "").margins()
-    assert m.phase_margin_deg == pytest.approx(30, abs=0.3)
-    assert m.delay_margin_s == pytest.approx(60 / 360 / 20, rel=5e-3)
-
-
 def test_open_loop_of_a_closed_one():
     f = np.geomspace(0.1, 100, 300)
     s = 2j * np.pi * f
@@ -256,26 +230,6 @@ def test_open_loop_of_a_closed_one():
     assert found.margins().phase_margin_deg == pytest.approx(
         90 - math.degrees(math.atan(0.01 * wc)), abs=0.05
     )
-
-
-@pytest.mark.parametrize("order", [0, 1, 2])
-def test_lags_and_delays_are_parted(order):
-    f = np.geomspace(0.2, 40, 200)
-    s = 2j * np.pi * f
-    rng = np.random.default_rng(order)
-    truth = 0.8 * np.exp(-0.012 * s)
-    truth /= {0: 1, 1: 1 + s / (2 * np.pi * 6), 2: 1 / exact(f, 2 * np.pi * 9, 0.3)}[order]
-    noise = 0.01 * (rng.normal(size=200) + 1j * rng.normal(size=200))
-    fit = FrequencyResponse(f, truth * (1 + noise), None, None, "noisy").lag(order)
-    assert fit.gain == pytest.approx(0.8, rel=0.01)
-    assert fit.delay_s == pytest.approx(0.012, abs=2e-4)
-    assert fit.misfit == pytest.approx(0.01 * math.sqrt(2), rel=0.2)
-    if order:
-        assert fit.natural_Hz == pytest.approx({1: 6, 2: 9}[order], rel=0.02)
-    if order == 2:
-        assert fit.damping == pytest.approx(0.3, abs=0.01)
-    with pytest.raises(UserError, match="order"):
-        FrequencyResponse(f, truth, None, None, "").lag(3)
 
 
 def discrete(wn, zeta, h, hold="zoh"):
@@ -322,33 +276,6 @@ def test_an_instrument_removes_the_bias_of_feedback():
     miss, bias = (np.median(np.abs(e.response / true - 1)) for e in (better, plain))
     assert miss < 0.1
     assert bias > 3 * miss
-
-
-def test_periodic_input_is_exact_but_for_noise():
-    rng = np.random.default_rng(2)
-    n, periods = 4000, 6
-    lines = np.array([1, 2, 3, 5, 9, 17, 33, 65, 129])
-    t = np.arange(n * periods) * H
-    u = sum(
-        np.cos(2 * np.pi * f / (n * H) * t + p)
-        for f, p in zip(lines, rng.uniform(0, 6, len(lines)), strict=True)
-    )
-    b, a = discrete(2 * np.pi * 4, 0.3, H)
-    y = signal.lfilter(b, a, u)
-    r = periodic_response(u, y, H, samples=n, skip=2)
-    assert r.frequency_Hz == pytest.approx(lines / (n * H))
-    _, true = signal.freqz(b, a, r.frequency_Hz, fs=1 / H)
-    assert np.max(np.abs(r.response / true - 1)) < 1e-8
-    assert r.coherence == pytest.approx(1)
-    noisy = periodic_response(u, y + rng.normal(0, 0.05, len(y)), H, samples=n, skip=2)
-    # White noise of deviation s: each line of n m samples has s sqrt(n m / 2) along the gain.
-    theory = 0.05 * math.sqrt(n * 4 / 2) / (n * 4 / 2 * np.abs(true))
-    assert np.sqrt(np.mean((noisy.sigma / theory) ** 2)) == pytest.approx(1, abs=0.35)
-    assert periodic_response(u[:n], y[:n], H, samples=n, skip=0).coherence is None
-    with pytest.raises(UserError, match="does not repeat"):
-        periodic_response(u, y, H, samples=n - 321)
-    with pytest.raises(UserError, match="periods of"):
-        periodic_response(u, y, H, samples=n, skip=6)
 
 
 @pytest.fixture(scope="module")
@@ -404,18 +331,6 @@ def test_a_wrong_sweep_is_refused(swept):
         welch_response(u, y, H, segment_s=15.0)
 
 
-@pytest.mark.parametrize("strongest", [1, 3])
-def test_only_what_is_a_thousandth_of_the_strongest_line_counts_as_excited(strongest):
-    n = 400
-    t = np.arange(3 * n) / n
-    # The mean is no line, however large; a line at half the rate has no phase.
-    sizes = {strongest: 1.0, 7: 2e-3, 11: 5e-4, n // 2: 0.1}
-    u = 50.0 + sum(a * np.cos(2 * np.pi * k * t) for k, a in sizes.items())
-    r = periodic_response(u, 2.5 * u, 1.0 / n, samples=n)
-    np.testing.assert_allclose(r.frequency_Hz, [strongest, 7.0])
-    np.testing.assert_allclose(r.response, 2.5, rtol=1e-9)
-
-
 # -- impedance ------------------------------------------------------------------------------------
 
 
@@ -446,21 +361,6 @@ def test_impedance_of_a_known_driving_point(j, b, k, kind):
     at = 2 * np.pi * 0.7
     (said,) = fit.per_angle(np.array([0.7]))
     assert said == pytest.approx(complex(k - at**2 * j, at * b), rel=1e-5, abs=1e-5)
-
-
-def test_deviations_of_an_impedance_fit_cover_the_truth():
-    f, hits = np.geomspace(0.2, 5, 40), 0
-    s = 2j * np.pi * f
-    truth = 1.5 + 0.25 * s + 0.22 * s * s
-    for seed in range(60):
-        rng = np.random.default_rng(seed)
-        noise = 0.03 * (rng.normal(size=40) + 1j * rng.normal(size=40))
-        response = FrequencyResponse(f, truth * (1 + noise), None, None, "")
-        fit = impedance(response, sign=1.0).fit()
-        hits += abs(fit.damping_Nms_rad - 0.25) < 2 * fit.damping_std
-    assert 50 <= hits <= 60  # 95 % of 60 is 57
-    with pytest.raises(ValueError, match="motion"):
-        impedance(response, motion="torque")
 
 
 # -- recorded data's layout -----------------------------------------------------------------------
@@ -514,11 +414,6 @@ def test_check_on_data_judges_a_folder(tmp_path, swept):
 def legend(figure) -> list[str]:
     boxes = [*figure.legends, *(a.get_legend() for a in figure.axes if a.get_legend())]
     return [t.get_text() for box in boxes for t in box.get_texts()]
-
-
-def test_cells_end_half_way_between_their_values():
-    assert cell_edges(np.array([1.0, 3.0, 4.0])).tolist() == [0.0, 2.0, 3.5, 4.5]
-    assert cell_edges(np.array([7.0])).tolist() == [6.5, 7.5]
 
 
 @pytest.mark.ci

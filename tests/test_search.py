@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.bench.identification import KEYS, NumpyPopulation
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.drafting import draft
 from esea_gen.identify.published.plant import FittedPlant
@@ -27,6 +26,7 @@ from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 from esea_gen.model.slopes import sloped
 from esea_gen.report.pictures import search_picture
+from tests.benchmarks.identification import KEYS, NumpyPopulation
 
 from .test_quality import rig, written
 

@@ -21,7 +21,6 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from esea_host import smoothness, statistics
-from esea_host.bench.smoothness import load_reference, race
 from esea_host.smoothness import (
     NoAnswerError,
     derivatives,
@@ -37,6 +36,7 @@ from esea_host.smoothness import (
     vdv,
 )
 from esea_host.smoothness import spectral as spectral_module
+from tests.benchmarks.smoothness import load_reference, race
 
 from .conftest import ROOT
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from esea_gen import files
-from esea_gen.bench.whole_tick import AIM, _latency, whole_tick
+from tests.benchmarks.whole_tick import AIM, _latency, whole_tick
 
 from .conftest import require_tool
 

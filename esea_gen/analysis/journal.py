@@ -36,10 +36,7 @@ def files_digest(files: Mapping[str, str]) -> str:
 
 
 def rooms_digest() -> str:
-    """SHA-256 of what the figures of a study depend on beside the C that runs.
-
-    return: hexadecimal, of every source and number file of the rooms twin, analysis and studies.
-    """
+    """SHA-256 of what the figures of a study depend on beside the C that runs."""
     top = Path(__file__).parents[1]
     found = [p for room in ("twin", "analysis", "studies") for p in (top / room).rglob("*")]
     return files_digest(
@@ -73,10 +70,7 @@ def versions() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Configuration:
-    """Everything beside the case that the numbers depend on.
-
-    parts: JSON-ready: content hash of the controller, digest of the plant file, settings.
-    """
+    """Everything beside the case that the numbers depend on."""
 
     parts: dict[str, Any]
 
@@ -89,10 +83,7 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Result:
-    """One case.
-
-    values: what came out; None when it failed.
-    """
+    """One case."""
 
     case: dict[str, Any]
     values: dict[str, float] | None
@@ -111,10 +102,7 @@ class Journal:
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[tuple[dict[str, Result], Callable[[Result], None]]]:
-        """The finished cases by key, and a function that adds one; for one process at a time.
-
-        Yield: ``(finished, add)``; ``add`` returns when the line is on the disk.
-        """
+        """The finished cases by key, and a function that adds one; for one process at a time."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             stream = self.path.open("a+b")

@@ -178,8 +178,8 @@ def _identify_model(
 def _compare_models(
     mapping: Path, data: Path | None, json_file: Path | None, how: Searching
 ) -> str:
-    from esea_gen.bench.sensor_cost import missing_tool, sensor_instructions
     from esea_gen.identify.family.compare import compare
+    from esea_gen.verify.step_count import missing_tool, sensor_instructions
 
     missing = missing_tool()
     if missing:

@@ -38,8 +38,8 @@ class Written:
 def written_studies() -> dict[str, Written]:
     """Studies of the package, by name."""
     found = {}
-    folder = ROOT / "studies"
-    for path in sorted([*folder.glob("*.py"), *folder.glob("*/study.py")]):
+    studies, reproduced = ROOT / "studies", ROOT / "reproduce"
+    for path in [*studies.glob("*.py"), *studies.glob("*/study.py"), *reproduced.glob("*.py")]:
         text = path.read_text(encoding="utf-8")
         if '\n    name = "' not in text:
             continue

@@ -70,8 +70,8 @@ def _reproductions() -> dict[str, Any]:
 
 def _reproduce(written: Written) -> Callable[..., None]:
     def run(json_file: Path | None, figure: Path | None, data: Path | None = None) -> None:
+        from esea_gen.reproduce.reproduction import Reproduction
         from esea_gen.studies.registry import load_study
-        from esea_gen.studies.reproduction import Reproduction
 
         # Any reproduction makes something; which, only itself knows.
         study: Reproduction[Any] = load_study(written.name, Reproduction)
@@ -126,7 +126,7 @@ def _whole_thesis(
     figure: FigureOption = None,
 ) -> None:
     from esea_gen.report.thesis import thesis_page
-    from esea_gen.studies.thesis.study import CHAPTERS, recompute
+    from esea_gen.reproduce.thesis import CHAPTERS, recompute
 
     with progress_line() as say:
         result = recompute(say, chapters=chapters or CHAPTERS, given=given or ())

@@ -21,10 +21,7 @@ FILTER_RATE_HZ = 1000.0  # the published observers' filters were printed for thi
 
 
 def check_content(origin: str, text: str, file: DeviceFile) -> None:
-    """Bounds of every number, then what numbers must be to each other.
-
-    text: of the file, for the lines of what is wrong.
-    """
+    """Bounds of every number, then what numbers must be to each other."""
     found = [p for key, q in quantities_of(file) for p in _check_value(key, q)]
     found += [p for key, row in series_of(file) for p in _check_series(key, row)]
     found += _check_texts(file)

@@ -21,11 +21,6 @@ def controllers() -> list[str]:
 
 
 def controller_device(controller: str) -> Device:
-    """Device of a controller.
-
-    controller: a name of :func:`controllers` or ``FILE.py:law``, several with a comma between, for
-        the elbow's drive, or behind an ``@`` another device; or a device with a drive alone.
-    """
     if (controller.endswith(".toml") and "@" not in controller) or controller in shipped_devices():
         return _simulated(_device(controller, None, read_file(controller)[0]))
     names, _, base = controller.partition("@")

@@ -29,12 +29,7 @@ _TURN = 2 * math.pi
 
 @dataclass(frozen=True)
 class Deviation:
-    """What is off in one run.
-
-    values: tunables of the Blocks ``plant`` and ``encoders``.
-    delay_ticks: by which the motor gets a command later.
-    missed_share: probability that a run of the control task is left out, each by itself.
-    """
+    """What is off in one run."""
 
     values: Mapping[str, float] = field(default_factory=dict)
     delay_ticks: int = 0
@@ -54,11 +49,7 @@ Draw = Callable[[Device, np.random.Generator], Deviation]
 
 @dataclass(frozen=True)
 class OffFamily:
-    """One way to be off: a row of the table.
-
-    group: the name that stands for this row and those like it.
-    draw: what is off, with whatever of it is drawn.
-    """
+    """One way to be off: a row of the table."""
 
     name: str
     group: str
@@ -185,10 +176,7 @@ def _groups(rigid: bool) -> dict[str, list[str]]:
 
 
 def chosen_families(given: str, *, rigid: bool = False) -> list[str]:
-    """Names of families from a list with commas: names, names of groups, or ``all``.
-
-    rigid: whether the plant's cable is, as the ideal one's: ``all`` goes without backlash.
-    """
+    """Names of families from a list with commas: names, names of groups, or ``all``."""
     if not given.strip():
         raise UserError(
             "--off names no family: it is empty.",

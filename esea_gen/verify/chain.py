@@ -17,7 +17,7 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
-from esea_gen.studies.chain import reaches
+from esea_gen.twin.trajectories import reaches
 
 REACHES = 4
 LONGEST_S, SHORTEST_S = 1.5, 0.05

@@ -27,16 +27,7 @@ NOTICE, GROWTH = 0.04, 1.21
 
 @dataclass(frozen=True)
 class PushRun:
-    """What a push came to.
-
-    generated_J: energy that the driving point gave out beyond what was ever put in.
-    held_J, held_end_J: energy of the hand, its spring, the rendered one and a wall that it leans
-        on: mean over the second and over the last third after the push. With a passive driving
-        point it never rises.
-    limited_share: share of the samples with the command at the motor's limit.
-    fault: first reason of the limits' latch, 0 for none.
-    ran_away: 1 when the plant left its ranges; the other figures are 0 then.
-    """
+    """What a push came to."""
 
     generated_J: float = 0.0
     exchanged_J: float = 0.0
@@ -68,11 +59,7 @@ def push_case(
     mode: int = IMPEDANCE,
     wall_Nm_rad: float = 0.0,
 ) -> Case:
-    """A hand that is pushed once while the controller renders a spring and damper.
-
-    push_rad_s: speed that the push would give the hand alone: the push is its inertia times that.
-    wall_Nm_rad: stiffness of a wall without any loss, :data:`WALL_RAD` ahead; 0 for none.
-    """
+    """A hand that is pushed once while the controller renders a spring and damper."""
     safety, joint = device.file.safety, device.file.joint
     assert safety is not None
     assert joint is not None

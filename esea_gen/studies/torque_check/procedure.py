@@ -19,11 +19,7 @@ Kind = Literal["zero", "plus", "minus"]
 
 @dataclass(frozen=True)
 class Limit:
-    """One limit of the check.
-
-    percent: of full scale.
-    load_percent: of the known load, where the criterion compares loads: the smaller one counts.
-    """
+    """One limit of the check."""
 
     name: str
     percent: float
@@ -94,10 +90,7 @@ LIMITS = (
 
 @dataclass(frozen=True)
 class ProcedureStep:
-    """One phase of the procedure.
-
-    label: ``zero_1``, ``plus_1``, ``minus_1`` ...; what a recording's column ``step`` says.
-    """
+    """One phase of the procedure."""
 
     label: str
     kind: Kind
@@ -117,11 +110,7 @@ def static_torque_Nm(device: DeviceData, theta_rad: float) -> float:
 
 
 def largest_torque_Nm(device: DeviceData) -> float:
-    """Largest still load inside the identified domain.
-
-    return: nm: full scale, or the static torque at the largest identified deflection where that is
-        less.
-    """
+    """Largest still load inside the identified domain."""
     return min(
         device.tau_full_scale_Nm, static_torque_Nm(device, device.file.domain.theta_max_rad.value)
     )

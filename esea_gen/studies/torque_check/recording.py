@@ -24,12 +24,7 @@ SHORTEST_S = 2.0
 
 @dataclass(frozen=True)
 class CheckRecording:
-    """Samples of a check.
-
-    time_s, tau_Nm: samples, shape (n,).
-    step: label of each sample, empty between steps; None when the file has no such column.
-    read_as: how the file was read, and what was left out.
-    """
+    """Samples of a check."""
 
     name: str
     time_s: Array
@@ -61,10 +56,7 @@ def read_check(path: Path) -> Any:
 
 @dataclass(frozen=True)
 class Phase:
-    """A run of samples of one step.
-
-    first, last: samples, the last one included.
-    """
+    """A run of samples of one step."""
 
     name: str
     first: int
@@ -98,11 +90,7 @@ def _kinds(recording: CheckRecording, torque_Nm: float) -> list[Phase]:
 
 
 def apply_recording(check: TorqueCheck, recording: CheckRecording) -> tuple[Measurement, ...]:
-    """Record the phases of a recording, one after the other.
-
-    check: a check under way; the recording goes on where it stands.
-    recording: with labels, or without: then the phases are told by their torque.
-    """
+    """Record the phases of a recording, one after the other."""
     t = recording.time_s
     back = np.flatnonzero(np.diff(t) <= 0)
     if len(back):

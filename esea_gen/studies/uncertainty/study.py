@@ -30,9 +30,9 @@ from esea_gen.errors import UserError
 from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES, label
 from esea_gen.language.ports import Array
 from esea_gen.model.sensing import of_axis
-from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD
 from esea_gen.studies.registry import Study
 from esea_gen.studies.uncertainty.motions import Encoders, Motion, compiled_programs, motions
+from esea_gen.studies.uncertainty.signals import LOAD_HZ, LOAD_RAD
 from esea_gen.studies.uncertainty.spread import Spread, assumed_spread, elastomer_values
 from esea_gen.studies.uncertainty.tally import RATES, TORQUES, Figures, Tally
 
@@ -50,13 +50,7 @@ NOT_INCLUDED = "Not included: temperature (no published data), wear, the Mullins
 
 @dataclass(frozen=True)
 class TorqueUncertainty:
-    """Torque uncertainty of a device.
-
-    full_scale_Nm, omega_max_rad_s: torque and rate that count as 100 %.
-    runs, seed, clipped: of the Monte-Carlo; drawn parameters that were put on a bound.
-    cells: ``{source: {(torque class, rate class): Figures}}``; None stands for all classes.
-    convergence: all sources together, over all classes, after so many runs.
-    """
+    """Torque uncertainty of a device."""
 
     device: str
     full_scale_Nm: float
@@ -96,7 +90,6 @@ class TorqueUncertainty:
         return notes
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content, the same for the same device, runs and seed."""
         return {
             "device": self.device,
             "full_scale_Nm": self.full_scale_Nm,
@@ -125,7 +118,6 @@ class TorqueUncertainty:
         }
 
     def table(self) -> list[str]:
-        """The figures as lines of text."""
         lines = [
             f"{self.device}: torque error in % of full scale ({self.full_scale_Nm:g} Nm), "
             f"{self.runs} runs",
@@ -163,7 +155,6 @@ class TorqueUncertainty:
         return [*lines, "", *(f"note: {n}" for n in self.notes())]
 
     def figure(self) -> Figure:
-        """95 % interval against torque by source, against torque and rate, and convergence."""
         from matplotlib.figure import Figure
 
         scale = 100 / self.full_scale_Nm
@@ -276,11 +267,7 @@ def torque_uncertainty(
     limit_s: float = math.inf,
     progress: Callable[[str], None] | None = None,
 ) -> TorqueUncertainty:
-    """Torque uncertainty by Monte-Carlo over the published signals.
-
-    device: what senses; it must have an inverse, which makes the motions.
-    residual_deg: largest nonlinearity that the encoders' correction leaves, 0 to 5.
-    """
+    """Torque uncertainty by Monte-Carlo over the published signals."""
     if not 2 <= runs <= 100_000:
         raise UserError(
             f"{runs} runs: a spread needs 2 to 100000 of them.", "Give --runs 100, for example."

@@ -15,7 +15,8 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.hand import SteppedHand, hand_variant
-from esea_gen.twin.people import PEOPLE, real_plant
+from esea_gen.twin.people import real_plant
+from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.stepped import SteppedPlant
 from esea_gen.verify.faults.kinds import BoardFault, Distortion, measured_and_wanted, ranges
 

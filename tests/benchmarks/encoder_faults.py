@@ -1,0 +1,245 @@
+"""What an encoder's fault does before it is found, and how often none is found by mistake.
+
+    python -m tests.benchmarks.encoder_faults --plants 200 --json faults.json
+
+Everything is simulated: the generated f32 C of the shipped controllers in closed loop with the
+standard plants and people.  The first table has random plants and people without a fault: how near
+the comparisons of the Block ``redundancy`` come to their limits.  The second has, by fault, the
+worst over controllers and cases on the standard plant.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from esea_gen.analysis.campaign import Workers, run_cases
+from esea_gen.analysis.journal import Configuration, rooms_digest
+from esea_gen.control.limits.redundancy import shares_of_room
+from esea_gen.errors import UserError
+from esea_gen.files import write_json
+from esea_gen.studies.registry import load_study
+from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate_case
+from esea_gen.twin.case import Setting
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.loop_run import RanAwayError
+from esea_gen.twin.run import run_case
+
+CONTROLLERS = ("smc", "mpc")
+# One case of each kind: nobody at the arm, a hand that lets itself be moved, one that moves.
+CASES = (
+    ("tuning", "1.7 Nm 0.6 Hz"),
+    ("bread", "0 Nm"),
+    ("bread", "2 Nm"),
+    ("backdriven", "0.1 Hz"),
+    ("backdriven", "0.25 Hz"),
+)
+FAULTS = (
+    "freeze:load",
+    "freeze:motor",
+    "freeze:both",
+    "freeze:gear",
+    "slip:load=0.05",
+    "slip:load=0.0838",
+    "slip:load=0.3",
+    "slip:motor=0.0838",
+    "slip:both=0.0838",
+    "slip:gear=0.03",
+    "drift:load=0.02",
+    "drift:load=0.05",
+    "drift:load=0.5",
+    "drift:motor=0.05",
+    "drift:both=0.05",
+    "drift:gear=0.05",
+    "gain:load=0.8",
+    "gain:load=1.2",
+    "gain:motor=0.8",
+    "gain:both=0.8",
+    "gain:gear=0.8",
+)
+AT_S = (4.0, 7.3)  # in two phases of the motion
+SETTLED_S = 0.1
+HOURS = 1000.0
+
+
+def nearness(study: str, case: str, seed: int, controller: str) -> dict[str, float]:
+    """Of one healthy run: largest share of the room for angles and torques, and whether it latched.
+
+    return: ``angle``, ``torque``, ``latched`` (1 or 0) and ``hours`` simulated.
+    """
+    found = load_study(study, ClosedLoopStudy).case(case)
+    setting = Setting(controller, "random", default_person(study, "random"))
+    try:
+        run = run_case(found, setting, seed)
+    except RanAwayError:
+        return {"ran_away": 1.0}
+    device = controller_device(controller)
+    first = round(SETTLED_S / (run.time_s[1] - run.time_s[0]))
+    angle, torque = shares_of_room(device, run.controller)
+    return {
+        "angle": float(np.max(angle[first:])),
+        "torque": float(np.max(torque[first:])),
+        "latched": float(np.max(run.controller["fault"][first:]) > 0),
+        "hours": float(run.time_s[-1] / 3600),
+    }
+
+
+@dataclass(frozen=True)
+class Quiet:
+    """How near healthy runs come to an alarm.
+
+    per_1000_h: by the tail of the largest share of each run, an extrapolation.
+    """
+
+    runs: int
+    hours: float
+    alarms: int
+    angle: float
+    torque: float
+    per_1000_h: float
+
+
+def quiet(results: Sequence[Mapping[str, float]]) -> Quiet:
+    """Of many runs: what was seen, and the rate of alarms that their largest shares let expect.
+
+    The largest share of a run is a maximum of many, so its distribution over the runs is taken as
+    a generalised extreme value one, fitted by maximum likelihood.
+    """
+    good = [r for r in results if "ran_away" not in r]
+    largest = np.array([max(r["angle"], r["torque"]) for r in good])
+    hours = sum(r["hours"] for r in good)
+    chance = float(stats.genextreme.sf(1.0, *stats.genextreme.fit(largest)))
+    return Quiet(
+        len(good),
+        hours,
+        sum(r["latched"] > 0 for r in good),
+        max(r["angle"] for r in good),
+        max(r["torque"] for r in good),
+        chance * len(good) / hours * HOURS,
+    )
+
+
+def _told(
+    configuration: Configuration, fn: Any, cases: list[dict[str, Any]], jobs: int
+) -> list[Any]:
+    done = run_cases(fn, cases, configuration=configuration, workers=Workers(jobs, None))
+    failed = [r for r in done.results if r.values is None]
+    if failed:
+        raise UserError(f"{failed[0].case}: {failed[0].failure}", "See the message.")
+    return [r.values for r in done.results]
+
+
+def fault_rows(faults: Sequence[str], seeds: int, jobs: int) -> list[dict[str, Any]]:
+    """By fault: the worst over controllers, cases, times and seeds.
+
+    return: ``fault``, runs, ``found``; ticks, torque then, peak torque and energy, each the
+        largest; ``unfound_torque_Nm`` and ``unfound_energy_J`` of the runs where it was not found.
+    """
+    named = []
+    for text in faults:
+        kind, _, amount = text.partition("=")
+        named += [(text, f"{kind}@{at:g}" + (f"={amount}" if amount else "")) for at in AT_S]
+    cases = [
+        {
+            "study": study, "case": case, "seed": seed, "controller": controller, "plant": "real",
+            "person": default_person(study, "real"), "real": "f32", "fault": fault,
+        }
+        for _, fault in named
+        for study, case in CASES
+        for controller in CONTROLLERS
+        for seed in range(seeds)
+    ]  # fmt: skip
+    results = _told(Configuration({"code": rooms_digest()}), simulate_case, cases, jobs)
+    rows = []
+    per = len(cases) // len(named)
+    for text in faults:
+        of: list[dict[str, float]] = []
+        for k, (name, _) in enumerate(named):
+            if name == text:
+                of += results[k * per : (k + 1) * per]
+        good = [r for r in of if "ran_away" not in r]
+        found = [r for r in good if "detected_ticks" in r]
+        lost = [r for r in good if "detected_ticks" not in r]
+
+        def worst(key: str, rows_: list[dict[str, float]]) -> float | None:
+            return max(r[key] for r in rows_) if rows_ else None
+
+        rows.append(
+            {
+                "fault": text,
+                "runs": len(good),
+                "found": len(found),
+                "detected_ticks": worst("detected_ticks", found),
+                "torque_then_Nm": worst("torque_then_Nm", found),
+                "peak_torque_Nm": worst("peak_torque_Nm", found),
+                "energy_J": worst("energy_J", found),
+                "unfound_torque_Nm": worst("peak_torque_Nm", lost),
+                "unfound_energy_J": worst("energy_J", lost),
+            }
+        )
+    return rows
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """As lines of Markdown."""
+    heads = (
+        "fault", "found", "after, ticks", "torque then, Nm", "peak, Nm", "energy, J",
+        "not found: peak, Nm", "energy, J",
+    )  # fmt: skip
+    keys = (
+        ("detected_ticks", 0), ("torque_then_Nm", 1), ("peak_torque_Nm", 1), ("energy_J", 1),
+        ("unfound_torque_Nm", 1), ("unfound_energy_J", 1),
+    )  # fmt: skip
+    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    for r in rows:
+        cells = [str(r["fault"]), f"{r['found']} of {r['runs']}"]
+        cells += ["–" if r[k] is None else f"{r[k]:.{places}f}" for k, places in keys]
+        lines.append("| " + " | ".join(cells) + " |")
+    return lines
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--plants", type=int, default=200, help="random plants and people")
+    parser.add_argument("--seeds", type=int, default=1, help="standard plants a fault")
+    parser.add_argument("--faults", nargs="*", default=list(FAULTS))
+    parser.add_argument("--jobs", type=int, default=-1, help="parallel processes; -1: all cores")
+    parser.add_argument("--json", type=Path, help="also write the result as JSON")
+    chosen = parser.parse_args(arguments)
+    content: dict[str, Any] = {"simulated": True}
+    try:
+        for controller in CONTROLLERS if chosen.plants else ():
+            cases = [
+                {"study": study, "case": case, "seed": seed, "controller": controller}
+                for study, case in CASES
+                for seed in range(chosen.plants)
+            ]
+            found = quiet(
+                _told(Configuration({"code": rooms_digest()}), nearness, cases, chosen.jobs)
+            )
+            content[f"quiet_{controller}"] = vars(found)
+            print(
+                f"{controller}, simulated: {found.runs} healthy runs, {found.hours:.1f} h: "
+                f"{found.alarms} latched; largest share of the room: angles {found.angle:.2f}, "
+                f"torques {found.torque:.2f}; by their tail {found.per_1000_h:.2g} alarms in "
+                f"{HOURS:.0f} h",
+                flush=True,
+            )
+        content["faults"] = fault_rows(chosen.faults, chosen.seeds, chosen.jobs)
+    except UserError as error:
+        print(f"esea-gen: {error}")
+        return 2
+    print("\n".join(table(content["faults"])))
+    write_json(chosen.json, "bench-encoder-faults", content)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
