@@ -21,7 +21,7 @@ from esea_gen.identify.next_experiment import (
 )
 
 from .result_schemas import held
-from .test_quality import rig, written
+from .rigs import rig, written
 
 
 def test_the_textbooks_designs_of_a_line_and_a_parabola():

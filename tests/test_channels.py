@@ -18,32 +18,20 @@ from esea_gen.identify import identify, load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.recording.reading import beyond_rad, followed_rad
 
+from . import rigs
 from .conftest import require_tool
 from .result_schemas import held
+from .rigs import changed, table
 
 PER, FINE = 100, 20  # samples a cycle, steps a sample
-MAPPING = """\
-schema = 1
-full_scale_Nm = { value = 3.0, status = "assumed", source = "the rig" }
-[device]
-name = "rig"
-title = "Rig"
-rate_terms = false
-[deflection]
-column = "x"
-unit = "rad"
-[torque]
-column = "y"
-unit = "Nm"
-[sampling]
-time_column = "t"
-[cycles]
-hold_out_last = 1
-[search]
-population = 16
-[[recording]]
-files = ["*.csv"]
-"""
+MAPPING = changed(
+    (
+        "schema = 1\n",
+        'schema = 1\nfull_scale_Nm = { value = 3.0, status = "assumed", source = "r" }\n',
+    ),
+    ("[[recording]]", "[cycles]\nhold_out_last = 1\n[search]\npopulation = 16\n[[recording]]"),
+    ("rig.csv", "*.csv"),
+)
 LAG = "[torque]", '[torque]\nlag_s = "fit"'
 BACKLASH = "[deflection]", '[deflection]\nbacklash_rad = "fit"'
 DEAD = "[deflection]", '[deflection]\ndead_zone_rad = "fit"'
@@ -118,19 +106,13 @@ def two_sizes(seed: int, **more: float | Rubber) -> list[Samples]:
 
 
 def written(folder: Path, recordings: list[Samples], *changes: tuple[str, str]) -> Path:
-    for i, (t, x, y) in enumerate(recordings):
-        rows = [f"{a:.12g},{b:.12g},{c:.12g}\n" for a, b, c in zip(t, x, y, strict=True)]
-        (folder / f"r{i}.csv").write_text("t,x,y\n" + "".join(rows))
+    for i, columns in enumerate(recordings):
+        (folder / f"r{i}.csv").write_text(table(*columns))
     return mapped(folder, *changes)
 
 
 def mapped(folder: Path, *changes: tuple[str, str]) -> Path:
-    text = MAPPING
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    (folder / "map.toml").write_text(text)
-    return folder / "map.toml"
+    return rigs.mapped(folder, *changes, text=MAPPING)
 
 
 @pytest.fixture(autouse=True)

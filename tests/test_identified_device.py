@@ -20,36 +20,10 @@ from esea_gen.identify.published.plant import FittedPlant
 from esea_gen.identify.published.uncertainty import Uncertainty
 
 from .conftest import require_tool
+from .rigs import written
 
 HZ, CYCLES = 2.5, 6
 TRAINED_DEG, SKIPPED_DEG, TORQUE_Nm = 5.0, 8.0, 0.7
-MAPPING = """\
-schema = 1
-
-[device]
-name = "rig"
-title = "Rig"
-rate_terms = {rate}
-limit_factor = {factor}
-
-[deflection]
-column = "x"
-unit = "deg"
-
-[torque]
-column = "y"
-unit = "Nm"
-
-[sampling]
-time_column = "t"
-
-[cycles]
-skip_first = 1
-hold_out_last = 1
-
-[[recording]]
-files = ["rig.csv"]
-"""
 
 
 def drafted(folder, fs_Hz=1000.0, factor=1.5, rate=False, scale=1.0):
@@ -58,11 +32,14 @@ def drafted(folder, fs_Hz=1000.0, factor=1.5, rate=False, scale=1.0):
     amplitude = np.where(t < 1 / HZ, SKIPPED_DEG, TRAINED_DEG) * scale
     x = amplitude * np.sin(2 * np.pi * HZ * t)
     y = TORQUE_Nm / TRAINED_DEG * x + 0.05 * np.cos(2 * np.pi * HZ * t)
-    rows = [f"{a:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(t, x, y, strict=True)]
-    (folder / "rig.csv").write_text("\n".join(["t,x,y", *rows]) + "\n", encoding="utf-8")
-    text = MAPPING.format(rate=str(rate).lower(), factor=factor)
-    (folder / "rig.toml").write_text(text, encoding="utf-8")
-    source = load_mapping(folder / "rig.toml")
+    path = written(
+        folder,
+        *(t, x, y),
+        ('unit = "rad"', 'unit = "deg"'),
+        ("rate_terms = false", f"rate_terms = {str(rate).lower()}\nlimit_factor = {factor}"),
+        ("[[rec", "[cycles]\nskip_first = 1\nhold_out_last = 1\n[[rec"),
+    )
+    source = load_mapping(path)
     recordings = load_recordings(source)
     return source, recordings, draft(source, recordings, rate)
 
@@ -147,7 +124,7 @@ def test_each_number_says_where_it_is_from_and_how_sure_it_is(tmp_path):
     sigma = {"k3_Nm_rad3": 2.345, "alpha_Nm_rad": math.inf, "beta_1_rad": None}
     sourced = sourced_device(source, recordings, device, fit, Uncertainty(sigma, {}, 1.0))
     found = {k: q.source for k, q in sourced.quantities() if k.startswith("elastomer.")}
-    where = "rig.csv (rig.toml)"
+    where = "rig.csv (map.toml)"
     assert found["elastomer.k1_Nm_rad"] == f"{where}; at its upper bound"
     assert found["elastomer.k3_Nm_rad3"] == f"{where}; standard deviation 2.3"
     nothing = f"{where}; the torque does not depend on it"

@@ -18,7 +18,8 @@ from esea_gen.identify.published.parameters import bounds_of
 from esea_gen.identify.published.search_problem import solve_linear
 from esea_gen.identify.published.space import Space, parameters_of
 from tests.conftest import require_tool
-from tests.test_recordings import MAPPING, loops, says, table
+from tests.rigs import says, table
+from tests.test_recordings import MAPPING, loops
 
 DATA = Path(__file__).parent / "data" / "hdrb"
 

@@ -24,29 +24,14 @@ from esea_gen.identify.recording.resampling import FitRows
 from esea_gen.model.sensing import sensing_system
 
 from .conftest import require_tool
+from .rigs import changed, table
 
 DATA = Path(__file__).parent / "data" / "hdrb"
 CYCLE = 100  # samples
 
-MAPPING = """\
-schema = 1
-[device]
-name = "rig"
-title = "Rig"
-rate_terms = false
-[deflection]
-column = "x"
-unit = "rad"
-[torque]
-column = "y"
-unit = "Nm"
-[sampling]
-time_column = "t"
-[search]
-population = 16
-[[recording]]
-files = ["*.csv"]
-"""
+MAPPING = changed(
+    ("[[recording]]", "[search]\npopulation = 16\n[[recording]]"), ("rig.csv", "*.csv")
+)
 
 
 def sine(cycles: int, amplitude_rad: float = 0.1) -> np.ndarray:
@@ -64,9 +49,7 @@ def written(folder: Path, mapping: str = MAPPING, **torques: tuple[np.ndarray, n
     """Mapping beside its recordings: by name the deflection and the torque."""
     folder.mkdir(exist_ok=True)
     for name, (x, y) in torques.items():
-        rows = zip(np.arange(len(x)) / CYCLE, x, y, strict=True)
-        lines = [f"{t:.17g},{a:.17g},{b:.17g}" for t, a, b in rows]
-        (folder / f"{name}.csv").write_text("\n".join(["t,x,y", *lines, ""]))
+        (folder / f"{name}.csv").write_text(table(np.arange(len(x)) / CYCLE, x, y))
     (folder / "map.toml").write_text(mapping)
     return folder / "map.toml"
 
@@ -381,24 +364,13 @@ def test_standard_deviations_of_the_inverse_are_that_scatter_too(rho):
 
 # The National Institute of Standards and Technology, special publication 811, appendix B.
 SI = {
-    ("deflection", "rad"): 1.0,
-    ("deflection", "mrad"): 1e-3,
-    ("deflection", "deg"): np.pi / 180,
-    ("deflection", "m"): 1.0,
-    ("deflection", "cm"): 1e-2,
-    ("deflection", "mm"): 1e-3,
-    ("deflection", "um"): 1e-6,
-    ("deflection", "in"): 0.0254,
-    ("torque", "Nm"): 1.0,
-    ("torque", "mNm"): 1e-3,
-    ("torque", "Ncm"): 1e-2,
-    ("torque", "kNm"): 1e3,
-    ("torque", "N"): 1.0,
-    ("torque", "kN"): 1e3,
-    ("torque", "mN"): 1e-3,
-    ("torque", "tonf"): 9806.65,
-    ("torque", "kgf"): 9.80665,
-    ("torque", "lbf"): 4.4482216152605,
+    **{("deflection", k): v for k, v in {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180}.items()},
+    **{("length", k): v for k, v in {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}.items()},
+    **{("torque", k): v for k, v in {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}.items()},
+    **{("force", k): v for k, v in {"N": 1.0, "kN": 1e3, "mN": 1e-3, "tonf": 9806.65}.items()},
+    ("length", "um"): 1e-6,
+    ("force", "kgf"): 9.80665,
+    ("force", "lbf"): 4.4482216152605,
 }
 
 
@@ -407,14 +379,13 @@ def test_recorded_units_become_si(tmp_path, unit):
     where, name = unit
     factor = SI[unit]
     x, y = sine(4), lossy(sine(4))
-    told = (x / factor, y) if where == "deflection" else (x, y / factor)
-    plain = 'unit = "rad"' if where == "deflection" else 'unit = "Nm"'
+    moved = where in ("deflection", "length")
+    told = (x / factor, y) if moved else (x, y / factor)
+    scale = {"length": "scale_rad_per_m", "force": "scale_Nm_per_N"}.get(where)
     put = f'unit = "{name}"'
-    one = '{ value = 1.0, status = "assumed", source = "a test" }'
-    if name in ("m", "cm", "mm", "um", "in"):
-        put += f"\nscale_rad_per_m = {one}"
-    if name in ("N", "mN", "kN", "kgf", "tonf", "lbf"):
-        put += f"\nscale_Nm_per_N = {one}"
-    (recording,) = loaded(written(tmp_path, MAPPING.replace(plain, put), rig=told))
-    np.testing.assert_allclose(recording.theta_rad, x, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(recording.tau_Nm, y, rtol=1e-12, atol=1e-15)
+    if scale:
+        put += f'\n{scale} = {{ value = 1.0, status = "assumed", source = "a test" }}'
+    mapping = MAPPING.replace('unit = "rad"' if moved else 'unit = "Nm"', put)
+    (recording,) = loaded(written(tmp_path, mapping, rig=told))
+    np.testing.assert_allclose(recording.theta_rad, x, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(recording.tau_Nm, y, rtol=1e-9, atol=1e-12)

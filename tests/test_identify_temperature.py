@@ -26,7 +26,8 @@ from esea_gen.identify.recording.temperatures import searched_factor
 from esea_gen.model.family import Member, Rise, Term
 from esea_gen.model.temperature import TemperatureFactor
 from tests.conftest import require_tool
-from tests.test_recordings import MAPPING, says, table
+from tests.rigs import says, table
+from tests.test_recordings import MAPPING
 
 PER_K, AT_23_C, NOISE_Nm = -0.004, 23.0, 0.01
 MODEL = "stops, Maxwell, offset"

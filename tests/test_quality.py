@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.errors import UserError
 from esea_gen.identify import identification as identification_file
 from esea_gen.identify import identify, load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
@@ -17,67 +16,10 @@ from esea_gen.identify.recording.quality import Finding, after_gaps, jumps
 from esea_gen.identify.recording.quality_gate import gate_notes
 from tests.conftest import require_tool
 
+from .rigs import mapped, refused, rig, written
+
 DATA = Path(__file__).parent / "data" / "hdrb"
-MAPPING = """\
-schema = 1
-[device]
-name = "rig"
-title = "Rig"
-rate_terms = false
-[deflection]
-column = "x"
-unit = "rad"
-[torque]
-column = "y"
-unit = "Nm"
-[sampling]
-time_column = "t"
-[[recording]]
-files = ["rig.csv"]
-"""
 PERIOD = 'time_column = "t"', 'period_s = { value = VALUE, status = "assumed", source = "why" }'
-PER = 200  # samples a cycle, of 2 s
-
-
-def play(x: np.ndarray, r: float) -> np.ndarray:
-    out, state = [], 0.0
-    for value in x:
-        state = min(max(state, value - r), value + r)
-        out.append(state)
-    return np.array(out)
-
-
-def rig(*amplitudes: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time, deflection and torque of springs and two stops; by default eight equal cycles."""
-    sizes = np.repeat(amplitudes or (0.1,) * 8, PER)
-    angle = 2 * np.pi * np.arange(len(sizes)) / PER
-    x = np.append(sizes * np.sin(angle), 0.0)
-    t = np.arange(len(x)) * 2 / PER
-    y = 20 * x + 500 * x**3 + 8 * (x - play(x, 0.01)) + 5 * (x - play(x, 0.04))
-    rng = np.random.default_rng(4)
-    return t, x, y + rng.normal(0, 0.002, len(y))
-
-
-def written(folder: Path, t: object, x: object, y: object, *changes: tuple[str, str]) -> Path:
-    rows = [f"{a:.12g},{b:.12g},{c:.12g}" for a, b, c in zip(t, x, y, strict=True)]
-    (folder / "rig.csv").write_text("\n".join(["t,x,y", *rows]) + "\n")
-    return mapped(folder, *changes)
-
-
-def mapped(folder: Path, *changes: tuple[str, str]) -> Path:
-    text = MAPPING
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    (folder / "map.toml").write_text(text)
-    return folder / "map.toml"
-
-
-def refused(path: Path) -> str:
-    with pytest.raises(UserError) as caught:
-        load_recordings(load_mapping(path))
-    assert caught.value.fix
-    return str(caught.value)
 
 
 def found(path: Path) -> dict[str, str]:

@@ -12,7 +12,8 @@ from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.recording.cycles import Cycle
 from esea_gen.identify.recording.quality import backlash_rad, offset_Nm, runs, spikes, still, stuck
 from tests.conftest import require_tool
-from tests.test_quality import DATA, found, held_out, rig, written
+from tests.rigs import rig, written
+from tests.test_quality import DATA, found, held_out
 
 ENDS = 310, 555, 900, 1100, 1333
 

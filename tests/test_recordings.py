@@ -15,33 +15,12 @@ from esea_gen.identify import load_mapping, load_recordings, parse_mapping
 from esea_gen.identify.recording.cycles import divide, reversals
 from esea_gen.identify.recording.tables import Cycles
 
-from .test_quality import mapped, rig, written
-from .test_quality import refused as unread
+from .rigs import changed, mapped, rig, says, table, written
+from .rigs import refused as unread
 
 ONE = '{ value = 1.0, status = "assumed", source = "x" }'
 WARM = 'temperature_C = { value = 20, status = "assumed", source = "x" }'
-MAPPING = """\
-schema = 1
-
-[device]
-name = "rig"
-title = "Rig"
-rate_terms = false
-
-[deflection]
-column = "x"
-unit = "deg"
-
-[torque]
-column = "y"
-unit = "Nm"
-
-[sampling]
-time_column = "t"
-
-[[recording]]
-files = ["rig.csv"]
-"""
+MAPPING = changed(('unit = "rad"', 'unit = "deg"'))
 
 
 def loops(cycles: int = 6, per: int = 100) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -49,11 +28,6 @@ def loops(cycles: int = 6, per: int = 100) -> tuple[np.ndarray, np.ndarray, np.n
     t = np.arange(cycles * per + 1) / per
     x = 5 * np.sin(2 * np.pi * t)
     return t, x, 0.1 * x + 0.05 * np.cos(2 * np.pi * t)
-
-
-def table(t: np.ndarray, x: np.ndarray, y: np.ndarray, header: str = "t,x,y") -> str:
-    rows = [f"{a:.6g},{b:.6g},{c:.6g}" for a, b, c in zip(t, x, y, strict=True)]
-    return "\n".join([header, *rows]) + "\n"
 
 
 def refused(
@@ -67,14 +41,6 @@ def refused(
     with pytest.raises(UserError) as caught:
         load_recordings(load_mapping(folder / "map.toml"))
     return caught.value
-
-
-def says(error: UserError, *parts: str) -> None:
-    text = str(error)
-    assert "\n" not in text
-    assert error.fix
-    for part in parts:
-        assert part in text, f"'{part}' is not in: {text}"
 
 
 # -- mapping -------------------------------------------------------------------------------------
@@ -231,10 +197,10 @@ def test_a_missing_recording_is_explained(tmp_path: Path) -> None:
 
 
 def test_a_wrong_column_is_explained(tmp_path: Path) -> None:
-    error = refused(tmp_path, csv=table(*loops(), header="t,xx,y"))
+    error = refused(tmp_path, csv=table(*loops()).replace("t,x,y", "t,xx,y"))
     says(error, "rig.csv, line 1: there is no column 'x'; the columns are 't', 'xx', 'y'")
     says(error, "Did you mean xx?")
-    error = refused(tmp_path, csv=table(*loops(), header="t,x,z"))
+    error = refused(tmp_path, csv=table(*loops()).replace("t,x,y", "t,x,z"))
     says(error, "rig.csv, line 1: there is no column 'y'", "'t', 'x', 'z'")
     error = refused(tmp_path, csv="t,x,y,x\n1,2,3,4\n")
     says(error, "the column name 'x' occurs 2 times", "header_line = 0")

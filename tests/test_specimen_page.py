@@ -18,7 +18,7 @@ from esea_gen.identify.worth import JudgedSamples, torque_worth
 
 from .browser import browser, readable
 from .result_schemas import held
-from .test_quality import rig, written
+from .rigs import rig, written
 from .test_report import Page
 
 pytestmark = pytest.mark.ci

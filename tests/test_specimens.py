@@ -14,7 +14,7 @@ from esea_gen.identify.reliability import coefficients
 from esea_gen.identify.specimens import NODES, joint_fit, torque_table
 
 from .result_schemas import held
-from .test_quality import mapped, rig
+from .rigs import mapped, rig
 
 FACTORS = {"a": 1.0, "b": 1.1, "c": 0.8}
 

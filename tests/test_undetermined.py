@@ -23,8 +23,9 @@ from esea_gen.identify.recording.resampling import FitRows, resampled
 from esea_gen.model.family import FittedMember, Member, Rise, Term
 from esea_gen.model.temperature import TemperatureFactor
 from tests.conftest import require_tool
+from tests.rigs import table
 from tests.test_identify_temperature import THREE, motion, recorded, springs
-from tests.test_recordings import MAPPING, table
+from tests.test_recordings import MAPPING
 
 PER, CYCLES = 100, 4
 
