@@ -41,7 +41,7 @@ docs: setup
 	@echo "Open $(OUT)/site/index.html"
 
 bench: setup
-	@$(BIN)/python -m esea_gen.bench --json bench.json
+	@$(BIN)/python -m tests.benchmarks --json bench.json
 
 # Other hostile files, bytes and texts at each run: 5 minutes for each kind, or FUZZ_S seconds.
 fuzz: setup
@@ -59,7 +59,7 @@ test-slow: setup
 # Frama-C, Gappa and z3 on the emitted C; its set-up installs them too.
 proof: export ESEA_PROOF = 1
 proof: setup
-	@ESEA_REQUIRE_TOOLS=1 $(BIN)/python -m pytest -n 2 -m "slow or not slow" tests/test_fixed_proof.py tests/test_limits_proof.py tests/test_firmware_proof.py
+	@ESEA_REQUIRE_TOOLS=1 $(BIN)/python -m pytest -n 2 -m "slow or not slow" tests/proof/test_fixed_proof.py tests/proof/test_limits_proof.py tests/proof/test_firmware_proof.py
 
 check: setup
 	@$(BIN)/esea-gen check

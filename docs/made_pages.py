@@ -36,7 +36,8 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "identify": (
         "Identification, twin, analysis",
         (
-            *(f"identify.{m}" for m in ("mapping", "tables", "identification", "verdict")),
+            *(f"identify.{m}" for m in ("recording.mapping", "recording.tables")),
+            *(f"identify.{m}" for m in ("identification", "verdict")),
             "twin.closed_loop",
             "twin.loop_run",
             *(f"analysis.{m}" for m in ("campaign", "monte_carlo")),

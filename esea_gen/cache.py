@@ -32,11 +32,7 @@ def _scratch() -> tempfile.TemporaryDirectory[str]:
 
 @cache
 def code_digest(rooms: tuple[str, ...] = ("",)) -> str | None:
-    """Digest of every file of some rooms, by default of the whole package, and of Python.
-
-    return: None where a file was changed after this process began: what is loaded is then not
-        what is on disk, and nothing may be kept under its name.
-    """
+    """Digest of every file of some rooms, by default of the whole package, and of Python."""
     root = Path(__file__).parent
     digest = hashlib.sha256(sys.version.encode())
     files = (p for room in rooms for p in (root / room).rglob("*"))

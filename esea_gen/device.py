@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache, wraps
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
 from esea_gen.control.law import Law
@@ -245,6 +245,34 @@ def parse_device(text: str, origin: str) -> Device:
         As :func:`load_device`.
     """
     return Device(parse_file(text, origin), origin)
+
+
+def with_numbers(device: Device, values: Mapping[str, float]) -> Device:
+    """A device with other numbers, which are not validated again.
+
+    Parameters
+    ----------
+    device : Device
+        Whose other numbers.
+    values : mapping
+        Number by its place in the file: ``{"timing.sense_rate_Hz": 500.0}``.
+
+    Returns
+    -------
+    Device
+        The changed device.
+    """
+
+    def changed(section: Any, place: list[str], value: float) -> Any:
+        key, *rest = place
+        held = getattr(section, key)
+        new = changed(held, rest, value) if rest else held.model_copy(update={"value": value})
+        return section.model_copy(update={key: new})
+
+    file = device.file
+    for place, value in values.items():
+        file = changed(file, place.split("."), value)
+    return type(device)(file, device.origin)
 
 
 def copy_device(base: Device, name: str) -> Device:

@@ -37,10 +37,7 @@ PIECE_BYTES = 1 << 24
 
 
 def read_whole(path: Path, fix: str, most_bytes: int = MOST_BYTES) -> bytes:
-    """Content of a file that a person named; devices and files without end are refused.
-
-    fix: what to do about a file that cannot be read.
-    """
+    """Content of a file that a person named; devices and files without end are refused."""
     try:
         with path.open("rb") as file:
             kind = os.fstat(file.fileno()).st_mode
@@ -60,10 +57,7 @@ def read_whole(path: Path, fix: str, most_bytes: int = MOST_BYTES) -> bytes:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """A scratch file that takes the place of a file at the end; after an error nothing has changed.
-
-    It has the file's ending; folders that are missing are made.
-    """
+    """A scratch file that takes the place of a file at the end."""
     path = Path(os.path.realpath(path))  # a link stays one
     scratch = path.with_name(f".esea-{secrets.token_hex(4)}{path.suffix}")
     try:
@@ -113,16 +107,17 @@ def new_whole(path: Path) -> Iterator[Path]:
 SCHEMA_VERSION = 1
 
 
-def plain(result: object) -> Any:
-    """A result as JSON's own types: dataclasses by field, arrays and tuples as lists."""
-    return to_jsonable_python(result, fallback=lambda v: v.tolist())
+def plain(result: object, *, null: bool = False) -> Any:
+    """A result as JSON's own types: dataclasses by field, arrays and tuples as lists.
+
+    ``null`` stands for a number that is not finite; else it stays, and JSON refuses it.
+    """
+    mode: Any = "null" if null else "constants"
+    return to_jsonable_python(result, fallback=lambda v: v.tolist(), inf_nan_mode=mode)
 
 
 def stamped(what: str, content: Mapping[str, Any]) -> dict[str, Any]:
-    """A result with its head: the schema that it follows, that one's version, and the tool's.
-
-    what: name of the schema, a file in ``esea_gen/schemas``.
-    """
+    """A result with its head: the schema that it follows, that one's version, and the tool's."""
     body: dict[str, Any] = plain(content)
     head: dict[str, Any] = {
         "schema": what,
@@ -149,10 +144,7 @@ def result_schema(name: str) -> str:
 
 
 def read_result(path: Path, kinds: Collection[str]) -> dict[str, Any]:
-    """A result that :func:`write_json` wrote.
-
-    kinds: schemas that will do.
-    """
+    """A result that :func:`write_json` wrote."""
     known, make = " or ".join(kinds), "Give the file that --json wrote."
     data = read_whole(path, make)
     try:

@@ -24,9 +24,6 @@ def environment() -> jinja2.Environment:
 
 
 def plain_page(title: str, body: str) -> str:
-    """A page of text, tables and figures.
-
-    body: HTML, already escaped.
-    """
+    """A page of text, tables and figures."""
     template = environment().get_template("page/plain.html.j2")
     return template.render(title=title, body=Markup(body))

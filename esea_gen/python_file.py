@@ -15,11 +15,7 @@ MOST_BYTES = 1 << 24
 
 
 def import_file(path: Path, content: bytes | None = None) -> ModuleType:
-    """Run the file as a module, under a name of its own content: one that was edited is another.
-
-    content: its bytes, where they have been read and checked already.  Byte code that lies beside
-        the file is never used.
-    """
+    """Run the file as a module, under a name of its own content: one that was edited is another."""
     text = read_whole(path, "Check the path.", MOST_BYTES) if content is None else content
     digest = hashlib.sha256(bytes(path.absolute()) + text).hexdigest()[:16]
     name = f"esea_file_{path.stem}_{digest}"

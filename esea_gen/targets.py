@@ -24,14 +24,11 @@ BARE_LINK = ("-nostartfiles", "-Wl,--gc-sections")
 
 @dataclass(frozen=True)
 class Toolchain:
-    """A compiler, and the Debian package that has it."""
-
     compiler: str
     package: str
 
     @property
     def gcc(self) -> tuple[str, str]:
-        """The compiler's command and package."""
         return self.compiler, self.package
 
     def tool(self, name: str) -> tuple[str, str]:
@@ -47,15 +44,6 @@ ARM_LINUX_GCC = Toolchain("arm-linux-gnueabi-gcc", "gcc-arm-linux-gnueabi libc6-
 
 @dataclass(frozen=True)
 class Processor:
-    """A processor that C is compiled for.
-
-    fpu: whether it computes single precision itself; else the compiler's helpers do.
-    stack_limit_bytes: largest stack use of a task's step, in single precision, of a device that
-        only measures; None where no gate asks.
-    cycles_per_instruction: assumed, and measured by nobody: most take one, loads, divisions and a
-        flash that makes it wait take more.
-    """
-
     name: str
     title: str
     note: str
@@ -72,7 +60,6 @@ class Processor:
 
     @property
     def full_title(self) -> str:
-        """Title with what tells it from its like."""
         return f"{self.title}, {self.note}" if self.note else self.title
 
 
@@ -137,27 +124,6 @@ _MB = 1 << 20
 
 @dataclass(frozen=True)
 class Board:
-    """A board, or machine, that an image can be built for.
-
-    name: at most 15 characters: the board tells it over the link.
-    family: folder in ``firmware/boards`` that it shares with others; empty for one of its own name.
-    machine: QEMU's name of it; empty for a program.
-    clock_Hz: of the processor, which the image sets, and which what a number of instructions would
-        take is reckoned with; 0 where nobody asks.
-    reset_Hz: at which it starts, and stays where the other does not come; 0: at ``clock_Hz``.
-    runner: what runs a program of another processor here.
-    package: what opkg calls the processor, where it takes packages.
-    code, code_bytes, ram, ram_bytes: where programs without the firmware and their data lie.
-    most_bits: of a drive's count that the encoders which its drivers read can send, by the key of
-        the device file; none where it has no drivers.
-    real: number format of the firmware's control code.
-    tick_instructions: instructions that a tick of its timer stands for in QEMU.
-    uses: what it serves beside the firmware: ``instructions`` of a step counted in the benchmarks,
-        ``bits`` of fixed point and float held against the host.
-    flags, app_flags, link: beside the processor's; of all files, of the application's, of the
-        firmware's linking.
-    """
-
     name: str
     title: str
     processor: Processor
@@ -181,17 +147,14 @@ class Board:
 
     @property
     def folder(self) -> str:
-        """Of its firmware, below ``firmware``."""
         return f"boards/{self.family or self.name}"
 
     @property
     def core(self) -> str:
-        """Title of its processor."""
         return self.processor.title
 
     @property
     def compile_flags(self) -> tuple[str, ...]:
-        """Flags of every file that is compiled for it."""
         return (*self.processor.flags, *self.flags)
 
     @property
@@ -327,7 +290,6 @@ DEFAULT_BOARD = "netduinoplus2"
 
 
 def boards_for(use: Use) -> tuple[Board, ...]:
-    """Boards that serve a use, in the table's order."""
     return tuple(b for b in BOARDS.values() if use in b.uses)
 
 

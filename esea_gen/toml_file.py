@@ -24,14 +24,7 @@ DEEPEST = 32
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong in a document.
-
-    kind: pydantic's word for it; ``extra_forbidden`` and ``missing`` among others.
-    known: names of the keys that may stand there.
-    within, wanted: type of the table the key stands in, and of the key itself; None if unknown.
-    text: what the model says of the key.
-    reason: what pydantic says is wrong.
-    """
+    """One thing that is wrong in a document."""
 
     kind: str
     loc: tuple[str | int, ...]
@@ -50,7 +43,6 @@ class Problem:
 
 
 def read_text(path: Path, fix: str) -> str:
-    """Text of a file that a person wrote."""
     try:
         return read_whole(path, fix).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -142,11 +134,7 @@ def checked(
     fix: Callable[[Problem], str | UserError | None],
     text: str = "",
 ) -> T:
-    """A document as ``kind``, a pydantic model or dataclass.
-
-    fix: what to do about a problem, or the whole message; None where the model's text says it.
-    text: of the file, for the lines of what is wrong.
-    """
+    """A document as ``kind``, a pydantic model or dataclass."""
     try:
         # As JSON, so that a strict model takes a row of numbers for a tuple.
         return TypeAdapter(kind).validate_json(json.dumps(document, default=str))

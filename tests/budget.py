@@ -23,7 +23,8 @@ KEY = "processor_s"
 BUDGET_S = 800.0
 SHARES = {
     "host": 0.17,
-    "verify": 0.15,
+    "verify": 0.10,
+    "board": 0.05,
     "control": 0.12,
     "identify": 0.10,
     "emit": 0.09,

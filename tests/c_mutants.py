@@ -22,7 +22,7 @@ from random import Random
 import pytest
 
 import esea_gen
-from esea_gen.verify import firmware
+from esea_gen.board import firmware
 
 ROOT = Path(__file__).parents[1]
 INSIDE = "ESEA_C_MUTANTS"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from esea_gen.control.faults import Fault
-from esea_gen.control.limits import limits
+from esea_gen.control.limits.block import limits
+from esea_gen.control.limits.faults import Fault
 from esea_gen.device import Device, parse_device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.hostlib.runner import CRunner

@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 import esea_gen
 from esea_gen.cli import app
 from esea_gen.errors import UserError
+from esea_gen.reproduce.reproduction import Reproduction
 from esea_gen.studies import simulation as room
 from esea_gen.studies.registry import Study, load_study, studies
-from esea_gen.studies.reproduction import Reproduction
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate
 from esea_gen.twin.case import Setting
 from esea_gen.twin.loop_run import RanAwayError
@@ -242,7 +242,7 @@ def test_a_wrong_name_gets_the_nearest_one(tmp_path):
         (None, "cannot be read"),
         ("x = (", "cannot be imported (SyntaxError"),
         ("import nothing_of_this_name", "cannot be imported (ModuleNotFoundError"),
-        ("from esea_gen.studies.grid import Grid", "no study of this kind in it"),
+        ("from esea_gen.studies.tracking import Grid", "no study of this kind in it"),
         (SPY + "\n\nclass Other(Spy):\n    pass\n", "there is a study spy already"),
     ],
 )

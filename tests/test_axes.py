@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import load_device
 from esea_gen.link.kept import name_encoders
 from esea_gen.link.transport import LinkError
-from esea_gen.verify.sim import SimBoard
 
 from .conftest import require_tool
 

@@ -11,9 +11,9 @@ import subprocess
 import cffi
 import pytest
 
+from esea_gen.board.chips import As5048a, BissEncoder
 from esea_gen.emit.states import BOARD_FAULTS
 from esea_gen.targets import BOARDS
-from esea_gen.verify.chips import As5048a, BissEncoder
 
 from .conftest import require_tool
 from .firmware_harness import without_processor

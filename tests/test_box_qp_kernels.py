@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from esea_gen.control import box_qp, kernels
-from esea_gen.control.box_qp import iteration_cap, packed
-from esea_gen.control.box_qp_program import box_qp as program
+from esea_gen.control.predictive.box_qp import iteration_cap, packed
+from esea_gen.control.predictive.box_qp_program import box_qp as program
 from esea_gen.errors import UserError
 
 

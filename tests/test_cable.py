@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from esea_gen.control import cable_model
-from esea_gen.control.horizon import Horizon, linearise
-from esea_gen.control.predictive_drive import drive_model, predictive_controller
+from esea_gen.control.predictive.drive import drive_model, predictive_controller
+from esea_gen.control.predictive.horizon import Horizon, linearise
 from esea_gen.device import Device, parse_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
@@ -21,7 +21,7 @@ from esea_gen.language.system import System
 from esea_gen.language.wires import Task
 from esea_gen.observe.cable import cable_observer
 from esea_gen.observe.disturbance import drive_observer_by_gear
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Setting
 from esea_gen.twin.judge import judge
 from esea_gen.twin.run import run_case

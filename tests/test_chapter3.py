@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from esea_gen.studies.chapter3 import reproduce_chapter3
+from esea_gen.reproduce.chapter3 import reproduce_chapter3
 
 from .conftest import require_tool
 from .observed import filtered
@@ -55,10 +55,3 @@ def test_relaxation_ends_at_the_spring_and_the_stops(chapter3):
         assert torque[-1] == pytest.approx(P["k3"] * theta**3 + P["k1"] * theta + stops, abs=1e-6)
         # It only falls, once the observer has come back; 0.2 s are 19 of its time constants.
         assert np.all(np.diff(torque[time_s > 0.2]) <= 1e-12)
-
-
-def test_table_and_figure(chapter3):
-    assert len(chapter3.table()) == 2 + len(chapter3.figures)
-    left, right = chapter3.figure().axes
-    assert len(left.lines) == 3
-    assert len(right.lines) == 2

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.model.inverse import exact_inverse, inverse_system
-from esea_gen.studies.chapter4 import SIGNALS, evaluate, evaluation_filter, reproduce_chapter4
-from esea_gen.studies.discretisation import (
+from esea_gen.reproduce.chapter4 import reproduce_chapter4
+from esea_gen.reproduce.discretisation import (
     OURS,
     REFINE_HZ,
     SCHEMES,
@@ -20,6 +18,7 @@ from esea_gen.studies.discretisation import (
     continuous_torque,
     discretisation,
 )
+from esea_gen.studies.uncertainty.signals import SIGNALS
 
 from .conftest import require_tool
 from .test_elastomer import P, viscosity
@@ -88,31 +87,6 @@ def test_content_can_be_written_and_shown(chapter4):
     assert max(map(len, lines)) <= 100
 
 
-def test_the_figure_compares_like_with_like(chapter4):
-    """Bars are of whole signals; what the exact inverse has inside is a marker that says so."""
-    figure = chapter4.figure()
-    axes = figure.axes
-    assert len(axes) == 7
-    content = chapter4.to_dict()
-    for ax, name in zip(axes[5:], ("table_4_4", "table_4_5"), strict=True):
-        bars = {c.get_label(): [b.get_height() for b in c] for c in ax.containers}
-        assert bars["exact inverse, ours"] == content[name]["exact"]["whole"]
-        for row, label in (("no_dob", "play operators"), ("filter_b", "observer, filter B")):
-            (ours,) = [h for k, h in bars.items() if k.startswith(label) and k.endswith("ours")]
-            assert ours == content[name][row]["rounding"]
-        (marker,) = ax.lines
-        assert list(marker.get_ydata()) == content[name]["exact"]["interior"]
-        assert marker.get_label() == "exact inverse, without the first and the last 1 s"
-        (last,) = [c for c in ax.containers if c.get_label() == "exact inverse, ours"]
-        centres = [b.get_x() + b.get_width() / 2 for b in last]
-        assert list(marker.get_xdata()) == pytest.approx(centres)
-    (legend,) = figure.legends
-    assert marker.get_label() in [t.get_text() for t in legend.get_texts()]
-    # The time panels' legend lies above S1's, not on its peaks.
-    figure.canvas.draw()
-    assert axes[0].get_legend().get_window_extent().y0 >= axes[0].get_window_extent().y1
-
-
 def test_signals():
     # Table 4.3: three cycles, or 0.5 Hz a minute.
     assert [s.duration_s for s in SIGNALS] == pytest.approx([300, 300, 180, 120, 60])
@@ -124,27 +98,6 @@ def test_signals():
         assert crossings == pytest.approx(2 * cycles, abs=1.5)
 
 
-@pytest.mark.parametrize("rate_Hz", [500.0, 1000.0])
-def test_evaluation_filter(rate_Hz):
-    t = np.arange(round(20 * rate_Hz)) / rate_Hz
-    inner = slice(round(2 * rate_Hz), -round(2 * rate_Hz))
-    for f, gain in ((1.0, 1.0), (10.0, 1.0), (12.0, 0.0), (50.0, 0.0)):
-        x = np.sin(2 * np.pi * f * t)
-        assert evaluation_filter(x, rate_Hz)[inner] == pytest.approx(gain * x[inner], abs=2e-3)
-    assert evaluation_filter(np.full(100, 3.0), rate_Hz) == pytest.approx(3.0)
-
-
-def test_f32_gives_the_same_tables(elbow):
-    require_tool("gcc")
-    rows = {}
-    for real in ("f64", "f32"):
-        inverse = compile_system(inverse_system(elbow, exact_inverse(elbow)), real).block("inverse")
-        sensor = compile_device(elbow, real).block("sensor")
-        rows[real] = evaluate(elbow, sensor, inverse, SIGNALS[4].sample(1000.0, 20.0))
-    assert rows["f32"].rms == pytest.approx(rows["f64"].rms, abs=1e-3)
-    assert rows["f32"].model < 100 * 1e-5 / 4
-
-
 @pytest.fixture(scope="module")
 def tables():
     require_tool("gcc")
@@ -154,7 +107,7 @@ def tables():
 def test_continuous_torque_against_an_adaptive_integrator(elbow):
     require_tool("gcc")
     motion = EncodedMotion(10.0, 1.0, 4.0)
-    got = continuous_torque(elbow, motion, 4.0)
+    got = continuous_torque(elbow, motion)
 
     def slope(t, tau):
         theta, w = (float(f(np.array(t))) for f in (motion.theta, motion.omega))

@@ -22,11 +22,11 @@ from esea_gen.cli import main, names
 from esea_gen.cli.app import app
 from esea_gen.devices.file import shipped_controllers, shipped_devices
 from esea_gen.errors import UserError
+from esea_gen.reproduce.reproduction import Reproduction
 from esea_gen.studies.registry import Study, studies
-from esea_gen.studies.reproduction import Reproduction
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.controllers import controllers
-from esea_gen.twin.people import PEOPLE
+from esea_gen.twin.published import PEOPLE
 
 # None of these may be loaded to show a list of commands, or to complete a name.
 SLOW = ("casadi", "sympy", "scipy", "numpy", "matplotlib", "rich")

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from esea_gen.cli import main
-from esea_gen.studies.clinic_day import (
+from esea_gen.reproduce.clinic_day import (
     AMPLITUDE_rad,
     Tiring,
     errors,
@@ -66,10 +66,10 @@ def test_the_fit_finds_what_a_day_was_made_with(monkeypatch):
     true = Tiring(0.12, 2500.0, 30_000.0)
     made = {}
     for name in ("60 %", "80 %", "100 %"):
-        monkeypatch.setattr("esea_gen.studies.clinic_day.PUBLISHED", {name: (0.0, 3.5, 0.0)})
+        monkeypatch.setattr("esea_gen.reproduce.clinic_day.PUBLISHED", {name: (0.0, 3.5, 0.0)})
         change, morning = figures(true, name, FLAT)
         made[name] = (change, 3.5, morning)
-    monkeypatch.setattr("esea_gen.studies.clinic_day.PUBLISHED", made)
+    monkeypatch.setattr("esea_gen.reproduce.clinic_day.PUBLISHED", made)
     found = fitted(FLAT)
     assert found.most == pytest.approx(true.most, rel=0.02)
     assert found.length_rad == pytest.approx(true.length_rad, rel=0.03)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from esea_gen.control.law_switch import law_switch
-from esea_gen.control.redundancy import redundancy
+from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.control.reference import reference
 from esea_gen.control.setpoint import setpoint_rates
-from esea_gen.control.sliding_mode import sliding_mode
+from esea_gen.control.sliding_mode.controller import sliding_mode
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.walker import Kernel, walk

@@ -18,7 +18,7 @@ from esea_gen.language.system import System, Task
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.people import ideal_plant, random_plant, real_plant
 from esea_gen.twin.plant import start_state
-from esea_gen.twin.trajectories import backdriven, bread, fixed_sinusoid, impedance, tuning
+from esea_gen.twin.trajectories import backdriven, fixed_sinusoid
 
 from .conftest import require_tool
 
@@ -254,15 +254,6 @@ def test_runs_start_afresh_and_follow_the_seed(loop):
     assert np.array_equal(*quiet)
 
 
-def test_tunables_reach_both_sides(loop):
-    s = signals_of(fixed_sinusoid(1.0, 1.0), 1500)
-    base = loop.run(s)["tau_e_Nm"]
-    assert not np.array_equal(base, loop.run(s, {"fc_Nm": 0.1})["tau_e_Nm"])
-    assert not np.array_equal(base, loop.run(s, None, {"law": {"gain": 2.5}})["tau_e_Nm"])
-    coarse = loop.run(s, {"joint_encoder_bits": 8})["count_motor"]
-    assert np.all(coarse % 16 == 0)
-
-
 def test_signals_may_be_vectors_and_may_hold_anything(thumb):
     assert thumb.signals == {"count_load": 1, "tau_desired_Nm": 1, "offsets": 3}
     n = 400
@@ -275,14 +266,6 @@ def test_signals_may_be_vectors_and_may_hold_anything(thumb):
     assert all(np.all(np.isfinite(run[k])) for k in run)
     with pytest.raises(UserError, match=r"offsets has shape \(400,\), not \(400, 3\)"):
         thumb.run(signals | {"offsets": tau})
-
-
-def test_an_input_may_be_taken_from_a_signal(thumb):
-    # A frozen encoder: what the plant counts is recorded, what the controller sees is not that.
-    s = signals_of(backdriven(0.25), 2000) | {"offsets": np.zeros((2000, 3))}
-    run = thumb.run(s | {"count_load": np.full(2000, 7.0)})
-    assert np.ptp(run["count_load"]) > 10
-    assert run["theta_rad"] == pytest.approx(wrapped(run["count_motor"] - 7.0) * STEP_RAD, abs=1e-6)
 
 
 def test_a_command_out_of_range_is_no_command(device):
@@ -360,68 +343,3 @@ def test_wrong_loops_are_refused(device):
         ClosedLoop(controller(name="twin"), plant)
     with pytest.raises(UserError, match="no input of pcontrol"):
         ClosedLoop(controller(), plant, from_signals=("count_elbow",))
-
-
-# -- trajectories ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("path", [backdriven(0.25), backdriven(0.1, 1.0), bread(2.0), impedance()])
-def test_speeds_and_accelerations_are_derivatives(path):
-    t = 1e-3
-    theta, omega, alpha = path.theta_p_rad, path.omega_p_rad_s, path.alpha_p_rad_s2
-    # Simpson's rule on the derivative: what is left is of fourth order, but for jumps of alpha.
-    for x, v, limit in ((theta, omega, 1e-6), (omega, alpha, 3e-3)):
-        change = x[2::2] - x[:-2:2]
-        simpson = t / 3 * (v[:-2:2] + 4 * v[1:-1:2] + v[2::2])
-        assert np.max(np.abs(change - simpson)) < limit
-        assert np.mean(np.abs(change - simpson) > 1e-9) < 0.002
-    assert theta[0] == omega[0] == 0
-
-
-def test_paths_are_those_of_the_published_trials():
-    slow = backdriven(0.25)
-    assert (len(slow.theta_p_rad), slow.start, slow.end) == (45000, 10000, 45000)
-    assert slow.theta_p_rad[2000] == pytest.approx(math.pi / 2)
-    cut = bread(2.0)
-    assert (len(cut.theta_p_rad), cut.start, cut.end) == (25000, 10000, 25000)
-    assert cut.theta_p_rad[1500] == pytest.approx(1.05 / 2)
-    settled = cut.theta_p_rad[10000:]
-    assert (settled.max(), settled.min()) == pytest.approx((1.31, 0.79), abs=1e-4)
-    crossings = np.count_nonzero(np.diff(np.sign(settled - 1.05)) > 0)
-    assert crossings in (13, 14)  # 15 s at 0.9 Hz
-    assert np.all(cut.tau_desired_Nm == 2)
-    reach = impedance()
-    assert (len(reach.theta_p_rad), reach.start, reach.end) == (40000, 12000, 32000)
-    assert reach.theta_p_rad[[0, 2000, 4000]] == pytest.approx([0, math.pi / 2, 0])
-    # Minimum jerk: the peak speed is 15/8 of the mean one.
-    assert np.max(reach.omega_p_rad_s) == pytest.approx(15 / 8 * math.pi / 2 / 2, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("hertz", "cycles", "settle"), [(0.25, 8, 4), (0.5, 22, 10), (1.5, 22, 10)]
-)
-def test_fixed_sinusoids(hertz, cycles, settle):
-    path = fixed_sinusoid(3.0, hertz)
-    assert len(path.tau_desired_Nm) == round(cycles / hertz * 1000)
-    assert path.start == round(settle / hertz * 1000)
-    assert path.end == len(path.tau_desired_Nm)
-    assert path.clamped
-    assert np.max(path.tau_desired_Nm) == pytest.approx(3.0, rel=1e-4)
-    assert np.sqrt(np.mean(path.tau_desired_Nm[path.window] ** 2)) == pytest.approx(
-        3 / math.sqrt(2), rel=1e-3
-    )
-
-
-def test_the_tuning_case_is_1_7_Nm_at_0_6_Hz():
-    t = np.arange(round(22 / 0.6 * 1000)) / 1000
-    assert tuning().tau_desired_Nm == pytest.approx(1.7 * np.sin(1.2 * np.pi * t), abs=1e-9)
-
-
-@pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf])
-def test_wrong_frequencies_are_refused(bad):
-    with pytest.raises(UserError, match="frequency_Hz"):
-        fixed_sinusoid(1.0, bad)
-    with pytest.raises(UserError, match="frequency_Hz"):
-        backdriven(bad)
-    with pytest.raises(UserError, match="tau_Nm"):
-        bread(math.nan)

@@ -19,15 +19,12 @@ import pytest
 from esea_gen import cli
 from esea_gen.analysis.campaign import Workers, run_cases, seeded
 from esea_gen.analysis.cluster import code_digest
-from esea_gen.errors import UserError
 
 from .campaign_cases import compiled, draw, noted
 from .conftest import ROOT, require_module, require_tool
 from .test_campaign import (
     CONFIG,
     PATHS,
-    deadly_cases,
-    judge_deadly,
     killed_and_resumed,
     until,
 )
@@ -161,15 +158,6 @@ def test_a_killed_campaign_goes_on_on_a_cluster(dask, tmp_path):
     killed_and_resumed(tmp_path, cluster=dask.address)
 
 
-@pytest.mark.slow
-def test_a_cluster_outlives_a_case_that_kills_its_workers(empty, tmp_path):
-    for _ in range(2):
-        empty.worker(nanny=True)
-    there = Workers(cluster=empty.address)
-    cases = deadly_cases(tmp_path / "begun", 0, 2)
-    judge_deadly(run_cases(noted, cases, configuration=CONFIG, workers=there), {0, 2})
-
-
 def command(monkeypatch, capsys, *arguments):
     """What a person reads, once the command line has left with 2, and after how long."""
     monkeypatch.setattr("sys.argv", ["esea-gen", *map(str, arguments)])
@@ -236,52 +224,6 @@ def test_workers_that_would_give_other_numbers_are_refused(monkeypatch, capsys, 
     assert "No module named 'esea_gen.analysis'" in text
     assert "2 threads (1 is needed" in text
     assert "Start every worker from the same installation" in text
-
-
-@pytest.mark.slow
-def test_a_worker_that_joins_late_is_looked_at_too(empty, tmp_path):
-    empty.worker()
-    folder = tmp_path / "begun"
-    folder.mkdir()
-    joined = []
-
-    def progress(done, total, failed):
-        if done == 1:
-            joined.append(empty.worker("--nthreads", 2))
-
-    with pytest.raises(UserError, match="2 threads"):
-        run_cases(
-            noted,
-            [{"seed": k, "folder": str(folder), "wait_s": 0.2} for k in range(600)],
-            configuration=CONFIG,
-            workers=Workers(cluster=empty.address),
-            progress=progress,
-        )
-    assert joined
-
-
-@pytest.mark.slow
-def test_a_scheduler_that_goes_is_told(empty, tmp_path, caplog):
-    empty.worker()
-    folder = tmp_path / "begun"
-    folder.mkdir()
-
-    def progress(done, total, failed):
-        if done == 2:
-            empty.end(empty.processes[0])
-
-    begun = time.monotonic()
-    with pytest.raises(UserError, match=r"gave up .*run again to go on"):
-        run_cases(
-            noted,
-            [{"seed": k, "folder": str(folder), "wait_s": 0.1} for k in range(12)],
-            configuration=CONFIG,
-            workers=Workers(cluster=empty.address),
-            folder=tmp_path,
-            progress=progress,
-        )
-    assert time.monotonic() - begun < 30
-    assert not caplog.text
 
 
 def test_a_worker_is_killed_in_the_middle(dask, tmp_path):

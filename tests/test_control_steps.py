@@ -12,12 +12,12 @@ from math import exp, pi
 import numpy as np
 import pytest
 
-from esea_gen.control.governor import smoothed_setpoint, torque_lead
 from esea_gen.control.law_switch import law_switch
-from esea_gen.control.limits import command_stamp
-from esea_gen.control.redundancy import redundancy
+from esea_gen.control.limits.block import command_stamp
+from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.control.setpoint import setpoint_rates
-from esea_gen.control.sliding_mode import sliding_mode
+from esea_gen.control.sliding_mode.controller import sliding_mode
+from esea_gen.control.sliding_mode.governor import smoothed_setpoint, torque_lead
 from esea_gen.device import parse_device
 
 from .single_steps import COUNT, Steps, word

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import warnings
@@ -15,9 +14,8 @@ from hypothesis import strategies as st
 
 from esea_gen.device import Device, copy_device, load_device, parse_device
 from esea_gen.devices.file import shipped_controllers, shipped_devices
-from esea_gen.devices.schema import json_schema
-from esea_gen.errors import UserError, paragraphs
-from esea_gen.language.ports import Tunable, unit_of
+from esea_gen.errors import UserError
+from esea_gen.language.ports import Tunable
 from esea_gen.observe.human import error_matrix
 
 ELBOW = shipped_devices()["elbow"].read_text()
@@ -48,22 +46,6 @@ def test_elbow_has_the_published_parameters():
         assert values[f"elastomer.maxwell.{key}"] == value
     assert values["domain.theta_max_rad"] == pytest.approx(11.5 * 3.141592653589793 / 180)
     assert values["domain.omega_max_rad_s"] == pytest.approx(61.6 * 3.141592653589793 / 180)
-
-
-def test_every_number_has_status_and_source():
-    for key, q in load_device("elbow").quantities():
-        assert q.status in ("published", "identified", "assumed"), key
-        assert q.source, key
-    assumed = {k for k, q in load_device("elbow").quantities() if q.status == "assumed"}
-    assert "velocity.bandwidth_Hz" in assumed
-    assert "limits.theta_rad" in assumed
-
-
-def test_the_file_reads_back_equal():
-    device = load_device("elbow")
-    again = parse_device(device.toml(), "again.toml")
-    assert again.canonical() == device.canonical()
-    assert again.digest == device.digest
 
 
 @pytest.mark.parametrize(
@@ -217,12 +199,6 @@ def test_gains_for_another_rate_have_the_same_poles_in_time(rate_Hz, inertia_kgm
     assert poles_1_s == pytest.approx(wanted_1_s, rel=0.01)  # gains are printed with four digits
 
 
-def test_a_line_is_folded_at_blanks_only():
-    text = "a-b " * 60
-    assert paragraphs(text).replace("\n", " ") == text.strip()
-    assert max(map(len, paragraphs(text).splitlines())) <= 100
-
-
 def test_equal_devices_share_their_blocks_and_others_do_not():
     one, again = load_device("elbow_drive"), load_device("elbow_drive")
     assert again.system is one.system
@@ -257,28 +233,6 @@ def test_relations_between_values():
 def test_unknown_device_suggests_one():
     with pytest.raises(UserError, match="Did you mean elbow"):
         load_device("elbwo")
-
-
-def test_schema_is_json_and_knows_the_keys():
-    text = json.dumps(json_schema())
-    for key in ("k1_Nm_rad", "maxwell", "sense_rate_Hz", "published"):
-        assert key in text
-
-
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [
-        ("theta_rad", "rad"),
-        ("omega_max_rad_s", "rad/s"),
-        ("k3_Nm_rad3", "Nm/rad^3"),
-        ("m", "1"),
-        ("eps1_Nms_rad", "Nm s/rad"),
-        ("sense_rate_Hz", "Hz"),
-        ("beta_1_rad", "1/rad"),
-    ],
-)
-def test_unit_of_a_name(name: str, unit: str):
-    assert unit_of(name) == unit
 
 
 @given(st.text(max_size=200))

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.control.faults import Fault
+from esea_gen.control.limits.faults import Fault
 from esea_gen.device import load_device
 from esea_gen.emit import dialect
 from esea_gen.emit.build import Bundle, differences, render_device

@@ -9,17 +9,17 @@ import pytest
 from typer.testing import CliRunner
 
 import esea_gen
-from esea_gen.cli import app
-from esea_gen.errors import UserError
-from esea_gen.twin.recorded import record_drive
-from esea_gen.verify import emulator
-from esea_gen.verify.emulator import (
+from esea_gen.board import emulator
+from esea_gen.board.emulator import (
     RunningBoard,
     first_difference,
     run_in_emulator,
     run_tasks_in_emulator,
 )
-from esea_gen.verify.firmware import build_firmware
+from esea_gen.board.firmware import build_firmware
+from esea_gen.cli import app
+from esea_gen.errors import UserError
+from esea_gen.twin.recorded import record_drive
 
 from .conftest import require_tool
 
@@ -91,14 +91,15 @@ def test_one_task_of_two_runs_alone(device, native, drive):
 
 
 def test_a_difference_is_told(device, native, drive, monkeypatch):
-    host = emulator._host_outputs
+    host = emulator.run_schedule
 
     def other(*arguments):
         found = host(*arguments)
-        found["control"]["k_smc_Nm"][7] = np.nextafter(found["control"]["k_smc_Nm"][7], np.inf)
+        gain = found["control"]["k_smc_Nm"] = np.float32(found["control"]["k_smc_Nm"])
+        gain[7] = np.nextafter(gain[7], np.float32(np.inf))
         return found
 
-    monkeypatch.setattr(emulator, "_host_outputs", other)
+    monkeypatch.setattr(emulator, "run_schedule", other)
     results = run_tasks_in_emulator(device, native, drive.inputs)
     assert results["sense"].identical
     assert not results["control"].identical
@@ -132,7 +133,7 @@ def run_cli(*arguments: str):
 
 
 def test_the_command_runs_both_tasks(native, monkeypatch, tmp_path):
-    monkeypatch.setattr("esea_gen.verify.firmware.build_firmware", lambda *_: native)
+    monkeypatch.setattr("esea_gen.board.firmware.build_firmware", lambda *_: native)
     path = tmp_path / "out.json"
     done = run_cli("elbow_drive", "--board", "host", "--seconds", "0.3", "--json", str(path))
     assert done.exit_code == 0, done.output
@@ -145,7 +146,7 @@ def test_the_command_runs_both_tasks(native, monkeypatch, tmp_path):
 
 
 def test_the_command_fails_on_a_difference(native, drive, monkeypatch):
-    host = emulator._host_outputs
+    host = emulator.run_schedule
     monkeypatch.setattr("esea_gen.twin.recorded.record_drive", lambda *_: drive)
 
     def other(*arguments):
@@ -153,8 +154,8 @@ def test_the_command_fails_on_a_difference(native, drive, monkeypatch):
         found["sense"]["tau_Nm"][3] += 1
         return found
 
-    monkeypatch.setattr("esea_gen.verify.firmware.build_firmware", lambda *_: native)
-    monkeypatch.setattr(emulator, "_host_outputs", other)
+    monkeypatch.setattr("esea_gen.board.firmware.build_firmware", lambda *_: native)
+    monkeypatch.setattr(emulator, "run_schedule", other)
     done = run_cli("elbow_drive", "--board", "host", "--seconds", "0.05")
     assert done.exit_code == 1
     assert "DIFFER" in done.output

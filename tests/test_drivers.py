@@ -9,8 +9,7 @@ import itertools
 
 import pytest
 
-from esea_gen.model.encoder import FrameError
-from esea_gen.verify.chips import (
+from esea_gen.board.chips import (
     WIRE_FAULTS,
     Amplifier,
     As5048a,
@@ -18,6 +17,7 @@ from esea_gen.verify.chips import (
     Drivers,
     Workbench,
 )
+from esea_gen.model.encoder import FrameError
 
 from .conftest import require_tool
 

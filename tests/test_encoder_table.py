@@ -10,7 +10,7 @@ import pytest
 from esea_gen.cli import main
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
-from esea_gen.identify.encoder_table import fit_table
+from esea_gen.identify.drive.encoder_table import fit_table
 
 BITS, PLAY_rad, ZERO_rad = 14, 2e-3, 0.7
 FULL = 1 << BITS

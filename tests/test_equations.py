@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from esea_gen.control.limits import limits
+from esea_gen.control.limits.block import limits
 from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Equation

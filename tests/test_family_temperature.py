@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.control.predictive_drive import predictive_controller
+from esea_gen.control.predictive.drive import predictive_controller
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.schema import json_schema
 from esea_gen.emit.build import render_device
@@ -22,7 +22,7 @@ from esea_gen.errors import UserError
 from esea_gen.export.fmu import make_fmu
 from esea_gen.export.model import block_model
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify.family_file import family_device
+from esea_gen.identify.family.file import family_device
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.family_sensor import temperature_parts
 from esea_gen.model.rubber import fitted_of, rubber_inverse, stiffness_range_Nm_rad

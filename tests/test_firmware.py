@@ -13,6 +13,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from esea_gen.board.emulator import (
+    RunningBoard,
+    find_qemu,
+    first_difference,
+    run_in_emulator,
+)
+from esea_gen.board.firmware import (
+    build_firmware,
+    double_arithmetic,
+    double_helpers,
+)
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
@@ -20,17 +31,6 @@ from esea_gen.hostlib import compile_device
 from esea_gen.link.kept import kept_values
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import BOARDS, find_board, firmware_folder
-from esea_gen.verify.emulator import (
-    RunningBoard,
-    find_qemu,
-    first_difference,
-    run_in_emulator,
-)
-from esea_gen.verify.firmware import (
-    build_firmware,
-    double_arithmetic,
-    double_helpers,
-)
 
 STEPS = 2000
 

@@ -7,13 +7,13 @@ import re
 import numpy as np
 import pytest
 
+from esea_gen.board.emulator import RunningBoard, run_in_emulator, run_tasks_in_emulator
+from esea_gen.board.firmware import build_firmware
 from esea_gen.device import load_device
 from esea_gen.emit.build import format_hash, render_device
 from esea_gen.hostlib import compile_device
 from esea_gen.link.transport import LinkError
 from esea_gen.twin.recorded import record_drive
-from esea_gen.verify.emulator import RunningBoard, run_in_emulator, run_tasks_in_emulator
-from esea_gen.verify.firmware import build_firmware
 
 from .conftest import require_tool
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from esea_gen.board.bare import run_bare
 from esea_gen.cli import app
-from esea_gen.verify.bare import run_bare
 from esea_gen.verify.streams import domain_chirp
 
 from .conftest import require_tool

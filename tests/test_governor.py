@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 from scipy.integrate import quad
 
-from esea_gen.control.governor import smoothed_setpoint, torque_lead
+from esea_gen.control.sliding_mode.governor import smoothed_setpoint, torque_lead
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import bread, fixed_output, fixed_sinusoid, tuning

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from esea_gen.control.faults import Fault
+from esea_gen.control.limits.faults import Fault
 from esea_gen.emit.states import BOARD_FAULTS
 
 from .conftest import ROOT

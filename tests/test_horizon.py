@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.control.cable_model import CableModel
-from esea_gen.control.horizon import Horizon, Model, Stops, Tape, linearise
+from esea_gen.control.predictive.cable_model import CableModel
+from esea_gen.control.predictive.horizon import Horizon, Model, Stops, Tape, linearise
 from esea_gen.errors import UserError
 
 

@@ -17,8 +17,8 @@ from esea_host.cli import main
 from esea_host.simulated import SimulatedBoard
 from esea_host.simulated.server import serve_hosts
 
+from .conducted import TRACKING, of_tasks, study_of
 from .conftest import require_tool, until
-from .test_study_windows import TRACKING, of_tasks, study_of
 
 
 @pytest.fixture

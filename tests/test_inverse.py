@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from esea_gen.device import Device, parse_device
+from esea_gen.device import Device, parse_device, with_numbers
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device, compile_system
@@ -19,8 +19,7 @@ from esea_gen.language.stream import SPECIAL, Stream, single
 from esea_gen.model.cubic import cubic_root
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import FILTER_B, filter_taps, published_inverse
-from esea_gen.studies.chapter4 import SIGNALS
-from esea_gen.studies.discretisation import at_rate
+from esea_gen.studies.uncertainty.signals import SIGNALS
 from esea_gen.verify.compare import compare
 from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
 from esea_gen.verify.streams import streams
@@ -333,7 +332,7 @@ def test_model_without_rate_terms(elbow, real):
 
 
 def test_half_rate(elbow):
-    pair = Pair(at_rate(elbow, 500.0), "f64")
+    pair = Pair(with_numbers(elbow, {"timing.sense_rate_Hz": 500.0}), "f64")
     assert pair.block.tunables[0].default == 50.0
     assert pair.error(SIGNALS[3].sample(500.0)[-4000:])[0] < 1e-9
 

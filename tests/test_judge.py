@@ -104,24 +104,3 @@ def test_in_impedance_mode_the_wish_is_the_spring_and_damper_on_the_true_angle()
     assert found["rms_true_Nm"] == pytest.approx(0.25)
     assert found["largest_desired_Nm"] == pytest.approx(2 + 1.5 + 0.5, rel=1e-4)
     assert found["rms_normalised"] == pytest.approx(0.25 / 4.0, rel=1e-4)
-
-
-def test_at_a_limit_a_run_is_stable_yet_and_a_command_counts():
-    case, run = made()
-    case.trajectory.tau_desired_Nm[:] = 0.0
-    run.plant["tau_e_Nm"] = np.zeros(N)
-    run.plant["tau_e_Nm"][[2000, 5999]] = -PLANTS.unstable.max_true_error_Nm, 2.5
-    run.plant["omega_g_rad_s"][-1] = PLANTS.unstable.max_gear_speed_rad_s
-    run.controller["u_Nm"] = np.zeros(N)
-    run.controller["u_Nm"][1000:1250] = 0.999 * U_MAX_NM
-    run.controller["u_Nm"][:1000] = run.controller["u_Nm"][1300] = 0.998 * U_MAX_NM
-    found = judge(case, run, U_MAX_NM)
-    assert found["unstable"] == 0
-    assert found["max_true_Nm"] == 3.0
-    assert found["limited_share"] == 250 / 5000
-    # Nothing is asked for: there is no share of it.
-    case.mode, gains = IMPEDANCE, case.tunables["reference"]
-    gains |= {"Kp_Nm_rad": 0.0, "Kd_Nms_rad": 0.0}
-    found = judge(case, run, U_MAX_NM)
-    assert found["largest_desired_Nm"] == 0
-    assert "rms_normalised" not in found

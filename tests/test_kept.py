@@ -10,11 +10,11 @@ import cffi
 import pytest
 from typer.testing import CliRunner
 
+from esea_gen.board.blackbox import blackbox_csv, read_record
+from esea_gen.board.sim import SimBoard
 from esea_gen.emit.states import BOARD_FAULTS
 from esea_gen.link.kept import kept_use, name_encoders, read_blackbox, release_blackbox
 from esea_gen.link.transport import LinkError
-from esea_gen.verify.blackbox import blackbox_csv, read_record
-from esea_gen.verify.sim import SimBoard
 from esea_host.cli import app
 from esea_host.cli import board as commands
 

@@ -15,11 +15,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.parameters import fnv1a, link_parameters
 from esea_gen.link.kept import kept_values
-from esea_gen.verify.sim import SimBoard
 from esea_host.cli import app
 from esea_host.cli import board as commands
 

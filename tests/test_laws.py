@@ -14,7 +14,6 @@ import esea_gen
 from esea_gen.cli import main
 from esea_gen.control.law import Law, Parts
 from esea_gen.control.law_switch import law_switch
-from esea_gen.control.laws import LAWS
 from esea_gen.control.system import control_system
 from esea_gen.device import load_device, parse_device
 from esea_gen.devices.file import shipped_controllers
@@ -37,12 +36,6 @@ CHANGE_S = (3.4, 5.0)
 
 
 # -- the table -------------------------------------------------------------------------------------
-
-
-def test_every_file_of_the_folder_is_a_law_of_its_name():
-    files = {p.stem for p in (ROOT / "esea_gen" / "control" / "laws").glob("[a-z]*.py")}
-    assert files == set(LAWS) == {"sliding_mode", "predictive"}
-    assert all(name == law.name for name, law in LAWS.items())
 
 
 def test_a_shipped_controller_is_a_configuration_of_any_drive():
@@ -271,27 +264,6 @@ def test_two_active_axes_need_no_second_wiring(drive):
                 motor.move(float(single["u_Nm"]), float(single["tau_Nm"]))
                 stopped += tick >= 700 and min(faults) > 0
     assert stopped == 200
-
-
-def test_an_impairment_is_added_to_the_desired_torque():
-    gains = {"wall_rad": 0.1, "Kp_Nm_rad": 5.0, "Kd_Nms_rad": 0.0, "Kv_Nms_rad": 0.5}
-    text = 'schema = 1\nextends = "elbow_drive"\nname = "wall"\ntitle = "W"\n[impairment]\n'
-    for key, value in (gains | {"bandwidth_Hz": 60.0}).items():
-        text += f'{key} = {{ value = {value}, status = "assumed", source = "a test" }}\n'
-    device = parse_device(text, "wall.toml")
-    inputs = [x.name for x in device.system.task_inputs(device.system.task("sense"))]
-    assert "constrained" in inputs
-    still = {"mode": 1.0, "theta_load_rad": 0.3, "omega_load_rad_s": 0.0, "tau_Nm": 0.0}
-    still |= {"theta_desired_rad": 0.3, "omega_desired_rad_s": 0.0}
-    still |= {"wish_gain": 1.0, "wish_shift_Nm": 0.0}
-    block = device.system.blocks["reference"]
-    for tau, ok, set_Nm in ((-1.0, 1.0, -0.75), (0.0, 1.0, 0.25), (-1.0, 0.0, 0.0)):
-        run = block.simulator()
-        for _ in range(3000):
-            asked = {"tau_desired_Nm": 0.25, "tau_impairment_Nm": tau, "impairment_ok": ok}
-            out = run.step(**still, **asked)
-        assert out["tau_set_Nm"] == pytest.approx(set_Nm, abs=1e-3)
-        assert out["request_ok"] == ok
 
 
 # -- a law from outside the package ----------------------------------------------------------------

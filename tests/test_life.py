@@ -7,7 +7,6 @@ import json
 import subprocess
 from contextlib import nullcontext
 from pathlib import Path
-from random import Random
 from types import SimpleNamespace
 
 import cffi
@@ -19,6 +18,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from esea_gen import load_device
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device
 from esea_gen.devices.fatigue import life_used
 from esea_gen.devices.fields import Fatigue
@@ -26,7 +26,6 @@ from esea_gen.devices.numbers import Quantity
 from esea_gen.link.kept import coupling_lives, forget_coupling, name_coupling
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import APP_FLAGS, firmware_folder
-from esea_gen.verify.sim import SimBoard
 from esea_host.cli import app
 from esea_host.cli import life as commands
 from esea_host.connection.opening import warn_of_life
@@ -152,21 +151,6 @@ def test_when_there_is_no_room_the_oldest_range_is_half_a_cycle(counting):
     short = converging(POINTS - 1)
     halves, life = board_halves(counting, [*short, -TOP])
     assert (halves, life.full) == (package_halves([*short, -TOP]), 0)
-
-
-def test_noise_below_a_class_is_no_cycle(counting):
-    draw = Random(3)
-    halves, life = board_halves(counting, [draw.randrange(STEPS) for _ in range(20_000)])
-    assert (sum(halves), life.points) == (0, 1)
-    halves, life = board_halves(counting, [draw.randrange(STEPS + 1) for _ in range(20_000)])
-    assert sum(halves) > 0
-
-
-def test_counters_stay_at_their_maximum(counting):
-    life = counting.ffi.new("esea_store_life_t *")
-    life.halves[20] = 2**32 - 2
-    halves, _ = board_halves(counting, [0, *[320, -320] * 6, 0], life)
-    assert halves[20] == 2**32 - 1
 
 
 # -- on the board, which measures ------------------------------------------------------------------

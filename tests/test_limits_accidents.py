@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from esea_gen.control.faults import Fault
-from esea_gen.control.limits import limits
+from esea_gen.control.limits.block import limits
+from esea_gen.control.limits.faults import Fault
 from esea_gen.device import Device
 from esea_gen.language.stream import single
 

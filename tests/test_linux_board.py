@@ -17,16 +17,16 @@ import pytest
 from typer.testing import CliRunner
 
 import esea_gen
+from esea_gen.board.emulator import run_tasks_in_emulator
+from esea_gen.board.firmware import build_firmware
 from esea_gen.cli import app
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.export.model import controller_model
+from esea_gen.export.package import build_package
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, PtyTransport, TcpTransport
 from esea_gen.twin.recorded import record_drive
-from esea_gen.verify.emulator import run_tasks_in_emulator
-from esea_gen.verify.firmware import build_firmware
-from esea_gen.verify.package import build_package
 
 from .conftest import require_tool
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
+import itertools
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from esea_gen.analysis import campaign
-from esea_gen.analysis.campaign import DIED, Workers, run_cases, seeded
+from esea_gen.analysis.campaign import Workers, seeded
 from esea_gen.analysis.journal import Configuration, Result
 from esea_gen.analysis.monte_carlo import MonteCarlo, percentiles
 from esea_gen.errors import UserError
@@ -46,17 +47,6 @@ def test_percentiles_and_their_bootstrap_interval_a_second_time():
     for bad, words in (([], "x: 0 values, 0 not"), ([1.0, math.nan, math.inf], "x: 3 values, 2 n")):
         with pytest.raises(UserError, match=words):
             percentiles("x", bad)
-
-
-def test_more_values_than_are_drawn_at_a_time():
-    # 2000 draws of 1100 values: 1818 of them first.
-    values = np.arange(1100.0)
-    p = percentiles("x", values)
-    rng = np.random.default_rng(20230915)
-    parts = [rng.integers(0, 1100, (n, 1100)) for n in (1818, 182)]
-    middle = np.median(np.concatenate(parts), axis=1)
-    assert p.low[50.0] == pytest.approx(between(middle, 2.5))
-    assert p.high[50.0] == pytest.approx(between(middle, 97.5))
 
 
 RESULTS = (
@@ -114,76 +104,37 @@ def test_seeds_are_independent_numbers_of_64_bits():
             Workers(n)
 
 
-def outcome(seed: int) -> dict[str, float]:
-    if seed == 1:
-        raise ValueError("x" * 500)
-    return [{"y": 2 * seed}, {}, {"a": 1.0, "b": math.nan, "c": math.inf}, {}, {"y": 8}][seed]
+def test_percentiles_of_known_numbers():
+    p = percentiles("x", np.arange(101)[::-1])
+    assert p.values == {5.0: 5, 25.0: 25, 50.0: 50, 75.0: 75, 95.0: 95}
+    assert p.largest == 100
+    # A percentile q of n uniform values lies at q +- 1.96 sqrt(q (1 - q) / n).
+    for level in (25.0, 50.0, 75.0):
+        half = 196 * np.sqrt(level / 100 * (1 - level / 100) / 101)
+        assert p.low[level] == pytest.approx(level - half, abs=2)
+        assert p.high[level] == pytest.approx(level + half, abs=2)
+    with pytest.raises(UserError):
+        percentiles("x", [])
+    with pytest.raises(UserError):
+        percentiles("x", [1.0, np.nan])
 
 
-def test_a_case_fails_by_an_error_or_a_number_that_is_none():
-    told = []
-    found = run_cases(
-        outcome,
-        [{"seed": k} for k in (0, 1, 2, 3, 4)],
-        configuration=Configuration({}),
-        progress=lambda *x: told.append(x),
+@settings(max_examples=15)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40), st.randoms(use_true_random=False))
+def test_percentiles_do_not_know_an_order(values, random):
+    first = percentiles("x", values)
+    random.shuffle(values)
+    assert percentiles("x", values).to_dict() == first.to_dict()
+    points = [*first.values.values(), first.largest]
+    assert all(a <= b + 1e-12 for a, b in itertools.pairwise(points))
+    for level, value in first.values.items():
+        assert first.low[level] <= value + 1e-9
+        assert value <= first.high[level] + 1e-9
+
+
+def test_the_bootstrap_interval_covers():
+    hits = sum(
+        p.low[50.0] <= 0 <= p.high[50.0]
+        for p in (percentiles("x", np.random.default_rng(s).normal(size=60)) for s in range(100))
     )
-    assert [r.values for r in found.results] == [{"y": 0.0}, None, None, None, {"y": 8.0}]
-    failures = [r.failure for r in found.results]
-    assert failures[1] == ("ValueError: " + "x" * 500)[:400]
-    assert failures[2:4] == ["b is nan", "gave no numbers"]
-    assert told == [(0, 5, 0), (1, 5, 0), (2, 5, 1), (3, 5, 2), (4, 5, 3), (5, 5, 3)]
-    for cases, words in (
-        ([], r"cases: none\. Give at least one"),
-        ([{"a": 1, "b": 2}, {"b": 2, "a": 1}], r'cases: \{"a":1,"b":2\} occurs twice'),
-    ):
-        with pytest.raises(UserError, match=words):
-            run_cases(outcome, cases, configuration=Configuration({}))
-
-
-@pytest.mark.parametrize("deadly", [{3}, {0}, {9}, {2, 3}, {0, 5, 9}, set(range(10))])
-@pytest.mark.parametrize("ahead", [1, 3, 10])
-def test_cases_that_workers_die_of_are_found_by_halves(monkeypatch, deadly, ahead):
-    runs = []
-
-    def engine(work, cases):
-        """A pool that is given some cases ahead, and loses those when one kills it."""
-        waiting = []
-        for case in cases:
-            waiting.append(case)
-            if len(waiting) < ahead:
-                continue
-            if any(c["seed"] in deadly for c in waiting):
-                return
-            runs.extend(c["seed"] for c in waiting)
-            yield from (work(c) for c in waiting)
-            waiting = []
-        if not any(c["seed"] in deadly for c in waiting):
-            runs.extend(c["seed"] for c in waiting)
-            yield from (work(c) for c in waiting)
-
-    monkeypatch.setattr(campaign, "_engine", lambda workers: contextlib.nullcontext(engine))
-    found = run_cases(
-        lambda seed: {"y": seed},
-        [{"seed": k} for k in range(10)],
-        configuration=Configuration({}),
-        workers=2,
-    )
-    for k, r in enumerate(found.results):
-        assert r.case == {"seed": k}
-        assert (r.values, r.failure) == ((None, DIED) if k in deadly else ({"y": float(k)}, ""))
-    assert sorted(runs) == [k for k in range(10) if k not in deadly]
-
-
-def test_who_runs_the_cases(monkeypatch):
-    with campaign._engine(Workers(1)) as engine:
-        assert engine is map
-    with campaign._engine(Workers(3)) as engine:
-        assert (engine.func, engine.args) == (campaign._run_here, (3,))
-    with campaign._engine(Workers()) as engine:
-        assert engine.args == (-1,)
-    monkeypatch.setattr(campaign, "connected", lambda address: contextlib.nullcontext("client"))
-    with campaign._engine(Workers(1, "tcp://x:1")) as engine:
-        assert (engine.func, engine.args) == (campaign.run_on, ("client", "tcp://x:1"))
-    monkeypatch.setattr(campaign, "_engine", None)  # nobody is asked where nothing is missing
-    assert list(campaign._results(None, [], Workers(2))) == []
+    assert 88 <= hits <= 100

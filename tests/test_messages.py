@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from esea_gen.control.faults import Fault
+from esea_gen.control.limits.faults import Fault
 from esea_gen.device import load_device
 from esea_gen.emit.messages import (
     fault_codes,

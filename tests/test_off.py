@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 
@@ -19,15 +18,13 @@ from esea_gen.language.system import System, Task
 from esea_gen.studies import simulation as room
 from esea_gen.studies.off_table import SWINGING_NM, OffTable, simulate_off
 from esea_gen.studies.simulation import simulate
-from esea_gen.studies.tuning import TuningCase
-from esea_gen.twin.case import TORQUE, Case, Setting
+from esea_gen.studies.tracking import TuningCase
+from esea_gen.twin.case import TORQUE, Setting
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.controllers import controller_device
-from esea_gen.twin.judge import above, judge
 from esea_gen.twin.off import chosen_families, deviation, off_families
 from esea_gen.twin.people import ideal_plant
 from esea_gen.twin.plant import plant_system
-from esea_gen.twin.published import PLANTS
 from esea_gen.twin.run import compiled_loop, plant_variant, run_case, told
 
 from .conftest import require_tool
@@ -38,21 +35,6 @@ from .typed import typed
 pytestmark = pytest.mark.ci
 
 EVERY = list(off_families())
-# What each family may touch, typed again.
-TOUCHED = {
-    "none": set(),
-    "rubber": {"elastomer_scale"},
-    "hysteresis": {"hysteresis_scale"},
-    "relaxation": {"relaxation_Nm_rad", "relaxation_s"},
-    "encoder": {f"{s}_{w}_1_rad" for s in ("motor", "load") for w in ("wave", "phase")},
-    "friction": {"fv_Nms_rad", "fc_Nm"},
-    "inertia": {"J_kgm2"},
-    "lag": {"tau_c_s"},
-    "delay": set(),
-    "backlash": {"cable_backlash_rad"},
-    "missed": set(),
-}
-DRAWN = set().union(*TOUCHED.values()) - {"relaxation_s"}
 
 
 @pytest.fixture(scope="module")
@@ -132,30 +114,6 @@ def test_an_encoder_that_is_wrong_once_a_turn(device, name, deg):
     assert other["motor_phase_1_rad"] != values["motor_phase_1_rad"]
 
 
-def test_drive_is_scaled_from_what_the_controller_knows(device):
-    # 0.5551 Nms/rad, 0.4688 Nm, 0.663 kgm2, 34.88 ms: not from the real plant's 25 % more friction.
-    def values(name: str):
-        return dict(deviation(name, device, 0).values)
-
-    assert values("friction-x0.5") == pytest.approx({"fv_Nms_rad": 0.27755, "fc_Nm": 0.2344})
-    assert values("friction-x2") == pytest.approx({"fv_Nms_rad": 1.1102, "fc_Nm": 0.9376})
-    assert values("inertia-30") == pytest.approx({"J_kgm2": 0.4641})
-    assert values("inertia+30") == pytest.approx({"J_kgm2": 0.8619})
-    assert values("lag-x0.5") == pytest.approx({"tau_c_s": 0.01744})
-    assert values("lag-x2") == pytest.approx({"tau_c_s": 0.06976})
-    assert values("backlash-30mrad") == {"cable_backlash_rad": 0.03}
-
-
-@pytest.mark.parametrize("name", EVERY)
-def test_nothing_else_is_touched(device, name):
-    off, group = deviation(name, device, 1), off_families()[name].group
-    assert set(off.values) == TOUCHED.get(group, DRAWN)
-    drawn = group.startswith("random")
-    assert (off.delay_ticks > 0) <= (group == "delay" or drawn)
-    assert (off.missed_share > 0) == (group in ("missed", "random-missed"))
-    assert off == deviation(name, device, 1)
-
-
 # -- delay and missed runs in the loop ------------------------------------------------------------
 
 
@@ -229,19 +187,6 @@ def test_missed_runs_do_not_run(loop):
             loop.run({"ask_Nm": np.zeros(100)}, **bad)
 
 
-@pytest.mark.parametrize(("name", "share"), [("missed-1%", 0.01), ("missed-10%", 0.1)])
-def test_the_share_of_missed_runs(device, name, share):
-    n = 200_000
-    missed = deviation(name, device, 7).missed(n, 7)
-    assert not missed[:100].any()
-    assert missed.sum() == pytest.approx(share * n, abs=4 * math.sqrt(share * n))
-    assert np.array_equal(missed, deviation(name, device, 7).missed(n, 7))
-    assert not np.array_equal(missed, deviation(name, device, 8).missed(n, 8))
-    # By themselves: a pair is as likely as the square.
-    pairs = np.count_nonzero(missed[1:] & missed[:-1])
-    assert pairs == pytest.approx(share**2 * n, abs=5 * math.sqrt(share**2 * n))
-
-
 @pytest.mark.ci
 @pytest.mark.parametrize("controller", ["smc", "mpc"])
 @pytest.mark.parametrize(("in_a_row", "latches"), [(4, False), (5, True)])
@@ -263,54 +208,6 @@ def test_how_many_missed_runs_are_bridged(controller, in_a_row, latches):
 # -- everything at once ---------------------------------------------------------------------------
 
 
-def test_everything_off_at_once_stays_in_its_ranges(device):
-    r = PLANTS.off.random
-    drawn = [deviation("random", device, k) for k in range(300)]
-    base = {"fv_Nms_rad": 0.5551, "fc_Nm": 0.4688, "J_kgm2": 0.663, "tau_c_s": 0.03488}
-    ends = {
-        "elastomer_scale": r.rubber_scale,
-        "hysteresis_scale": r.hysteresis_scale,
-        "relaxation_Nm_rad": r.relaxation_Nm_rad,
-        "cable_backlash_rad": r.backlash_rad,
-        "motor_wave_1_rad": np.radians(r.encoder_deg),
-        "load_wave_1_rad": np.radians(r.encoder_deg),
-        "fv_Nms_rad": r.friction_scale,
-        "fc_Nm": r.friction_scale,
-        "J_kgm2": r.inertia_scale,
-        "tau_c_s": r.lag_scale,
-    }
-    for key, (low, high) in ends.items():
-        values = np.array([d.values[key] for d in drawn]) / base.get(key, 1.0)
-        assert low <= values.min() < low + 0.1 * (high - low), key
-        assert high >= values.max() > high - 0.1 * (high - low), key
-    assert {d.delay_ticks for d in drawn} == set(range(11))
-    assert all(d.missed_share == 0 for d in drawn)
-    # Half as far from the model: of friction and lag by ratio.
-    halves = [deviation("random-half", device, k) for k in range(20)]
-    for half, whole in zip(halves, drawn, strict=False):
-        h, w = half.values, whole.values
-        assert h["elastomer_scale"] - 1 == pytest.approx((w["elastomer_scale"] - 1) / 2)
-        assert h["relaxation_Nm_rad"] == pytest.approx(w["relaxation_Nm_rad"] / 2)
-        assert h["J_kgm2"] - 0.663 == pytest.approx((w["J_kgm2"] - 0.663) / 2)
-        assert h["tau_c_s"] == pytest.approx(math.sqrt(0.03488 * w["tau_c_s"]))
-        assert half.delay_ticks <= 5
-    # The logarithm of the lag is uniform: half of them are below the model's.
-    below = np.mean([d.values["tau_c_s"] < 0.03488 for d in drawn])
-    assert below == pytest.approx(0.5, abs=0.12)
-
-
-@pytest.mark.ci
-def test_a_seed_gives_the_same_run_again():
-    case = shorter(TuningCase().cases()[0], 3)
-    setting = Setting("smc", "random", "none", off="random")
-    a, b = (run_case(case, setting, 5) for _ in range(2))
-    assert all(np.array_equal(a.plant[k], b.plant[k]) for k in a.plant)
-    c = run_case(case, dataclasses.replace(setting, off="none"), 5)
-    plain = run_case(case, Setting("smc", "random", "none"), 5)
-    assert np.array_equal(c["tau_e_Nm"], plain["tau_e_Nm"])
-    assert not np.array_equal(a["tau_e_Nm"], c["tau_e_Nm"])
-
-
 @pytest.mark.parametrize("name", EVERY[1:])
 def test_every_family_is_felt(name):
     # From the path's start on; 10 ms more are felt within seconds.
@@ -320,27 +217,6 @@ def test_every_family_is_felt(name):
 
 
 # -- what is said of it ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("hertz", [1.0, 3.0, 6.0, 20.0])
-def test_what_is_above_four_hertz(hertz):
-    t = np.arange(20_000) / 1000
-    left = above(np.sin(2 * np.pi * hertz * t))
-    # Squared gain of Butterworth's fourth order, which is the gain forth and back.
-    gain = 1 / (1 + (4 / hertz) ** 8)
-    assert np.std(left[2000:-2000]) == pytest.approx(gain / math.sqrt(2), rel=0.01, abs=1e-4)
-
-
-def test_a_swing_is_in_the_figures():
-    case = shorter(TuningCase().cases()[0], 20)
-    run = run_case(case, Setting(), 0)
-    w = case.trajectory.window
-    before = judge(case, run, 0.221)["rms_above_4Hz_Nm"]
-    assert before < 0.05
-    t = run.time_s[w]
-    run.plant["tau_e_Nm"][w] += 0.3 * np.sin(2 * np.pi * 8 * t)
-    after = judge(case, run, 0.221)["rms_above_4Hz_Nm"]
-    assert after == pytest.approx(math.hypot(before, 0.3 / math.sqrt(2)), rel=0.03)
 
 
 def test_names_and_groups():
@@ -462,11 +338,3 @@ def test_one_family_alone_is_a_study_as_ever(monkeypatch):
     assert "off: motor's lag 0.5 times the model's" in done.table()[0]
     with pytest.raises(UserError, match="unknown family"):
         simulate("tuning", Setting(off="everything"))
-
-
-def test_a_case_of_a_study_may_twist_the_cable_too():
-    # A case's own plant stays; the family has the last word where both speak.
-    case = Case("x", shorter(TuningCase().cases()[0], 1).trajectory, plant={"elastomer_scale": 3.0})
-    both = run_case(case, Setting(off="rubber-10"), 0)
-    alone = run_case(dataclasses.replace(case, plant={}), Setting(off="rubber-10"), 0)
-    assert np.array_equal(both["tau_e_Nm"], alone["tau_e_Nm"])

@@ -5,18 +5,18 @@ import numpy as np
 import pytest
 
 from esea_gen import load_device
-from esea_gen.bench.predictive_loop import recorded_rows
 from esea_gen.emit.elementary import ACCURACY_ULP
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.builder import Builder, declare_ports
 from esea_gen.language.ports import Port
 from esea_gen.language.program import Program
 from esea_gen.language.stream import Stream, single
-from esea_gen.studies.tuning import TuningCase
-from esea_gen.verify.operating_point import PointAnalysis
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.verify.runs import run_c
+from tests.benchmarks.predictive_loop import recorded_rows
 
 from .conftest import require_tool
+from .operating_point import PointAnalysis
 
 U = 2.0**-24
 

@@ -8,6 +8,9 @@ import subprocess
 import numpy as np
 import pytest
 
+from esea_gen.board.emulator import RunningBoard, first_difference
+from esea_gen.board.firmware import build_firmware
+from esea_gen.board.stack import CallGraph
 from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.roles import board_roles
@@ -15,17 +18,14 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.twin.recorded import record_drive
-from esea_gen.verify.emulator import RunningBoard, first_difference
-from esea_gen.verify.firmware import build_firmware
-from esea_gen.verify.preempt import (
+
+from .conftest import require_tool
+from .proof.preempt import (
     PreemptionResult,
     instructions_of,
     preempt_everywhere,
     slower_task,
 )
-from esea_gen.verify.stack import CallGraph
-
-from .conftest import require_tool
 
 pytestmark = pytest.mark.ci
 

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from esea_gen.cli import app
 from esea_gen.device import parse_device
 from esea_gen.errors import UserError
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Setting
 from esea_gen.twin.run import run_case
 from tests.test_experiments import shorter

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +10,8 @@ import pytest
 import esea_gen
 from esea_gen.hostlib.library import compile_system
 from esea_gen.model.inverse import exact_inverse, inverse_system
-from esea_gen.twin.passive import ENCODER_NOISE_RAD, HAND_Nms_rad, PassiveTwin, passive_system
-from esea_gen.twin.people import STEP_S
+from esea_gen.twin.parameters import STEP_S
+from esea_gen.twin.passive import ENCODER_NOISE_RAD, HAND_Nms_rad, PassiveTwin
 
 from .conftest import require_tool
 
@@ -128,100 +127,3 @@ def test_the_same_seed_the_same_run(twin, slow):
     again = twin.run(t, tau, angle, np.random.default_rng(3))
     assert np.array_equal(again.tau_Nm, run.tau_Nm)
     assert not np.array_equal(twin.run(t, tau, angle, np.random.default_rng(4)).tau_Nm, run.tau_Nm)
-
-
-def test_a_device_without_a_motor_has_two_encoders(knee):
-    system = passive_system(knee)
-    assert [p.name for p in system.blocks["encoders"].outputs] == ["count_motor", "count_load"]
-    assert system.blocks["plant"].period_s == STEP_S
-
-
-@pytest.mark.parametrize("angle", [-0.4, 0.7])
-def test_wherever_in_a_turn_the_encoders_start(twin, angle):
-    # Motor's and limb's encoder start at these shares of a turn; a limb held still, no hands.
-    t = np.arange(500) * 1e-3
-    for seed, shares in (
-        (1, (0.51, 0.95)),
-        (5, (0.81, 0.81)),
-        (2, (0.26, 0.30)),
-        (4, (0.94, 0.51)),
-    ):
-        assert np.random.default_rng(seed).random(2) == pytest.approx(shares, abs=0.005)
-        run = twin.run(t, 0 * t, 0 * t + angle, np.random.default_rng(seed))
-        assert np.abs(run.theta_l_rad - angle).max() < 1.5 * twin.count_rad + 5 * ENCODER_NOISE_RAD
-        assert np.abs(run.tau_Nm).max() == 0  # inside the dead zone
-
-
-def test_time_may_begin_anywhere(twin):
-    t = np.arange(0, 0.5, 0.002)
-    tau, angle = 3 * np.sin(6 * t), 1 + 0.1 * np.sin(5 * t)
-    runs = [twin.run(t + at, tau, angle, np.random.default_rng(2)) for at in (0.0, 40.0)]
-    first, later = (r.tau_true_Nm for r in runs)
-    assert len(first) == len(later) == len(runs[0].time_s)
-    assert runs[1].time_s - 40.0 == pytest.approx(runs[0].time_s, abs=1e-9)
-    assert later == pytest.approx(first, abs=1e-6)  # times at 40 s are rounded otherwise
-    assert np.ptp(first) > 1
-
-
-def replayed(answer):
-    """In place of a Block or task that is compiled: keeps what it was given."""
-    given = SimpleNamespace(resets=0, inputs=None, state=None)
-
-    def run(inputs, trace):
-        given.inputs = inputs
-        assert not trace
-        return answer(inputs), None
-
-    def reset():
-        given.resets += 1
-
-    return given, SimpleNamespace(
-        run=run, reset=reset, put_state=lambda s: vars(given).update(state=s)
-    )
-
-
-@pytest.mark.parametrize("first_rad", [0.3, -7.1])
-def test_what_each_part_of_a_run_is_given_and_what_is_kept(first_rad):
-    """Five steps a tick; half a second at rest before; encoders that start anywhere, with noise."""
-    time_s, tau = np.array([1.0, 1.5, 2.0]), np.array([0.5, 2.0, 1.0])
-    angle, count = first_rad + np.array([0.0, 0.6, -0.4]), 2 * math.pi / 4096
-    cuff = np.sin(np.arange(7500) / 90)
-    plant, plant_runs = replayed(
-        lambda x: {
-            "theta_m_rad": x["theta_l_rad"] + 0.1 * cuff,
-            "theta_l_rad": x["theta_l_rad"],
-            "tau_e_Nm": 5 * cuff,
-        }
-    )
-    encoders, encoder_runs = replayed(
-        lambda x: {f"count_{k}": x[f"theta_{k[0]}_rad"] // count % 4096 for k in ("motor", "load")}
-    )
-    sense, sense_runs = replayed(lambda x: {"tau_Nm": 3 * np.float32(x["theta_rad"])})
-    twin = object.__new__(PassiveTwin)
-    twin.device, twin.count_rad = SimpleNamespace(period_s=1e-3), count
-    twin.encoder_noise_rad = 0.004
-    twin._plant, twin._encoders, twin._sense = plant_runs, encoder_runs, sense_runs
-    run = twin.run(time_s, tau, angle, np.random.default_rng(8))
-
-    t = 0.5 + 2e-4 * np.arange(1, 7501)
-    limb = np.interp(t, time_s, angle)
-    np.testing.assert_allclose(plant.inputs["tau_hand_Nm"], np.interp(t, time_s, tau))
-    np.testing.assert_allclose(plant.inputs["theta_l_rad"], limb)
-    speed = np.concatenate([[0.0], np.diff(limb)]) / 2e-4
-    np.testing.assert_allclose(plant.inputs["omega_l_rad_s"], speed)
-    assert plant.state == {"theta_m_rad": pytest.approx(first_rad)}
-    assert [p.resets for p in (plant, encoders, sense)] == [1, 1, 1]
-
-    rng = np.random.default_rng(8)
-    start = rng.uniform(0, 2 * math.pi, 2)
-    read, ticks = {}, slice(4, None, 5)
-    for name, begins, true in (("m", start[0], limb + 0.1 * cuff), ("l", start[1], limb)):
-        seen = true[ticks] + begins + rng.normal(0, 0.004, 1500)
-        np.testing.assert_allclose(encoders.inputs[f"theta_{name}_rad"], seen)
-        read[name] = count * (seen // count - begins // count)
-    np.testing.assert_allclose(sense.inputs["theta_rad"], read["m"] - read["l"], atol=1e-9)
-    np.testing.assert_allclose(run.time_s, 1 + 1e-3 * np.arange(1001), rtol=1e-12)
-    np.testing.assert_allclose(run.tau_true_Nm, 5 * cuff[ticks][499:])
-    np.testing.assert_allclose(run.theta_l_rad, read["l"][499:], atol=1e-9)
-    np.testing.assert_allclose(run.tau_Nm, 3 * (read["m"] - read["l"])[499:], atol=1e-6)
-    assert run.tau_Nm.dtype == np.float64

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import casadi as ca
 import pytest
 
-from esea_gen.control.horizon import Horizon, _Coefficients
-from esea_gen.control.predictive_drive import drive_model
+from esea_gen.control.predictive.drive import drive_model
+from esea_gen.control.predictive.horizon import Horizon, _Coefficients
 
 
 class Plain:

@@ -8,12 +8,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.control.cable_model import CableModel
-from esea_gen.control.horizon import Horizon, linearise
-from esea_gen.control.predictive_drive import drive_model
-from esea_gen.control.rubber_ahead import FamilyAhead, rubber_ahead
+from esea_gen.control.predictive.cable_model import CableModel
+from esea_gen.control.predictive.drive import drive_model
+from esea_gen.control.predictive.horizon import Horizon, linearise
+from esea_gen.control.predictive.rubber_ahead import FamilyAhead, rubber_ahead
 from esea_gen.device import Device, parse_device
-from esea_gen.identify.family_file import family_device
+from esea_gen.identify.family.file import family_device
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.rubber import rubber_sensor
 from esea_gen.studies.registry import load_study

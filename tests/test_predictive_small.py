@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from esea_gen.control.box_qp import packed
-from esea_gen.control.horizon import Horizon, Model, Stops, Tape
-from esea_gen.control.predictive import FLAGS, predictive_program
+from esea_gen.control.predictive.box_qp import packed
+from esea_gen.control.predictive.horizon import Horizon, Model, Stops, Tape
+from esea_gen.control.predictive.program import FLAGS, predictive_program
 from esea_gen.language.ports import Port, Tunable
 from esea_gen.language.statements import For
 

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.control.ahead import ahead
-from esea_gen.control.horizon import Horizon
+from esea_gen.control.predictive.ahead import ahead
+from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.fixed.report import range_report
@@ -37,7 +37,10 @@ from esea_gen.verify.mutation.campaign import run_mutation
 from esea_gen.verify.mutation.mutants import mutants
 from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import run_c, run_executor
-from esea_gen.verify.sanitize import (
+from esea_gen.verify.verdict import Verification
+
+from .conftest import require_tool
+from .proof.sanitize import (
     UNDEFINED,
     GivenRenderer,
     replay_device,
@@ -45,9 +48,6 @@ from esea_gen.verify.sanitize import (
     tried_streams,
     undefined_behaviour,
 )
-from esea_gen.verify.verdict import Verification
-
-from .conftest import require_tool
 
 pytestmark = pytest.mark.ci
 

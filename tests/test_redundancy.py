@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.control.redundancy import redundancy, shares_of_room
+from esea_gen.control.limits.redundancy import redundancy, shares_of_room
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.model.gear_encoder import gear_encoder

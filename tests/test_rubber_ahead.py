@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.control.rubber_ahead import rubber_ahead
+from esea_gen.control.predictive.rubber_ahead import rubber_ahead
 
 H = 0.004
 # As published: spring, stop operators, Maxwell element.

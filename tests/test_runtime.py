@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from esea_gen.control.faults import Fault
+from esea_gen.control.limits.faults import Fault
 from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
 from esea_gen.hostlib.library import compile_device

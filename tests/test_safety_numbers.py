@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from esea_gen.control.safety import check_safety, safety_sections
+from esea_gen.control.limits.safety import check_safety, safety_sections
 from esea_gen.errors import UserError
 
 from .test_linear_loop import variant

@@ -52,5 +52,5 @@ def test_the_examples_are_the_same_every_time():
 
 def test_every_random_number_has_a_seed():
     unseeded = r"default_rng\([)]|\bimport random\b|np\.random\.(?!default_rng|Generator)"
-    for path in ROOT.glob("tests/*.py"):
+    for path in ROOT.glob("tests/**/*.py"):
         assert not re.findall(unseeded, path.read_text()), path.name

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 import esea_gen
 from esea_gen.control.reference import reference
 from esea_gen.control.setpoint import setpoint_rates
-from esea_gen.control.sliding_mode import sliding_mode
-from esea_gen.control.surface import equivalent_control, switching_gain
+from esea_gen.control.sliding_mode.controller import sliding_mode
+from esea_gen.control.sliding_mode.surface import equivalent_control, switching_gain
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system

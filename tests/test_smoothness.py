@@ -21,7 +21,6 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from esea_host import smoothness, statistics
-from esea_host.bench.smoothness import load_reference, race
 from esea_host.smoothness import (
     NoAnswerError,
     derivatives,
@@ -37,6 +36,7 @@ from esea_host.smoothness import (
     vdv,
 )
 from esea_host.smoothness import spectral as spectral_module
+from tests.benchmarks.smoothness import load_reference, race
 
 from .conftest import ROOT
 
@@ -591,10 +591,8 @@ def test_the_benchmark_races_a_file_that_is_given(tmp_path):
     path = tmp_path / "smoothness.py"
     path.write_text(REFERENCE.format("-1.5"))
     rows = race(load_reference(path), movements=3)
-    assert [r.metric for r in rows] == ["SPARC", "LDLJ"]
-    # Armed: a package that says something else is seen to disagree.
-    assert all(r.worst > 0.01 for r in rows)
-    assert all(r.ours_s > 0 and r.theirs_s > 0 for r in rows)
+    # Armed: a package with other values is seen to disagree.
+    assert all(worst > 0.01 for _, _, worst in rows.values())
 
 
 # Of the published package on tests/data/reaches, at 100 Hz: SPARC, LDLJ; numpy 2.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from esea_gen.control.sliding_mode import sliding_mode
+from esea_gen.control.sliding_mode.controller import sliding_mode
 from esea_gen.studies.off_table import SWINGING_NM
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, simulate_case

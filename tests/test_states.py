@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import load_device
 from esea_gen.emit.states import (
     EVENTS,
@@ -27,7 +28,6 @@ from esea_gen.emit.states import (
 )
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import firmware_folder
-from esea_gen.verify.sim import SimBoard
 
 from .conftest import ROOT, require_tool
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from esea_gen.analysis.step import _crossing, _ringing, _settling, step_metrics
+from esea_gen.analysis.step import step_metrics
 from esea_gen.errors import UserError
 
 # From 0 to 1: 0.1 at 0.6 s, 0.9 at 1.667 s; last beyond 5 % on the way from 1.15 to 1.04, beyond
@@ -46,33 +46,6 @@ def test_figures_of_a_response_of_straight_lines(start, step_s, sign):
     assert longer.overshoot_percent == pytest.approx(100 * (1 / (1 - 4 * 0.004 / 15) - 1))
 
 
-def test_a_level_is_crossed_where_it_is_first_reached():
-    t = np.array([7.0, 8.0, 9.0, 11.0])
-    way = np.array([0.0, 0.25, 0.25, 0.5])
-    assert _crossing(t, way, 0.25) == 8.0
-    assert _crossing(t, way, 0.375) == 10.0
-    assert _crossing(t, way, 0.125) == 7.5
-    assert _crossing(t, way, 0.0) == _crossing(t, way, -1.0) == 7.0
-    down = np.array([0.5, 0.25, 0.75, 0.0])
-    assert _crossing(t, down, 0.5) == 7.0
-    assert _crossing(t, down, 0.625) == 8.75
-
-
-def test_a_response_settles_where_it_last_comes_into_the_band():
-    t, miss = np.array([7.0, 8.0, 9.0, 11.0, 12.0]), np.array([3.0, 1.0, 0.5, 0.25, 0.25])
-    far = 100.0
-    assert _settling(t, miss, 0.25, far) == 11.0
-    assert _settling(t, miss, 0.5, far) == 9.0
-    assert _settling(t, miss, 0.75, far) == 8.5
-    assert _settling(t, miss, 0.3, far) == pytest.approx(10.6)
-    assert _settling(t, miss, 5.0, far) == 7.0
-    # Not where it is beyond the band in the tail, or at the end.
-    assert _settling(t, miss, 0.3, 9.0) is None
-    assert _settling(t, miss, 0.3, 9.1) == pytest.approx(10.6)
-    assert _settling(t, miss, 0.2, far) is None
-    assert _settling(t, np.array([0, 1.0, 0, 0, 0]), 0.5, far) == 8.5
-
-
 def spectrum(values: np.ndarray) -> tuple[float, np.ndarray]:
     """RMS without the straight line of least squares, and powers of its lines, by sums."""
     n = len(values)
@@ -83,35 +56,6 @@ def spectrum(values: np.ndarray) -> tuple[float, np.ndarray]:
     return math.sqrt(np.mean(flat**2)), np.abs(lines) ** 2
 
 
-@pytest.mark.parametrize(
-    "lines",
-    [
-        {8: 0.5, 5.5: 0.2, 10.5: 0.3, 20: 0.1},
-        {1.4: 0.7, 3.2: 0.3, 4.5: 0.3, 9: 0.2},
-        {29: 1.0, 26.5: 0.4, 31: 0.4},
-    ],
-)
-def test_ringing_by_its_spectrum(lines):
-    t = 3.0 + 2.0 * np.linspace(0, 1, 64)
-    values = 5 - 2 * t + sum(a * np.sin(np.pi * f * (t - 3) + f) for f, a in lines.items())
-    rms, power = spectrum(values)
-    peak = int(np.argmax(power))
-    assert peak == pytest.approx(next(iter(lines)), abs=1)
-    near = sum(power[k] for k in range(len(power)) if abs(k - peak) <= 2)
-    # The record lasts 2 s.
-    assert _ringing(t, values) == pytest.approx((rms, peak / 2.0, near / power.sum()), rel=1e-9)
-    # Any order of intervals: a straight line between samples.
-    more = np.sort(np.concatenate([t, t[:-1] + 0.3 * np.diff(t)]))
-    assert len(more) == 127
-    rms, power = spectrum(np.interp(np.linspace(3, 5, 127), more, np.interp(more, t, values)))
-    assert _ringing(more, np.interp(more, t, values))[0] == pytest.approx(rms, rel=1e-9)
-
-
-def test_nothing_rings_where_nothing_moves():
-    assert _ringing(np.arange(40.0), np.zeros(40)) == (0.0, 0.0, 0.0)
-
-
-THIRD = 8.0
 LATE = np.arange(0, 24.25, 0.25)  # 32, 32 and 33 samples in its thirds
 
 
@@ -143,33 +87,6 @@ def test_an_oscillation_by_its_size_and_by_what_it_was_before():
             assert m.final == pytest.approx(np.mean(2 + 0.2 * grown / after * wave[-20:]))
     for rms, verdict in ((0.01995, "stable"), (0.02005, "sustained oscillation")):
         assert ring(rms / before * middle, rms / after * end).verdict == verdict
-
-
-@pytest.mark.parametrize("beside", [0.66, 0.68, 0.69, 0.70, 0.71, 0.72, 0.73, 0.75])
-def test_an_oscillation_is_half_of_the_power(beside):
-    at = 2 * np.pi * LATE
-    wave = 0.1 * (np.sin(at) + beside * np.sin(0.4 * at) + beside * np.sin(1.7 * at))
-    _, power = spectrum(wave[64:])
-    share = power[6:11].sum() / power.sum()
-    assert int(np.argmax(power)) == 8
-    assert 0.44 < share < 0.56
-    m = ring(0.9 * wave[32:64], wave[64:])
-    assert (m.verdict == "stable") == (share <= 0.5)
-
-
-@pytest.mark.parametrize(("middle", "end", "told"), [(8, 8, True), (7, 9, False), (9, 7, False)])
-def test_eight_samples_tell_of_an_oscillation(middle, end, told):
-    t = np.concatenate(
-        [
-            np.linspace(0, 10, 20, endpoint=False),
-            np.linspace(10, 20, middle, endpoint=False),
-            np.linspace(20, 30, end),
-        ]
-    )
-    y = 1.0 + np.where(np.arange(len(t)) % 2, 0.2, -0.2)
-    y[:20] = 1.0
-    m = step_metrics(np.append(-1.0, t), np.append(0.0, y), step_s=0.0)
-    assert (m.oscillation_Hz is not None) == told
 
 
 GOOD = np.concatenate([np.zeros(10), np.ones(40)])

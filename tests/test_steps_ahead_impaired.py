@@ -10,9 +10,9 @@ from math import pi
 import numpy as np
 import pytest
 
-from esea_gen.control.ahead import ahead
-from esea_gen.control.horizon import Horizon
 from esea_gen.control.impairment import impairment
+from esea_gen.control.predictive.ahead import ahead
+from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import load_device, parse_device
 
 from .conftest import without

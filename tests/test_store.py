@@ -16,8 +16,8 @@ from random import Random
 import cffi
 import pytest
 
+from esea_gen.board.chips import declarations
 from esea_gen.targets import APP_FLAGS, firmware_folder
-from esea_gen.verify.chips import declarations
 
 from .conftest import require_tool
 

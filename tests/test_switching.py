@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.control.faults import Fault
 from esea_gen.control.laws.predictive import device_horizon
+from esea_gen.control.limits.faults import Fault
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.people import real_plant

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.errors import UserError
-from esea_gen.studies.thesis import measures as measures_file
-from esea_gen.studies.thesis.catalogue import (
+from esea_gen.reproduce import measures as measures_file
+from esea_gen.reproduce.catalogue import (
     DIFFERS,
     REPRODUCED,
     TAKEN,
@@ -24,9 +24,9 @@ from esea_gen.studies.thesis.catalogue import (
     judge_printed,
     published,
 )
-from esea_gen.studies.thesis.given import HostResults
-from esea_gen.studies.thesis.measures import Measures
-from esea_gen.studies.thesis.study import CHAPTERS, recompute
+from esea_gen.reproduce.given import HostResults
+from esea_gen.reproduce.measures import Measures
+from esea_gen.reproduce.thesis import CHAPTERS, recompute
 
 ITEMS, MISPRINTS = published()
 # Counted in the thesis: figures and tables of a chapter.

@@ -107,22 +107,6 @@ def test_the_tuning_case_and_any_torque():
     assert RATE_HZ == 1000
 
 
-def test_what_plant_and_controller_are_given_of_a_path():
-    path = bread(0.4)
-    assert path.start_rad == 0.0
-    given = path.signals()
-    for name, array in (
-        ("theta_p_rad", path.theta_p_rad),
-        ("omega_p_rad_s", path.omega_p_rad_s),
-        ("alpha_p_rad_s2", path.alpha_p_rad_s2),
-        ("tau_desired_Nm", path.tau_desired_Nm),
-        ("theta_desired_rad", path.theta_p_rad),
-        ("omega_desired_rad_s", path.omega_p_rad_s),
-    ):
-        assert given.pop(name) is array
-    assert not given
-
-
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_torques_that_are_none_are_refused(bad):
     for make in (bread, impedance, lambda x: backdriven(0.1, x)):

@@ -11,6 +11,7 @@ import time
 import numpy as np
 import pytest
 
+from esea_gen.board.firmware import build_firmware
 from esea_gen.device import load_device
 from esea_gen.emit.dialect import load_dialect, render_dialect
 from esea_gen.link.session import Session
@@ -23,7 +24,6 @@ from esea_gen.link.transport import (
     TcpTransport,
     open_transport,
 )
-from esea_gen.verify.firmware import build_firmware
 
 from .conftest import require_tool
 

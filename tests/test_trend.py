@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from esea_gen.control.horizon import Horizon
+from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.trend import FADE_S, trend
 from esea_gen.device import load_device
 from esea_gen.devices.file import controller_document

@@ -14,13 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from esea_gen import cli
-from esea_gen.control.linear_loop import LAMBDA_HIGH_1_S, LAMBDA_LOW_1_S
 from esea_gen.device import parse_device
-from esea_gen.devices.fields import SlidingMode
 from esea_gen.errors import UserError
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.studies.tuning_sweep.choice import choose_error, choose_layer
-from esea_gen.studies.tuning_sweep.study import TunableSweep, tune
+from esea_gen.studies.tuning_sweep.study import tune
 from esea_gen.studies.tuning_sweep.trial import Trial, extremes
 
 from .conftest import require_tool
@@ -100,17 +98,6 @@ def test_a_smaller_error_does_not_pay_for_overshoot():
     assert "within 10 %" in reason
     assert "at 25: unstable" in reason
     assert choose_error([trials[-1]]) == (None, "no value is usable, unstable")
-
-
-def test_what_is_not_there_is_null_in_json_and_a_dash_in_the_table():
-    rows = (trial(1.0, surface_rad_s=math.nan, outside_share=math.nan), trial(2.0))
-    sweep = TunableSweep("a.b", {}, rows, rows[1], "why")
-    content = json.loads(json.dumps(sweep.to_dict(), allow_nan=False))
-    assert content["trials"][0]["surface_rad_s"] is None
-    lines = sweep.table()
-    assert lines[2].split().count("-") == 2
-    assert lines[3].endswith("<")
-    assert lines[-1] == "chosen: 2; why"
 
 
 FAILING = 2.0
@@ -209,15 +196,6 @@ def test_a_tunable_without_a_key_is_to_be_set_at_run_time():
     assert two.rms_Nm < one.rms_Nm
 
 
-def test_the_bound_that_a_message_names_may_be_tried():
-    """0.221 Nm is the motor's torque, and a little above the float32 number that bounds it."""
-    require_tool("gcc")
-    found = tune("smc", "ideal", parameter="limits.u_max_Nm", values=(0.01, 0.221))
-    weak, full = found.sweeps[0].trials
-    assert [weak.value, full.value] == [0.01, 0.221]
-    assert full.rms_Nm < weak.rms_Nm
-
-
 # -- what is refused ------------------------------------------------------------------------------
 
 
@@ -282,21 +260,6 @@ def test_a_device_that_cannot_work_is_refused(
         assert "Traceback" not in error
         for word in ["mine.toml", *words]:
             assert word in error
-
-
-def test_the_slope_s_first_refusal_names_what_the_law_takes():
-    """A value from the range that the file's reader names is not refused by the law in turn.
-
-    The largest needs a quicker velocity than the shipped 30 Hz: the loop swings with that one.
-    """
-    key = SlidingMode.model_fields["lambda_1_s"].json_schema_extra
-    assert (key["low"], key["high"]) == (LAMBDA_LOW_1_S, LAMBDA_HIGH_1_S)
-    for value in (key["low"], key["high"]):
-        number = f'{{ value = {value}, status = "assumed", source = "test" }}'
-        quick = number.replace(str(value), "60.0", 1)
-        text = f"{EXTENDED}[sliding_mode]\nlambda_1_s = {number}\n[joint]\n"
-        text += f"motor_velocity_Hz = {quick}\nload_velocity_Hz = {quick}\n"
-        assert "smc" in parse_device(text, "mine.toml").system.blocks
 
 
 def test_the_fixes_that_are_named_are_accepted():
@@ -399,15 +362,3 @@ def test_a_file_that_fails_at_the_end_leaves_the_table(monkeypatch, capsys, tmp_
     assert code == 2
     assert "chosen: 1.5" in shown
     assert "No space left" in error
-
-
-def test_outputs_may_be_in_new_folders_and_a_picture_in_capitals(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("esea_gen.studies.tuning_sweep.study.run_trial", half_run)
-    path, picture = tmp_path / "new" / "a.json", tmp_path / "other" / "new" / "A.PNG"
-    code, _, error = command(
-        *(monkeypatch, capsys, "tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),
-        *("--json", path, "--figure", picture),
-    )
-    assert (code, error) == (0, "")
-    assert json.loads(path.read_text())["sweeps"]
-    assert picture.read_bytes()[:4] == b"\x89PNG"

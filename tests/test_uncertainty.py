@@ -11,18 +11,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from esea_gen.bench.peers import NumpyPeer
 from esea_gen.cli import app
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify.mapping import load_mapping
-from esea_gen.identify.parameters import with_values
-from esea_gen.identify.plant import FittedPlant
-from esea_gen.identify.recording import load_recordings
-from esea_gen.identify.uncertainty import uncertainty as identified
-from esea_gen.language.stream import Stream
-from esea_gen.model.elastomer import torque_sensor
+from esea_gen.identify.published.parameters import with_values
+from esea_gen.identify.published.plant import FittedPlant
+from esea_gen.identify.published.uncertainty import uncertainty as identified
+from esea_gen.identify.recording.mapping import load_mapping
+from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.studies.uncertainty import motions as room
 from esea_gen.studies.uncertainty.motions import Encoders, continuous_torque, motions
 from esea_gen.studies.uncertainty.spread import (
@@ -36,7 +33,6 @@ from esea_gen.studies.uncertainty.study import (
     PARAMETERS,
     QUANTISATION,
     RATE,
-    SOURCES,
     TOGETHER,
     torque_uncertainty,
 )
@@ -114,55 +110,6 @@ def test_quantisation_of_a_spring_is_first_order(cubic):
 
 
 @pytest.mark.ci
-def test_parameters_are_first_order_where_the_spread_is_small(elbow):
-    require_tool("gcc")
-    share = 0.004
-    spread = assumed_spread(elbow, share)
-    found = torque_uncertainty(elbow, 80, spread=spread, limit_s=2.0)
-    # Derivatives by differences of the equations written out in NumPy: nothing of the emitted C.
-    moves = motions(elbow, 2.0)
-    values = elastomer_values(elbow)
-    variance = np.zeros(sum(len(m.kept) for m in moves))
-    for key in spread.keys:
-        torque = []
-        for sign in (1, -1):
-            device = with_values(elbow, {key: values[key] * (1 + sign * 1e-3)})
-            parts = []
-            for m in moves:
-                inputs = {"theta_rad": m.theta_rad, "omega_rad_s": m.omega_mid_rad_s}
-                peer = NumpyPeer(device, Stream("motion", inputs))
-                peer.run(1)
-                parts.append(peer.results()[m.kept, 0])
-            torque.append(np.concatenate(parts))
-        variance += ((torque[0] - torque[1]) / 2e-3 * share) ** 2
-    cells = np.concatenate([m.cell for m in moves]) // RATES
-    # In two seconds the torque stays in the two lowest classes.
-    assert {i for i, rate in found.cells[PARAMETERS] if rate is None and i is not None} == {0, 1}
-    for i in (0, 1):
-        f = found.cells[PARAMETERS][i, None]
-        assert f.samples >= 60
-        expected = float(np.sqrt(variance[cells == i].mean()))
-        assert f.sigma_Nm == pytest.approx(expected, abs=4 * f.sigma_error_Nm), i
-        assert f.sigma_error_Nm < 0.15 * expected
-
-
-def test_sensor_derivative_by_casadi_agrees_with_a_spring(elbow):
-    # d tau / d k1 of one step is the deflection, d tau / d k3 its cube: the kernel itself.
-    block = torque_sensor(elbow, tunable=True)
-    step = block.step
-    arguments = step.sx_in()
-    names = step.name_in()
-    tau = step.call(arguments)[step.name_out().index("y_tau_Nm")]
-    for key, expected in (("c_k1_Nm_rad", 0.1), ("c_k3_Nm_rad3", 1e-3)):
-        at = dict.fromkeys(names, 0.0) | {"u_theta_rad": 0.1, "c_k1_Nm_rad": 9.39}
-        at |= {"c_k3_Nm_rad3": 239.0, "c_kv_Nm_rad": 51.6, "c_eps1_Nms_rad": 0.03, "c_eps2": 0.01}
-        at |= {"c_m": 2.0, "c_n": 1.0}
-        jacobian = ca.Function("j", arguments, [ca.jacobian(tau, arguments[names.index(key)])])
-        values = [np.full(a.shape, at[n]) for n, a in zip(names, arguments, strict=True)]
-        assert float(jacobian.call(values)[0]) == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.ci
 def test_nonlinearity_is_bounded_by_its_amplitude(cubic):
     require_tool("gcc")
     nothing = Spread((), np.zeros((0, 0)), "none")
@@ -178,19 +125,6 @@ def test_nonlinearity_is_bounded_by_its_amplitude(cubic):
         assert f.sigma_Nm > 0.2 * 9.39 * np.deg2rad(0.2)
     none = torque_uncertainty(cubic, 2, spread=nothing, residual_deg=0.0, limit_s=SHORT_S)
     assert none.overall(NONLINEARITY).sigma_Nm == 0
-
-
-def test_sources_add_up(found):
-    # Independent sources: variances add, but for what the model's curvature makes of them together.
-    parts = [found.overall(s) for s in SOURCES if s != TOGETHER]
-    expected = np.sqrt(sum(f.sigma_Nm**2 for f in parts))
-    assert found.overall(TOGETHER).sigma_Nm == pytest.approx(expected, rel=0.15)
-    for f in parts:
-        assert f.low_Nm <= f.bias_Nm <= f.high_Nm
-    assert set(found.cells) == set(SOURCES)
-    full = found.cells[TOGETHER]
-    assert full[None, None].samples == sum(full[i, None].samples for i in range(TORQUES)
-                                           if (i, None) in full)  # fmt: skip
 
 
 def test_standard_errors_shrink_and_the_same_seed_repeats(elbow, found):
@@ -243,13 +177,14 @@ def test_the_continuous_model_has_converged(elbow):
     require_tool("gcc")
     from scipy.interpolate import CubicSpline
 
-    from esea_gen.studies.discretisation import at_rate
+    from esea_gen.device import with_numbers
 
     t = np.arange(3000) * 1e-3
     path = CubicSpline(t, 0.15 * np.sin(2 * np.pi * 0.8 * t))
     torque = {}
     for dense in (10, 40):
-        fine = compile_device(at_rate(elbow, dense * 1000.0), "f64").block("sensor")
+        finer = with_numbers(elbow, {"timing.sense_rate_Hz": dense * 1000.0})
+        fine = compile_device(finer, "f64").block("sensor")
         torque[dense] = continuous_torque(fine, path, len(t), dense, 1e-3)
     # 0.0002 % of full scale: far below what it is compared with.
     assert np.max(np.abs(torque[10] - torque[40])) < 1e-5

@@ -12,6 +12,7 @@ import pytest
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import butter, freqz, lfilter
 
+from esea_gen.device import with_numbers
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
 from esea_gen.model.velocity_properties import (
@@ -21,7 +22,6 @@ from esea_gen.model.velocity_properties import (
     VelocityProperties,
     velocity_properties,
 )
-from esea_gen.studies.discretisation import at_rate
 
 from .conftest import ROOT
 
@@ -63,7 +63,7 @@ def settled(bandwidth: float) -> int:
 @pytest.mark.parametrize("h", [1e-3, 2e-3])
 def test_noise_gain_against_lyapunov_and_the_sum_of_squares(elbow, bandwidth, h):
     bandwidth = min(bandwidth, 0.1 / h)
-    device = elbow if h == H else at_rate(elbow, 1 / h)
+    device = elbow if h == H else with_numbers(elbow, {"timing.sense_rate_Hz": 1 / h})
     v = velocity_properties(device, bandwidth)
     # In units of the period, for the equation's condition: the rate's variance over h^2.
     a, b, middle = state_space(bandwidth * h, 1.0)

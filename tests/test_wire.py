@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common
 
+from esea_gen.board.sim import SimBoard
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.telemetry import stream_costs
 from esea_gen.link.signing import read_key
 from esea_gen.link.streams import gaps
 from esea_gen.link.transport import LinkError
-from esea_gen.verify.sim import SimBoard
 
 from .conftest import require_tool
 

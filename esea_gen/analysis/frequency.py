@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.analysis.response import plain
 from esea_gen.errors import UserError
+from esea_gen.files import plain
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -23,17 +23,7 @@ HALF_POWER_DB = 10 * math.log10(2.0)
 
 @dataclass(frozen=True)
 class Bandwidth:
-    """Where a gain has fallen, and by which definition.
-
-    bandwidth_Hz: lowest frequency at which the gain falls through the level; the lowest of the data
-        when it is below there already, None when it does not fall through within the data.
-    passband_gain: gain that the fall counts from.
-    passband: where that comes from.
-    drop_dB: the fall.
-    peak_dB, peak_Hz: highest gain relative to the passband's, and where.
-    returns: whether the gain comes back above the level at a higher frequency: then the figure
-        hangs on the definition.
-    """
+    """Where a gain has fallen, and by which definition."""
 
     bandwidth_Hz: float | None
     passband_gain: float
@@ -46,16 +36,7 @@ class Bandwidth:
 
 @dataclass(frozen=True)
 class Margins:
-    """Stability margins of an open loop; None where nothing crosses.
-
-    gain_margin_dB, gain_margin_Hz: factor to the limit at the phase crossing nearest to it, and its
-        frequency.
-    phase_margin_deg, phase_margin_Hz: smallest phase distance to -180 deg over the gain crossings,
-        and its frequency.
-    delay_margin_s: additional delay to the limit, smallest over the gain crossings with positive
-        margin.
-    modulus_margin: smallest distance of the locus from -1.
-    """
+    """Stability margins of an open loop; None where nothing crosses."""
 
     gain_margin_dB: float | None
     gain_margin_Hz: float | None
@@ -66,35 +47,8 @@ class Margins:
 
 
 @dataclass(frozen=True)
-class LagFit:
-    """A low-order lag with delay, fitted to a frequency response.
-
-    order: 0, 1 or 2.
-    gain: static gain.
-    natural_Hz: corner frequency (order 1) or natural frequency (order 2).
-    damping: damping ratio (order 2).
-    delay_s: delay beside it.
-    misfit: RMS of the relative complex misfit.
-    """
-
-    order: int
-    gain: float
-    natural_Hz: float | None
-    damping: float | None
-    delay_s: float
-    misfit: float
-
-
-@dataclass(frozen=True)
 class FrequencyResponse:
-    """Ratio of output to input over frequency.
-
-    frequency_Hz: rising, shape (n,).
-    response: complex ratio, shape (n,).
-    coherence: share of the output's power that the input explains, shape (n,).
-    sigma: standard deviation of the response relative to its gain, shape (n,); from noise alone.
-    method: how it was found.
-    """
+    """Ratio of output to input over frequency."""
 
     frequency_Hz: Array
     response: Complex
@@ -117,56 +71,41 @@ class FrequencyResponse:
 
     @property
     def gain(self) -> Array:
-        """Magnitude, shape (n,)."""
         return np.abs(self.response)
 
     @property
     def gain_dB(self) -> Array:
-        """Magnitude in dB, shape (n,)."""
         return np.asarray(20 * np.log10(np.maximum(self.gain, 1e-300)))
 
     @property
     def phase_deg(self) -> Array:
-        """Unwrapped phase in degrees, shape (n,)."""
         return np.asarray(np.degrees(np.unwrap(np.angle(self.response))))
 
-    def band(
-        self, low_Hz: float = 0.0, high_Hz: float = math.inf, min_coherence: float = 0.0
-    ) -> FrequencyResponse:
-        """The part within a band and above a coherence."""
+    def band(self, low_Hz: float = 0.0, high_Hz: float = math.inf) -> FrequencyResponse:
         keep = (self.frequency_Hz >= low_Hz) & (self.frequency_Hz <= high_Hz)
-        if self.coherence is not None:
-            keep &= self.coherence >= min_coherence
         if np.count_nonzero(keep) < 4:
             raise UserError(
-                f"{np.count_nonzero(keep)} points between {low_Hz:g} and {high_Hz:g} Hz with "
-                f"coherence above {min_coherence:g}; four are needed.",
-                "Widen the band, lower min_coherence or excite it harder.",
+                f"{np.count_nonzero(keep)} points between {low_Hz:g} and {high_Hz:g} Hz; four are "
+                "needed.",
+                "Widen the band.",
             )
-        return replace(
-            self,
-            frequency_Hz=self.frequency_Hz[keep],
-            response=self.response[keep],
-            coherence=None if self.coherence is None else self.coherence[keep],
-            sigma=None if self.sigma is None else self.sigma[keep],
-        )
+        parts: dict[str, Any] = {
+            k: v[keep] for k, v in vars(self).items() if isinstance(v, np.ndarray)
+        }
+        return replace(self, **parts)
 
     def bandwidth(
-        self,
-        *,
-        drop_dB: float = HALF_POWER_DB,
-        passband_gain: float | None = None,
-        min_coherence: float = 0.0,
+        self, *, drop_dB: float = HALF_POWER_DB, passband_gain: float | None = None
     ) -> Bandwidth:
-        """Lowest frequency at which the gain has fallen by some dB."""
-        used = self.band(0.0, math.inf, min_coherence)
-        start = float(used.gain[0]) if passband_gain is None else passband_gain
+        """Lowest frequency at which the gain has fallen by some dB; None within no data."""
+        f = self.frequency_Hz
+        start = float(self.gain[0]) if passband_gain is None else passband_gain
         if not (start > 0 and drop_dB > 0 and math.isfinite(start) and math.isfinite(drop_dB)):
             raise UserError(
                 f"bandwidth: passband gain {start}, drop {drop_dB} dB.", "Both must be above 0."
             )
-        words = f"gain at {used.frequency_Hz[0]:.3g} Hz" if passband_gain is None else "given gain"
-        relative = used.gain_dB - 20 * math.log10(start)
+        words = f"gain at {f[0]:.3g} Hz" if passband_gain is None else "given gain"
+        relative = self.gain_dB - 20 * math.log10(start)
         below = relative < -drop_dB
         peak = int(np.argmax(relative))
         found: float | None = None
@@ -174,16 +113,16 @@ class FrequencyResponse:
         if below.any():
             k = int(np.argmax(below))
             returns = bool((~below[k:]).any())
-            found = float(used.frequency_Hz[k])
+            found = float(f[k])
             if k > 0:
-                found = _between(used.frequency_Hz, relative + drop_dB, k - 1)
+                found = _between(f, relative + drop_dB, k - 1)
         return Bandwidth(
             found,
             start,
             words,
             drop_dB,
             float(relative[peak]),
-            float(used.frequency_Hz[peak]),
+            float(f[peak]),
             returns,
         )
 
@@ -219,66 +158,14 @@ class FrequencyResponse:
             float(np.min(np.abs(1 + self.response))),
         )
 
-    def lag(self, order: int = 0, *, low_Hz: float = 0.0, high_Hz: float = math.inf) -> LagFit:
-        """Fit gain, delay and a lag of order 0, 1 or 2."""
-        from scipy.optimize import least_squares
-
-        if order not in (0, 1, 2):
-            raise UserError(f"order: {order}.", "Choose 0, 1 or 2.")
-        used = self.band(low_Hz, high_Hz)
-        s = 2j * np.pi * used.frequency_Hz
-        weight = np.ones(len(s))
-        if used.sigma is not None:
-            weight = 1 / np.maximum(used.sigma, 1e-3)
-            weight /= np.sqrt(np.mean(weight**2))
-
-        def model(p: Array) -> Complex:
-            value: Complex = p[0] * np.exp(-s * p[1])
-            if order == 1:
-                value = value / (1 + s * math.exp(-p[2]))
-            elif order == 2:
-                w = math.exp(p[2])
-                value = value / (1 + 2 * p[3] * s / w + (s / w) ** 2)
-            return value
-
-        def miss(p: Array) -> Array:
-            e = weight * (model(p) / used.response - 1)
-            return np.concatenate([e.real, e.imag])
-
-        phase = np.unwrap(np.angle(used.response))
-        slope = float(np.polyfit(used.frequency_Hz, phase, 1)[0]) / (2 * np.pi)
-        span = np.geomspace(used.frequency_Hz[0], used.frequency_Hz[-1], 6)[1:-1]
-        starts = [
-            np.array([float(used.gain[0]), delay, math.log(2 * np.pi * f), damping][: 2 + order])
-            for f in (span if order else span[:1])
-            for delay in (max(-slope, 0.0), 0.0)
-            for damping in ((0.3, 1.0) if order == 2 else (0.0,))
-        ]
-        best = min((least_squares(miss, p, x_scale="jac") for p in starts), key=lambda r: r.cost)
-        p = best.x
-        unweighted = np.abs(model(p) / used.response - 1)
-        return LagFit(
-            order,
-            float(p[0]),
-            math.exp(p[2]) / (2 * np.pi) if order else None,
-            abs(float(p[3])) if order == 2 else None,
-            float(p[1]),
-            float(np.sqrt(np.mean(unweighted**2))),
-        )
-
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: frequency, gain, phase, coherence, sigma, method."""
-        return {
-            "method": self.method,
-            "frequency_Hz": plain(self.frequency_Hz),
-            "gain": plain(self.gain),
-            "phase_deg": plain(self.phase_deg),
-            "coherence": plain(self.coherence),
-            "sigma": plain(self.sigma),
-        }
+        content = {k: getattr(self, k) for k in ("method", "frequency_Hz", "gain", "phase_deg")}
+        found: dict[str, Any] = plain(
+            content | {"coherence": self.coherence, "sigma": self.sigma}, null=True
+        )
+        return found
 
     def table(self, rows: int = 12) -> list[str]:
-        """Some frequencies as lines of text."""
         wanted = np.geomspace(max(self.frequency_Hz[0], 1e-9), self.frequency_Hz[-1], rows)
         picked = sorted({int(np.argmin(np.abs(self.frequency_Hz - w))) for w in wanted})
         lines = [f"{self.method}", f"{'Hz':>10}{'gain dB':>10}{'phase deg':>11}{'coherence':>11}"]

@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.analysis.frequency import FrequencyResponse
-from esea_gen.analysis.response import Array, plain
 
 GOOD_FIT = 0.2
 
 
 @dataclass(frozen=True)
 class ImpedanceFit:
-    """Inertia, damping and stiffness that a driving point shows in a band.
-
-    inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad: the fit; nothing keeps them above 0: a negative
-        damping is what an active driving point shows.
-    inertia_std, damping_std, stiffness_std: standard deviations, from the misfit.
-    misfit: RMS of the relative complex misfit.
-    """
+    """Inertia, damping and stiffness that a driving point shows in a band."""
 
     inertia_kgm2: float
     damping_Nms_rad: float
@@ -35,46 +28,26 @@ class ImpedanceFit:
     high_Hz: float
     misfit: float
 
-    def per_angle(self, frequency_Hz: Array) -> npt.NDArray[np.complex128]:
-        """Torque per angle of the fit.
-
-        frequency_Hz: shape (n,).
-        """
-        s = 2j * np.pi * frequency_Hz
-        value = self.stiffness_Nm_rad + self.damping_Nms_rad * s + self.inertia_kgm2 * s * s
-        return np.asarray(value, dtype=np.complex128)
-
 
 @dataclass(frozen=True)
 class OutputImpedance:
-    """Torque with which a driving point resists a prescribed motion, over frequency.
-
-    angle: resisting torque per angle, Nm/rad.
-    """
+    """Torque in Nm with which a driving point resists a prescribed angle, over frequency."""
 
     angle: FrequencyResponse
 
-    @property
-    def frequency_Hz(self) -> Array:
-        """Frequencies, shape (n,)."""
-        return self.angle.frequency_Hz
-
-    @property
-    def per_angle(self) -> npt.NDArray[np.complex128]:
-        """Torque per angle, Nm/rad, shape (n,)."""
-        return self.angle.response
+    @classmethod
+    def of(cls, response: FrequencyResponse) -> OutputImpedance:
+        """From the response of the torque on what is moved to its angle: a spring pulls back."""
+        return cls(replace(response, response=-response.response))
 
     @property
     def per_rate(self) -> npt.NDArray[np.complex128]:
-        """Torque per angular rate, Nms/rad, shape (n,); its real part is the damping."""
+        """Torque per angular rate, Nms/rad; its real part is the damping."""
         value = self.angle.response / (2j * np.pi * self.angle.frequency_Hz)
         return np.asarray(value, dtype=np.complex128)
 
     def fit(self, low_Hz: float = 0.0, high_Hz: float = math.inf) -> ImpedanceFit:
-        """Equivalent inertia, damping and stiffness: K + j w B - w^2 J.
-
-        return: linear least squares of the relative misfit, so that each frequency counts alike.
-        """
+        """Equivalent inertia, damping and stiffness: K + j w B - w^2 J."""
         used = self.angle.band(low_Hz, high_Hz)
         w = 2 * np.pi * used.frequency_Hz
         weight = 1 / used.gain
@@ -100,18 +73,13 @@ class OutputImpedance:
         return ImpedanceFit(j, b, k, dj, db, dk, float(f[0]), float(f[-1]), misfit)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: frequency, gain and phase per angle and per rate, coherence."""
         rate = self.per_rate
         return self.angle.to_dict() | {
-            "rate_gain": plain(np.abs(rate)),
-            "rate_phase_deg": plain(np.degrees(np.angle(rate))),
+            "rate_gain": np.abs(rate),
+            "rate_phase_deg": np.degrees(np.angle(rate)),
         }
 
     def table(self, rows: int = 12, low_Hz: float = 0.0, high_Hz: float = math.inf) -> list[str]:
-        """Some frequencies as lines of text, and the fit in a band.
-
-        return: torque per angle, then the fit; a warning where no such mass is what it behaves as.
-        """
         fit = self.fit(low_Hz, high_Hz)
         poor = (
             f", above {GOOD_FIT:g}: not one mass, damper and spring"
@@ -126,27 +94,3 @@ class OutputImpedance:
             f"stiffness {fit.stiffness_Nm_rad:.4g} +- {fit.stiffness_std:.2g} Nm/rad",
             f"relative misfit {fit.misfit:.2g}{poor}",
         ]
-
-
-def impedance(
-    response: FrequencyResponse, *, motion: Literal["angle", "rate"] = "angle", sign: float = -1.0
-) -> OutputImpedance:
-    """Output impedance from the response of a torque to a prescribed motion.
-
-    response: of the torque (Nm) to the motion, by any of the estimators.
-    sign: -1 when the torque acts on what is moved (tau_e of the thesis: a spring pulls back), 1
-        when it is the torque that the moving needs.
-    return: a passive driving point has a phase per rate between -90 and 90 deg.
-    """
-    if motion not in ("angle", "rate") or sign not in (-1.0, 1.0):
-        raise ValueError(f"motion {motion!r} must be 'angle' or 'rate', sign {sign} -1 or 1")
-    s = 2j * np.pi * response.frequency_Hz if motion == "rate" else np.ones(1)
-    return OutputImpedance(
-        FrequencyResponse(
-            response.frequency_Hz,
-            np.asarray(sign * response.response * s, dtype=np.complex128),
-            response.coherence,
-            response.sigma,
-            response.method,
-        )
-    )

@@ -31,15 +31,11 @@ def canonical(content: Any) -> str:
 
 
 def files_digest(files: Mapping[str, str]) -> str:
-    """SHA-256 of generated files, for a configuration."""
     return hashlib.sha256(json.dumps(sorted(files.items())).encode()).hexdigest()
 
 
 def rooms_digest() -> str:
-    """SHA-256 of what the figures of a study depend on beside the C that runs.
-
-    return: hexadecimal, of every source and number file of the rooms twin, analysis and studies.
-    """
+    """SHA-256 of what the figures of a study depend on beside the C that runs."""
     top = Path(__file__).parents[1]
     found = [p for room in ("twin", "analysis", "studies") for p in (top / room).rglob("*")]
     return files_digest(
@@ -52,7 +48,6 @@ def rooms_digest() -> str:
 
 
 def file_digest(path: Path | str) -> str:
-    """SHA-256 of a file, for a configuration."""
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError as error:
@@ -73,10 +68,7 @@ def versions() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Configuration:
-    """Everything beside the case that the numbers depend on.
-
-    parts: JSON-ready: content hash of the controller, digest of the plant file, settings.
-    """
+    """Everything beside the case that the numbers depend on."""
 
     parts: dict[str, Any]
 
@@ -89,11 +81,6 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Result:
-    """One case.
-
-    values: what came out; None when it failed.
-    """
-
     case: dict[str, Any]
     values: dict[str, float] | None
     failure: str = ""
@@ -111,10 +98,7 @@ class Journal:
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[tuple[dict[str, Result], Callable[[Result], None]]]:
-        """The finished cases by key, and a function that adds one; for one process at a time.
-
-        Yield: ``(finished, add)``; ``add`` returns when the line is on the disk.
-        """
+        """The finished cases by key, and a function that adds one; for one process at a time."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             stream = self.path.open("a+b")

@@ -10,25 +10,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.analysis.response import Array, checked, plain
+from esea_gen.analysis.response import Array, checked
 from esea_gen.errors import UserError
-
-Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Hand:
-    """A passive hand or arm.
-
-    name: for tables.
-    inertia_kgm2, damping_Nms_rad, stiffness_Nm_rad: 0 or more.
-    """
-
     name: str
     inertia_kgm2: float = 0.0
     damping_Nms_rad: float = 0.0
@@ -53,90 +44,23 @@ def hand_family(
     return tuple(Hand(f"J {j:g}, B {b:g}, K {k:g}", j, b, k) for j, b, k in every)
 
 
-# -- energy of a run ------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energy that a driving point took in over a run.
-
-    absorbed_J: taken in since the start, at the samples of the angle, shape (n,).
-    stored_J: what the driving point held at the start.
-    exchanged_J: energy that went either way, in total.
-    """
+    """Energy that a driving point took in over a run, at the samples of the angle."""
 
     absorbed_J: Array
-    stored_J: float
-    exchanged_J: float
+    exchanged_J: float  # either way, in total
 
     @property
     def generated_J(self) -> float:
         """Energy given out beyond what was ever put in; 0 for a passive driving point."""
-        return max(0.0, -float(np.min(self.absorbed_J)) - self.stored_J)
-
-    @property
-    def index(self) -> float:
-        """Generated over exchanged energy: 0 passive, towards 1 active."""
-        return self.generated_J / self.exchanged_J if self.exchanged_J > 0 else 0.0
+        return max(0.0, -float(np.min(self.absorbed_J)))
 
 
-def energy_balance(
-    theta_rad: npt.ArrayLike,
-    tau_Nm: npt.ArrayLike,
-    *,
-    held: bool = False,
-    stored_J: float = 0.0,
-) -> EnergyBalance:
-    """Energy that a rendered impedance takes in from the hand."""
+def energy_balance(theta_rad: npt.ArrayLike, tau_Nm: npt.ArrayLike) -> EnergyBalance:
+    """Energy that a rendered impedance takes in from the hand, by the trapezoidal rule."""
     theta = checked("theta_rad", theta_rad)
     tau = checked("tau_Nm", tau_Nm, len(theta))
-    if not (stored_J >= 0 and math.isfinite(stored_J)):
-        raise UserError(f"stored_J: {stored_J} J.", "Give 0 or more.")
-    mean = tau[:-1] if held else 0.5 * (tau[:-1] + tau[1:])
-    parts = -mean * np.diff(theta)
+    parts = -0.5 * (tau[:-1] + tau[1:]) * np.diff(theta)
     absorbed = np.concatenate([[0.0], np.cumsum(parts)])
-    return EnergyBalance(absorbed, stored_J, float(np.sum(np.abs(parts))))
-
-
-@dataclass(frozen=True)
-class PassivityMap:
-    """Energy generated over gains and hands.
-
-    kp_Nm_rad, kd_Nms_rad: gains, shapes (p,) and (d,).
-    hands: the hands, h of them.
-    generated_J, index: shape (p, d, h); infinite where the run is not finite.
-    diverging: shape (p, d, h).
-    tolerance: index up to which a run counts as passive.
-    """
-
-    kp_Nm_rad: Array
-    kd_Nms_rad: Array
-    hands: tuple[Hand, ...]
-    generated_J: Array
-    index: Array
-    diverging: Bools
-    tolerance: float
-
-    @property
-    def stable(self) -> Bools:
-        """No hand makes it swing up, shape (p, d)."""
-        return np.asarray(~np.any(self.diverging, axis=2))
-
-    @property
-    def passive(self) -> Bools:
-        """No hand gets more out than it put in, shape (p, d)."""
-        return np.asarray(np.all(self.index <= self.tolerance, axis=2)) & self.stable
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: gains, hands and the arrays."""
-        return {
-            "kp_Nm_rad": plain(self.kp_Nm_rad),
-            "kd_Nms_rad": plain(self.kd_Nms_rad),
-            "hands": [vars(h) for h in self.hands],
-            "generated_J": plain(self.generated_J),
-            "index": plain(self.index),
-            "diverging": plain(self.diverging),
-            "stable": plain(self.stable),
-            "passive": plain(self.passive),
-            "tolerance": self.tolerance,
-        }
+    return EnergyBalance(absorbed, float(np.sum(np.abs(parts))))

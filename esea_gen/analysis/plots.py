@@ -8,27 +8,27 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 
 from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
+from esea_gen.analysis.impedance import OutputImpedance
 from esea_gen.analysis.monte_carlo import Percentiles
-from esea_gen.analysis.passivity import PassivityMap
 from esea_gen.analysis.response import Array
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 from esea_gen.plotting import (
     BOUND,
+    HELD_OUT,
     INK,
     MEASURED,
     MODEL,
@@ -38,8 +38,8 @@ from esea_gen.plotting import (
     envelope,
 )
 
+P = ParamSpec("P")
 COLOURS = (MODEL, MEASURED, ROUNDING, BOUND, INK)
-MARKERS = ("o", "s", "D", "^", "v")
 POINTS = 4000
 DPI = 130
 MOST_SAID = 6
@@ -59,6 +59,40 @@ def finished(figure: Figure) -> Figure:
     return figure
 
 
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Draw in the look that every picture has."""
+
+    @wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with mpl.rc_context(STYLE):
+            return finished(draw(*args, **kwargs))
+
+    return drawn
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A panel: curves as x, y, label and looks; labels, and what else ``Axes.set`` takes."""
+
+    curves: Sequence[tuple[Any, Any, str, Mapping[str, Any]]]
+    x: str
+    y: str
+    scales: Mapping[str, Any] = field(default_factory=dict)
+
+
+def panels(rows: Sequence[Panel], width: float, height: float, **kwargs: Any) -> Figure:
+    """Panels beside each other, each with its legend; ``kwargs`` as of ``Figure.subplots``."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    grid = figure.subplots(1, len(rows), squeeze=False, **kwargs)
+    for axes, panel in zip(grid[0], rows, strict=True):
+        for x, y, label, look in panel.curves:
+            axes.plot(x, y, label=label, **look)
+        axes.set(xlabel=panel.x, ylabel=panel.y, **panel.scales)
+        axes.legend(fontsize="small")
+        axes.grid(alpha=0.3)
+    return figure
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as .png, .svg or .pdf."""
     picture, form = io.BytesIO(), path.suffix.lower().removeprefix(".")
@@ -71,10 +105,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def crossed(figure: Figure, ended: Mapping[str, str]) -> Figure:
-    """Cases that a run of did not end well: crossed where the figure names them, and said below.
-
-    ended: what came of it, by case.
-    """
+    """Cases that a run of did not end well: crossed where the figure names them, and said below."""
     if not ended:
         return figure
 
@@ -98,146 +129,93 @@ def crossed(figure: Figure, ended: Mapping[str, str]) -> Figure:
     return figure
 
 
-def _drawn(axes: Axes, time: Array, y: Array, **kwargs: Any) -> None:
+def _curve(axes: Axes, time: Array, y: Array, **kwargs: Any) -> None:
     keep = envelope(y, POINTS)
     axes.plot(time[keep], y[keep], **kwargs)
 
 
+def _torques(axes: Axes, time_s: Array, desired: Array, true: Array, modelled: Array) -> None:
+    # The modelled torque carries the encoders' noise: under the others, or it hides them.
+    _curve(axes, time_s, modelled, color=MODEL, lw=1.8, alpha=0.45, label="modelled")
+    _curve(axes, time_s, true, color=MEASURED, lw=1.3, label="true")
+    _curve(axes, time_s, desired, color=INK, lw=0.9, ls=(0, (5, 3)), label="desired")
+    axes.set_ylabel("torque, N·m")
+    axes.margins(x=0.005)
+    axes.yaxis.set_major_locator(MaxNLocator(5))
+
+
+def _rms(error: Array) -> str:
+    return f"{np.sqrt(np.mean(error**2)):.3g} N·m"
+
+
+@styled
 def torque_tracking(
-    time_s: Array,
-    desired_Nm: Array,
-    true_Nm: Array,
-    modelled_Nm: Array | None = None,
-    *,
-    title: str = "",
+    time_s: Array, desired_Nm: Array, true_Nm: Array, modelled_Nm: Array, *, title: str = ""
 ) -> Figure:
-    """Torque over time: desired, true and modelled, their errors below.
-
-    time_s: shape (n,).
-    desired_Nm, true_Nm: desired torque and torque of the plant's elastomer, shape (n,).
-    modelled_Nm: torque that the controller's sensor gives, shape (n,).
-    """
-    with mpl.rc_context(STYLE):
-        figure, (above, below) = new_figure(
-            9.6, 4.4, nrows=2, sharex=True, height_ratios=[1.6, 1.0]
-        )
-        # The modelled torque carries the encoders' noise: under the others, or it hides them.
-        if modelled_Nm is not None:
-            _drawn(above, time_s, modelled_Nm, color=MODEL, lw=2.6, alpha=0.45, label="modelled")
-        _drawn(above, time_s, true_Nm, color=MEASURED, lw=1.3, label="true")
-        _drawn(above, time_s, desired_Nm, color=INK, lw=0.9, ls=(0, (5, 3)), label="desired")
-        above.set_ylabel("torque, N·m")
-        for name, torque, colour, wide, clear in (
-            ("modelled", modelled_Nm, MODEL, 0.8, 0.55),
-            ("true", true_Nm, MEASURED, 1.4, 1.0),
-        ):
-            if torque is not None:
-                error = torque - desired_Nm
-                rms = float(np.sqrt(np.mean(error**2)))
-                label = f"{name}: RMS {rms:.3g} N·m"
-                _drawn(below, time_s, error, color=colour, lw=wide, alpha=clear, label=label)
-        below.axhline(0, color=RULE, lw=0.8, zorder=0)
-        below.set_ylabel("error, N·m")
-        below.set_xlabel("time, s")
-        for axes in (above, below):
-            axes.margins(x=0.005)
-            axes.yaxis.set_major_locator(MaxNLocator(5))
-            # Outside of the axes, where no curve can run through it.
-            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
-        if title:
-            above.set_title(title)
-        figure.align_ylabels([above, below])
-        return finished(figure)
+    """Torque over time: desired, true and modelled, their errors below."""
+    figure, (above, below) = new_figure(9.6, 4.4, nrows=2, sharex=True, height_ratios=[1.6, 1.0])
+    _torques(above, time_s, desired_Nm, true_Nm, modelled_Nm)
+    for name, torque, colour, wide, clear in (
+        ("modelled", modelled_Nm, MODEL, 0.8, 0.55),
+        ("true", true_Nm, MEASURED, 1.4, 1.0),
+    ):
+        error = torque - desired_Nm
+        label = f"{name}: RMS {_rms(error)}"
+        _curve(below, time_s, error, color=colour, lw=wide, alpha=clear, label=label)
+    below.axhline(0, color=RULE, lw=0.8, zorder=0)
+    below.set(ylabel="error, N·m", xlabel="time, s")
+    below.margins(x=0.005)
+    below.yaxis.set_major_locator(MaxNLocator(5))
+    for axes in (above, below):
+        # Outside of the axes, where no curve can run through it.
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
+    above.set_title(title)
+    figure.align_ylabels([above, below])
+    return figure
 
 
-def torque_cases(panels: Sequence[tuple[str, Array, Array, Array, Array]], *, title: str) -> Figure:
-    """Torque over time, a panel for every case.
-
-    panels: name; time in s; desired torque, torque of the plant's elastomer and torque of the
-        controller's sensor in Nm, of the same shape (n,).
-    return: panels below each other; each heading gives the RMS of the true error over its time
-        axis.
-    """
-    with mpl.rc_context(STYLE):
-        figure, rows = new_figure(9.6, 0.6 + 1.7 * len(panels), nrows=len(panels), squeeze=False)
-        for axes, (name, t, desired, true, modelled) in zip(rows[:, 0], panels, strict=True):
-            _drawn(axes, t, modelled, color=MODEL, lw=1.0, alpha=0.5, label="modelled")
-            _drawn(axes, t, true, color=MEASURED, lw=1.3, label="true")
-            _drawn(axes, t, desired, color=INK, lw=0.9, ls=(0, (5, 3)), label="desired")
-            rms = float(np.sqrt(np.mean((true - desired) ** 2)))
-            axes.set_title(f"{title}: {name}: RMS of the true error shown {rms:.3g} N·m")
-            axes.set_ylabel("torque, N·m")
-            axes.margins(x=0.005)
-            axes.yaxis.set_major_locator(MaxNLocator(5))
-        rows[-1, 0].set_xlabel("time, s")
-        handles, labels = rows[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=3)
-        figure.align_ylabels(rows[:, 0])
-        return finished(figure)
+@styled
+def torque_cases(cases: Sequence[tuple[str, Array, Array, Array, Array]], *, title: str) -> Figure:
+    """Torque over time, a panel for every case: name, time, desired, true and modelled torque."""
+    figure, rows = new_figure(9.6, 0.6 + 1.7 * len(cases), nrows=len(cases), squeeze=False)
+    for axes, (name, t, desired, true, modelled) in zip(rows[:, 0], cases, strict=True):
+        _torques(axes, t, desired, true, modelled)
+        axes.set_title(f"{title}: {name}: RMS of the true error shown {_rms(true - desired)}")
+    rows[-1, 0].set_xlabel("time, s")
+    handles, labels = rows[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=3)
+    figure.align_ylabels(rows[:, 0])
+    return figure
 
 
+@styled
 def rms_by_case(
-    cases: Sequence[str],
-    ours_Nm: Mapping[str, npt.ArrayLike],
-    thesis_Nm: Mapping[str, npt.ArrayLike] | None = None,
-    *,
-    unit: str = "N·m",
+    cases: Sequence[str], name: str, ours_Nm: Array, thesis_Nm: Array | None = None
 ) -> Figure:
-    """RMS error by case, the thesis' figures beside ours.
-
-    ours_Nm: by controller, shape (c,); NaN where there is none (a trip, a failure): a cross then
-        stands at the foot.
-    thesis_Nm: by controller, shape (c,); NaN where nothing is published.
-    return: filled bars for ours, open ones for the thesis, of the same colour for the same name.
-    """
-    published = {k: np.asarray(v, dtype=float) for k, v in (thesis_Nm or {}).items()}
-    ours = {k: np.asarray(v, dtype=float) for k, v in ours_Nm.items()}
-    for name, values in (*ours.items(), *published.items()):
-        if values.shape != (len(cases),):
-            raise UserError(
-                f"{name}: {values.shape} values for {len(cases)} cases.",
-                "Give one a case, NaN for none.",
-            )
-    names = list(dict.fromkeys([*ours, *published]))
-    bars = [
-        (n, kind, table[n])
-        for n in names
-        for kind, table in (("thesis", published), ("ours", ours))
-        if n in table
-    ]
-    with mpl.rc_context(STYLE):
-        figure, axes = new_figure(
-            max(6.0, min(14.0, 1.5 + 0.28 * len(cases) * (len(bars) + 1))), 3.4
-        )
-        wide = 0.8 / max(len(bars), 1)
-        for k, (name, kind, values) in enumerate(bars):
-            colour = COLOURS[names.index(name) % len(COLOURS)]
-            x = np.arange(len(cases)) + (k - 0.5 * (len(bars) - 1)) * wide
-            gone = np.isnan(values)
-            axes.bar(
-                x[~gone],
-                values[~gone],
-                0.9 * wide,
-                facecolor=colour if kind == "ours" else "white",
-                edgecolor=colour,
-                lw=1.2,
-                label=f"{name}, {kind}",
-            )
-            if kind == "ours" and gone.any():
-                axes.plot(x[gone], np.zeros(gone.sum()), "x", color=colour, ms=6, clip_on=False)
-        axes.set_xticks(range(len(cases)), list(cases))
-        longest = max((len(line) for c in cases for line in c.split("\n")), default=0)
-        if longest > 4 * (len(bars) + 1):
-            axes.tick_params(axis="x", rotation=35)
-            for text in axes.get_xticklabels():
-                text.set(ha="right", rotation_mode="anchor")
-        axes.tick_params(axis="x", length=0)
-        axes.grid(visible=False, axis="x")
-        axes.set_xlim(-0.6, len(cases) - 0.4)
-        axes.set_ylabel(f"RMS error, {unit}")
-        axes.set_ylim(bottom=0)
-        figure.legend(loc="outside upper right", ncols=4)
-        return finished(figure)
+    """RMS error by case, the thesis' beside ours; NaN of ours, of a failure, is a cross."""
+    bars = [("thesis", thesis_Nm, "white")] if thesis_Nm is not None else []
+    every = [*bars, ("ours", ours_Nm, MODEL)]
+    wide = min(14.0, 1.5 + 0.28 * len(cases) * (len(every) + 1))
+    figure, axes = new_figure(max(6.0, wide), 3.4)
+    thick = 0.8 / len(every)
+    for k, (kind, values, face) in enumerate(every):
+        x = np.arange(len(cases)) + (k - 0.5 * (len(every) - 1)) * thick
+        known = np.isfinite(values)
+        look: dict[str, Any] = {"facecolor": face, "edgecolor": MODEL, "lw": 1.2}
+        axes.bar(x[known], values[known], 0.9 * thick, **look, label=f"{name}, {kind}")
+        if kind == "ours" and not known.all():
+            axes.plot(x[~known], 0 * x[~known], "x", color=MODEL, ms=6, clip_on=False)
+    axes.set_xticks(range(len(cases)), list(cases))
+    if max(len(line) for c in cases for line in c.split("\n")) > 4 * (len(every) + 1):
+        axes.tick_params(axis="x", rotation=35)
+        for text in axes.get_xticklabels():
+            text.set(ha="right", rotation_mode="anchor")
+    axes.tick_params(axis="x", length=0)
+    axes.grid(visible=False, axis="x")
+    axes.set(xlim=(-0.6, len(cases) - 0.4), ylabel="RMS error, N·m")
+    axes.set_ylim(bottom=0)
+    figure.legend(loc="outside upper right", ncols=4)
+    return figure
 
 
 def frequency_axis(axes: Axes, low: float, high: float) -> None:
@@ -249,76 +227,67 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
     axes.minorticks_off()
 
 
-def bode(
-    responses: Sequence[tuple[str, FrequencyResponse]],
-    bandwidths: Sequence[tuple[str, Bandwidth]] = (),
-) -> Figure:
-    """Gain, phase and coherence over frequency.
-
-    responses: name and response, drawn in one colour each.
-    bandwidths: to mark, in the colour of the response of the same name.
-    return: three panels, or two where no response has a coherence; the shade is two standard
-        deviations.
-    """
-    coherent = any(r.coherence is not None for _, r in responses)
-    names = [n for n, _ in responses]
-    with mpl.rc_context(STYLE):
-        figure, grid = new_figure(
-            9.6,
-            6.2 if coherent else 4.8,
-            nrows=2 + coherent,
-            sharex=True,
-            height_ratios=[1.5, 1.2, 0.7][: 2 + coherent],
-        )
-        for k, (name, r) in enumerate(responses):
-            colour = COLOURS[k % len(COLOURS)]
-            f = r.frequency_Hz
-            grid[0].plot(f, r.gain_dB, color=colour, lw=1.4, label=name)
-            grid[1].plot(f, r.phase_deg, color=colour, lw=1.4)
-            if r.sigma is not None:
-                part = np.minimum(2 * r.sigma, 0.9)
-                low, high = (20 * np.log10(1 + s * part) for s in (-1, 1))
-                shade: dict[str, Any] = {"color": colour, "alpha": 0.2, "lw": 0}
-                grid[0].fill_between(f, r.gain_dB + low, r.gain_dB + high, **shade)
-                turn = np.degrees(part)
-                grid[1].fill_between(f, r.phase_deg - turn, r.phase_deg + turn, **shade)
-            if r.coherence is not None:
-                grid[2].plot(f, r.coherence, color=colour, lw=1.2)
-        for name, b in bandwidths:
-            if b.bandwidth_Hz is None:
-                continue
-            colour = COLOURS[names.index(name) % len(COLOURS)] if name in names else INK
-            level = 20 * np.log10(b.passband_gain) - b.drop_dB
-            # The figure stands in the legend: two loops' marks often fall together.
-            grid[0].plot(
-                [b.bandwidth_Hz],
-                [level],
-                "o",
-                color=colour,
-                ms=6,
-                mfc="white",
-                mew=1.5,
-                label=f"−{b.drop_dB:.3g} dB at {b.bandwidth_Hz:.3g} Hz, from the\n{b.passband}, "
-                f"{_signed_dB(b.passband_gain)} dB",
-            )
-        grid[0].set_ylabel("gain, dB")
-        grid[1].set_ylabel("phase, deg")
-        grid[1].yaxis.set_major_locator(MaxNLocator(6, steps=[1, 1.5, 3, 4.5, 9, 10]))
-        if coherent:
-            grid[2].set_ylabel("coherence")
-            grid[2].set_ylim(0, 1.05)
-        low_Hz = min(float(r.frequency_Hz[0]) for _, r in responses)
-        high_Hz = max(float(r.frequency_Hz[-1]) for _, r in responses)
-        frequency_axis(grid[-1], low_Hz, high_Hz)
-        grid[-1].set_xlabel("frequency, Hz")
-        figure.align_ylabels(list(grid))
-        figure.legend(loc="outside upper right", ncols=4)
-        return finished(figure)
+@styled
+def bode(responses: Sequence[tuple[str, FrequencyResponse, Bandwidth]]) -> Figure:
+    """Gain, phase and coherence over frequency, two deviations shaded; each bandwidth marked."""
+    figure, grid = new_figure(9.6, 6.2, nrows=3, sharex=True, height_ratios=[1.5, 1.2, 0.7])
+    gain, phase, coherence = grid
+    for k, (name, r, b) in enumerate(responses):
+        colour, f = COLOURS[k % len(COLOURS)], r.frequency_Hz
+        gain.plot(f, r.gain_dB, color=colour, lw=1.4, label=name)
+        phase.plot(f, r.phase_deg, color=colour, lw=1.4)
+        if r.sigma is not None:
+            part = np.minimum(2 * r.sigma, 0.9)
+            low, high = (20 * np.log10(1 + s * part) for s in (-1, 1))
+            shade: dict[str, Any] = {"color": colour, "alpha": 0.2, "lw": 0}
+            gain.fill_between(f, r.gain_dB + low, r.gain_dB + high, **shade)
+            turn = np.degrees(part)
+            phase.fill_between(f, r.phase_deg - turn, r.phase_deg + turn, **shade)
+        if r.coherence is not None:
+            coherence.plot(f, r.coherence, color=colour, lw=1.2)
+        if b.bandwidth_Hz is None:
+            continue
+        level = 20 * np.log10(b.passband_gain) - b.drop_dB
+        # The figure stands in the legend: two loops' marks often fall together.
+        dot: dict[str, Any] = {"color": colour, "ms": 6, "mfc": "white", "mew": 1.5}
+        label = f"−{b.drop_dB:.3g} dB at {b.bandwidth_Hz:.3g} Hz, from the\n{b.passband}, "
+        gain.plot(b.bandwidth_Hz, level, "o", **dot, label=label + _signed_dB(b.passband_gain))
+    gain.set_ylabel("gain, dB")
+    phase.set_ylabel("phase, deg")
+    phase.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 1.5, 3, 4.5, 9, 10]))
+    coherence.set(ylabel="coherence", ylim=(0, 1.05), xlabel="frequency, Hz")
+    every = [r.frequency_Hz for _, r, _ in responses]
+    frequency_axis(coherence, min(f[0] for f in every), max(f[-1] for f in every))
+    figure.align_ylabels(list(grid))
+    figure.legend(loc="outside upper right", ncols=4)
+    return figure
 
 
 def _signed_dB(gain: float) -> str:
     text = f"{20 * np.log10(gain):.2f}"
-    return "0" if float(text) == 0 else text.replace("-", "−") if gain < 1 else f"+{text}"
+    shown = "0" if float(text) == 0 else text.replace("-", "−") if gain < 1 else f"+{text}"
+    return f"{shown} dB"
+
+
+@styled
+def impedance_panels(name: str, found: OutputImpedance) -> Figure:
+    """Resisting torque per angle and phase per rate, whose passive band is grey, over frequency."""
+    figure, (above, below) = new_figure(9.6, 4.8, nrows=2, sharex=True, height_ratios=[1.4, 1.0])
+    broad: dict[str, Any] = {"color": MODEL, "lw": 3.5, "alpha": 0.5}
+    f = found.angle.frequency_Hz
+    phase = np.degrees(np.angle(found.per_rate))
+    phase[1:][np.abs(np.diff(phase)) > 180] = np.nan  # from one end of the turn to the other
+    above.plot(f, found.angle.gain, label=name, **broad)
+    below.plot(f, phase, **broad)
+    above.set(yscale="log", ylabel="torque per angle,\nN·m/rad")
+    above.minorticks_off()
+    below.axhspan(-90, 90, color=HELD_OUT, lw=0, zorder=0)
+    below.set(ylabel="phase per rate,\ndeg", yticks=[-180, -90, 0, 90, 180], ylim=(-185, 185))
+    frequency_axis(below, float(f[0]), float(f[-1]))
+    below.set_xlabel("frequency, Hz (grey: passive)")
+    figure.align_ylabels([above, below])
+    figure.legend(loc="outside upper right", ncols=2)
+    return figure
 
 
 def cell_edges(values: Array) -> Array:
@@ -326,120 +295,39 @@ def cell_edges(values: Array) -> Array:
     if len(values) == 1:
         return np.array([values[0] - 0.5, values[0] + 0.5])
     middle = 0.5 * (values[1:] + values[:-1])
-    return np.concatenate(
-        [[1.5 * values[0] - 0.5 * values[1]], middle, [1.5 * values[-1] - 0.5 * values[-2]]]
-    )
+    ends = 1.5 * values[0] - 0.5 * values[1], 1.5 * values[-1] - 0.5 * values[-2]
+    return np.concatenate([ends[:1], middle, ends[1:]])
 
 
-def gain_map(
-    region: PassivityMap,
-    marks: Sequence[tuple[str, float, float]] = (),
-    *,
-    title: str = "",
-) -> Figure:
-    """Where over the gains the port is passive, stable with every hand, or unstable with one.
-
-    marks: label, Kp and Kd of gains in use.
-    """
-    kinds = region.stable.astype(int) + (region.stable & region.passive)
-    colours = ("#efc9b0", "#cfdde8", MODEL)
-    labels = ("unstable with a hand", "stable with every hand", "passive")
-    with mpl.rc_context(STYLE | {"axes.grid": False}):
-        figure, axes = new_figure(6.4, 4.6)
-        axes.pcolormesh(
-            cell_edges(region.kd_Nms_rad),
-            cell_edges(region.kp_Nm_rad),
-            kinds,
-            cmap=ListedColormap(colours),
-            vmin=0,
-            vmax=2,
-            edgecolors="white",
-            linewidth=0.4,
-        )
-        for label, kp, kd in marks:
-            axes.plot([kd], [kp], "o", color=INK, mfc="white", mew=1.5, ms=6, zorder=3)
-            right = kd > 0.5 * (region.kd_Nms_rad[0] + region.kd_Nms_rad[-1])
-            axes.annotate(
-                label,
-                (kd, kp),
-                xytext=(-8 if right else 8, 4),
-                textcoords="offset points",
-                ha="right" if right else "left",
-                bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.8},
-            )
-        axes.set_xlabel("damping Kd, N·m·s/rad")
-        axes.set_ylabel("stiffness Kp, N·m/rad")
-        if title:
-            axes.set_title(title)
-        handles = [Patch(fc=c, label=t) for c, t in zip(colours, labels, strict=True)]
-        figure.legend(handles=handles, loc="outside lower center", ncols=3)
-        return finished(figure)
-
-
-def percentile_bars(
-    rows: Sequence[tuple[str, Percentiles]],
-    limits: Mapping[str, float] | None = None,
-    *,
-    xlabel: str = "RMS error, N·m",
-) -> Figure:
-    """Monte-Carlo percentiles, one line a case.
-
-    rows: name and percentiles.
-    return: thick from 25 to 75 %, thin from 5 to 95 %, a dot for the largest; a failed case is
-        said.
-    """
-    with mpl.rc_context(STYLE):
-        figure, axes = new_figure(9.6, 1.2 + 0.34 * len(rows))
-        y = np.arange(len(rows))[::-1]
-        for k, (name, p) in zip(y, rows, strict=True):
-            v = p.values
-            first = k == y[0]
-            line: dict[str, Any] = {"color": MODEL, "solid_capstyle": "butt"}
-            axes.plot(
-                [v[5.0], v[95.0]], [k, k], lw=1.6, label="5 to 95 %" if first else None, **line
-            )
-            axes.plot(
-                [v[25.0], v[75.0]], [k, k], lw=7, label="25 to 75 %" if first else None, **line
-            )
-            axes.plot(
-                [p.low[95.0], p.high[95.0]],
-                [k - 0.26, k - 0.26],
-                color=ROUNDING,
-                lw=2,
-                solid_capstyle="butt",
-                label="95 % interval of the 95 %" if first else None,
-            )
-            axes.plot([v[50.0]], [k], "|", color="white", ms=7, mew=2, zorder=3)
-            axes.plot(
-                [p.largest],
-                [k],
-                "o",
-                color=MEASURED,
-                ms=5,
-                label="largest" if first else None,
-                zorder=3,
-                ls="",
-            )
-            if limits and name in limits:
-                drawn = any(t.get_label() == "limit" for t in axes.lines)
-                axes.plot(
-                    [limits[name]] * 2,
-                    [k - 0.38, k + 0.38],
-                    color=BOUND,
-                    lw=2,
-                    label=None if drawn else "limit",
-                )
-        labels = [
-            f"{name}\n{p.failed} of {p.count + p.failed} failed" if p.failed else name
-            for name, p in rows
-        ]
-        axes.set_yticks(y, labels)
-        for text, (_, p) in zip(axes.get_yticklabels(), rows, strict=True):
-            if p.failed:
-                text.set_color(BOUND)
-        axes.tick_params(axis="y", length=0)
-        axes.set_ylim(-0.6, len(rows) - 0.4)
-        axes.set_xlim(left=min(0.0, *(p.values[5.0] for _, p in rows)))
-        axes.set_xlabel(xlabel)
-        figure.legend(loc="outside upper right", ncols=5)
-        return finished(figure)
+@styled
+def percentile_bars(rows: Sequence[tuple[str, Percentiles]]) -> Figure:
+    """Monte-Carlo percentiles of RMS errors, one line a case."""
+    figure, axes = new_figure(9.6, 1.2 + 0.34 * len(rows))
+    y = np.arange(len(rows))[::-1]
+    bar: dict[str, Any] = {"solid_capstyle": "butt"}
+    for k, (_, p) in zip(y, rows, strict=True):
+        v = p.values
+        for x, at, label, look in (
+            ((v[5.0], v[95.0]), k, "5 to 95 %", {"color": MODEL, "lw": 1.6}),
+            ((v[25.0], v[75.0]), k, "25 to 75 %", {"color": MODEL, "lw": 7}),
+            (
+                (p.low[95.0], p.high[95.0]),
+                k - 0.26,
+                "95 % interval of the 95 %",
+                {"color": ROUNDING, "lw": 2},
+            ),
+        ):
+            axes.plot(x, (at, at), label=label if k == y[0] else None, **look, **bar)
+        axes.plot(v[50.0], k, "|", color="white", ms=7, mew=2, zorder=3)
+        last = "largest" if k == y[0] else None
+        axes.plot(p.largest, k, "o", color=MEASURED, ms=5, label=last, zorder=3)
+    failed = [f"\n{p.failed} of {p.count + p.failed} failed" * (p.failed > 0) for _, p in rows]
+    axes.set_yticks(y, [name + why for (name, _), why in zip(rows, failed, strict=True)])
+    for text, why in zip(axes.get_yticklabels(), failed, strict=True):
+        if why:
+            text.set_color(BOUND)
+    axes.tick_params(axis="y", length=0)
+    axes.set(ylim=(-0.6, len(rows) - 0.4), xlabel="RMS error, N·m")
+    axes.set_xlim(left=min(0.0, *(p.values[5.0] for _, p in rows)))
+    figure.legend(loc="outside upper right", ncols=5)
+    return figure

@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -59,21 +58,9 @@ def checked_time(time_s: npt.ArrayLike) -> Array:
 
 
 def checked_period(period_s: float) -> float:
-    """A sample period above 0."""
     if not (math.isfinite(period_s) and period_s > 0):
         raise UserError(f"period_s: {period_s} s.", "Give a sample period above 0.")
     return period_s
-
-
-def plain(value: Any) -> Any:
-    """JSON-ready form of a number or array."""
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list):
-        return [plain(v) for v in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
 
 
 # -- irregular samples ----------------------------------------------------------------------------
@@ -81,14 +68,7 @@ def plain(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Resampled:
-    """Signals on a regular grid.
-
-    time_s: grid, shape (m,).
-    period_s: its step.
-    signals: interpolated signals, shape (m,) each.
-    dropped_s: time that was cut away because of gaps.
-    widest_s: longest interval between samples that was bridged.
-    """
+    """Signals on a regular grid."""
 
     time_s: Array
     period_s: float
@@ -104,13 +84,9 @@ def resample(
     period_s: float | None = None,
     max_gap_s: float | None = None,
 ) -> Resampled:
-    """Bring irregular samples onto a regular grid, without bridging gaps.
-
-    Linear interpolation between samples an interval d apart multiplies a sine of frequency f by
-    sinc^2(f d): 0.3 dB at f d = 0.1.  In a ratio of two signals of the same record it cancels.  A
-    grid coarser than the samples is reached through a linear-phase low-pass at 0.4 of its rate, so
-    that nothing folds down.
-    """
+    """Bring irregular samples onto a regular grid, without bridging gaps."""
+    # Linear interpolation over an interval d multiplies a sine of frequency f by sinc^2(f d):
+    # 0.3 dB at f d = 0.1; in a ratio of two signals of one record it cancels.
     from scipy.signal import fftconvolve, firwin
 
     time = checked_time(time_s)
@@ -145,6 +121,3 @@ def resample(
     widest = float(np.max(np.diff(inside)))
     dropped = float(time[-1] - time[0] - (inside[-1] - inside[0]))
     return Resampled(fine[::finer], period, tuple(out), dropped, widest)
-
-
-# -- step -----------------------------------------------------------------------------------------

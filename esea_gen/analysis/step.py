@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.analysis.response import MIN_SAMPLES, Array, checked_time, plain
+from esea_gen.analysis.response import MIN_SAMPLES, Array, checked_time
 from esea_gen.errors import UserError
 
 Verdict = Literal["stable", "growing", "sustained oscillation", "diverged", "no response"]
@@ -21,19 +21,7 @@ LINE_SHARE = 0.5
 
 @dataclass(frozen=True)
 class StepMetrics:
-    """A step response in numbers; levels in the unit of the response.
-
-    verdict: ``stable``, ``growing``, ``sustained oscillation``, ``diverged`` or ``no response``.
-    initial, final: level before the step and mean of the record's tail.
-    rise_s: from 10 to 90 % of the way from initial to final, first crossings.
-    settling_2_s, settling_5_s: from the step until the response stays within 2 or 5 % of that way
-        round the final level; None when it does not within the record, its tail excluded.
-    overshoot_percent: highest excess over the final level, in % of that way.
-    steady_error, steady_error_percent: reference minus final level, and in % of the reference's
-        step.
-    tail_rms: RMS of the tail about its mean: noise, creep or ringing.
-    oscillation_Hz: frequency of an oscillation in the last third.
-    """
+    """A step response in numbers; levels in the unit of the response."""
 
     verdict: Verdict
     reason: str
@@ -50,15 +38,9 @@ class StepMetrics:
 
     @property
     def stable(self) -> bool:
-        """Whether the verdict is ``stable``."""
         return self.verdict == "stable"
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: the fields by name."""
-        return {k: plain(v) for k, v in vars(self).items()}
-
     def table(self) -> list[str]:
-        """The verdict, and of a stable response one line a figure."""
         rows = (
             ("rise, 10 to 90 %", self.rise_s, "s"),
             ("settling, 2 %", self.settling_2_s, "s"),
@@ -146,7 +128,6 @@ def _oscillation(
 
 
 def _way(t: Array, way: Array, step_s: float, tail_s: float) -> dict[str, float | None]:
-    """Rise, settling and overshoot of a response as a share of its way from 0 to 1."""
     # The tail's mean is 1: both levels are reached.
     return {
         "rise_s": _crossing(t, way, 0.9) - _crossing(t, way, 0.1),
@@ -164,7 +145,6 @@ def _checked_step(
     tail: float,
     limit: float,
 ) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Times, values, and which are after the step."""
     time = checked_time(time_s)
     values = np.asarray(response, dtype=np.float64)
     if values.shape != time.shape:
@@ -196,22 +176,7 @@ def step_metrics(
     tail: float = 0.2,
     limit: float = 10.0,
 ) -> StepMetrics:
-    """Judge a step response: first whether it is stable, then how good.
-
-    time_s: sample times in s, rising, regular or not, shape (n,).
-    response: the response, shape (n,); a value that is not finite counts as diverged.
-    before, after: reference before and after it, in the unit of the response.
-    tail: share of the record after the step whose mean is the final level.
-    limit: the response has diverged when it is further than this many steps from its first level.
-    return: figures of an unstable response that mean nothing are None.
-
-    Verdicts, in this order.  Diverged: not finite, beyond ``limit``, or moving by more than the
-    whole step before there was one.  Growing or sustained: in the last third after the step, an
-    oscillation (half of the power within two bins of the spectrum's peak) of more than 2 % of the
-    step whose RMS is above 1.1 or between 0.9 and 1.1 times that in the middle third.  No response:
-    the level moved by less than 5 % of the step.  A decay so slow that a third of the record takes
-    less than 10 % off it is called sustained: record for longer.
-    """
+    """Judge a step response: first whether it is stable, then how good (docs/response.md)."""
     size = abs(after - before)
     time, values, late = _checked_step(time_s, response, step_s, size, tail, limit)
     bad = np.flatnonzero(~np.isfinite(values))

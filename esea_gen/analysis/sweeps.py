@@ -16,58 +16,36 @@ from esea_gen.errors import UserError
 EXCITED = 1e-3
 # Averages below which a coherence says nothing: of one segment it is 1 by construction.
 MIN_SEGMENTS = 4
+MIN_SAMPLES_A_SEGMENT = 16
 
 
 def welch_response(
-    u: npt.ArrayLike,
-    y: npt.ArrayLike,
-    period_s: float,
-    *,
-    segment_s: float,
-    instrument: npt.ArrayLike | None = None,
+    u: npt.ArrayLike, y: npt.ArrayLike, period_s: float, *, segment_s: float
 ) -> FrequencyResponse:
-    """Response from averaged spectra (H1, Hann segments, half overlapping).
-
-    H1 = S_uy / S_uu is free of bias when the noise is on the output only [1]_.  Inside a feedback
-    loop u holds noise that y holds too; then S_ry / S_ru with the reference r as the instrument is
-    consistent [2]_.  A delay d biases the gain by about (1 - d/segment_s): take segments much
-    longer than the delay.  Relative standard deviation: sqrt((1 - c) / (2 c n)), c the coherence,
-    n the number of segments that count as independent.
-
-    References
-    ----------
-    .. [1] J. S. Bendat, A. G. Piersol, Random Data, 4th ed., Wiley, 2010, sections 6.1 and 9.2.
-    .. [2] R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
-       IEEE Press, 2012, section 2.6.
-    """
+    """Response from averaged spectra (H1, Hann segments, half overlapping)."""
+    # H1 = S_uy / S_uu is free of bias when the noise is on the output only; its relative standard
+    # deviation is sqrt((1 - c) / (2 c n)) of n segments that count as independent (Bendat and
+    # Piersol, Random Data, 2010, 6.1 and 9.2).  A delay d biases the gain by (1 - d/segment_s).
     from scipy.signal import csd
 
     rate = 1.0 / checked_period(period_s)
-    x, z = checked("u", u), checked("y", y)
-    z = checked("y", z, len(x))
-    r = x if instrument is None else checked("instrument", instrument, len(x))
+    x = checked("u", u)
+    z = checked("y", y, len(x))
     length, segments = _segments(len(x), segment_s, rate)
 
-    def cross(a: Array, b: Array) -> tuple[Array, npt.NDArray[np.complex128]]:
-        f, s = csd(a, b, rate, window="hann", nperseg=length, detrend="constant")
-        return f, np.asarray(s, dtype=np.complex128)
+    def cross(a: Array, b: Array) -> npt.NDArray[np.complex128]:
+        _, s = csd(a, b, rate, window="hann", nperseg=length, detrend="constant")
+        return np.asarray(s, dtype=np.complex128)
 
-    f, s_ry = cross(r, z)
-    s_ru = cross(r, x)[1]
-    s_rr, s_yy = cross(r, r)[1].real, cross(z, z)[1].real
-    use = (f > 0) & (f < 0.5 * rate) & (np.abs(s_ru) > EXCITED**2 * np.max(np.abs(s_ru[1:])))
-    coherence = np.abs(s_ry[use]) ** 2 / np.maximum(s_rr[use] * s_yy[use], 1e-300)
+    f: Array = np.asarray(np.fft.rfftfreq(length, 1 / rate), dtype=np.float64)
+    s_uu, s_uy, s_yy = cross(x, x).real, cross(x, z), cross(z, z).real
+    use = (f > 0) & (f < 0.5 * rate) & (s_uu > EXCITED**2 * np.max(s_uu[1:]))
+    coherence = np.abs(s_uy[use]) ** 2 / np.maximum(s_uu[use] * s_yy[use], 1e-300)
     coherence = np.clip(coherence, 0.0, 1.0)
     independent = segments / (1 + 2 / 36 * (segments - 1) / segments)
     sigma = np.sqrt((1 - coherence) / np.maximum(2 * coherence * independent, 1e-12))
-    kind = "H1" if instrument is None else "with instrument"
-    return FrequencyResponse(
-        f[use],
-        s_ry[use] / s_ru[use],
-        coherence,
-        sigma,
-        f"Welch {kind}, {segments} Hann segments of {length / rate:g} s",
-    )
+    method = f"Welch H1, {segments} Hann segments of {length / rate:g} s"
+    return FrequencyResponse(f[use], s_uy[use] / s_uu[use], coherence, sigma, method)
 
 
 def _segments(samples: int, segment_s: float, rate: float) -> tuple[int, int]:
@@ -82,60 +60,8 @@ def _segments(samples: int, segment_s: float, rate: float) -> tuple[int, int]:
     return length, segments
 
 
-MIN_SAMPLES_A_SEGMENT = 16
-
-
-def periodic_response(
-    u: npt.ArrayLike, y: npt.ArrayLike, period_s: float, *, samples: int, skip: int = 1
-) -> FrequencyResponse:
-    """Response at the lines of a multi-sine: no leakage, noise from the scatter."""
-    rate = 1.0 / checked_period(period_s)
-    x = checked("u", u)
-    z = checked("y", y, len(x))
-    count = len(x) // samples - skip if samples > 1 else 0
-    if count < 1 or skip < 0:
-        raise UserError(
-            f"samples: {len(x)} samples hold {max(count, 0)} periods of {samples} after {skip}.",
-            "Give the input's period in samples, and record at least one after the transient.",
-        )
-    part = slice(skip * samples, (skip + count) * samples)
-    blocks_u = np.fft.rfft(x[part].reshape(count, samples), axis=1)
-    blocks_y = np.fft.rfft(z[part].reshape(count, samples), axis=1)
-    mean_u, mean_y = blocks_u.mean(axis=0), blocks_y.mean(axis=0)
-    excited = np.abs(mean_u) > EXCITED * np.max(np.abs(mean_u[1:]))
-    excited[0] = False
-    if samples % 2 == 0:
-        excited[-1] = False  # the line at half the rate has no phase
-    scatter = np.abs(blocks_u[:, excited] - mean_u[excited])
-    if count > 1 and np.sqrt(np.mean(scatter**2)) > 0.5 * np.sqrt(
-        np.mean(np.abs(mean_u[excited]) ** 2)
-    ):
-        raise UserError(
-            f"u does not repeat every {samples} samples.", "Give the input's period in samples."
-        )
-    response = mean_y[excited] / mean_u[excited]
-    f = np.flatnonzero(excited) * rate / samples
-    method = f"{count} periods of {samples / rate:g} s"
-    if count < 2:
-        return FrequencyResponse(f, response, None, None, method)
-    a, b = blocks_u[:, excited], blocks_y[:, excited]
-    power = np.sum(np.abs(a) ** 2, axis=0) * np.sum(np.abs(b) ** 2, axis=0)
-    coherence = np.abs(np.sum(np.conj(a) * b, axis=0)) ** 2 / np.maximum(power, 1e-300)
-    rest = np.sum(np.abs(b - response * a) ** 2, axis=0) / (count - 1)
-    # Half of the complex scatter is along the gain, half across: each a real deviation.
-    sigma = np.sqrt(rest / 2 / count) / np.maximum(np.abs(mean_y[excited]), 1e-300)
-    return FrequencyResponse(f, response, np.clip(coherence, 0, 1), sigma, method)
-
-
 @dataclass(frozen=True)
 class Sweep:
-    """A linear sine sweep.
-
-    start_Hz, end_Hz: frequency at its ends.
-    duration_s: its length.
-    start_s: when it begins.
-    """
-
     start_Hz: float
     end_Hz: float
     duration_s: float
@@ -148,16 +74,14 @@ class Sweep:
         if self.end_Hz <= self.start_Hz:
             raise UserError(
                 f"Sweep from {self.start_Hz:g} to {self.end_Hz:g} Hz does not rise.",
-                "Use periodic_response for a single frequency.",
+                "Give a higher end.",
             )
 
     @property
     def rate_Hz_s(self) -> float:
-        """Change of frequency."""
         return (self.end_Hz - self.start_Hz) / self.duration_s
 
     def phase_rad(self, time_s: Array) -> Array:
-        """Phase, the integral of the frequency."""
         t = time_s - self.start_s
         return 2 * np.pi * (self.start_Hz + 0.5 * self.rate_Hz_s * t) * t
 
@@ -172,14 +96,10 @@ def sweep_response(
     cycles: float = 3.0,
     points: int = 200,
 ) -> FrequencyResponse:
-    """Response along a linear sweep, by local least squares on the sweep's own phase.
-
-    In a Hann-weighted window round t_c both signals are fitted by (a + b x) cos(phase) +
-    (c + d x) sin(phase) + e + g x, x = t - t_c; the ratio of (a - j c) is the response at the
-    sweep's frequency at t_c.  The sweep's finite rate k adds -j (k / 4 pi) d2H/df2, whatever the
-    window: at 1 Hz/s 2 % at the peak of a second-order lag of 8 Hz and damping 0.4, and inversely
-    with the rate.  It is not corrected, since the curvature is noisier than the response.
-    """
+    """Response along a linear sweep, by local least squares on the sweep's own phase."""
+    # In a Hann-weighted window both signals are fitted by (a + b x) cos(phase) + (c + d x)
+    # sin(phase) + e + g x; the ratio of (a - j c) is the response in its middle.  The rate k adds
+    # -j (k / 4 pi) d2H/df2, which is not corrected: the curvature is noisier than the response.
     time = checked_time(time_s)
     x, z = checked("u", u, len(time)), checked("y", y, len(time))
     if not (resolution_Hz > 0 and cycles >= 1 and points >= 4):
@@ -228,7 +148,6 @@ def _windows(
 def _local(
     time: Array, phase: Array, both: Array, centre: float, half: float
 ) -> tuple[complex, float, float]:
-    """Response, explained share and relative deviation of one window."""
     s = (time - centre) / half
     window = np.cos(0.5 * np.pi * s) ** 2
     c, d = np.cos(phase), np.sin(phase)
@@ -249,6 +168,3 @@ def _local(
     noise = inverse @ (base.T @ (window[:, None] ** 2 * rest[:, 1:] ** 2 * base)) @ inverse
     deviation = math.sqrt(max(0.5 * (noise[0, 0] + noise[1, 1]), 0.0)) / max(abs(pair[1]), 1e-300)
     return complex(pair[1] / pair[0]), float(np.clip(share[1], 0, 1)), deviation
-
-
-# -- output impedance -----------------------------------------------------------------------------

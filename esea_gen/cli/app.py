@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -31,7 +31,6 @@ GROUPS = {
         "fixed": "evidence",
         "gates": "evidence",
         "mutate": "evidence",
-        "mutate-python": "evidence",
         "traces": "evidence",
     },
     "Virtual experiments": {
@@ -70,11 +69,7 @@ class Commands(GroupedCommands):
 
 
 def stopped(words: Sequence[str], resumable: bool) -> str:
-    """What is said of a command that was ended by Ctrl-C.
-
-    words: the command line, less the program.
-    resumable: whether the command can keep a journal.
-    """
+    """What is said of a command that was ended by Ctrl-C."""
     again = shlex.join(["esea-gen", *words])
     if not resumable:
         return f"stopped; no file is left half written. From the start again:\n  {again}"
@@ -96,10 +91,7 @@ app = typer.Typer(
 
 
 class Out:
-    """What is printed: lines as they are, tables by rich, nothing where it is ``quiet``.
-
-    verbose: steps of the work stay on the terminal, errors come with where they were raised.
-    """
+    """What is printed: lines as they are, tables by rich, nothing where it is ``quiet``."""
 
     quiet = verbose = False
 
@@ -113,6 +105,10 @@ class Out:
             from rich.console import Console
 
             Console(highlight=False, markup=False).print(what)
+
+    def lines(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            self.print(line)
 
     def next(self, *words: str) -> None:
         """Say which command comes next."""

@@ -8,18 +8,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import (
     BoardOption,
     ControllerOption,
+    DataOption,
     DeviceArgument,
     JsonOption,
+    RecordingOption,
+    option,
     recorded_streams,
 )
-from esea_gen.cli.output import progress_bar
+from esea_gen.cli.output import exit_unless, progress_bar
 from esea_gen.errors import UserError
 from esea_gen.files import write_json
 from esea_gen.targets import BOARDS, DEFAULT_BOARD
@@ -35,12 +36,11 @@ def firmware(
     device: DeviceArgument,
     board: BoardOption = DEFAULT_BOARD,
     folder: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Output folder; default: build/<device>."),
+        Path | None, option("--out DIR", "Output folder; default: build/<device>.")
     ] = None,
     cycles: Annotated[
         float | None,
-        typer.Option("--cycles", help="For a drive: cycles an instruction; default: assumed 1.5."),
+        option("--cycles", "For a drive: cycles an instruction; default: assumed 1.5."),
     ] = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
@@ -50,16 +50,15 @@ def firmware(
     Of a drive every task must have ended when its values are released: bound of its instructions,
     clock and cycles an instruction say when.
     """
-    from esea_gen.verify.firmware import build_firmware
+    from esea_gen.board.firmware import build_firmware
 
     loaded = esea_gen.load_device(device, controller)
     fits, needs_Hz = _fits(loaded, board, cycles)
     image = build_firmware(loaded, board, folder or Path("build") / loaded.name, needs_Hz=needs_Hz)
     out.print(f"{image.elf}: flash {image.flash_bytes} B, RAM {image.ram_bytes} B")
-    for line in fits:
-        out.print(line)
+    out.lines(fits)
     if BOARDS[board].package:
-        from esea_gen.verify.package import build_package
+        from esea_gen.export.package import build_package
 
         for path in build_package(loaded, image, image.elf.parent):
             out.print(f"{path}: {path.stat().st_size} B")
@@ -74,7 +73,7 @@ def _fits(loaded: Device, name: str, cycles: float | None) -> tuple[list[str], f
         return [], None
     if board.real != "f32":
         return [f"time is not checked: code in {board.real} has no bound"], None
-    from esea_gen.bench.release import task_times
+    from esea_gen.board.release import task_times
 
     times = task_times(loaded, board, cycles)
     times.check()
@@ -96,18 +95,12 @@ def _fits(loaded: Device, name: str, cycles: float | None) -> tuple[list[str], f
 @app.command()
 def emulate(
     device: DeviceArgument,
-    recording: Annotated[
-        Path | None, typer.Option("--recording", metavar="MAPPING", help="A recorded deflection.")
-    ] = None,
-    data: Annotated[
-        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
-    ] = None,
+    recording: RecordingOption = None,
+    data: DataOption = None,
     board: BoardOption = DEFAULT_BOARD,
     seconds: Annotated[
         float | None,
-        typer.Option(
-            "--seconds", help="For a drive: how many seconds of the tuning case; default: 3."
-        ),
+        option("--seconds", "For a drive: how many seconds of the tuning case; default: 3."),
     ] = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
@@ -144,8 +137,7 @@ def emulate(
             f"{n['min']}/{n['median']}/{n['max']} (min/median/max, emulated)"
         )
     write_json(json_file, "emulate", {"device": loaded.name, "streams": results})
-    if not all(r["identical"] for r in results.values()):
-        raise typer.Exit(1)
+    exit_unless(all(r["identical"] for r in results.values()))
     out.next(*following)
 
 
@@ -157,8 +149,8 @@ def emulate_deflections(
     loaded: Device, board: str, deflections: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
     """Build firmware and run deflection streams on the emulated board, every task of it."""
-    from esea_gen.verify.emulator import run_tasks_in_emulator
-    from esea_gen.verify.firmware import build_firmware
+    from esea_gen.board.emulator import run_tasks_in_emulator
+    from esea_gen.board.firmware import build_firmware
     from esea_gen.verify.streams import deflection_inputs
 
     results: dict[str, dict[str, Any]] = {}
@@ -209,16 +201,15 @@ def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path |
             out.print(f"{r.task}: {r.first_difference}")
     found = {"device": loaded.name, "case": "tuning", "tasks": content}
     write_json(json_file, "emulate-drive", found)
-    if not all(r.identical for r in results.values()):
-        raise typer.Exit(1)
+    exit_unless(all(r.identical for r in results.values()))
 
 
 def emulate_tasks(loaded: Device, board: str, ticks: int) -> dict[str, Any]:
     """Build firmware and run a drive's tasks on the emulated board, inputs as in closed loop."""
+    from esea_gen.board.emulator import run_tasks_in_emulator
+    from esea_gen.board.firmware import build_firmware
     from esea_gen.targets import find_board
     from esea_gen.twin.recorded import record_drive
-    from esea_gen.verify.emulator import run_tasks_in_emulator
-    from esea_gen.verify.firmware import build_firmware
 
     find_board(board)
     with progress_bar() as p, tempfile.TemporaryDirectory() as scratch:

@@ -83,10 +83,7 @@ class Shown:
 
 
 def run(program: str, app: typer.Typer, quiet: Callable[[], bool] = lambda: False) -> NoReturn:
-    """Run a program's command line, and end with its exit code.
-
-    quiet: whether notes are left out.
-    """
+    """Run a program's command line, and end with its exit code."""
     with _hooks(program, quiet) as ended_by:
         try:
             code = _outcome(program, app)

@@ -1,7 +1,4 @@
-"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``.
-
-``mutate-python`` asks the same of the tests of this program itself.
-"""
+"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``."""
 
 from __future__ import annotations
 
@@ -15,14 +12,18 @@ from esea_gen.cli.app import app, out
 from esea_gen.cli.options import (
     BlockOption,
     ControllerOption,
+    DataOption,
     DeviceArgument,
     FigureOption,
     JsonOption,
     RealOption,
+    RecordingOption,
+    SeedOption,
     chosen_formats,
+    option,
     recorded_streams,
 )
-from esea_gen.cli.output import picture, progress_line, show
+from esea_gen.cli.output import exit_unless, progress_line, show
 from esea_gen.files import write_json
 
 if TYPE_CHECKING:
@@ -31,11 +32,10 @@ if TYPE_CHECKING:
 
 SearchOption = Annotated[
     int,
-    typer.Option(
-        "--search",
+    option(
+        "--search N",
+        "Also search N motions for the worst torque of rate and sensor together.",
         min=0,
-        metavar="N",
-        help="Also search N motions for the worst torque of rate and sensor together.",
     ),
 ]
 
@@ -44,13 +44,8 @@ SearchOption = Annotated[
 def verify(
     device: DeviceArgument,
     real: RealOption = None,
-    recording: Annotated[
-        Path | None,
-        typer.Option("--recording", metavar="MAPPING", help="Also run a recorded deflection."),
-    ] = None,
-    data: Annotated[
-        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
-    ] = None,
+    recording: RecordingOption = None,
+    data: DataOption = None,
     block: BlockOption = None,
     controller: ControllerOption = None,
     search: SearchOption = 0,
@@ -68,12 +63,10 @@ def verify(
         others = [f for f in formats if f != "f64"]
         chain = search_chain(loaded, others, search, say=say) if search else None
     _print_verification(loaded, result)
-    for line in chain.table() if chain else []:
-        out.print(line)
+    out.lines(chain.table() if chain else [])
     more = {"chain": chain.to_dict()} if chain else {}
     write_json(json_file, "verify", result.to_dict() | more)
-    if not (result.passed and (chain is None or chain.passed)):
-        raise typer.Exit(1)
+    exit_unless(result.passed and (chain is None or chain.passed))
     out.next("emulate", device, *(("--controller", controller) if controller else ()))
 
 
@@ -171,24 +164,20 @@ def coverage(
         out.print(
             f"{name}: {100 * c.ratio:.1f} % of the sides, {len(c.excluded)} proven impossible"
         )
-        for side in c.uncovered:
-            out.print(f"  not seen: {side}")
-        for side in c.detectors:
-            out.print(f"  only by a fault of the arithmetic, not proven: {side}")
-    for name in programs:
-        out.print(f"{name}: not measured: a program of loops; see docs/verification.md")
+        out.lines(f"  not seen: {side}" for side in c.uncovered)
+        out.lines(
+            f"  only by a fault of the arithmetic, not proven: {side}" for side in c.detectors
+        )
+    out.lines(f"{n}: not measured: a program of loops; see docs/verification.md" for n in programs)
     blocks = {name: c.to_dict() for name, c in found.items()}
     write_json(json_file, "coverage", {"blocks": blocks})
-    if any(c.uncovered for c in found.values()):
-        raise typer.Exit(1)
+    exit_unless(not any(c.uncovered for c in found.values()))
 
 
 @app.command()
 def gates(
     device: DeviceArgument,
-    target: Annotated[
-        list[str] | None, typer.Option("--target", help="Target; default: all.")
-    ] = None,
+    target: Annotated[list[str] | None, option("--target", "Target; default: all.")] = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -202,12 +191,10 @@ def gates(
     for name, r in found.items():
         stacks = ", ".join(f"{task} {n} B" for task, n in r.stack_bytes.items())
         out.print(f"{name}: {'passed' if r.passed else 'FAILED'}; stack {stacks}")
-        for problem in r.problems:
-            out.print(f"  {problem}")
+        out.lines(f"  {problem}" for problem in r.problems)
     targets = {name: r.to_dict() for name, r in found.items()}
     write_json(json_file, "gates", {"targets": targets})
-    if not all(r.passed for r in found.values()):
-        raise typer.Exit(1)
+    exit_unless(all(r.passed for r in found.values()))
 
 
 @app.command()
@@ -215,10 +202,9 @@ def mutate(
     device: DeviceArgument,
     real: RealOption = None,
     sample: Annotated[
-        int | None,
-        typer.Option("--sample", min=1, help="Number of mutants, drawn at random; default: all."),
+        int | None, option("--sample", "Number of mutants, drawn at random; default: all.", min=1)
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the random draw.")] = 0,
+    seed: SeedOption = 0,
     block: BlockOption = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
@@ -235,67 +221,7 @@ def mutate(
         out.print(f"{name}: {100 * r.score:.1f} % of the mutants caught")
     formats = {name: r.to_dict() for name, r in reports.items()}
     write_json(json_file, "mutate", {"formats": formats})
-    if any(r.score < REQUIRED_SCORE for r in reports.values()):
-        raise typer.Exit(1)
-
-
-@app.command("mutate-python")
-def mutate_python_command(
-    whats: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="ROOM|FILE[:N]", help="Rooms of esea_gen, or files; N faults of this one."
-        ),
-    ],
-    sample: Annotated[
-        int | None,
-        typer.Option("--sample", min=1, help="Number of faults of each, drawn; default: all."),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the random draw.")] = 0,
-    tests: Annotated[
-        list[str] | None,
-        typer.Option("--tests", help="Test file; default: the nearest by import."),
-    ] = None,
-    independent: Annotated[
-        bool,
-        typer.Option(
-            "--independent/--all-tests",
-            help="Leave out tests that only compare with committed output.",
-        ),
-    ] = True,
-    widen: Annotated[
-        int,
-        typer.Option("--widen", min=0, help="Test files more for what the nearest do not notice."),
-    ] = 0,
-    limit_s: Annotated[
-        float | None,
-        typer.Option("--limit-s", min=1.0, help="Time of one test file; default: 3 times its own."),
-    ] = None,
-    entered: Annotated[
-        Path | None,
-        typer.Option("--entered", metavar="DIR", help="Keep here which functions a test enters."),
-    ] = None,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="So many faults at a time.")] = 1,
-    json_file: JsonOption = None,
-) -> None:
-    """Put one fault at a time into Python sources of this checkout and run its tests."""
-    from esea_gen.verify.mutation.python import mutate_python
-
-    with progress_line() as say:
-        result = mutate_python(
-            Path.cwd(),
-            whats,
-            sample=sample,
-            seed=seed,
-            tests=tests or (),
-            independent=independent,
-            widen=widen,
-            limit_s=limit_s,
-            entered=entered,
-            jobs=jobs,
-            progress=say,
-        )
-    show(result, json_file, "mutate-python")
+    exit_unless(all(r.score >= REQUIRED_SCORE for r in reports.values()))
 
 
 traces = typer.Typer(help="Committed traces: how every shipped System behaves.")
@@ -304,7 +230,7 @@ traces = typer.Typer(help="Committed traces: how every shipped System behaves.")
 app.add_typer(traces, name="traces", no_args_is_help=True)
 
 
-TraceFolder = Annotated[Path, typer.Option("--in", metavar="DIR", help="Folder of the traces.")]
+TraceFolder = Annotated[Path, option("--in DIR", "Folder of the traces.")]
 
 
 @traces.command("check")
@@ -313,8 +239,7 @@ def traces_check(folder: TraceFolder = Path("tests/traces")) -> None:
     from esea_gen.verify.traces import ACCEPT, check_traces
 
     changes = check_traces(folder)
-    for line in changes:
-        out.print(line)
+    out.lines(changes)
     if changes:
         out.print(ACCEPT)
         raise typer.Exit(1)
@@ -326,8 +251,7 @@ def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
     """Accept the present behaviour."""
     from esea_gen.verify.traces import accept_traces
 
-    for line in accept_traces(folder):
-        out.print(line)
+    out.lines(accept_traces(folder))
 
 
 @app.command()
@@ -343,28 +267,22 @@ def ranges(
     loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         result = range_report(loaded.name, loaded.system, say)
-    show(result, json_file, "ranges")
-    picture(figure, result.figure)
+    show(result, json_file, "ranges", figure=figure)
 
 
 @app.command()
 def fixed(
     device: DeviceArgument,
     minutes: Annotated[
-        float, typer.Option("--minutes", min=1.0, help="Length of the chirps in the domain.")
+        float, option("--minutes", "Length of the chirps in the domain.", min=1.0)
     ] = 1.0,
-    recording: Annotated[
-        Path | None, typer.Option("--recording", metavar="MAPPING", help="Recording to run.")
-    ] = None,
-    data: Annotated[
-        Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
-    ] = None,
+    recording: RecordingOption = None,
+    data: DataOption = None,
     cores: Annotated[
-        bool, typer.Option("--cores", help="Also run on emulated Cortex-M3, M0 and M4F.")
+        bool, option("--cores", "Also run on emulated Cortex-M3, M0 and M4F.")
     ] = False,
     prove: Annotated[
-        bool,
-        typer.Option("--prove", help="Also run Frama-C's value analysis; lists its assumptions."),
+        bool, option("--prove", "Also run Frama-C's value analysis; lists its assumptions.")
     ] = False,
     search: SearchOption = 0,
     controller: ControllerOption = None,
@@ -377,6 +295,4 @@ def fixed(
     with progress_line() as say:
         deflections = read_recorded(loaded, recording, data)
         result = check_fixed(loaded, minutes, deflections, cores, prove, search, say)
-    show(result, json_file, "fixed")
-    if not result.passed:
-        raise typer.Exit(1)
+    show(result, json_file, "fixed", passed=result.passed)

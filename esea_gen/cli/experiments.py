@@ -13,67 +13,59 @@ from esea_gen.cli.options import (
     ClusterOption,
     FigureOption,
     JobsOption,
+    JournalOption,
     JsonOption,
+    SeedOption,
     chosen_formats,
+    option,
     writable,
 )
-from esea_gen.cli.output import counted, picture, show
+from esea_gen.cli.output import counted, show
 from esea_gen.cli.studies import CONTROLLER_HELP, Reproductions, SimulateCommand, StudyCommand
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 
 FEW_RUNS = 20  # a run takes half a second: a few are done before other processes have started
 ControllerOption = Annotated[
-    str,
-    typer.Option(
-        "--controller",
-        metavar="NAME",
-        help=CONTROLLER_HELP,
-        autocompletion=completing(configured),
-    ),
+    str, option("--controller NAME", CONTROLLER_HELP, autocompletion=completing(configured))
 ]
 ControllersOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--controller",
-        metavar="NAME",
-        help=f"{CONTROLLER_HELP} Default: smc. Given again: one table of all.",
+    option(
+        "--controller NAME",
+        f"{CONTROLLER_HELP} Default: smc. Given again: one table of all.",
         autocompletion=completing(configured),
     ),
 ]
 PlantOption = Annotated[
     str,
-    typer.Option(
+    option(
         "--plant",
+        "Virtual exoskeleton.",
         metavar="|".join(PLANTS),
-        help="Virtual exoskeleton.",
         autocompletion=completing(lambda: PLANTS),
     ),
 ]
 OffOption = Annotated[
     str,
-    typer.Option(
-        "--off",
-        metavar="FAMILY",
-        help="In what the plant differs from the controller's model; several with a comma "
+    option(
+        "--off FAMILY",
+        "In what the plant differs from the controller's model; several with a comma "
         "between, or all (a wrong one lists them).",
     ),
 ]
 FaultOption = Annotated[
     str,
-    typer.Option(
-        "--fault",
-        metavar="KIND:ENCODER@SECONDS[=AMOUNT]",
-        help="Let an encoder fail: freeze, slip, drift or gain of load, motor, both or gear.",
+    option(
+        "--fault KIND:ENCODER@SECONDS[=AMOUNT]",
+        "Let an encoder fail: freeze, slip, drift or gain of load, motor, both or gear.",
     ),
 ]
 
 AxisOption = Annotated[
     str,
-    typer.Option(
-        "--axis",
-        metavar="NAME",
-        help="Of several axes: which is moved, the others at 0 Nm. Default: the first.",
+    option(
+        "--axis NAME", "Of several axes: which is moved, the others at 0 Nm. Default: the first."
     ),
 ]
 
@@ -101,36 +93,26 @@ def simulate(
     plant: PlantOption = "real",
     person: Annotated[
         str | None,
-        typer.Option(
-            "--person",
-            metavar="NAME",
-            help=f"Who moves the load: {', '.join(PEOPLE)}; default: what suits plant and study.",
+        option(
+            "--person NAME",
+            f"Who moves the load: {', '.join(PEOPLE)}; default: what suits plant and study.",
             autocompletion=completing(lambda: PEOPLE),
         ),
     ] = None,
     off: OffOption = "none",
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the first run.")] = 0,
-    runs: Annotated[int, typer.Option("--runs", min=1, help="Runs of each case.")] = 1,
-    real: Annotated[
-        str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the controller.")
-    ] = "f32",
+    seed: SeedOption = 0,
+    runs: Annotated[int, option("--runs", "Runs of each case.", min=1)] = 1,
+    real: Annotated[str, option("--real f64|f32|q31", "Number format of the controller.")] = "f32",
     fault: FaultOption = "",
     adapted: Annotated[
-        bool,
-        typer.Option("--adapted", help="Adapted to the rubber before, with a known mass."),
+        bool, option("--adapted", "Adapted to the rubber before, with a known mass.")
     ] = False,
     axis: AxisOption = "",
     jobs: JobsOption = -1,
     cluster: ClusterOption = None,
-    resume: Annotated[
-        Path | None,
-        typer.Option("--resume", metavar="DIR", help="Journal: continue an interrupted run."),
-    ] = None,
+    resume: JournalOption = None,
     csv_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--csv", metavar="FILE", callback=writable, help="Also write every run as CSV."
-        ),
+        Path | None, option("--csv FILE", "Also write every run as CSV.", callback=writable)
     ] = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
@@ -163,34 +145,27 @@ def simulate(
             folder=resume,
             progress=tell,
         )
-    show(result, json_file, "simulate")
+    show(result, json_file, "simulate", figure=figure)
     if csv_file is not None:
         write_whole(csv_file, result.csv())
-    picture(figure, result.figure)
 
 
 @app.command(cls=StudyCommand)
 def passivity(
     controller: ControllerOption = "smc",
     plant: PlantOption = "real",
-    points: Annotated[
-        int, typer.Option("--points", metavar="N", help="Gains along each axis.")
-    ] = 9,
-    push: Annotated[
-        float,
-        typer.Option("--push", metavar="RAD_S", help="Speed that the push gives a free hand."),
-    ] = 0.5,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the plant.")] = 0,
+    points: Annotated[int, option("--points N", "Gains along each axis.")] = 9,
+    push: Annotated[float, option("--push RAD_S", "Speed that the push gives a free hand.")] = 0.5,
+    seed: SeedOption = 0,
     wall: Annotated[
         float,
-        typer.Option(
-            "--wall",
-            metavar="NM_RAD",
-            help="Stiffness of a wall 0.02 rad ahead of the hand: contact and release. 0: none.",
+        option(
+            "--wall NM_RAD",
+            "Stiffness of a wall 0.02 rad ahead of the hand: contact and release. 0: none.",
         ),
     ] = 0.0,
     sliding: Annotated[
-        bool, typer.Option("--sliding/--no-sliding", help="Also check the sliding condition.")
+        bool, option("--sliding/--no-sliding", "Also check the sliding condition.")
     ] = True,
     axis: AxisOption = "",
     jobs: JobsOption = -1,
@@ -214,8 +189,7 @@ def passivity(
             workers=Workers(jobs, cluster),
             progress=tell,
         )
-    show(result, json_file, "passivity")
-    picture(figure, result.figure)
+    show(result, json_file, "passivity", figure=figure)
 
 
 @app.command(cls=StudyCommand)
@@ -223,15 +197,10 @@ def tune(
     controller: ControllerOption = "smc",
     plant: PlantOption = "real",
     parameter: Annotated[
-        str | None,
-        typer.Option(
-            "--parameter", metavar="NAME", help="Tunable; default: the thesis' procedure."
-        ),
+        str | None, option("--parameter NAME", "Tunable; default: the thesis' procedure.")
     ] = None,
-    values: Annotated[
-        str, typer.Option("--values", metavar="A,B,C", help="Values of the parameter.")
-    ] = "",
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the plant.")] = 0,
+    values: Annotated[str, option("--values A,B,C", "Values of the parameter.")] = "",
+    seed: SeedOption = 0,
     jobs: JobsOption = 1,
     cluster: ClusterOption = None,
     json_file: JsonOption = None,
@@ -256,7 +225,5 @@ def tune(
             workers=Workers(jobs, cluster),
             progress=tell,
         )
-    show(result, json_file, "tune")
-    picture(figure, result.figure)
-    if not all(sweep.ran for sweep in result.sweeps):
-        raise typer.Exit(1)
+    ran = all(sweep.ran for sweep in result.sweeps)
+    show(result, json_file, "tune", figure=figure, passed=ran)

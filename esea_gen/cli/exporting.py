@@ -11,7 +11,7 @@ import typer
 import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.names import PEOPLE, PLANTS, complete_block, completing
-from esea_gen.cli.options import ControllerOption, DeviceArgument, writable
+from esea_gen.cli.options import ControllerOption, DeviceArgument, SeedOption, option, writable
 from esea_gen.cli.output import progress_line
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
@@ -22,55 +22,45 @@ export = typer.Typer(help="The generated C in the forms that other tools take in
 app.add_typer(export, name="export", no_args_is_help=True)
 
 
-FormatOption = Annotated[
-    str, typer.Option("--real", metavar="f64|f32", help="Number format of the C.")
-]
-AnyFormatOption = Annotated[
-    str, typer.Option("--real", metavar="f64|f32|q31", help="Number format of the C.")
-]
-FolderOption = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Output folder; default: named by it.")
-]
+FormatOption = Annotated[str, option("--real f64|f32", "Number format of the C.")]
+AnyFormatOption = Annotated[str, option("--real f64|f32|q31", "Number format of the C.")]
+FolderOption = Annotated[Path | None, option("--out DIR", "Output folder; default: named by it.")]
 
 
 @export.command("fmu")
 def export_fmu(
     device: DeviceArgument,
     target: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FILE", callback=writable, help="Output file; default: NAME.fmu."
-        ),
+        Path | None, option("--out FILE", "Output file; default: NAME.fmu.", callback=writable)
     ] = None,
     block: Annotated[
         str | None,
-        typer.Option(
-            "--block",
-            metavar="NAME",
-            help="One Block instead of the whole controller.",
+        option(
+            "--block NAME",
+            "One Block instead of the whole controller.",
             autocompletion=complete_block,
         ),
     ] = None,
     plant: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--plant",
+            "The virtual exoskeleton (simulated) instead of the controller.",
             metavar="|".join(PLANTS),
-            help="The virtual exoskeleton (simulated) instead of the controller.",
             autocompletion=completing(lambda: PLANTS),
         ),
     ] = None,
     person: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--person",
+            "Who is in the virtual exoskeleton; default: who suits the plant.",
             metavar="|".join(PEOPLE),
-            help="Who is in the virtual exoskeleton; default: who suits the plant.",
             autocompletion=completing(lambda: PEOPLE),
         ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of plant and person.")] = 0,
-    fmi: Annotated[str, typer.Option("--fmi", metavar="2|3", help="FMI 2.0 or FMI 3.0.")] = "3",
+    seed: SeedOption = 0,
+    fmi: Annotated[str, option("--fmi 2|3", "FMI 2.0 or FMI 3.0.")] = "3",
     real: FormatOption = "f32",
     controller: ControllerOption = None,
 ) -> None:
@@ -144,8 +134,7 @@ def _library(kind: str, text: str) -> None:
             say(f"{loaded.name}: rendering")
             written = write_library(loaded, form, real, folder)
         out.print(f"{written.folder}: {len(written.files)} files, content {written.digest}")
-        for line in written.next_steps:
-            out.print(line)
+        out.lines(written.next_steps)
 
     run.__doc__ = text
     command: Callable[..., None] = run

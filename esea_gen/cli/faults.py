@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from esea_gen.cli.app import app
-from esea_gen.cli.options import DeviceArgument, FigureOption, JobsOption, JsonOption
-from esea_gen.cli.output import counted, picture, show
+from esea_gen.cli.options import (
+    DeviceArgument,
+    FigureOption,
+    JobsOption,
+    JournalOption,
+    JsonOption,
+    SeedOption,
+    option,
+)
+from esea_gen.cli.output import counted, show
 
 
 @app.command()
 def faults(
     device: DeviceArgument,
-    runs: Annotated[int, typer.Option("--runs", min=1, help="Number of faults.")] = 2000,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of what is drawn.")] = 0,
+    runs: Annotated[int, option("--runs", "Number of faults.", min=1)] = 2000,
+    seed: SeedOption = 0,
     jobs: JobsOption = -1,
-    resume: Annotated[
-        Path | None,
-        typer.Option("--resume", metavar="DIR", help="Journal: continue an interrupted run."),
-    ] = None,
+    resume: JournalOption = None,
     emulator: Annotated[
-        int,
-        typer.Option(
-            "--emulator", min=0, metavar="N", help="So many of them on an emulated Cortex-M7 too."
-        ),
+        int, option("--emulator N", "So many of them on an emulated Cortex-M7 too.", min=0)
     ] = 0,
     json_file: JsonOption = None,
     figure: FigureOption = None,
@@ -46,7 +45,5 @@ def faults(
     if emulator:
         with counted(f"{device}, in the emulator") as tell:
             result = with_emulated(result, device, runs, seed, emulator, tell)
-    show(result, json_file, "faults")
-    picture(figure, result.figure)
-    if result.outside or not all(f.same for f in result.emulated):
-        raise typer.Exit(1)
+    passed = not result.outside and all(f.same for f in result.emulated)
+    show(result, json_file, "faults", figure=figure, passed=passed)

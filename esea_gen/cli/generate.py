@@ -12,7 +12,7 @@ import typer
 import esea_gen
 from esea_gen.cli.app import app, out
 from esea_gen.cli.names import completing
-from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats
+from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats, option
 from esea_gen.cli.output import progress_line
 from esea_gen.errors import UserError
 from esea_gen.files import result_schema, result_schemas, write_whole
@@ -39,15 +39,10 @@ def build(
     device: DeviceArgument,
     real: Annotated[
         list[str] | None,
-        typer.Option(
-            "--real",
-            metavar="f64|f32|q31",
-            help="Number format; default: all of the device's.",
-        ),
+        option("--real f64|f32|q31", "Number format; default: all of the device's."),
     ] = None,
     folder: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Output folder; default: generated/<device>."),
+        Path | None, option("--out DIR", "Output folder; default: generated/<device>.")
     ] = None,
     controller: ControllerOption = None,
 ) -> None:
@@ -77,9 +72,7 @@ def check(
     devices: Annotated[
         list[str] | None, typer.Argument(help="Devices; default: all shipped.")
     ] = None,
-    folder: Annotated[
-        Path, typer.Option("--in", metavar="DIR", help="Folder that holds <device>/.")
-    ] = GENERATED,
+    folder: Annotated[Path, option("--in DIR", "Folder that holds <device>/.")] = GENERATED,
     controller: ControllerOption = None,
 ) -> None:
     """Compare generated output on disk with what would be generated now; exit 1 when stale.
@@ -123,12 +116,8 @@ def _tell(name: str, found: list[str]) -> int:
 @app.command()
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new device.")],
-    base: Annotated[
-        str, typer.Option("--from", metavar="DEVICE", help="Device whose numbers to start from.")
-    ] = "elbow",
-    target: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Output file; default: NAME.toml.")
-    ] = None,
+    base: Annotated[str, option("--from DEVICE", "Device whose numbers to start from.")] = "elbow",
+    target: Annotated[Path | None, option("--out FILE", "Output file; default: NAME.toml.")] = None,
 ) -> None:
     """Write a commented device file to edit; its numbers are copied, each marked as assumed."""
     from esea_gen.device import copy_device
@@ -165,10 +154,8 @@ def schema(
             autocompletion=completing(result_schemas),
         ),
     ] = None,
-    listed: Annotated[bool, typer.Option("--list", help="Names of the results.")] = False,
-    target: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Output file; default: print.")
-    ] = None,
+    listed: Annotated[bool, option("--list", "Names of the results.")] = False,
+    target: Annotated[Path | None, option("--out FILE", "Output file; default: print.")] = None,
 ) -> None:
     """Print a JSON schema: of device files, for completion in editors, or of a result."""
     text = _schema_text() if result is None else result_schema(result)

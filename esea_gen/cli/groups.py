@@ -29,14 +29,9 @@ class WholeSentences(TyperGroup):
 
 
 class GroupedCommands(TyperGroup):
-    """Commands by group, from the files of a package.
+    """Commands by group, from the files of a package."""
 
-    package: dotted name; its ``app.py`` has the application, ``app``.
-    groups: for each title, the commands with their files; several with a space between where a
-        command has commands of its own in them, the first file being the one that has its help.
-    """
-
-    package: ClassVar[str]
+    package: ClassVar[str]  # dotted name; its app.py has the application, app
     groups: ClassVar[Mapping[str, Mapping[str, str]]]
 
     @property
@@ -144,6 +139,3 @@ def take_values_as_typed() -> None:
     if hasattr(core, "build_runtime_param"):
         unchecked = SimpleNamespace(coerce=lambda value, **_: value)
         vars(core)["build_runtime_param"] = lambda _: unchecked
-
-
-__all__ = ["GroupedCommands", "WholeSentences", "take_values_as_typed"]

@@ -18,44 +18,44 @@ from esea_gen.cli.options import (
     JobsOption,
     JsonOption,
     MappingArgument,
+    RecordingOption,
+    SeedOption,
+    option,
     writable,
 )
-from esea_gen.cli.output import picture, progress_line, show
+from esea_gen.cli.output import exit_unless, picture, progress_line, progress_share, show
 from esea_gen.cli.studies import StudyCommand
 from esea_gen.errors import UserError, choose
 from esea_gen.files import write_json, write_whole
 
 if TYPE_CHECKING:
-    from esea_gen.identify.search_problem import PresentBest, Searching
+    from esea_gen.identify.published.search_problem import PresentBest, Searching
 
 PUBLISHED = "published"
 LEAST_BETWEEN_S = 2.0  # two drawings of a search
 
 SearchOption = Annotated[
     str,
-    typer.Option(
-        "--search",
-        metavar="NAME",
-        help="How the published model's shape is searched: multi-start, evolution (SciPy's), or "
-        "thesis (its genetic algorithm, then IPOPT).",
+    option(
+        "--search NAME",
+        "How the published model's shape is searched: multi-start, evolution (SciPy's), or "
+        "thesis (as large as its search, then an interior point method).",
     ),
 ]
 ResumeOption = Annotated[
     Path | None,
-    typer.Option(
-        "--resume",
-        metavar="FILE",
+    option(
+        "--resume FILE",
+        "Keep what the search computes; go on from it if it was cut off.",
         callback=writable,
-        help="Keep what the search computes; go on from it if it was cut off.",
     ),
 ]
 DrawOption = Annotated[
     Path | None,
-    typer.Option(
-        "--draw",
-        metavar="FILE",
+    option(
+        "--draw FILE",
+        "Picture of the search and of the best so far, drawn anew as it goes.",
         callback=writable,
-        help="Picture of the search and of the best so far, drawn anew as it goes.",
     ),
 ]
 
@@ -65,25 +65,22 @@ def identify(
     mapping: MappingArgument,
     data: DataOption = None,
     folder: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Output folder; default: identified/<device>."),
+        Path | None, option("--out DIR", "Output folder; default: identified/<device>.")
     ] = None,
     inverse: Annotated[
-        bool, typer.Option("--inverse", help="Refit the published inverse's play operators too.")
+        bool, option("--inverse", "Refit the published inverse's play operators too.")
     ] = False,
     model: Annotated[
         str,
-        typer.Option(
-            "--model",
-            metavar="NAME",
-            help='Torque model: published, or a member of the family, as "slips, worn".',
+        option(
+            "--model NAME", 'Torque model: published, or a member of the family, as "slips, worn".'
         ),
     ] = PUBLISHED,
     compare: Annotated[
         bool,
-        typer.Option(
+        option(
             "--compare",
-            help="Compare models by conditions left out; with --out, write the chosen one's "
+            "Compare models by conditions left out; with --out, write the chosen one's "
             "device file.",
         ),
     ] = False,
@@ -118,8 +115,8 @@ def identify(
 
 
 def _searching(method: str, jobs: int, resume: Path | None, draw: Path | None) -> Searching:
-    from esea_gen.identify.search_problem import Searching
-    from esea_gen.identify.searches import search_named
+    from esea_gen.identify.published.search_problem import Searching
+    from esea_gen.identify.published.searches import search_named
 
     search_named(method)
     return Searching(method, jobs, resume, None if draw is None else _Drawing(draw).seen)
@@ -132,7 +129,7 @@ class _Drawing:
         self.path, self.drawn_s = path, -math.inf
 
     def seen(self, best: PresentBest, last: bool) -> None:
-        from esea_gen.report.search_picture import search_picture
+        from esea_gen.report.pictures import search_picture
 
         if last or time.monotonic() - self.drawn_s > LEAST_BETWEEN_S:
             picture(self.path, lambda: search_picture(best))
@@ -149,16 +146,12 @@ def _identify_model(
     how: Searching,
 ) -> None:
     from esea_gen.identify import identify as identify_published
-    from esea_gen.identify.family_identification import identify_member
+    from esea_gen.identify.family.identification import identify_member
     from esea_gen.identify.identified import Identified
     from esea_gen.identify.inverse import refit_identified
     from esea_gen.report.identification import identification_page
 
-    with progress_line() as say:
-
-        def tell(share: float, what: str) -> None:
-            say(f"{100 * share:.0f} % {what}")
-
+    with progress_share() as tell:
         result: Identified
         refit = None
         if model != PUBLISHED:
@@ -174,8 +167,7 @@ def _identify_model(
         raise UserError(f"{page} is a folder.", "Give another --out folder.")
     path = result.write(target)
     write_whole(page, text)
-    for line in [*result.summary(), *(refit.summary() if refit else [])]:
-        out.print(line)
+    out.lines([*result.summary(), *(refit.summary() if refit else [])])
     out.print(f"device file: {path}")
     out.print(f"report: {page}")
     for file in (path.with_suffix(".json"), json_file):
@@ -186,18 +178,18 @@ def _identify_model(
 def _compare_models(
     mapping: Path, data: Path | None, json_file: Path | None, how: Searching
 ) -> str:
-    from esea_gen.bench.sensor_cost import missing_tool, sensor_instructions
-    from esea_gen.identify.compare import compare
+    from esea_gen.identify.family.compare import compare
+    from esea_gen.verify.step_count import missing_tool, sensor_instructions
 
     missing = missing_tool()
     if missing:
         out.print(f"note: instructions are not counted. {missing}")
-    with progress_line() as say:
+    with progress_share() as tell:
         result = compare(
             mapping,
             data,
             None if missing else sensor_instructions,
-            lambda share, what: say(f"{100 * share:.0f} % {what}"),
+            tell,
             how=how,
         )
     show(result, json_file, "identify-compare")
@@ -209,11 +201,10 @@ def advise(
     mapping: MappingArgument,
     data: DataOption = None,
     minutes: Annotated[
-        float, typer.Option("--minutes", min=0.1, help="How long the motions may take in all.")
+        float, option("--minutes", "How long the motions may take in all.", min=0.1)
     ] = 10.0,
     folder: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder for the motions: time and deflection."),
+        Path | None, option("--out DIR", "Folder for the motions: time and deflection.")
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -221,10 +212,8 @@ def advise(
     from esea_gen.identify import identify as identify_published
     from esea_gen.identify.next_experiment import advise as advised
 
-    with progress_line() as say:
-        result = identify_published(
-            mapping, data, lambda share, what: say(f"{100 * share:.0f} % {what}")
-        )
+    with progress_share() as tell:
+        result = identify_published(mapping, data, tell)
         found = advised(result, minutes)
     show(found, json_file, "advise")
     for number, (_, motion) in enumerate(found.motions if folder else (), 1):
@@ -250,8 +239,8 @@ def reliability(
     if table.suffix == ".toml":
         from esea_gen.identify.specimens import joint_fit
 
-        with progress_line() as say:
-            joint = joint_fit(table, data, lambda share, what: say(f"{100 * share:.0f} % {what}"))
+        with progress_share() as tell:
+            joint = joint_fit(table, data, tell)
         show(joint, json_file, "reliability")
         return
     from esea_gen.identify.reliability import read_specimens
@@ -265,18 +254,12 @@ def reliability(
 @app.command(cls=StudyCommand)
 def uncertainty(
     device: DeviceArgument,
-    runs: Annotated[int, typer.Option("--runs", help="Monte Carlo runs.")] = 100,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random draws.")] = 1,
+    runs: Annotated[int, option("--runs", "Monte Carlo runs.")] = 100,
+    seed: SeedOption = 1,
     residual_deg: Annotated[
-        float,
-        typer.Option("--residual-deg", help="Encoder nonlinearity left after correction, degrees."),
+        float, option("--residual-deg", "Encoder nonlinearity left after correction, degrees.")
     ] = 0.1,
-    recording: Annotated[
-        Path | None,
-        typer.Option(
-            "--recording", metavar="MAPPING", help="Recording that the device was identified from."
-        ),
-    ] = None,
+    recording: RecordingOption = None,
     data: DataOption = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
@@ -291,39 +274,31 @@ def uncertainty(
         result = torque_uncertainty(
             loaded, runs, seed, spread=spread, residual_deg=residual_deg, progress=say
         )
-    show(result, json_file, "uncertainty")
-    picture(figure, result.figure)
+    show(result, json_file, "uncertainty", figure=figure)
 
 
 @app.command("torque-check", cls=StudyCommand)
 def torque_check(
     device: DeviceArgument,
-    mass: Annotated[
-        float | None, typer.Option("--mass", metavar="KG", help="Mass hung on the arm.")
-    ] = None,
+    mass: Annotated[float | None, option("--mass KG", "Mass hung on the arm.")] = None,
     arm: Annotated[
-        float | None,
-        typer.Option("--arm", metavar="M", help="From the joint axis to where the mass hangs."),
+        float | None, option("--arm M", "From the joint axis to where the mass hangs.")
     ] = None,
-    angle: Annotated[
-        float, typer.Option("--angle", metavar="DEG", help="Angle of the arm to the horizontal.")
-    ] = 0.0,
+    angle: Annotated[float, option("--angle DEG", "Angle of the arm to the horizontal.")] = 0.0,
     mass_uncertainty: Annotated[
-        float, typer.Option("--mass-uncertainty", metavar="KG", help="Standard uncertainty.")
+        float, option("--mass-uncertainty KG", "Standard uncertainty.")
     ] = 0.005,
     arm_uncertainty: Annotated[
-        float, typer.Option("--arm-uncertainty", metavar="M", help="Standard uncertainty.")
+        float, option("--arm-uncertainty M", "Standard uncertainty.")
     ] = 0.001,
     angle_uncertainty: Annotated[
-        float, typer.Option("--angle-uncertainty", metavar="DEG", help="Standard uncertainty.")
+        float, option("--angle-uncertainty DEG", "Standard uncertainty.")
     ] = 1.0,
     recording: Annotated[
-        Path | None,
-        typer.Option("--recording", metavar="FILE", help="CSV: time_s, tau_Nm, optionally step."),
+        Path | None, option("--recording FILE", "CSV: time_s, tau_Nm, optionally step.")
     ] = None,
     resume: Annotated[
-        Path | None,
-        typer.Option("--resume", metavar="FILE", help="Continue the check in this JSON file."),
+        Path | None, option("--resume FILE", "Continue the check in this JSON file.")
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -361,16 +336,13 @@ def torque_check(
         out.print(read.read_as)
         apply_recording(check, read)
     elif check is None or not check.measurements:
-        for line in instructions(loaded, check):
-            out.print(line)
+        out.lines(instructions(loaded, check))
         if check is not None:
             write_json(json_file, "torque-check", check.to_dict())
         return
-    for line in check.report():
-        out.print(line)
+    out.lines(check.report())
     write_json(json_file, "torque-check", check.to_dict())
-    if check.verdict != "pass":
-        raise typer.Exit(1)
+    exit_unless(check.verdict == "pass")
 
 
 @app.command()
@@ -384,23 +356,21 @@ def friction(
         ),
     ],
     full: Annotated[
-        float | None,
-        typer.Option("--full-Nm", min=1e-9, help="Torque that an export means by 100 %."),
+        float | None, option("--full-Nm", "Torque that an export means by 100 %.", min=1e-9)
     ] = None,
     device: Annotated[
-        str | None, typer.Option("--device", help="Drive that it is of, with its gear ratio.")
+        str | None, option("--device", "Drive that it is of, with its gear ratio.")
     ] = None,
     folder: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Write the device file with what was found."),
+        Path | None, option("--out DIR", "Write the device file with what was found.")
     ] = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
     """Friction of a drive from runs at steady speeds: Coulomb, viscous, Stribeck, load."""
-    from esea_gen.identify.bringup.device_text import actuator_text, with_actuator
-    from esea_gen.identify.friction import fit_friction, read_run
-    from esea_gen.report.friction_picture import friction_picture
+    from esea_gen.identify.drive.device_text import actuator_text, with_actuator
+    from esea_gen.identify.drive.friction import fit_friction, read_run
+    from esea_gen.report.pictures import friction_picture
 
     if (device is None) != (folder is None):
         raise UserError("--device and --out go together.", "Give both, or neither.")
@@ -409,8 +379,7 @@ def friction(
     if loaded is not None and loaded.file.actuator is None:
         raise UserError(f"{loaded.origin}: has no [actuator].", "Give a device with a drive.")
     read = [read_run(f, full) for f in files]
-    for r in read:
-        out.print(r.read_as)
+    out.lines(r.read_as for r in read)
     found = fit_friction(read)
     show(found, json_file, "friction")
     picture(figure, lambda: friction_picture(read, found))
@@ -430,21 +399,18 @@ def encoder_table(
         Path,
         typer.Argument(help="CSV with the encoder's count and a better encoder's reference_rad."),
     ],
-    side: Annotated[
-        str, typer.Option("--side", metavar="motor|load", help="Which joint encoder it is.")
-    ] = "motor",
-    nodes: Annotated[int, typer.Option("--values", help="Values of the table.")] = 32,
+    side: Annotated[str, option("--side motor|load", "Which joint encoder it is.")] = "motor",
+    nodes: Annotated[int, option("--values", "Values of the table.")] = 32,
     orientation: Annotated[
-        float, typer.Option("--orientation-rad", help="At which the encoder is mounted.")
+        float, option("--orientation-rad", "At which the encoder is mounted.")
     ] = 0.0,
     folder: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Write the device file with the table."),
+        Path | None, option("--out DIR", "Write the device file with the table.")
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Correction table of an encoder from a recording beside a better one."""
-    from esea_gen.identify.encoder_table import fit_table, read_counts, with_table
+    from esea_gen.identify.drive.encoder_table import fit_table, read_counts, with_table
 
     choose("side", side, ("motor", "load"))
     loaded = esea_gen.load_device(device)

@@ -25,26 +25,21 @@ PLANTS = ("ideal", "real", "random")
 
 @dataclass(frozen=True)
 class Written:
-    """A study as its source has it.
-
-    kind: name of the class that it extends.
-    help: docstring of its class.
-    recordings: whether it reads a folder of published recordings.
-    """
+    """A study as its source has it."""
 
     name: str
     title: str
-    kind: str
-    help: str
-    recordings: bool
+    kind: str  # name of the class that it extends
+    help: str  # docstring of its class
+    recordings: bool  # whether it reads a folder of published recordings
 
 
 @cache
 def written_studies() -> dict[str, Written]:
     """Studies of the package, by name."""
     found = {}
-    folder = ROOT / "studies"
-    for path in sorted([*folder.glob("*.py"), *folder.glob("*/study.py")]):
+    studies, reproduced = ROOT / "studies", ROOT / "reproduce"
+    for path in [*studies.glob("*.py"), *studies.glob("*/study.py"), *reproduced.glob("*.py")]:
         text = path.read_text(encoding="utf-8")
         if '\n    name = "' not in text:
             continue

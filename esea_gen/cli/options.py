@@ -18,6 +18,14 @@ from esea_gen.targets import firmware_boards
 if TYPE_CHECKING:
     from esea_gen.device import Device
 
+
+def option(words: str, text: str, **more: Any) -> Any:
+    """An option with its help; words: its names, and behind them what stands for its value."""
+    names = [w for w in words.split() if w.startswith("-")]
+    metavar = words.removeprefix(" ".join(names)).strip() or None
+    return typer.Option(*names, **({"metavar": metavar} | more), help=text)
+
+
 DeviceArgument = Annotated[
     str,
     typer.Argument(
@@ -47,16 +55,15 @@ MappingArgument = Annotated[
         help=f"Mapping file of the recording; {SAMPLE}: a rubber's, which comes along.",
     ),
 ]
-DataOption = Annotated[
-    Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
+RecordingOption = Annotated[
+    Path | None, option("--recording MAPPING", "Mapping file of a recording to run.")
 ]
+DataOption = Annotated[Path | None, option("--data DIR", "Folder of the recordings.")]
 
 
 def writable(path: Path | None) -> Path | None:
-    """An output file that can be written, tried before the run whose result it is to hold.
-
-    Nothing is left behind: folders that are missing are made when there is something to write.
-    """
+    """An output file that can be written, tried before the run whose result it is to hold."""
+    # Nothing is left behind: folders that are missing are made when there is something to write.
     if path is None:
         return None
     fix = "Give another file."
@@ -83,47 +90,38 @@ def writable(path: Path | None) -> Path | None:
 
 
 JsonOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--json", metavar="FILE", callback=writable, help="Also write the result as JSON."
-    ),
+    Path | None, option("--json FILE", "Also write the result as JSON.", callback=writable)
 ]
 
 
+SeedOption = Annotated[int, option("--seed", "Seed of what is drawn at random.", min=0)]
+JournalOption = Annotated[
+    Path | None, option("--resume DIR", "Journal: continue an interrupted run.")
+]
 BlockOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--block", metavar="NAME", help="Block; default: all.", autocompletion=complete_block
-    ),
+    list[str] | None, option("--block NAME", "Block; default: all.", autocompletion=complete_block)
 ]
 
 
-RealOption = Annotated[
-    list[str] | None, typer.Option("--real", metavar="f64|f32", help="Number format; default: all.")
-]
+RealOption = Annotated[list[str] | None, option("--real f64|f32", "Number format; default: all.")]
 
 
 ControllerOption = Annotated[
     str | None,
-    typer.Option(
-        "--controller",
-        metavar="NAME",
-        help="In place of the file's laws: a controller (mpc), a law (sliding_mode), FILE.py:law; "
+    option(
+        "--controller NAME",
+        "In place of the file's laws: a controller (mpc), a law (sliding_mode), FILE.py:law; "
         "several with a comma between.",
         autocompletion=completing(configured),
     ),
 ]
 BoardOption = Annotated[
-    str,
-    typer.Option("--board", help=f"Board of the firmware: {', '.join(firmware_boards())}."),
+    str, option("--board", f"Board of the firmware: {', '.join(firmware_boards())}.")
 ]
 
 
 def chosen_formats(real: list[str] | None, known: Collection[str] = ()) -> list[str]:
-    """Number formats that were asked for, each once; the default ones without ``--real``.
-
-    known: those that the command reads; the floating-point ones where none are given.
-    """
+    """Number formats that were asked for, each once; the default ones without ``--real``."""
     from esea_gen.emit.formats import DEFAULT_FORMATS, FLOATING_FORMATS, FORMATS
 
     allowed = list(known or FLOATING_FORMATS)
@@ -143,9 +141,7 @@ def _jobs(value: int) -> int:
     return value
 
 
-JobsOption = Annotated[
-    int, typer.Option("--jobs", callback=_jobs, help="Parallel processes; -1: all cores.")
-]
+JobsOption = Annotated[int, option("--jobs", "Parallel processes; -1: all cores.", callback=_jobs)]
 
 
 def _cluster(address: str | None) -> str | None:
@@ -160,11 +156,10 @@ def _cluster(address: str | None) -> str | None:
 
 ClusterOption = Annotated[
     str | None,
-    typer.Option(
-        "--cluster",
-        metavar="ADDRESS",
+    option(
+        "--cluster ADDRESS",
+        "Dask scheduler whose workers run the cases, instead of processes here.",
         callback=_cluster,
-        help="Dask scheduler whose workers run the cases, instead of processes here.",
     ),
 ]
 
@@ -177,12 +172,7 @@ def _picture_file(figure: Path | None) -> Path | None:
 
 FigureOption = Annotated[
     Path | None,
-    typer.Option(
-        "--figure",
-        metavar="FILE",
-        callback=_picture_file,
-        help="Also write a plot: .png, .svg or .pdf.",
-    ),
+    option("--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=_picture_file),
 ]
 
 

@@ -8,8 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from esea_gen.cli.app import out
-from esea_gen.files import write_json
+from esea_gen.files import plain, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -47,6 +49,13 @@ def progress_line() -> Iterator[Callable[[str], None]]:
         yield say
 
 
+@contextmanager
+def progress_share() -> Iterator[Callable[[float, str], None]]:
+    """The same, told a share from 0 to 1 and what is being done."""
+    with progress_line() as say:
+        yield lambda share, what: say(f"{100 * share:.0f} % {what}")
+
+
 def progress_bar() -> Progress:
     """A bar on the terminal, gone when done."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
@@ -73,12 +82,27 @@ def counted(text: str) -> Iterator[Callable[[int, int, int], None]]:
         yield tell
 
 
-def show(result: Any, json_file: Path | None, what: str) -> None:
-    """Print a result as a table, then write it as JSON of the schema `what`."""
+def show(
+    result: Any,
+    json_file: Path | None,
+    what: str,
+    *,
+    figure: Path | None = None,
+    passed: bool = True,
+) -> None:
+    """Print a result's table, write it as JSON of the schema `what`, draw it; exit 1 if failed."""
     # The table first: it is there whatever becomes of the file.
-    for line in result.table():
-        out.print(line)
-    write_json(json_file, what, result.to_dict())
+    out.lines(result.table())
+    write_json(json_file, what, result.to_dict() if hasattr(result, "to_dict") else plain(result))
+    if figure is not None:
+        picture(figure, result.figure)
+    exit_unless(passed)
+
+
+def exit_unless(passed: bool) -> None:
+    """End with the exit code of a negative result."""
+    if not passed:
+        raise typer.Exit(1)
 
 
 def picture(figure: Path | None, draw: Callable[[], Any]) -> None:

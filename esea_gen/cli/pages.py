@@ -17,9 +17,11 @@ from esea_gen.cli.options import (
     DeviceArgument,
     JsonOption,
     MappingArgument,
+    RecordingOption,
+    option,
     writable,
 )
-from esea_gen.cli.output import progress_line
+from esea_gen.cli.output import exit_unless, progress_line, progress_share
 from esea_gen.files import write_json, write_whole
 from esea_gen.targets import DEFAULT_BOARD
 
@@ -27,16 +29,11 @@ from esea_gen.targets import DEFAULT_BOARD
 @app.command()
 def report(
     device: DeviceArgument,
-    recording: Annotated[
-        Path | None, typer.Option("--recording", metavar="MAPPING", help="Recording to run.")
-    ] = None,
+    recording: RecordingOption = None,
     data: DataOption = None,
     board: BoardOption = DEFAULT_BOARD,
     page: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FILE", callback=writable, help="Output file; default: <device>.html."
-        ),
+        Path | None, option("--out FILE", "Output file; default: <device>.html.", callback=writable)
     ] = None,
     controller: ControllerOption = None,
     json_file: JsonOption = None,
@@ -49,13 +46,11 @@ def report(
 
     with progress_line() as say:
         found = gather(loaded, recording, data, board, progress=say)
-    for line in found.summary():
-        out.print(line)
+    out.lines(found.summary())
     write_whole(target, found.html())
     out.print(f"report: {target}")
     write_json(json_file, "report", found.to_dict())
-    if not found.passed:
-        raise typer.Exit(1)
+    exit_unless(found.passed)
 
 
 @app.command()
@@ -71,10 +66,7 @@ def specimen(
     ] = None,
     data: DataOption = None,
     page: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="FILE", callback=writable, help="Output; default: specimen.html."
-        ),
+        Path | None, option("--out FILE", "Output; default: specimen.html.", callback=writable)
     ] = None,
 ) -> None:
     """All that is known of one specimen on one HTML page: loops, intervals, reliability, life."""
@@ -83,13 +75,10 @@ def specimen(
     from esea_gen.report.specimen import specimen_page
     from esea_gen.report.specimen_results import gather_specimen
 
-    with progress_line() as say:
-        found = gather_specimen(
-            mapping, results or [], data, lambda share, what: say(f"{100 * share:.0f} % {what}")
-        )
+    with progress_share() as tell:
+        found = gather_specimen(mapping, results or [], data, tell)
     words = ["esea-gen", "specimen", str(mapping), *map(str, results or [])]
     words += [] if data is None else ["--data", str(data)]
     write_whole(target, specimen_page(found, shlex.join(words)))
-    for line in found.summary():
-        out.print(line)
+    out.lines(found.summary())
     out.print(f"page: {target}")

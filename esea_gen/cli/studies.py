@@ -12,15 +12,12 @@ from typer.core import TyperCommand, TyperGroup
 
 from esea_gen.cli.app import out
 from esea_gen.cli.names import Written, closed_loop_studies, reproductions, written_studies
-from esea_gen.cli.options import FigureOption, JsonOption, writable
-from esea_gen.cli.output import picture, progress_line, show
+from esea_gen.cli.options import DataOption, FigureOption, JsonOption, option, writable
+from esea_gen.cli.output import exit_unless, progress_line, show
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 
 CONTROLLER_HELP = "Name of a controller (a wrong one lists all), FILE.py:law or a device file."
-RecordingsOption = Annotated[
-    Path | None, typer.Option("--data", metavar="DIR", help="Folder of the recordings.")
-]
 
 
 class StudyCommand(TyperCommand):
@@ -73,22 +70,23 @@ def _reproductions() -> dict[str, Any]:
 
 def _reproduce(written: Written) -> Callable[..., None]:
     def run(json_file: Path | None, figure: Path | None, data: Path | None = None) -> None:
+        from esea_gen.reproduce.reproduction import Reproduction
         from esea_gen.studies.registry import load_study
-        from esea_gen.studies.reproduction import Reproduction
 
         # Any reproduction makes something; which, only itself knows.
         study: Reproduction[Any] = load_study(written.name, Reproduction)
         with progress_line() as say:
             outcome = study.run(say, data)
-        show(outcome, json_file, f"reproduce-{written.name}")
-        picture(figure, outcome.figure)
-        if not study.reproduced(outcome):
-            raise typer.Exit(1)
+        show(
+            outcome,
+            json_file,
+            f"reproduce-{written.name}",
+            figure=figure,
+            passed=study.reproduced(outcome),
+        )
 
     def with_data(
-        data: RecordingsOption = None,
-        json_file: JsonOption = None,
-        figure: FigureOption = None,
+        data: DataOption = None, json_file: JsonOption = None, figure: FigureOption = None
     ) -> None:
         if data is None:
             raise UserError(
@@ -111,32 +109,28 @@ def _page_file(path: Path | None) -> Path | None:
 
 def _whole_thesis(
     chapters: Annotated[
-        list[int] | None,
-        typer.Option("--chapter", min=3, max=8, help="Only this one; may be given again."),
+        list[int] | None, option("--chapter", "Only this one; may be given again.", min=3, max=8)
     ] = None,
     given: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--given",
-            metavar="FILE",
-            help="JSON of esea-host study virtual, or of assess evaluate; again for more.",
+        option(
+            "--given FILE",
+            "JSON of esea-host study virtual, or of assess evaluate; again for more.",
         ),
     ] = None,
     page: Annotated[
         Path | None,
-        typer.Option(
-            "--page", metavar="FILE", callback=_page_file, help="Also write the page: .html or .md."
-        ),
+        option("--page FILE", "Also write the page: .html or .md.", callback=_page_file),
     ] = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
     from esea_gen.report.thesis import thesis_page
-    from esea_gen.studies.thesis.study import CHAPTERS, recompute
+    from esea_gen.reproduce.thesis import CHAPTERS, recompute
 
     with progress_line() as say:
         result = recompute(say, chapters=chapters or CHAPTERS, given=given or ())
-    show(result, json_file, "reproduce-all")
+    show(result, json_file, "reproduce-all", figure=figure)
     if page is not None:
         command = " ".join(
             ["esea-gen reproduce all", *(f"--chapter {c}" for c in chapters or ())]
@@ -145,6 +139,4 @@ def _whole_thesis(
         html = page.suffix.lower() == ".html"
         write_whole(page, thesis_page(result, command) if html else result.markdown())
         out.print(f"page: {page}")
-    picture(figure, result.figure)
-    if not result.explained:
-        raise typer.Exit(1)
+    exit_unless(result.explained)

@@ -74,10 +74,7 @@ def suited_bandwidth_Hz(bits: float) -> float:
 
 
 def tell_of_bandwidth(origin: str, device: Document, shipped: Mapping[str, Document]) -> None:
-    """Warn of a velocity estimate's bandwidth that is a shipped device's, of another encoder.
-
-    Parameters are those of :func:`tell_of_gains`.
-    """
+    """Warn of a velocity estimate's bandwidth that is a shipped device's, of another encoder."""
     own = _entry(device, "velocity", "bandwidth_Hz")
     if not any(_from(own, _entry(d, "velocity", "bandwidth_Hz")) for d in shipped.values()):
         return
@@ -142,11 +139,7 @@ def _said(
 
 
 def observer_gains(base: Document, device: Document) -> tuple[float, ...]:
-    """Gains that give the extended-state observer of a device the poles in time of another one's.
-
-    An error goes on as (I − K c) A from step to step, c = (1, 0, 0, 0).  Its poles z at a period h
-    are z^(h′/h) at h′; Ackermann's formula has the one K that places them.
-    """
+    """Gains that give a device's extended-state observer the poles in time of another one's."""
     gains = np.array([_number(base, f"disturbance.{g}") for g in OBSERVER_GAINS])
     model, h = _observer_model(base)
     poles = np.linalg.eigvals(model - np.outer(gains, model[0])).astype(complex)

@@ -17,12 +17,7 @@ class LifeUsed:
 
 
 def life_used(curve: Fatigue, halves: Sequence[int], width_rad: float) -> LifeUsed:
-    """Miner's sum of half cycles by class of range (Miner 1945, J. Appl. Mech. 12, A159).
-
-    curve: N = cycles (range_rad / range)^exponent.
-    halves: half cycles whose range is k to k + 1 classes of ``width_rad``; the last class ends
-        where the deflection does.
-    """
+    """Miner's sum of half cycles by class of range (Miner 1945, J. Appl. Mech. 12, A159)."""
     at, n, slope = curve.range_rad.value, curve.cycles.value, curve.exponent.value
 
     def total(beyond: int) -> float:

@@ -31,10 +31,7 @@ SERIES_FORM = '{ values = [0.0, 0.001, 0.0, -0.001], status = "identified", sour
 
 
 class DeviceData:
-    """A validated device's numbers: what the models are built from.
-
-    origin: name of the file it was read from, for messages.
-    """
+    """A validated device's numbers: what the models are built from."""
 
     def __init__(self, file: DeviceFile, origin: str) -> None:
         self.file = file
@@ -42,12 +39,10 @@ class DeviceData:
 
     @property
     def name(self) -> str:
-        """Short name, prefix of the generated C."""
         return self.file.name
 
     @property
     def title(self) -> str:
-        """One line for reports."""
         return self.file.title
 
     @property
@@ -62,7 +57,6 @@ class DeviceData:
 
     @property
     def period_s(self) -> float:
-        """Period of the sensing task."""
         return 1.0 / self.file.timing.sense_rate_Hz.value
 
     @property
@@ -94,7 +88,6 @@ class DeviceData:
         yield from quantities_of(self.file)
 
     def constants(self, section: str) -> tuple[Constant, ...]:
-        """The numbers of one section, as Block constants."""
         return tuple(
             Constant(key.rsplit(".", 1)[-1], q.value, q.source, q.status)
             for key, q in self.quantities()
@@ -112,7 +105,6 @@ class DeviceData:
         return hashlib.sha256(self.canonical().encode()).hexdigest()
 
     def toml(self) -> str:
-        """The content as a commented TOML document."""
         return render_toml(self.file)
 
 
@@ -123,10 +115,7 @@ def shipped_devices() -> dict[str, Path]:
 
 
 def read_file(name_or_path: str | Path) -> tuple[str, str]:
-    """Text of a device file.
-
-    name_or_path: name of a shipped device (``elbow``) or path of a TOML file.
-    """
+    """Text of a device file."""
     shipped = shipped_devices()
     path = shipped.get(str(name_or_path), Path(name_or_path))
     if not path.is_file():
@@ -145,10 +134,6 @@ def shipped_controllers() -> dict[str, Path]:
 
 
 def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> DeviceFile:
-    """Validate the text of a device file.
-
-    controllers: shipped controllers, or TOML files, whose sections take the place of the file's.
-    """
     document = _with_controllers(_resolved(text, origin), controllers)
     file = checked(DeviceFile, document, origin, _fix, text)
     check_content(origin, text, file)
@@ -198,10 +183,7 @@ def _with_controllers(document: dict[str, Any], controllers: Iterable[str]) -> d
 
 
 def controller_document(name: str) -> dict[str, Any]:
-    """What a controller gives to a device: its laws and their sections.
-
-    name: shipped controller, or path of a device file.
-    """
+    """What a controller gives to a device: its laws and their sections."""
     shipped = shipped_controllers()
     path = shipped.get(name, Path(name))
     if name not in shipped and not path.is_file():
@@ -266,11 +248,6 @@ def _fix(problem: Problem) -> str | UserError:
 
 
 def copied_file(base: DeviceData, name: str) -> DeviceFile:
-    """A new device with the numbers of another one.
-
-    None of them is published or identified for the new device: each becomes ``assumed``, and its
-    source says where it was copied from.
-    """
     if not re.fullmatch(NAME_PATTERN, name):
         raise UserError(
             f"'{name}' cannot be a device's name: it becomes the prefix of the C.",

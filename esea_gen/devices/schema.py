@@ -16,10 +16,7 @@ LEFT_OUT = ("title", "default")  # of what pydantic says of a key
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON schema of the device file, for editors.
-
-    It is written without references, so that every editor shows a key's own description and bounds.
-    """
+    """JSON schema of the device file, for editors."""
     content = _schema_of(DeviceFile)
     content["properties"] = {
         "extends": {

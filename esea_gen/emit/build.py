@@ -42,7 +42,7 @@ class Bundle:
 
 
 def device_hash(device: Device, real: str = "") -> str:
-    """Content hash of a device: device file, emitted text and versions.
+    """Content hash of a device file, its emitted text and versions: 16 hexadecimal digits.
 
     Parameters
     ----------
@@ -50,11 +50,6 @@ def device_hash(device: Device, real: str = "") -> str:
         The device.
     real : str
         A number format outside the default ones: its text is covered too.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
     """
     formats = dict.fromkeys([*DEFAULT_FORMATS, real] if real else DEFAULT_FORMATS)
     return _hash_once(device.system, device.digest, device.title, tuple(formats))
@@ -75,11 +70,6 @@ def format_hash(device: Device, real: str) -> str:
         The device.
     real : str
         Number format.
-
-    Returns
-    -------
-    str
-        The device's own for the default formats; else one that covers this format's text too.
     """
     return device_hash(device) if FORMATS[real].default else device_hash(device, real)
 
@@ -91,11 +81,6 @@ def build_command(device: Device) -> str:
     ----------
     device : Device
         The device.
-
-    Returns
-    -------
-    str
-        With the short name for shipped devices, the file's name for others, and the controller.
     """
     law = f" --controller {device.controller}" if device.controller else ""
     return f"esea-gen build {device.name if _is_shipped(device) else device.origin}{law}"
@@ -112,11 +97,6 @@ def device_formats(device: Device) -> list[str]:
     ----------
     device : Device
         The device.
-
-    Returns
-    -------
-    list of str
-        The default ones, and for some shipped devices others.
     """
     further = FURTHER_FORMATS.get(device.name, ()) if _is_shipped(device) else ()
     return [*DEFAULT_FORMATS, *further]
@@ -131,11 +111,6 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
         What to build.
     reals : iterable of str
         Number formats.
-
-    Returns
-    -------
-    list of Bundle
-        One a format.
 
     Raises
     ------
@@ -179,11 +154,6 @@ def manifest(
         Relative path to text.
     more_versions : mapping, optional
         Of what else the bytes depend on.
-
-    Returns
-    -------
-    dict of str to str
-        Its name and text.
     """
     content: dict[str, Any] = {
         "device": device.name,
@@ -206,11 +176,6 @@ def write_bundles(bundles: list[Bundle], out: Path) -> list[Path]:
         What to write.
     out : Path
         The device's output folder.
-
-    Returns
-    -------
-    list of Path
-        The folders written.
 
     Raises
     ------
@@ -264,11 +229,6 @@ def differences(bundles: list[Bundle], out: Path) -> list[str]:
         What would be written.
     out : Path
         The device's output folder.
-
-    Returns
-    -------
-    list of str
-        One diff a stale, missing or orphaned file; empty when all is current.
     """
     found = []
     for bundle in bundles:

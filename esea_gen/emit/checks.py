@@ -12,10 +12,7 @@ from esea_gen.language.ports import Port
 
 
 def range_checks(kernel: Kernel, ports: Mapping[int, Port]) -> dict[int, tuple[list[int], ...]]:
-    """Per argument, the comparisons that let it pass, one of each list.
-
-    return: with both ends of its range; of a vector, of the sum of magnitudes.
-    """
+    """Per argument, the comparisons that let it pass, one of each list."""
     found: dict[int, tuple[list[int], ...]] = {
         k: ([], []) if p.size == 1 else ([],) for k, p in ports.items()
     }
@@ -64,11 +61,7 @@ def vector_total(p: Port) -> float:
 
 
 def coefficient_checks(block: Block, kernel: Kernel) -> dict[int, frozenset[int]]:
-    """Coefficients that a step checks itself, and all nodes of that check.
-
-    kernel: the Block's step, in whatever passes.
-    return: by argument; before its check such a coefficient may be anything.
-    """
+    """Coefficients that a step checks itself, and all nodes of that check."""
     checks = range_checks(kernel, dict(enumerate(block.coefficients)))
     return {
         k: frozenset(j for side in sides for i in side for j in _way(kernel, i))

@@ -44,17 +44,11 @@ FOLDER = "dialect"
 
 
 def mavlink() -> ModuleType:
-    """MAVLink's generator and core headers."""
     return from_extra("pymavlink", "link", "A MAVLink dialect")
 
 
 @cache
 def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
-    """Run MAVLink's generator on a definition.
-
-    return: relative path to text: ``mavlink/...`` (C headers without ``version.h`` and test suite)
-        and ``python/<name>.py``.
-    """
     mavlink()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -82,7 +76,6 @@ def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
 
 
 def dialect_files(renderer: Renderer) -> dict[str, str]:
-    """Every file of a dialect folder but the manifest."""
     system, prefix = renderer.system, renderer.prefix
     own = messages(system)
     context: dict[str, Any] = {
@@ -114,12 +107,6 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
 
 
 def render_dialect(device: Device) -> Bundle:
-    """Render a device's MAVLink dialect in memory.
-
-    return: folder ``dialect``: ``esea_<device>.xml``, the binding header ``esea_<device>_link.h``,
-        the standard metadata ``esea_<device>_parameters.json``, mavgen's C headers
-        below ``mavlink/`` and its Python module below ``python/``.
-    """
     digest = device_hash(device)
     command = build_command(device)
     files = dialect_files(Renderer(device.system, FORMATS["f32"], digest, command, device.title))
@@ -128,7 +115,6 @@ def render_dialect(device: Device) -> Bundle:
 
 
 def load_module(name: str, text: str) -> Any:
-    """Load a dialect's Python module from its text."""
     module = ModuleType(name)
     exec(compile(text, f"{name}.py", "exec"), module.__dict__)
     return module
@@ -141,6 +127,5 @@ def _load(device_name: str, text: str) -> Any:
 
 @cache
 def load_dialect(device: Device) -> Any:
-    """The Python module of a device's dialect."""
     name = f"esea_{device.name}"
     return _load(name, render_dialect(device).files[f"python/{name}.py"])

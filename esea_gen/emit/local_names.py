@@ -25,10 +25,7 @@ def unused(name: str, taken: Collection[str]) -> str:
 
 
 class LocalNames:
-    """Names of one function's values: a label's, else a port's, else a number.
-
-    taken: names of what the function reads.
-    """
+    """Names of one function's values: a label's, else a port's, else a number."""
 
     def __init__(
         self,
@@ -46,7 +43,6 @@ class LocalNames:
         return name
 
     def define(self, i: int) -> str:
-        """Name of a value that gets its statement now."""
         return self._labels.get(i) or self._new(self._others.get(i, f"v{i}"))
 
 
@@ -61,9 +57,6 @@ def meanings(
 
     A state as its guard lets it through is ``<state>_used``, a condition has its flag's name, and
     what a function writes is named by where it goes; a new state is ``<state>_next``.
-
-    function: ``prepare``, ``init`` or ``step``.
-    base: of a port's name, what stands before these endings.
     """
     if function == "prepare":
         return _first([_results(kernel, 0, block.coefficients, base, "")])

@@ -9,42 +9,21 @@ import numpy.typing as npt
 
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
-from esea_gen.language.system import External, Latch, Signal, System, Task
+from esea_gen.language.system import External, Signal, System, Task
 
 
 class Naming:
-    """Fields that have their ports' names and units.
-
-    c_type, dtype: of a number, in C and in numpy.
-    """
+    """Fields that have their ports' names and units."""
 
     def __init__(self, system: System, c_type: str, dtype: np.dtype[Any]) -> None:
         self.system, self.c_type, self.dtype = system, c_type, dtype
-
-    def field(self, block: Block, group: str, port: Any) -> str:
-        """Name of a Block's field.
-
-        group: struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
-        """
-        return str(port.name)
-
-    def external(self, external: External) -> str:
-        """Name of an external value's field."""
-        return external.name
-
-    def latch(self, latch: Latch) -> str:
-        """Name of a latch's field."""
-        return latch.name
 
     def text(self, block: Block | None, group: str, port: Any) -> str:
         """What a header adds to a port's description."""
         return ""
 
     def convert(self, text: str, source: Signal | None, block: Block, port: Port) -> str:
-        """A value, as C text, in the format of the port that it feeds.
-
-        source: output that it comes from; None for an external input, which has the port's format.
-        """
+        """A value, as C text, in the format of the port that it feeds."""
         return text
 
     def watched(self, text: str, block: Block, port: Port) -> str:
@@ -58,7 +37,6 @@ class Naming:
         return self.whole(f"({text} < {port.high:.0f}u ? {text} : {port.high:.0f}u)", block, port)
 
     def literal(self, value: float) -> str:
-        """C literal of a field's number."""
         return f"{value:.1f}f" if self.c_type == "float" else f"{value:.1f}"
 
     def whole(self, text: str, block: Block, port: Port) -> str:
@@ -69,9 +47,9 @@ class Naming:
         """What a Block's field holds for a value inside the port's range, in its unit."""
         return value
 
-    def tunable(self, block: Block, name: str, value: float) -> tuple[str, float]:
-        """C field of a tunable, and what it holds for any value in its unit."""
-        return name, value
+    def tunable(self, block: Block, name: str, value: float) -> float:
+        """What a tunable's field holds for any value in its unit."""
+        return value
 
     def fraction(self, block: Block, group: str, name: str) -> int | None:
         """Fraction bits of a Block's field; None where it is in units."""
@@ -82,15 +60,12 @@ class Naming:
         return None
 
     def block_scales(self, block: Block, group: str) -> tuple[str, ...]:
-        """C macros of the fraction bits of a Block's struct, a line each; none in units."""
         return ()
 
     def task_scales(self, task: Task, group: str) -> tuple[str, ...]:
-        """C macros of the fraction bits of a task's struct ``in`` or ``out``; none in units."""
         return ()
 
     def latch_scales(self) -> tuple[str, ...]:
-        """C macros of the fraction bits of the latches; none in units."""
         return ()
 
     def external_scale(self, external: External) -> str:

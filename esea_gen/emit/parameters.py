@@ -17,7 +17,6 @@ METADATA_VERSION = 3  # of MAVLink's parameter.schema.json
 
 
 def fnv1a(text: str) -> int:
-    """FNV-1a of a text, 32 bits."""
     found = 0x811C9DC5
     for byte in text.encode():
         found = (found ^ byte) * 0x01000193 % (1 << 32)
@@ -26,17 +25,13 @@ def fnv1a(text: str) -> int:
 
 @dataclass(frozen=True)
 class LinkParameter:
-    """A tunable of a System as a parameter of the link.
+    """A tunable of a System as a parameter of the link."""
 
-    id: at most 16 characters, of its own.
-    fixed: whether only a calibration sets it.
-    """
-
-    id: str
+    id: str  # at most 16 characters, of its own
     instance: str
     block: str
     tunable: Tunable
-    fixed: bool
+    fixed: bool  # whether only a calibration sets it
 
     @property
     def name(self) -> str:
@@ -50,12 +45,10 @@ class LinkParameter:
 
     @property
     def enum_name(self) -> str:
-        """Full name as an enum's entry has it."""
         return f"ESEA_PARAM_{self.instance}_{self.tunable.name}".upper()
 
     @property
     def unit(self) -> str:
-        """Unit; 1 where it has none."""
         return unit_of(self.tunable.name)
 
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from esea_gen.language.block import Block
 
 
 def comment(text: str, indent: int = 0, width: int = 98) -> str:
-    """A C comment, wrapped."""
     pad = " " * indent
     safe = " ".join(text.replace("*/", "* /").split())
     lines = textwrap.wrap(safe, width - indent - 6)
@@ -38,11 +36,6 @@ def bare(text: str) -> str:
 
 @dataclass(frozen=True)
 class Statement:
-    """A line of a printed kernel.
-
-    c_type: type of the constant it defines.
-    """
-
     c_type: str
     name: str
     expression: str
@@ -51,41 +44,26 @@ class Statement:
 
 @dataclass(frozen=True)
 class PrintedKernel:
-    """A kernel as C text.
-
-    results: per result, per element, the C atom that holds it.
-    """
-
     statements: tuple[Statement, ...]
-    results: tuple[tuple[str, ...], ...]
+    results: tuple[tuple[str, ...], ...]  # per result, per element, the C atom that holds it
     used_arguments: frozenset[int]
 
 
 @dataclass(frozen=True)
 class EmittedBlock:
-    """A Block with its kernels printed in one number format.
-
-    stores: per statement of the step, the state that it completes.
-    """
-
     block: Block
     prepare: PrintedKernel | None
     init: PrintedKernel
     step: PrintedKernel
-    stores: tuple[tuple[str, ...], ...]
+    stores: tuple[tuple[str, ...], ...]  # per statement of the step, the state that it completes
     template: str = "device/esea_block.c.j2"
 
 
-def early_stores(
-    block: Block, step: PrintedKernel, names: Mapping[str, str] | None = None
-) -> tuple[tuple[str, ...], ...]:
+def early_stores(block: Block, step: PrintedKernel) -> tuple[tuple[str, ...], ...]:
     """Where in a step each state can be stored: as soon as the old one is read and the new known.
 
     Stored at the end, every new state would stay alive until there; with ten stop operators and
     sixteen registers that costs a tenth of the step.
-
-    names: C names of the states where they are not the ports' own.
-    return: per statement, the stores that follow it; the last one takes what waits for nothing.
     """
     count = len(step.statements)
     defined = {s.name: i for i, s in enumerate(step.statements)}
@@ -93,9 +71,7 @@ def early_stores(
     after: list[list[str]] = [[] for _ in range(count)]
     for p, atoms in zip(block.state, step.results, strict=False):
         for i, atom in enumerate(atoms):
-            place = f"state->{(names or {}).get(p.name, p.name)}" + (
-                "" if p.size == 1 else f"[{i}]"
-            )
+            place = f"state->{p.name}" + ("" if p.size == 1 else f"[{i}]")
             waits = [defined[w] for w in re.findall(r"[A-Za-z_]\w*", atom) if w in defined]
             waits.append(read.get(place, 0))
             after[max(waits)].append(f"{place} = {bare(atom)};")

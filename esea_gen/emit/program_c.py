@@ -35,28 +35,18 @@ _POINTERS = ("coeffs", "state", "in", "out")
 
 @dataclass(frozen=True)
 class LoopBound:
-    """What is known of one printed loop, for one whole step.
-
-    var: its index variable in the C; no other loop has it.
-    entries: how often it is entered at most.
-    passes: how often its body runs at most, all entries together.
-    """
+    """What is known of one printed loop, for one whole step."""
 
     part: str
-    var: str
-    entries: int
-    passes: int
+    var: str  # its index variable in the C; no other loop has it
+    entries: int  # how often it is entered at most
+    passes: int  # how often its body runs at most, all entries together
 
 
 @dataclass(frozen=True)
 class PrintedPart:
-    """A part as C text.
-
-    pointers: which of coeffs, state, in and out it takes.
-    """
-
     name: str
-    pointers: tuple[str, ...]
+    pointers: tuple[str, ...]  # which of coeffs, state, in and out it takes
     params: tuple[str, ...]
     locals: tuple[Memory, ...]
     indices: tuple[str, ...]
@@ -66,17 +56,11 @@ class PrintedPart:
 
 @dataclass(frozen=True)
 class EmittedProgram:
-    """A Program with its body printed in one number format.
-
-    parts: each after those it invokes; ``step`` last.
-    tables: c type, name and literals of each table.
-    """
-
     block: Program
     prepare: PrintedKernel | None
     init: PrintedKernel
-    parts: tuple[PrintedPart, ...]
-    tables: tuple[tuple[str, str, tuple[str, ...]], ...]
+    parts: tuple[PrintedPart, ...]  # each after those it invokes; ``step`` last
+    tables: tuple[tuple[str, str, tuple[str, ...]], ...]  # c type, name and literals of each table
     loops: tuple[LoopBound, ...]
     template: str = "device/esea_program.c.j2"
 
@@ -84,10 +68,6 @@ class EmittedProgram:
 def emit_program(
     program: Program, fmt: Format, kernels: Mapping[int, Kernel] | None = None
 ) -> EmittedProgram:
-    """Print a Program.
-
-    kernels: what is printed instead of the kernel with that ``id``.
-    """
     if not isinstance(fmt, FloatingFormat):  # its arrays declare no ranges to plan whole numbers
         raise UserError(
             f"The program {program.name} cannot be emitted in {fmt.name}.",
@@ -109,8 +89,6 @@ def loop_totals(program: Program) -> dict[LoopKey, tuple[int, int]]:
     Both ways of every condition are taken and no loop is left early; ranges that depend on loops
     around, through calls too, are evaluated, so that a triangle counts as a triangle.  A loop's own
     ``total``, where it states one, is taken when it is less.
-
-    return: index variable, with the values of the unrolled loops around, to (entries, passes).
     """
     tables = program.index_tables
     totals: dict[LoopKey, tuple[int, int]] = {}
@@ -286,7 +264,6 @@ class _Writer:
         return " + ".join(parts).replace("+ -", "- ")
 
     def place(self, ref: Ref, element: int, context: _Context) -> str:
-        """C expression of one element of a slice."""
         m = self.program.memory[ref.array]
         local = m.name.rpartition(".")[2]
         at = self._index(ref.start + element * ref.stride, context)
@@ -416,7 +393,6 @@ def _looked_up(s: Statement) -> set[str]:
 
 
 def loop_lines(text: str, loops: Sequence[LoopBound]) -> dict[str, tuple[int, int]]:
-    """First and last line of every printed loop."""
     lines = text.splitlines()
     found = {}
     for loop in loops:

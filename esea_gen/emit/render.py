@@ -73,7 +73,6 @@ COUNTER = "{n} += (((out->{port} & {bit}) != 0u) && ({n} != UINT32_MAX)) ? 1u : 
 
 
 def block_kernels(block: Block) -> dict[str, Kernel]:
-    """The kernels of a Block, as walked."""
     kernels = {"init": walk(block.init), "step": walk(block.step)}
     if block.tunables:
         kernels["prepare"] = walk(block.prepare)
@@ -81,7 +80,6 @@ def block_kernels(block: Block) -> dict[str, Kernel]:
 
 
 def emit_block(block: Block | Program, fmt: Format) -> EmittedBlock | EmittedProgram:
-    """Print a Block's, or a Program's, kernels."""
     if block.kind == "program":
         return emit_program(block, fmt)
     return fmt.emit(block)
@@ -128,7 +126,6 @@ def content_hash(
 
 
 def versions() -> dict[str, str]:
-    """Versions that the emitted bytes depend on."""
     from esea_gen import __version__
 
     return {
@@ -144,11 +141,6 @@ def identity(prefix: str, fmt: Format, digest: str) -> str:
 
 
 class Renderer:
-    """Renders one System in one number format.
-
-    command: command that regenerates the files.
-    """
-
     def __init__(self, system: System, fmt: Format, digest: str, command: str, title: str) -> None:
         self.system = system
         self.fmt = fmt
@@ -170,9 +162,6 @@ class Renderer:
             "late": {"step": LATE_STEP, "most": LATE_MOST, "full": LATE_FULL},
             "command": command,
             "field": self.field,
-            "cname": self.naming.field,
-            "xname": self.naming.external,
-            "lname": self.naming.latch,
             "external_scale": self.naming.external_scale,
             "scales": self.naming,
             "literal": self.literal,
@@ -187,46 +176,37 @@ class Renderer:
         """What the device's ``init`` is called in the object code."""
         return f"{self.prefix}_init_{self.identity[len(self.prefix) + 1 :]}"
 
-    def field(self, port: Any, block: Block, group: str) -> str:
-        """C declaration of a port as a struct field.
-
-        group: struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
-        """
-        name = self.naming.field(block, group, port)
+    def field(self, port: Any) -> str:
         if getattr(port, "flags", ()):
-            return f"uint32_t {name};"
+            return f"uint32_t {port.name};"
         size = getattr(port, "size", 1)
-        return f"{self.fmt.c_type} {name}{'' if size == 1 else f'[{size}]'};"
+        return f"{self.fmt.c_type} {port.name}{'' if size == 1 else f'[{size}]'};"
 
     def counter(self, block: Block, port: Port, flag: Flag, form: str = COUNTER) -> str:
-        """C statement that counts a flag."""
         bit = f"{self.prefix}_{block.name}_{flag.name}".upper()
         return form.format(n=f"state->n_{flag.name.lower()}", port=port.name, bit=bit)
 
     def literal(self, block: Block, group: str, port: Any, value: float) -> str:
-        """C literal of a port's value."""
         return self.fmt.literal(self.naming.number(block, group, port.name, value))
 
     def port_text(self, port: Any, block: Block | None = None, group: str = "") -> str:
-        """What a header says of a port."""
         return port_text(port) + self.naming.text(block, group, port)
 
     def feed(self, instance: str, port: Port, at: str) -> str:
-        """C expression of what feeds an input port."""
         source = self.system.feed(Signal(instance, port.name))
         sink = self.system.blocks[instance], port
         if isinstance(source, External):
-            text, made = f"in->{self.naming.external(source)}", None
+            text, made = f"in->{source.name}", None
         elif isinstance(source, Watched):
             text = f"state->{self.system.task_of(instance).name}_held.{source.port.name}"
             return self.naming.watched(text, *sink)
         elif isinstance(source, Latch):
             held = f"state->{self.system.task_of(instance).name}_held"
-            text, made = f"{held}.{self.naming.latch(source)}", source.source
+            text, made = f"{held}.{source.name}", source.source
         else:
             block = self.system.blocks[source.instance]
             made_port = next(p for p in block.outputs if p.name == source.port)
-            text = f"{source.instance}_out.{self.naming.field(block, 'out', made_port)}"
+            text = f"{source.instance}_out.{made_port.name}"
             made = source
         return self.naming.convert(f"{text}{at}", made, *sink)
 
@@ -276,13 +256,11 @@ class Renderer:
         )
 
     def in_units(self, external: External, text: str) -> str:
-        """C expression of an external value as a double in its unit."""
         if self.naming.external_scale(external):
             return self.naming.to_units(external, text)
         return f"(double){text}"
 
     def given(self, external: External, value: float) -> str:
-        """C expression of an external value's number in units."""
         if self.naming.external_scale(external):
             return self.naming.from_units(external, repr(float(value)))
         return self.fmt.literal(value)

@@ -13,29 +13,17 @@ MOST_COUPLINGS = 4  # whose life a board counts
 
 @dataclass(frozen=True)
 class MotorAxis:
-    """A motor, and what the board itself looks at of it.
-
-    task: that runs every tick and tells of it.
-    u, tau_set, fault: its outputs: what the motor gets, what is wanted of it, why it holds.
-    tau_desired: what the host wants of it.
-    added: outputs that are part of ``tau_set`` and not of ``tau_desired``.
-    """
-
-    task: str
-    u: str
+    task: str  # that runs every tick and tells of it
+    u: str  # its outputs: what the motor gets, what is wanted of it, why it holds
     tau_set: str
     fault: str
     tau_desired: str
-    added: tuple[str, ...]
+    added: tuple[str, ...]  # outputs that are part of ``tau_set`` and not of ``tau_desired``
 
 
 @dataclass(frozen=True)
 class ZeroedEncoder:
-    """An encoder whose zero a calibration sets.
-
-    task: that tells of it.
-    theta, status: its outputs.
-    """
+    """An encoder whose zero a calibration sets."""
 
     instance: str
     block: str
@@ -46,21 +34,14 @@ class ZeroedEncoder:
 
 @dataclass(frozen=True)
 class CountedCoupling:
-    """A coupling whose life is counted: where a run of its task tells of it.
-
-    sensor: its torque sensor's instance.
-    task: that runs every tick.
-    side: ``in`` or ``out``, the struct that has its deflection.
-    block, status, flags: Block and status word that say whether to believe it, and by what bits.
-    most_rad: largest deflection.
-    """
+    """A coupling whose life is counted: where a run of its task tells of it."""
 
     sensor: str
-    task: str
-    side: str
+    task: str  # that runs every tick
+    side: str  # ``in`` or ``out``, the struct that has its deflection
     theta: str
     tau: str
-    block: str
+    block: str  # Block and status word that say whether to believe it, and by what bits
     status: str
     flags: tuple[str, ...]
     most_rad: float
@@ -68,21 +49,16 @@ class CountedCoupling:
 
 @dataclass(frozen=True)
 class BoardRoles:
-    """Who gives a System's inputs on the board's own clock, and what the board itself looks at.
+    """Who gives a System's inputs on the board's own clock, and what the board itself looks at."""
 
-    axes: its motors, each with limits before it; none where it only measures.
-    measured: inputs that its drivers give; the others are wanted by the host.
-    """
-
-    axes: tuple[MotorAxis, ...]
-    measured: tuple[External, ...]
+    axes: tuple[MotorAxis, ...]  # its motors, each with limits before it
+    measured: tuple[External, ...]  # inputs that its drivers give
     wanted: tuple[External, ...]
     encoders: tuple[ZeroedEncoder, ...]
     couplings: tuple[CountedCoupling, ...]
 
     @property
     def drive(self) -> bool:
-        """Whether there is a motor."""
         return bool(self.axes)
 
     def counts(self, encoder: str) -> tuple[int, ...]:
@@ -92,12 +68,10 @@ class BoardRoles:
 
     @property
     def wanted_names(self) -> tuple[str, ...]:
-        """Names of what the host gives."""
         return tuple(x.name for x in self.wanted)
 
 
 def every_tick(system: System) -> tuple[Task, ...]:
-    """Tasks that run at each base tick, in their order."""
     return tuple(t for t in system.tasks if t.every == 1)
 
 

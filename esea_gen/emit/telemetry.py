@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from esea_gen.emit.messages import (
-    DATA_ID,
+    FIXED,
     STREAM_SPAN_MS,
     STREAM_WORDS,
     Message,
-    messages,
     task_messages,
 )
 from esea_gen.language.system import System
@@ -24,11 +23,7 @@ LINES_BYTES_S = {"115200 baud": 11_520, "921600 baud": 92_160, "USB, TCP": 1_216
 
 @dataclass(frozen=True)
 class StreamCost:
-    """Bytes that something costs on the wire, at most: MAVLink leaves out zeros at a message's end.
-
-    rate_Hz: samples a second.
-    samples: in a message.
-    """
+    """Bytes on the wire, at most: MAVLink leaves out zeros at a message's end."""
 
     what: str
     rate_Hz: float
@@ -36,16 +31,11 @@ class StreamCost:
     bytes_s: float
 
     def share(self, line: str) -> float:
-        """Of what a line carries."""
         return self.bytes_s / LINES_BYTES_S[line]
 
 
 def stream_bytes_s(width: int, every: int, tick_s: float, head_bytes: int) -> tuple[int, float]:
-    """Samples a message holds, and bytes a second, of a stream of so many values.
-
-    every: base ticks from one sample to the next.
-    head_bytes: of a message without its values.
-    """
+    """Samples a message holds, and bytes a second, of a stream of so many values."""
     span = round(STREAM_SPAN_MS * 1e-3 / tick_s) // every
     samples = max(1, min(STREAM_WORDS // width, span))
     message_bytes = FRAME_BYTES + head_bytes + 4 * width * samples
@@ -54,8 +44,7 @@ def stream_bytes_s(width: int, every: int, tick_s: float, head_bytes: int) -> tu
 
 def stream_costs(system: System) -> Iterator[StreamCost]:
     """What streams of a System cost: one value, all outputs, all of a task; and its whole runs."""
-    (data,) = (m for m in messages(system) if m.id == DATA_ID)
-    head_bytes = data.payload_bytes - 4 * STREAM_WORDS
+    head_bytes = FIXED["ESEA_DATA"].payload_bytes - 4 * STREAM_WORDS
     pairs = iter(task_messages(system))
     for task, given, made in zip(system.tasks, pairs, pairs, strict=True):
         every = task.every
@@ -79,7 +68,6 @@ def _values(message: Message) -> int:
 
 
 def cost_table(system: System) -> str:
-    """The costs as a table of text; what does not fit a line is marked."""
     head = ["telemetry", "Hz", "a message", "bytes/s", *LINES_BYTES_S]
     rows = [head]
     for cost in stream_costs(system):

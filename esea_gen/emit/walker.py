@@ -16,81 +16,68 @@ import casadi as ca
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 
-# CasADi's operation codes, by the name used here.  An operation that is not in this table cannot be
-# emitted, and the walker says so.
-_OPERATIONS = {
-    ca.OP_NEG: "neg",
-    ca.OP_SQ: "sq",
-    ca.OP_TWICE: "twice",
-    ca.OP_INV: "inv",
-    ca.OP_SQRT: "sqrt",
-    ca.OP_EXP: "exp",
-    ca.OP_LOG: "log",
-    ca.OP_TANH: "tanh",
-    ca.OP_FABS: "fabs",
-    ca.OP_SIGN: "sign",
-    ca.OP_NOT: "not",
-    ca.OP_ADD: "add",
-    ca.OP_SUB: "sub",
-    ca.OP_MUL: "mul",
-    ca.OP_DIV: "div",
-    ca.OP_FMIN: "fmin",
-    ca.OP_FMAX: "fmax",
-    ca.OP_POW: "pow",
-    ca.OP_CONSTPOW: "pow",
-    ca.OP_LT: "lt",
-    ca.OP_LE: "le",
-    ca.OP_EQ: "eq",
-    ca.OP_NE: "ne",
-    ca.OP_AND: "and",
-    ca.OP_OR: "or",
-    ca.OP_IF_ELSE_ZERO: "if_else_zero",
+# Operations by the name used here: CasADi's number, and the C of a floating-point format, where a
+# format has no function of its own for it.  What is not here cannot be emitted, and the walker says
+# so; ``select`` (condition, value if true, value if false) is only made by a format's own pass.
+# Rules of ranges and errors stand in emit.spans, those of whole numbers in emit.fixed.
+OPERATIONS: dict[str, tuple[int | None, str]] = {
+    "neg": (ca.OP_NEG, "-{0}"),
+    "sq": (ca.OP_SQ, "{0} * {0}"),
+    "twice": (ca.OP_TWICE, "{two} * {0}"),
+    "inv": (ca.OP_INV, "{one} / {0}"),
+    "sqrt": (ca.OP_SQRT, ""),
+    "exp": (ca.OP_EXP, ""),
+    "log": (ca.OP_LOG, ""),
+    "tanh": (ca.OP_TANH, ""),
+    "fabs": (ca.OP_FABS, "esea_fabs({0})"),
+    "sign": (ca.OP_SIGN, "esea_sign({0})"),
+    "not": (ca.OP_NOT, "!{0}"),
+    "add": (ca.OP_ADD, "{0} + {1}"),
+    "sub": (ca.OP_SUB, "{0} - {1}"),
+    "mul": (ca.OP_MUL, "{0} * {1}"),
+    "div": (ca.OP_DIV, "{0} / {1}"),
+    "fmin": (ca.OP_FMIN, "esea_fmin({0}, {1})"),
+    "fmax": (ca.OP_FMAX, "esea_fmax({0}, {1})"),
+    "pow": (ca.OP_POW, ""),
+    "lt": (ca.OP_LT, "{0} < {1}"),
+    "le": (ca.OP_LE, "{0} <= {1}"),
+    "eq": (ca.OP_EQ, "{0} == {1}"),
+    "ne": (ca.OP_NE, "{0} != {1}"),
+    "and": (ca.OP_AND, "{0} && {1}"),
+    "or": (ca.OP_OR, "{0} || {1}"),
+    "if_else_zero": (ca.OP_IF_ELSE_ZERO, "{0} ? {1} : {zero}"),
+    "select": (None, "{0} ? {1} : {2}"),
 }
+_BY_CODE = {code: name for name, (code, _) in OPERATIONS.items()} | {ca.OP_CONSTPOW: "pow"}
 BOOLEAN = frozenset({"not", "lt", "le", "eq", "ne", "and", "or"})
 COMMUTATIVE = frozenset({"add", "mul", "eq", "ne", "and", "or"})
 
 
 class UnsupportedOperationError(UserError):
-    """A kernel holds an operation that a number format cannot express."""
-
     def __init__(self, what: str, fix: str = "Try another number format with --real.") -> None:
         super().__init__(what, fix)
 
 
 @dataclass(frozen=True)
 class Node:
-    """One value of a kernel.
-
-    op: ``input``, ``const``, an operation of the tables above, or ``select`` (condition, value if
-        true, value if false), which only a number format's own pass makes.
-    source: of an input: argument and element.
-    """
-
+    # `input`, `const`, an operation of the table, or `select`, which only a format's pass makes.
     op: str
     args: tuple[int, ...] = ()
     value: float = 0.0
-    source: tuple[int, int] = (0, 0)
+    source: tuple[int, int] = (0, 0)  # of an input: argument and element
 
     @property
     def boolean(self) -> bool:
-        """Whether the value is 0 or 1 by construction."""
         return self.op in BOOLEAN
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """A straight-line function in single-assignment form.
-
-    nodes: in an order in which every operand stands before its use.
-    results: per result, per element, the index of its node.
-    """
-
     name: str
-    nodes: tuple[Node, ...]
-    results: tuple[tuple[int, ...], ...]
+    nodes: tuple[Node, ...]  # in an order in which every operand stands before its use
+    results: tuple[tuple[int, ...], ...]  # per result, per element, the index of its node
 
     def cost(self) -> Counter[str]:
-        """How many operations of each kind one call executes."""
         return Counter(n.op for n in self.nodes if n.op not in ("input", "const"))
 
     def listing(self) -> str:
@@ -109,12 +96,7 @@ _WALKED: WeakKeyDictionary[ca.Function, Kernel] = WeakKeyDictionary()
 
 
 def walk(function: ca.Function) -> Kernel:
-    """Turn a CasADi function into a kernel, once for every number format.
-
-    function: scalar expression graph (SX) with dense arguments and results.
-    return: the same operations in the same dependence, so that evaluating them in the same
-        arithmetic gives the same bits.
-    """
+    """Turn a CasADi function into a kernel, once for every number format."""
     found = _WALKED.get(function)
     if found is None:
         found = _WALKED[function] = _walked(function)
@@ -147,8 +129,8 @@ def _walked(function: ca.Function) -> Kernel:
             results[result][element] = work[i[0]]
         elif op == ca.OP_ASSIGN:
             work[o[0]] = work[i[0]]
-        elif op in _OPERATIONS:
-            work[o[0]] = add(Node(_OPERATIONS[op], tuple(work[a] for a in i)))
+        elif op in _BY_CODE:
+            work[o[0]] = add(Node(_BY_CODE[op], tuple(work[a] for a in i)))
         else:
             raise UnsupportedOperationError(
                 f"{function.name()}: CasADi operation number {op} at instruction {k} cannot be "
@@ -158,7 +140,6 @@ def _walked(function: ca.Function) -> Kernel:
 
 
 def needed_nodes(kernel: Kernel) -> list[int]:
-    """Indices of the nodes that a result needs, rising."""
     needed = {i for r in kernel.results for i in r}
     for i in reversed(range(len(kernel.nodes))):
         if i in needed:
@@ -186,7 +167,6 @@ def labelled_kernel(
 
 
 def use_counts(kernel: Kernel) -> list[int]:
-    """How often each node is an operand."""
     uses = [0] * len(kernel.nodes)
     for n in kernel.nodes:
         for a in n.args:
@@ -195,7 +175,6 @@ def use_counts(kernel: Kernel) -> list[int]:
 
 
 def prune(kernel: Kernel) -> Kernel:
-    """Drop the nodes that no result needs."""
     order = needed_nodes(kernel)
     position = {old: new for new, old in enumerate(order)}
     nodes = tuple(
@@ -276,12 +255,7 @@ def calls_first(kernel: Kernel) -> Kernel:
 
 @dataclass(frozen=True)
 class StatusWord:
-    """A status word found in a kernel.
-
-    flags: node of the condition, and its bit.
-    """
-
-    flags: tuple[tuple[int, int], ...]
+    flags: tuple[tuple[int, int], ...]  # node of the condition, and its bit
     parts: frozenset[int]
 
 

@@ -20,23 +20,16 @@ Text = Callable[[str], str]
 
 @dataclass(frozen=True)
 class LibraryForm:
-    """How a library is laid out.
-
-    templates: by what they become; ``{p}`` stands for the C's prefix.
-    headers, sources, example: folders of these; none without an example.
-    top: text at the top of every C file.
-    steps: what to do next, a line each.
-    arrays: whether it is called by arrays of numbers, as a simulator calls it.
-    """
+    """How a library is laid out."""
 
     name: str
-    templates: Mapping[str, str]
-    steps: tuple[str, ...]
-    headers: str = "include/"
+    templates: Mapping[str, str]  # by what they become; ``{p}`` stands for the C's prefix
+    steps: tuple[str, ...]  # what to do next, a line each
+    headers: str = "include/"  # folders of these; none without an example
     sources: str = "src/"
     example: str = ""
-    top: str = ""
-    arrays: bool = False
+    top: str = ""  # text at the top of every C file
+    arrays: bool = False  # whether it is called by arrays of numbers, as a simulator calls it
 
 
 # Arduino's and PlatformIO's names of processors that a test compiles for; avr has no 64-bit double.
@@ -125,10 +118,7 @@ class WrittenLibrary:
 
 
 def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple[str, Bundle]:
-    """Content hash and files of a library, in memory.
-
-    raises: UserError for a number format that is unknown, or that the form does not take.
-    """
+    """Content hash and files of a library, in memory."""
     allowed = [n for n, f in FORMATS.items() if f.floating or not form.arrays]
     if real not in allowed:
         raise UserError(
@@ -185,10 +175,7 @@ def _steps(form: LibraryForm, prefix: str, name: str) -> tuple[str, ...]:
 def write_library(
     device: Device, form: LibraryForm, real: str = "f32", folder: Path | None = None
 ) -> WrittenLibrary:
-    """Write a library into a folder of its own, whole or not at all.
-
-    folder: named by the library where none is given; one that holds other files is refused.
-    """
+    """Write a library into a folder of its own, whole or not at all."""
     digest, bundle = library_files(device, form, real)
     target = folder or Path(f"{bundle.folder}_{form.name}")
     whole = target.absolute()

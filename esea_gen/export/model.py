@@ -15,7 +15,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, content_hash
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Port, Tunable
-from esea_gen.language.system import System
+from esea_gen.language.system import External, System
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.plant import plant_system
 
@@ -25,76 +25,55 @@ ANGLES = ("theta_g_rad", "theta_m_rad", "theta_l_rad")
 
 @dataclass(frozen=True)
 class ModelVariable:
-    """A number that the importing tool sees.
-
-    reference: its place in the list.
-    role: ``tunable`` may be set between steps, ``fixed`` until initialization ends.
-    whole: a status word.
-    c: field of the C struct; of the params for a tunable.
-    task: whose ``in`` or ``out`` it stands in.
-    """
+    """A number that the importing tool sees."""
 
     name: str
     reference: int
-    role: Role
+    role: Role  # ``tunable`` may be set between steps, ``fixed`` until initialization ends
     whole: bool
     start: float
     low: float
     high: float
     unit: str
     description: str
-    c: str
-    task: str = ""
+    c: str  # field of the C struct; of the params for a tunable
+    task: str = ""  # whose ``in`` or ``out`` it stands in
 
 
 @dataclass(frozen=True)
 class ModelTask:
-    """A step that runs every so many ticks.
-
-    stem: of its C names.
-    """
-
     name: str
-    stem: str
+    stem: str  # of its C names
     every: int = 1
     phase: int = 0
 
 
 @dataclass(frozen=True)
 class ExportedModel:
-    """C with its variables, ready to be wrapped.
+    """C with its variables, ready to be wrapped."""
 
-    kind: what ``model.h`` runs in a tick.
-    stem: of the C names of params, coefficients and state.
-    files: names of the renderer's files that are part of it.
-    command: that exports it.
-    bodies, substeps, step_s: of the virtual exoskeleton: bodies that move, and steps of a tick.
-    """
-
-    kind: Literal["block", "controller", "twin"]
+    kind: Literal["block", "controller", "twin"]  # what ``model.h`` runs in a tick
     identifier: str
     title: str
     renderer: Renderer
     digest: str
-    stem: str
+    stem: str  # of the C names of params, coefficients and state
     tick_s: float
     tasks: tuple[ModelTask, ...]
     variables: tuple[ModelVariable, ...]
     tuned: bool
     latched: bool
-    files: tuple[str, ...]
+    files: tuple[str, ...]  # names of the renderer's files that are part of it
     command: str
-    bodies: int = 0
+    bodies: int = 0  # of the virtual exoskeleton: bodies that move, and steps of a tick
     substeps: int = 0
     step_s: float = 0.0
     angles: tuple[str, ...] = ANGLES
 
     def of(self, role: Role) -> list[ModelVariable]:
-        """Variables of a role."""
         return [v for v in self.variables if v.role == role]
 
     def place(self, name: str) -> int:
-        """Value reference of a variable."""
         return next(v.reference for v in self.variables if v.name == name)
 
 
@@ -104,11 +83,12 @@ class _Variables:
     def __init__(self) -> None:
         self.found: list[ModelVariable] = []
 
-    def ports(self, role: Role, task: str, ports: Iterable[tuple[str, str, Port]]) -> None:
-        for name, c, port in ports:
+    def ports(self, role: Role, task: str, ports: Iterable[Port | External]) -> None:
+        for x in ports:
+            port = x.port if isinstance(x, External) else x
             for i in range(port.size):
                 mark, at = (f"[{i + 1}]", f"[{i}]") if port.size > 1 else ("", "")
-                self._add(name + mark, role, c + at, port, task)
+                self._add(x.name + mark, role, x.name + at, port, task)
 
     def tunables(self, prefix: str, given: Iterable[Tunable], values: Mapping[str, float]) -> None:
         for t in given:
@@ -172,19 +152,14 @@ def _renderer(device: Device, real: str) -> tuple[Renderer, str]:
 
 
 def controller_model(device: Device, real: str = "f32") -> ExportedModel:
-    """All tasks of a device, from encoder counts to motor command.
-
-    raises: UserError for a number format that has no units.
-    """
+    """All tasks of a device, from encoder counts to motor command."""
     renderer, digest = _renderer(device, real)
-    system, naming, found = device.system, renderer.naming, _Variables()
+    system, found = device.system, _Variables()
     for task in system.tasks:
-        inputs = system.task_inputs(task)
-        found.ports("input", task.name, [(x.name, naming.external(x), x.port) for x in inputs])
+        found.ports("input", task.name, system.task_inputs(task))
     _instances(found, system, {})
     for task in system.tasks:
-        outputs = system.task_outputs(task)
-        found.ports("output", task.name, [(x.name, naming.external(x), x.port) for x in outputs])
+        found.ports("output", task.name, system.task_outputs(task))
     return ExportedModel(
         "controller",
         renderer.prefix,
@@ -203,21 +178,16 @@ def controller_model(device: Device, real: str = "f32") -> ExportedModel:
 
 
 def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
-    """One Block of a device, by itself.
-
-    raises: UserError for a Block that the device does not have.
-    """
+    """One Block of a device, by itself."""
     kinds = {b.name: b for b in device.system.kinds}  # Programs among them
     if name not in kinds:
         raise UserError(f"{device.name} has no Block '{name}'.", f"It has {', '.join(kinds)}.")
     renderer, digest = _renderer(device, real)
-    block, naming, found = kinds[name], renderer.naming, _Variables()
+    block, found = kinds[name], _Variables()
     stem = f"{renderer.prefix}_{name}"
-    found.ports("input", "step", [(p.name, naming.field(block, "in", p), p) for p in block.inputs])
+    found.ports("input", "step", block.inputs)
     found.tunables("", block.tunables, {})
-    found.ports(
-        "output", "step", [(p.name, naming.field(block, "out", p), p) for p in block.outputs]
-    )
+    found.ports("output", "step", block.outputs)
     whole = {f"{renderer.prefix}.c", *(f"{renderer.prefix}_{k}.c" for k in kinds if k != name)}
     return ExportedModel(
         "block",
@@ -237,11 +207,7 @@ def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
 
 
 def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) -> ExportedModel:
-    """The virtual exoskeleton: simulated drive, cable, elastomer, load, person and encoders.
-
-    tick_s: of the controller that it is made for.
-    digest: of the device that it is made of.
-    """
+    """The virtual exoskeleton: simulated drive, cable, elastomer, load, person and encoders."""
     system = plant_system(variant.device, variant.cable, variant.step_s, tick_s)
     fmt = FORMATS["f64"]
     content = content_hash(system, digest, title, [fmt])
@@ -249,7 +215,7 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
     renderer = Renderer(system, fmt, content, command, title)
     found = _Variables()
     move, encode = system.tasks
-    found.ports("input", "move", [(x.name, x.name, x.port) for x in system.task_inputs(move)])
+    found.ports("input", "move", system.task_inputs(move))
     _instances(found, system, variant.values)
     place = len(found.found)
     angle = next(x.port for x in system.task_inputs(encode) if x.name == ANGLES[0])
@@ -260,9 +226,7 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
         )
     )
     for task in system.tasks:
-        found.ports(
-            "output", task.name, [(x.name, x.name, x.port) for x in system.task_outputs(task)]
-        )
+        found.ports("output", task.name, system.task_outputs(task))
     state = next(p for p in system.blocks["plant"].state if p.name == "theta_rad")
     return ExportedModel(
         "twin",

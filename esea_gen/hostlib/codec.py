@@ -8,10 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.emit.naming import Naming
-from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
-from esea_gen.language.system import External
 
 Array = npt.NDArray[Any]
 
@@ -20,10 +17,7 @@ INVALID = -(2**31)
 
 
 def to_raw(values: Any, fraction: int) -> Array:
-    """Raw numbers of values, as the macro ``ESEA_Q31_FROM`` gives them.
-
-    return: ``int32``, rounded half away from zero; NaN and what does not fit is ``INT32_MIN``.
-    """
+    """Raw numbers of values, as the macro ``ESEA_Q31_FROM`` gives them."""
     with np.errstate(all="ignore"):
         scaled = np.asarray(values, dtype=np.float64) * 2.0**fraction
         fits = (scaled < 2.0**31 - 1) & (scaled > -(2.0**31 - 1))
@@ -40,22 +34,14 @@ def _raw_number(value: float, fraction: int) -> int:
 
 
 def from_raw(raw: Array, fraction: int) -> Array:
-    """Values of raw numbers; exact."""
     return np.asarray(raw, dtype=np.float64) * 2.0**-fraction
 
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a C struct.
-
-    name, c_name: as callers name it, and in the C.
-    fraction: of its raw numbers; None where the C holds numbers in units.
-    """
-
     name: str
-    c_name: str
     port: Port
-    fraction: int | None = None
+    fraction: int | None = None  # of its raw numbers; None where the C holds numbers in units
 
     def encode(self, values: Any) -> Any:
         """What the C holds for numbers in units; whole numbers are raw already."""
@@ -71,24 +57,3 @@ class Field:
         if self.fraction is None or self.port.flags:
             return held
         return held * 2.0**-self.fraction
-
-
-class Codec:
-    """The fields of a System's C, in the number format that its names are in."""
-
-    def __init__(self, naming: Naming) -> None:
-        self.naming = naming
-
-    def field(self, block: Block, group: str, port: Port) -> Field:
-        """A field of a Block's own struct: ``in``, ``out`` or ``state``."""
-        fraction = self.naming.fraction(block, group, port.name)
-        return Field(port.name, self.naming.field(block, group, port), port, fraction)
-
-    def external(self, external: External) -> Field:
-        """A field of a task's struct."""
-        fraction = self.naming.external_fraction(external)
-        return Field(external.name, self.naming.external(external), external.port, fraction)
-
-    def tunable(self, block: Block, name: str, value: Any) -> tuple[str, Any]:
-        """C name and number of a tunable's value."""
-        return self.naming.tunable(block, name, value)

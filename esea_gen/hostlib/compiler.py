@@ -28,7 +28,7 @@ def find_compiler(name: str, package: str) -> str:
     path = shutil.which(name)
     if path is None:
         raise UserError(
-            f"The compiler '{name}' is not installed.",
+            f"The program '{name}' is not installed.",
             f"Install it with: apt-get install --no-install-recommends {package}",
         )
     return path
@@ -37,12 +37,7 @@ def find_compiler(name: str, package: str) -> str:
 def compile_sources(
     files: Mapping[str, str], flags: Sequence[str] = (), link: Sequence[str] = ()
 ) -> Path:
-    """Compile C files into a shared library, once for a given content.
-
-    files: relative path to text; every ``.c`` but ``main.c`` is compiled.
-    flags: beside the project's own.
-    return: the library; :class:`RuntimeError` with what the compiler said when it refuses them.
-    """
+    """Compile C files into a shared library, once for a given content."""
     gcc = find_compiler(HOST_GCC.compiler, HOST_GCC.package)
     command = [gcc, *CFLAGS, *flags, "-shared"]
     key = hashlib.sha256("\0".join([compiler_version(gcc), *command, *link]).encode())
@@ -98,10 +93,7 @@ def _units(files: Mapping[str, str], folder: Path) -> list[str]:
 
 @lru_cache(maxsize=16)
 def declared(text: str) -> cffi.FFI:
-    """What cffi makes of C text, types and prototypes, whose only includes are standard ones.
-
-    return: one for all libraries of the same text: to read a drive's takes half a second.
-    """
+    """What cffi makes of C text, types and prototypes, whose only includes are standard ones."""
     gcc = find_compiler(HOST_GCC.compiler, HOST_GCC.package)
     bare = re.sub(r"^\s*#\s*include.*$", "", text, flags=re.MULTILINE)
     done = subprocess.run(

@@ -38,11 +38,6 @@ class HostLibrary(LoadedC):
         ----------
         tunables : mapping, optional
             ``{instance: {tunable: value}}`` other than the defaults.
-
-        Returns
-        -------
-        CBoard
-            Freshly initialised.
         """
         return CBoard(self, tunables)
 
@@ -53,15 +48,10 @@ class HostLibrary(LoadedC):
         ----------
         name : str
             The Block's name.
-
-        Returns
-        -------
-        CRunner
-            Freshly initialised.
         """
         block: Block = next(b for b in self.system.kinds if b.name == name)
         groups = ("in", block.inputs), ("out", block.outputs), ("state", block.state)
-        fields = ([self.codec.field(block, g, p) for p in ports] for g, ports in groups)
+        fields = ([self.block_field(block, g, p) for p in ports] for g, ports in groups)
         return CRunner(self, name, block, *fields)
 
     def task(self, name: str) -> CRunner:
@@ -71,15 +61,10 @@ class HostLibrary(LoadedC):
         ----------
         name : str
             The task's name.
-
-        Returns
-        -------
-        CRunner
-            Freshly initialised, with a state of its own.
         """
         system, task = self.system, self.system.task(name)
         groups = (system.task_inputs(task), system.task_outputs(task))
-        inputs, outputs = ([self.codec.external(x) for x in group] for group in groups)
+        inputs, outputs = ([self.external_field(x) for x in group] for group in groups)
         return CRunner(self, name, system, inputs, outputs, ())
 
 
@@ -94,11 +79,6 @@ def compile_system(system: System, real: str, flags: Sequence[str] = ()) -> Host
         Number format.
     flags : sequence of str
         Compiler flags beside the project's own.
-
-    Returns
-    -------
-    HostLibrary
-        Loaded.
     """
     return HostLibrary(system, Renderer(system, FORMATS[real], "-", "-", system.name), flags)
 
@@ -114,11 +94,6 @@ def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> Host
         Number format.
     flags : sequence of str
         Compiler flags beside the project's own.
-
-    Returns
-    -------
-    HostLibrary
-        Loaded.
     """
     digest = format_hash(device, real)
     renderer = Renderer(device.system, FORMATS[real], digest, "-", device.title)

@@ -1,12 +1,12 @@
 """Parameters of the torque model from recordings of a test rig."""
 
-from esea_gen.identify.cycles import Cycle, DataSet
 from esea_gen.identify.identification import Identification, identify
-from esea_gen.identify.mapping import MappingFile, load_mapping, parse_mapping
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.recording import load_recordings
-from esea_gen.identify.replay import Replay, recorded_deflections, recordings_for
-from esea_gen.identify.tables import Mapping
+from esea_gen.identify.recording.cycles import Cycle, DataSet
+from esea_gen.identify.recording.mapping import MappingFile, load_mapping, parse_mapping
+from esea_gen.identify.recording.reading import load_recordings
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.replay import Replay, recorded_deflections, recordings_for
+from esea_gen.identify.recording.tables import Mapping
 from esea_gen.identify.verdict import Verdict, judge
 
 __all__ = [

@@ -2,44 +2,38 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from esea_gen.device import Device
-from esea_gen.identify.channels import ChannelNumber
-from esea_gen.identify.device_file import marked_toml, write_marked
-from esea_gen.identify.mapping import MappingFile
-from esea_gen.identify.recorded import Recording, recording_rows
+from esea_gen.device import Device, parse_device
+from esea_gen.errors import UserError
+from esea_gen.files import plain, write_whole
+from esea_gen.identify.recording.channels import ChannelNumber
+from esea_gen.identify.recording.mapping import MappingFile
+from esea_gen.identify.recording.recorded import Recording, recording_rows
 from esea_gen.identify.verdict import Verdict
-from esea_gen.identify.worth import TorqueWorth, worth_rows
+from esea_gen.identify.worth import TorqueWorth
 from esea_gen.language.ports import Array
+
+MARK = "# Written by esea-gen identify."
 
 
 @dataclass(frozen=True, kw_only=True)
 class Identified:
-    """Result of an identification, whatever the model.
+    """Result of an identification, whatever the model."""
 
-    device: identified device, its parameters of status ``identified``.
-    source: what was asked.
-    recordings: data.
-    verdict: errors of the device's C.
-    notes: what the reader must know.
-    worth: errors by class of torque and rate; empty where nothing was free in the fit.
-    channels: what the mapping left to the fit; empty where it left nothing.
-    seconds: time taken; not part of :meth:`to_dict`, which is the same every time.
-    """
-
-    device: Device
+    device: Device  # identified device, its parameters of status identified
     source: MappingFile
     recordings: tuple[Recording, ...]
     verdict: Verdict
     notes: tuple[str, ...]
     worth: tuple[TorqueWorth, ...] = ()
     channels: tuple[ChannelNumber, ...] = ()
-    seconds: float = field(compare=False)
+    seconds: float = field(compare=False)  # taken; in no result, which is the same every time
 
     @property
     def full_scale_Nm(self) -> float:
@@ -48,10 +42,8 @@ class Identified:
 
     @property
     def series(self) -> dict[str, dict[str, Array]]:
-        """Per recording: ``time_s``, ``theta_rad``, ``tau_Nm``, ``tau_model_Nm``, ``role``.
-
-        ``role`` is 1 in training, 2 in held-out and 0 in other samples.
-        """
+        """Per recording: ``time_s``, ``theta_rad``, ``tau_Nm``, ``tau_model_Nm``, ``role``."""
+        # ``role`` is 1 in training, 2 in held-out and 0 in other samples.
         out = {}
         for r in self.recordings:
             role = np.zeros(len(r.time_s))
@@ -81,7 +73,7 @@ class Identified:
             },
             "recordings": recording_rows(self.recordings),
             **self.errors(self.verdict),
-            "worth": worth_rows(self.worth),
+            "worth": plain(self.worth),
             "notes": list(self.notes),
         }
 
@@ -123,13 +115,33 @@ class Identified:
 
     def toml(self) -> str:
         """The device file, its first line saying that it is ours and unchanged."""
-        return marked_toml(self.device)
+        body = self.device.toml()
+        return (
+            f"{MARK}  Content {_digest(body)}; once changed by hand it is not overwritten.\n{body}"
+        )
 
     def write(self, folder: str | Path, *, overwrite: bool = False) -> Path:
-        """Write ``<name>.toml``, whole or not at all."""
-        path = Path(folder) / f"{self.device.name}.toml"
-        write_marked(self.device, path, overwrite)
+        """Write ``<name>.toml``, whole or not at all, and never over somebody's own work."""
+        path, text = Path(folder) / f"{self.device.name}.toml", self.toml()
+        if parse_device(text, path.name).canonical() != self.device.canonical():
+            raise RuntimeError(f"{path.name} does not read back to what was identified")
+        if path.exists() and not overwrite and not _ours(path):
+            raise UserError(
+                f"'{path}' exists and was not written by esea-gen identify, or was changed by hand "
+                "since.",
+                "Choose another folder or device.name, or allow overwriting.",
+            )
+        write_whole(path, text)
         return path
 
 
-__all__ = ["Identified"]
+def _digest(body: str) -> str:
+    return hashlib.sha256(body.encode()).hexdigest()[:16]
+
+
+def _ours(path: Path) -> bool:
+    try:
+        first, _, body = path.read_text(encoding="utf-8").partition("\n")
+    except (UnicodeDecodeError, OSError):
+        return False
+    return first.startswith(MARK) and _digest(body) in first

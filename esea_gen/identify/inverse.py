@@ -25,11 +25,10 @@ from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.drafting import files_of
-from esea_gen.identify.fit import Progress
 from esea_gen.identify.identification import Identification
-from esea_gen.identify.misfit import Misfits
-from esea_gen.identify.plant import ROWS_REFINE, ROWS_SEARCH
-from esea_gen.identify.plays import (
+from esea_gen.identify.published.fit import Progress
+from esea_gen.identify.published.plant import ROWS_REFINE, ROWS_SEARCH
+from esea_gen.identify.published.plays import (
     SEEN,
     PlayPlant,
     phi_range,
@@ -38,14 +37,15 @@ from esea_gen.identify.plays import (
     play_space,
     play_spread,
 )
-from esea_gen.identify.population import (
+from esea_gen.identify.published.population import (
     Residual,
     finalists,
     polished,
     runner_up,
-    sobol_population,
+    sobol_points,
 )
-from esea_gen.identify.recorded import Recording
+from esea_gen.identify.recording.misfit import Misfits
+from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import chosen_inverse, inverse_system
 from esea_gen.model.published_inverse import PLAY_DEFAULTS, PLAYS
@@ -72,39 +72,23 @@ def judge_inverse(device: Device, recordings: Sequence[Recording]) -> Misfits:
 
 @dataclass(frozen=True)
 class InverseFit:
-    """A refitted inverse.
+    """A refitted inverse."""
 
-    device: the device with ``[inverse]`` of kind ``published`` and the parameters found.
-    values: ``kappa_rad``, ``phi_1_rad``, ``chi_rad``.
-    sigma: standard deviation of each; None for one at a bound or without effect.
-    correlation: of each pair that has standard deviations, ``"kappa_rad phi_1_rad"``.
-    phi_range_1_rad: range of phi over which the RMS error, kappa and chi refitted, rises by less
-        than 1 %.
-    sets, published: errors of the parameters found, and of table 4.2's on the same data.
-    seed, population, evaluations: of the search; runs of the C over all training data.
-    runner_up: cost of the second best finalist over the best's: 1 when the optimum was found
-        repeatedly.
-    """
-
-    device: Device
-    values: dict[str, float]
-    sigma: dict[str, float | None]
+    device: Device  # the device with [inverse] of kind published and the parameters found
+    values: dict[str, float]  # kappa_rad, phi_1_rad, chi_rad
+    sigma: dict[str, float | None]  # None: at a bound, or without effect
     correlation: dict[str, float]
-    phi_range_1_rad: tuple[float, float]
-    sets: Misfits
+    phi_range_1_rad: tuple[float, float]  # over it the RMS error rises by less than 1 %
+    sets: Misfits  # errors of the parameters found, and of table 4.2's on the same data
     published: Misfits
-    seed: int
+    seed: int  # of the search; runs of the C over all training data
     population: int
     evaluations: int
-    runner_up: float
+    runner_up: float  # second finalist's cost over the best's
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content, the same for the same input.
-
-        return: parameters with standard deviation and bounds, errors per data set in rad and in %
-            of the largest identified deflection, notes.
-        """
+        """JSON-ready content, the same for the same input."""
         full = self.device.file.domain.theta_max_rad.value
         parameters = {}
         for key, value in self.values.items():
@@ -163,27 +147,24 @@ def refit_inverse(
     population: int = POPULATION,
     progress: Progress | None = None,
 ) -> InverseFit:
-    """Refit kappa, phi and chi to recordings.
-
-    device: forward model: k1 and k3 of the envelope. It must have no dead zone.
-    source: what the device file shall name as the parameters' source.
-    progress: ``progress(share, text)``.
-    """
+    """Refit kappa, phi and chi to recordings."""
     tell: Progress = progress or (lambda share, text: None)
     _check(device, recordings)
     coarse = PlayPlant(device, recordings, ROWS_SEARCH)
     low, high = play_space(device, recordings)
 
-    def sample(i: int, best: float) -> None:
-        if i % 8 == 0:
-            tell(0.4 * i / population, f"inverse, population: best {math.sqrt(best):.4g} rad")
-
-    points, costs = sobol_population(_residual(coarse), low, high, population, seed, sample)
+    points = sobol_points(low, high, population, seed)
+    costs = np.empty(population)
+    for i, place in enumerate(points):
+        error = _residual(coarse)(place)
+        costs[i] = error @ error
+        best = math.sqrt(costs[: i + 1].min())
+        tell(0.4 * i / population, f"inverse, population: best {best:.4g} rad")
     chosen = finalists(points, costs, low, high, FINALISTS)
     ends = []
-    for place, start in enumerate(chosen, 1):
+    for number, start in enumerate(chosen, 1):
         ends.append(polished(_residual(coarse), start, low, high, **POLISH))
-        tell(0.4 + 0.2 * place / len(chosen), f"inverse, refinement {place}")
+        tell(0.4 + 0.2 * number / len(chosen), f"inverse, refinement {number}")
     ends.sort(key=lambda e: e[0])
     fine = PlayPlant(device, recordings, ROWS_REFINE)
     _, x = polished(_residual(fine), ends[0][1], low, high, **POLISH)
@@ -216,12 +197,7 @@ def refit_inverse(
 def refit_identified(
     result: Identification, progress: Progress | None = None
 ) -> tuple[Identification, InverseFit]:
-    """Refit the inverse of a device that has just been identified, on the same recordings.
-
-    result: its device is the forward model; the mapping's search seed is used.
-    progress: ``progress(share, text)``.
-    return: the same, its device with ``[inverse]``, so that :meth:`Identification.write` writes it.
-    """
+    """Refit the inverse of a device that has just been identified, on the same recordings."""
     source = f"{files_of(result.recordings)} ({result.source.origin})"
     seed = result.source.mapping.search.seed
     fit = refit_inverse(result.device, result.recordings, source, seed=seed, progress=progress)
@@ -329,6 +305,3 @@ def _notes(
         'chosen with inverse.filter, and kind = "exact" needs none of these numbers.'
     )
     return tuple(notes)
-
-
-__all__ = ["InverseFit", "judge_inverse", "refit_identified", "refit_inverse"]

@@ -21,11 +21,11 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.identify.cycles import DataSet
 from esea_gen.identify.identification import Identification
-from esea_gen.identify.plant import FittedPlant
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.uncertainty import free_keys, relative_jacobian
+from esea_gen.identify.published.plant import FittedPlant
+from esea_gen.identify.published.uncertainty import free_keys, relative_jacobian
+from esea_gen.identify.recording.cycles import DataSet
+from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.ports import Array
 
 RATE_Hz = 100.0
@@ -39,18 +39,13 @@ NEAR = 1e-6  # information of a parameter of which nothing else is known
 
 @dataclass(frozen=True)
 class CommandedMotion:
-    """A deflection to command: ``cycles``, ``sweep`` or ``hold``.
-
-    amplitude_rad: largest deflection.
-    first_Hz, last_Hz: frequencies; 0 of a hold.
-    seconds: in all, the rest before it included.
-    """
+    """A deflection to command: ``cycles``, ``sweep`` or ``hold``."""
 
     kind: str
-    amplitude_rad: float
-    first_Hz: float
+    amplitude_rad: float  # largest deflection
+    first_Hz: float  # frequencies; 0 of a hold
     last_Hz: float
-    seconds: float
+    seconds: float  # in all, the rest before it included
 
     @property
     def text(self) -> str:
@@ -102,11 +97,7 @@ def motions(theta_rad: float, omega_rad_s: float, timed: bool = True) -> list[Co
 def d_optimal(
     known: Array, gains: Sequence[Array], seconds: Sequence[float], budget_s: float
 ) -> list[int]:
-    """Places of the experiments to take, in order, until the time is spent.
-
-    known: information so far, shape (p, p); of full rank.
-    gains: information that each experiment adds.
-    """
+    """Places of the experiments to take, in order, until the time is spent."""
     information, left, chosen = known.copy(), budget_s, list[int]()
     while True:
         start = np.linalg.slogdet(information)[1]
@@ -124,14 +115,10 @@ def d_optimal(
 
 @dataclass(frozen=True)
 class Advice:
-    """What to record next, and what it is worth.
-
-    motions: in the order in which they were chosen, each with how often.
-    sigma_now, sigma_then: standard deviations by parameter, in its unit; expected afterwards.
-    """
+    """What to record next, and what it is worth."""
 
     title: str
-    motions: tuple[tuple[int, CommandedMotion], ...]
+    motions: tuple[tuple[int, CommandedMotion], ...]  # in the order of choice, each with how often
     sigma_now: dict[str, float]
     sigma_then: dict[str, float]
     notes: tuple[str, ...]
@@ -227,6 +214,3 @@ def _informations(
         step = 1 / RATE_Hz if timed else float(np.median(np.diff(r.time_s)))
         out.append(part.T @ part * step)
     return out
-
-
-__all__ = ["Advice", "CommandedMotion", "advise", "d_optimal", "motions"]

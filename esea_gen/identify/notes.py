@@ -9,13 +9,18 @@ import numpy as np
 
 from esea_gen.devices.rubber import LEAST_FACTOR
 from esea_gen.identify.drafting import largest_torque, scales_assumed
-from esea_gen.identify.fit import Fit
-from esea_gen.identify.mapping import MappingFile
-from esea_gen.identify.parameters import at_bound
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.resampling import LeftOut, covered
-from esea_gen.identify.temperatures import LEAST_APART_K, at_edge, far_apart, temperatures_of
-from esea_gen.identify.uncertainty import Uncertainty
+from esea_gen.identify.published.fit import Fit
+from esea_gen.identify.published.parameters import at_bound
+from esea_gen.identify.published.uncertainty import Uncertainty
+from esea_gen.identify.recording.mapping import MappingFile
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.resampling import LeftOut, covered
+from esea_gen.identify.recording.temperatures import (
+    LEAST_APART_K,
+    at_edge,
+    far_apart,
+    temperatures_of,
+)
 from esea_gen.identify.verdict import Verdict
 from esea_gen.model.family import FittedMember
 from esea_gen.model.temperature import TemperatureFactor
@@ -176,10 +181,7 @@ def temperature_notes(
     factor: TemperatureFactor | None = None,
     sigma_per_K: float | None = None,
 ) -> list[str]:
-    """What the recordings' temperatures tell; nothing where none was recorded.
-
-    factor, sigma_per_K: of the model, and its standard deviation; the published model has none.
-    """
+    """What the recordings' temperatures tell; nothing where none was recorded."""
     known = temperatures_of(recordings, training=True)
     if not known:
         return []
@@ -215,11 +217,7 @@ def temperature_notes(
 def told_apart_notes(
     fitted: FittedMember, twins: Mapping[int, int], sigma: Mapping[int, float]
 ) -> list[str]:
-    """Which terms of a member what trains does not tell apart, and what would.
-
-    twins: places of terms that others stand for, with these.
-    sigma: of the weights, by place.
-    """
+    """Which terms of a member what trains does not tell apart, and what would."""
     terms, notes, others = fitted.member.terms, [], []
     softened: dict[str, int] = {}
     for i, k in twins.items():

@@ -44,33 +44,26 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class PairAgreement:
-    """Two specimens, Bland and Altman: torque of the first less that of the second, Nm.
-
-    low_Nm, high_Nm: between them lie 95 % of the differences, were they normal.
-    limit_error_Nm: half width of the 95 % interval of either limit.
-    """
+    """Two specimens, Bland and Altman: torque of the first less that of the second, Nm."""
 
     first: str
     second: str
     bias_Nm: float
-    low_Nm: float
+    low_Nm: float  # between them lie 95 % of the differences, were they normal
     high_Nm: float
-    limit_error_Nm: float
+    limit_error_Nm: float  # half width of the 95 % interval of either limit
 
 
 @dataclass(frozen=True)
 class Reliability:
-    """What the specimens say together.
-
-    apart_pct: RMS of each specimen less the mean of the others, % of the largest mean torque.
-    """
+    """What the specimens say together."""
 
     specimens: tuple[str, ...]
     rows: int
     absolute: Coefficient
     consistent: Coefficient
     agreements: tuple[PairAgreement, ...]
-    apart_pct: dict[str, float]
+    apart_pct: dict[str, float]  # RMS of each less the mean of the others, of the largest
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content."""
@@ -113,10 +106,7 @@ def mean_squares(table: Array) -> tuple[float, float, float]:
 
 
 def coefficients(table: Array) -> tuple[Coefficient, Coefficient]:
-    """ICC(2,1) and ICC(3,1) with their 95 % intervals [1]_.
-
-    table: shape (conditions, specimens).
-    """
+    """ICC(2,1) and ICC(3,1) with their 95 % intervals [1]_."""
     from scipy.stats import f
 
     n, k = table.shape
@@ -197,10 +187,8 @@ def _others(table: Array, column: int) -> Array:
 
 
 def read_specimens(path: Path) -> tuple[FileTable, dict[str, Array]]:
-    """A table, and its torques: a column a specimen under its name, a row a condition, in Nm.
-
-    A first column named ``condition`` is a label and left out.
-    """
+    """A table, and its torques: a column a specimen under its name, a row a condition, in Nm."""
+    # A first column named ``condition`` is a label and left out.
     table = read_table(path)
     labelled = table.names[0].lower() == "condition"
     names = table.names[labelled:]
@@ -210,13 +198,3 @@ def read_specimens(path: Path) -> tuple[FileTable, dict[str, Array]]:
             "Give one name a column, and 'condition' over the labels.",
         )
     return table, {n: table.numbers(n) for n in names}
-
-
-__all__ = [
-    "Coefficient",
-    "PairAgreement",
-    "Reliability",
-    "coefficients",
-    "read_specimens",
-    "reliability",
-]

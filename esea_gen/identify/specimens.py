@@ -17,13 +17,13 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.fit import Progress
 from esea_gen.identify.identification import fit_split
-from esea_gen.identify.mapping import load_mapping
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.recording import load_recordings
+from esea_gen.identify.published.fit import Progress
+from esea_gen.identify.published.search_problem import Searching
+from esea_gen.identify.recording.mapping import load_mapping
+from esea_gen.identify.recording.reading import load_recordings
+from esea_gen.identify.recording.recorded import Recording
 from esea_gen.identify.reliability import Reliability, reliability
-from esea_gen.identify.search_problem import Searching
 from esea_gen.language.ports import Array
 
 NODES = 9  # deflections at which specimens are compared, each way
@@ -32,14 +32,11 @@ INSIDE = 0.9  # of the deflection that all of them reach
 
 @dataclass(frozen=True)
 class JointFit:
-    """One model for all specimens against one each.
-
-    joint_pct, own_pct: held-out RMS error of each specimen, % of full scale.
-    """
+    """One model for all specimens against one each."""
 
     title: str
     full_scale_Nm: float
-    joint_pct: dict[str, float]
+    joint_pct: dict[str, float]  # held-out RMS error of each specimen, % of full scale
     own_pct: dict[str, float]
     agreement: Reliability
 
@@ -142,6 +139,3 @@ def _means(r: Recording, used: npt.NDArray[np.intp], edges: Array) -> Array:
             if np.any(inside):
                 out[k * NODES + node] = tau[inside].mean()
     return out
-
-
-__all__ = ["JointFit", "joint_fit", "torque_table"]

@@ -11,9 +11,9 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
-from esea_gen.identify.misfit import Misfits
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.recording import resample
+from esea_gen.identify.recording.misfit import Misfits
+from esea_gen.identify.recording.reading import resample
+from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System
 from esea_gen.model.family_sensor import TEMPERATURE

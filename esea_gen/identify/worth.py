@@ -1,7 +1,7 @@
 """What the sensed torque is worth, by class of torque and rate.
 
 In each class: the half width that holds 95 % of the errors in blocks left out
-(:mod:`esea_gen.identify.resampling`), and how many held-out samples, which no fit has seen, lie in
+(``recording.resampling``), and how many held-out samples, which no fit has seen, lie in
 it.  Torque and rate of a sample are the measured ones.
 """
 
@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
-from esea_gen.identify.recorded import Recording
-from esea_gen.identify.resampling import LeftOut, covered, half_width_Nm
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.resampling import LeftOut, covered, half_width_Nm
 from esea_gen.identify.verdict import Verdict
 from esea_gen.language.ports import Array
 
@@ -28,35 +27,24 @@ LEAST = 20  # of fewer samples there is no 95 %
 
 @dataclass(frozen=True)
 class JudgedSamples:
-    """Samples with their errors.
+    """Samples with their errors."""
 
-    error_Nm, torque_Nm, omega_rad_s: shape (n,); the rate is None where time was not recorded.
-    weight: how much each counts; squared, shape (n,).
-    """
-
-    error_Nm: Array
+    error_Nm: Array  # shape (n,); the rate is None where time was not recorded
     torque_Nm: Array
     omega_rad_s: Array | None
-    weight: Array
+    weight: Array  # how much each counts; squared, shape (n,)
 
 
 @dataclass(frozen=True)
 class TorqueWorth:
-    """One class of torque and rate; None stands for all.
+    """One class of torque and rate; None stands for all."""
 
-    torque, rate: of full scale, and of the identified domain's largest rate.
-    band_Nm: half width that holds 95 % of the errors; None for fewer samples than :data:`LEAST`.
-    samples: in blocks left out.
-    held_out: samples that no fit has seen.
-    held_out_inside: share of these within the band; None for fewer than :data:`LEAST`, or no band.
-    """
-
-    torque: str | None
+    torque: str | None  # of full scale, and of the identified domain's largest rate
     rate: str | None
-    band_Nm: float | None
-    samples: int
-    held_out: int
-    held_out_inside: float | None
+    band_Nm: float | None  # holds 95 % of the errors; None: too few
+    samples: int  # in blocks left out
+    held_out: int  # samples that no fit has seen
+    held_out_inside: float | None  # share within the band
 
 
 def label(edges: Sequence[float], i: int) -> str:
@@ -72,10 +60,8 @@ def torque_worth(
     full_scale_Nm: float,
     omega_max_rad_s: float,
 ) -> tuple[TorqueWorth, ...]:
-    """Every class of torque at every rate, and at all of them.
-
-    Without rates only the classes of torque.
-    """
+    """Every class of torque at every rate, and at all of them."""
+    # Without rates only the classes of torque.
     rates: list[int | None] = [None]
     if left_out.omega_rad_s is not None:
         rates += range(len(RATE_EDGES) - 1)
@@ -117,11 +103,7 @@ def worth_of(
     spread: LeftOut | None,
     rows: tuple[Array, Array] | None = None,
 ) -> tuple[TorqueWorth, ...]:
-    """Of an identification; nothing where nothing was free in its fit.
-
-    rows: measured torque and rate at the fit's rows, where these are not the recordings' training
-        samples.
-    """
+    """Of an identification; nothing where nothing was free in its fit."""
     if spread is None:
         return ()
     timed = all(r.timed for r in recordings)
@@ -140,11 +122,3 @@ def worth_of(
     )
     most = device.file.domain.omega_max_rad_s.value
     return torque_worth(fit, unseen, device.tau_full_scale_Nm, most)
-
-
-def worth_rows(worth: Sequence[TorqueWorth]) -> list[dict[str, Any]]:
-    """JSON-ready."""
-    return [asdict(w) for w in worth]
-
-
-__all__ = ["JudgedSamples", "TorqueWorth", "label", "torque_worth", "worth_of", "worth_rows"]

@@ -44,25 +44,21 @@ class Builder:
     def array(
         self, name: str, size: int, region: Region = "work", meaning: str = "", values: Any = None
     ) -> Memory:
-        """Declare an array."""
         if name in self.memory or size < 1:
             raise ProgramError(f"array {name}: the name is taken or the size {size} is below 1")
         self.memory[name] = Memory(name, size, region, meaning, values)
         return self.memory[name]
 
     def table(self, name: str, values: Any, meaning: str = "") -> Memory:
-        """Declare a table of real constants."""
         given = values if isinstance(values, Mapping) else dict.fromkeys(EPSILON, values)
         content = {k: tuple(float(x) for x in v) for k, v in given.items()}
         return self.array(name, len(content["f64"]), "table", meaning, content)
 
     def index_table(self, name: str, values: Sequence[int], meaning: str = "") -> Memory:
-        """Declare a table of whole numbers."""
         return self.array(name, len(values), "index", meaning, tuple(int(v) for v in values))
 
     @contextmanager
     def part(self, name: str, *params: str, comment: str = "") -> Iterator[tuple[Ix, ...]]:
-        """Open a piece of the body."""
         body: list[Statement] = []
         self.parts[name] = Part(name, params, body, comment)
         self._body.append(body)
@@ -91,7 +87,6 @@ class Builder:
     def run(
         self, kernel: ca.Function, args: Sequence[Ref], results: Sequence[Ref], note: str = ""
     ) -> None:
-        """Call a kernel that is a CasADi function."""
         want = [kernel.numel_in(i) for i in range(kernel.n_in())]
         give = [kernel.numel_out(i) for i in range(kernel.n_out())]
         if want != [a.length for a in args] or give != [r.length for r in results]:
@@ -111,7 +106,6 @@ class Builder:
         name: str = "i",
         total: int | None = None,
     ) -> Iterator[Ix]:
-        """Open a loop."""
         a, b = Ix.of(start), Ix.of(stop)
         span = b - a
         if most is None:
@@ -128,7 +122,6 @@ class Builder:
 
     @contextmanager
     def when(self, flag: Ref | tuple[Ix | int, str, Ix | int]) -> Iterator[None]:
-        """Open what is done when a flag is set."""
         cond = flag if isinstance(flag, Ref) else (Ix.of(flag[0]), flag[1], Ix.of(flag[2]))
         body: list[Statement] = []
         self._body[-1].append(When(cond, body, []))
@@ -156,7 +149,6 @@ class Builder:
         return Ix(0, ((1, f"{name}_{self._fresh}"),))
 
     def set(self, var: Ix, value: Ix | int) -> None:
-        """Give an index variable a value."""
         self._body[-1].append(SetIndex(var.terms[0][1], Ix.of(value)))
 
     def invoke(self, part: str, *args: Ix | int) -> None:
@@ -167,12 +159,10 @@ class Builder:
 
 
 def array_name(region: str, port: str) -> str:
-    """Name of the array that stands for a port."""
     return f"{region}.{port}"
 
 
 def declare_ports(builder: Builder, region: Region, ports: Sequence[Port]) -> dict[str, Memory]:
-    """Declare the arrays of ports."""
     return {
         p.name: builder.array(array_name(region, p.name), p.size, region, p.meaning) for p in ports
     }

@@ -18,22 +18,11 @@ Kind = Literal["block", "program"]
 
 @dataclass(frozen=True)
 class Component(ABC):
-    """What runs on the controller board with a fixed period: a Block or a Program.
+    """What runs on the controller board with a fixed period: a Block or a Program."""
 
-    name: lower case C identifier; becomes ``esea_<device>_<name>_step``.
-    title: one line of purpose.
-    period_s: fixed sampling period.
-    constants, tunables, coefficients, state, inputs, outputs: its ports and numbers.
-    equations: what it implements.
-    prepare, init: coefficients from tunables, state from coefficients: one argument or result per
-        port, in port order.
-    streams: streams that it brings along: what random inputs do not bring about.
-    starts_latched: whether it starts afresh, its latch closed, where a copied state is resumed.
-    """
-
-    name: str
+    name: str  # lower case C identifier; becomes ``esea_<device>_<name>_step``
     title: str
-    period_s: float
+    period_s: float  # fixed sampling period
     constants: tuple[Constant, ...]
     tunables: tuple[Tunable, ...]
     coefficients: tuple[Port, ...]
@@ -43,7 +32,9 @@ class Component(ABC):
     equations: tuple[Equation, ...]
     prepare: ca.Function = field(repr=False)
     init: ca.Function = field(repr=False)
+    # What random inputs do not bring about.
     streams: OwnStreams = field(default=OwnStreams(), repr=False, kw_only=True)
+    # Starts afresh, its latch closed, where a copied state is resumed.
     starts_latched: bool = field(default=False, kw_only=True)
 
     kind: ClassVar[Kind]
@@ -59,11 +50,9 @@ class Component(ABC):
 
     @property
     def status_port(self) -> Port | None:
-        """The output that is a status word, if there is one."""
         return next((p for p in self.outputs if p.flags), None)
 
     def default_tunables(self) -> dict[str, float]:
-        """Default of every tunable."""
         return {t.name: t.default for t in self.tunables}
 
     def taken_tunables(self, given: Mapping[str, float] | None) -> dict[str, float]:
@@ -83,11 +72,7 @@ class Component(ABC):
 
 
 class Executor(ABC):
-    """Runs a Component in Python, step by step, in float64.
-
-    component: what to run.
-    tunables: values other than the defaults.
-    """
+    """Runs a Component in Python, step by step, in float64."""
 
     def __init__(self, component: Component, tunables: Mapping[str, float] | None = None) -> None:
         self.block = component
@@ -106,7 +91,6 @@ class Executor(ABC):
         """One step on the arrays of inputs, state and outputs."""
 
     def reset(self) -> None:
-        """Return to the initial state."""
         for s in self._s.values():
             s[:] = 0.0
         initial = self.block.init.call([ca.DM(c) for c in self._c.values()])
@@ -115,7 +99,6 @@ class Executor(ABC):
 
     @property
     def coefficients(self) -> dict[str, Array]:
-        """Coefficients prepared from the tunables."""
         return {n: c.copy() for n, c in self._c.items()}
 
     @coefficients.setter
@@ -134,7 +117,6 @@ class Executor(ABC):
             self._s[name][:] = np.asarray(values[name], dtype=float).ravel()
 
     def step(self, **inputs: float | Array) -> dict[str, Any]:
-        """One step."""
         if inputs.keys() != self._u.keys():
             raise TypeError(f"{self.block.name}.step takes {[*self._u]}, got {sorted(inputs)}")
         for name, value in inputs.items():

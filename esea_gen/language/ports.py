@@ -50,17 +50,12 @@ UNIT_SUFFIXES = {
 
 
 def unit_of(name: str) -> str:
-    """Unit that a name carries in its suffix.
+    """Unit that a name carries in its suffix; ``"1"`` without a known one.
 
     Parameters
     ----------
     name : str
         A quantity's name, such as ``omega_mid_rad_s``.
-
-    Returns
-    -------
-    str
-        The unit, ``"1"`` for a name without a known suffix (a dimensionless quantity).
     """
     best = max((s for s in UNIT_SUFFIXES if name.endswith(s)), key=len, default="")
     return UNIT_SUFFIXES.get(best, "1")
@@ -76,11 +71,6 @@ def f32_inside(low: float, high: float) -> tuple[float, float]:
     ----------
     low, high : float
         Ends of the interval.
-
-    Returns
-    -------
-    tuple of float
-        The ends, each the nearest float32 not outside the interval.
     """
     lo, hi = np.float32(low), np.float32(high)
     if float(lo) < low:
@@ -97,11 +87,6 @@ def threshold(value: float) -> float:
     ----------
     value : float
         Threshold.
-
-    Returns
-    -------
-    float
-        The snapped threshold.
     """
     return f32_inside(-value, value)[1]
 
@@ -233,13 +218,30 @@ def around(name: str, limit: float, meaning: str, *more: Any, **named: Any) -> P
         Largest magnitude.
     *more, **named
         The rest of :class:`Port`.
+    """
+    return Port(name, -limit, limit, meaning, *more, **named)
+
+
+def status_port(meaning: str, invalid: str, repaired: str, *more: Flag) -> Port:
+    """A status word that begins with the guard's two flags (``guard.status`` fills it).
+
+    Parameters
+    ----------
+    meaning : str
+        As in :class:`Port`.
+    invalid, repaired : str
+        What an invalid input and a corrupt state mean for the Block.
+    *more : Flag
+        The Block's own flags.
 
     Returns
     -------
     Port
-        The port.
+        The port ``status``.
     """
-    return Port(name, -limit, limit, meaning, *more, **named)
+    guarded = Flag("INPUT_INVALID", invalid, True), Flag("STATE_REPAIRED", repaired, True)
+    flags = (*guarded, *more)
+    return Port("status", 0, 2 ** len(flags) - 1, meaning, flags=flags)
 
 
 @dataclass(frozen=True)
@@ -295,11 +297,6 @@ class Tunable:
         ----------
         value : float
             A value somebody gave.
-
-        Returns
-        -------
-        float
-            The bound within one float32 rounding of it, else ``value``, inside the bounds or not.
         """
         for bound, beyond in ((self.low, value < self.low), (self.high, value > self.high)):
             if beyond and abs(value - bound) <= float(np.spacing(np.float32(abs(bound)))):
@@ -365,11 +362,6 @@ def symbols_of(ports: Iterable[Port | Tunable]) -> dict[str, ca.SX]:
     ----------
     ports : iterable of Port or Tunable
         The ports.
-
-    Returns
-    -------
-    dict of str to casadi.SX
-        Columns of the ports' sizes.
     """
     return {p.name: ca.SX.sym(p.name, getattr(p, "size", 1)) for p in ports}
 
@@ -383,11 +375,6 @@ def in_range(x: ca.SX, low: float, high: float) -> ca.SX:
         Scalar.
     low, high : float
         Ends, both inside.
-
-    Returns
-    -------
-    casadi.SX
-        1 or 0.
     """
     return ca.logic_and(x <= high, x >= low)
 
@@ -405,11 +392,6 @@ def port_ok(x: ca.SX, port: Port) -> ca.SX:
         The value, ``port.size`` elements.
     port : Port
         Its port.
-
-    Returns
-    -------
-    casadi.SX
-        1 or 0.
     """
     if port.size == 1:
         return in_range(x, port.low, port.high)
@@ -428,11 +410,6 @@ def clip(x: ca.SX, low: Any, high: Any) -> ca.SX:
         Scalar, not NaN.
     low, high : float or casadi.SX
         Ends.
-
-    Returns
-    -------
-    casadi.SX
-        ``max(min(x, high), low)``.
     """
     return ca.fmax(ca.fmin(x, high), low)
 
@@ -444,11 +421,6 @@ def flag_word(bits: Iterable[ca.SX]) -> ca.SX:
     ----------
     bits : iterable of casadi.SX
         1 or 0 each, at most 24 of them (exact in float32).
-
-    Returns
-    -------
-    casadi.SX
-        The word as a whole number.
     """
     word: Any = ca.SX(0)
     for i, b in enumerate(bits):

@@ -54,7 +54,7 @@ class Program(Component):
     Build one with :meth:`define`.
 
     name, title, period_s, constants, tunables, coefficients, inputs, outputs, equations, streams:
-        as in :class:`esea_gen.language.component.Component`.
+    as in :class:`esea_gen.language.component.Component`.
     state: what one step leaves to the next, then the work arrays, which carry nothing.
     prepare, init: as there; ``init`` of what is carried.
     starts_latched: as there.
@@ -140,17 +140,14 @@ class Program(Component):
 
     @property
     def work(self) -> tuple[Memory, ...]:
-        """Work arrays, in the order of the state struct."""
         return tuple(m for m in self.memory.values() if m.region == "work")
 
     @property
     def carried(self) -> tuple[Port, ...]:
-        """What one step leaves to the next."""
         return self.state[: len(self.state) - len(self.work)]
 
     @cached_property
     def index_tables(self) -> dict[str, tuple[int, ...]]:
-        """Index tables by name."""
         return {n: m.values for n, m in self.memory.items() if m.region == "index"}
 
     @property
@@ -164,7 +161,6 @@ class Program(Component):
         return {f"k{i}_{f.name()}": f for i, f in enumerate(found.values(), 1)}
 
     def simulator(self, tunables: Mapping[str, float] | None = None) -> ProgramSimulator:
-        """The executor, float64."""
         return ProgramSimulator(self, tunables)
 
 
@@ -173,11 +169,7 @@ class _ExitLoopError(Exception):
 
 
 class ProgramSimulator(Executor):
-    """Runs a Program in Python, float64, kernels by CasADi's evaluator.
-
-    program: what to run.
-    tunables: values other than the defaults.
-    """
+    """Runs a Program in Python, float64, kernels by CasADi's evaluator."""
 
     def __init__(self, program: Program, tunables: Mapping[str, float] | None = None) -> None:
         super().__init__(program, tunables)

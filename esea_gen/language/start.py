@@ -51,7 +51,6 @@ def start_functions(
     state: tuple[Port, ...],
     prepare: PrepareFn | None,
 ) -> tuple[ca.Function, ca.Function]:
-    """``prepare`` and ``init`` as CasADi functions."""
     if bool(tunables) != bool(coefficients) or bool(tunables) != (prepare is not None):
         raise ValueError(f"block {name}: tunables, coefficients and prepare go together")
     tun, coef = symbols_of(tunables), symbols_of(coefficients)

@@ -19,23 +19,17 @@ class ProgramError(ValueError):
 
 @dataclass(frozen=True)
 class Ix:
-    """A whole-numbered expression: a constant, index variables times constants, table entries.
-
-    terms: coefficient and index variable.
-    lookups: coefficient, index table, and the place in it.
-    """
+    """A whole-numbered expression: a constant, index variables times constants, table entries."""
 
     constant: int = 0
-    terms: tuple[tuple[int, str], ...] = ()
-    lookups: tuple[tuple[int, str, Ix], ...] = ()
+    terms: tuple[tuple[int, str], ...] = ()  # coefficient and index variable
+    lookups: tuple[tuple[int, str, Ix], ...] = ()  # coefficient, index table, and the place in it
 
     @staticmethod
     def of(value: Ix | int) -> Ix:
-        """An expression from a number or an expression."""
         return value if isinstance(value, Ix) else Ix(int(value))
 
     def __add__(self, other: Ix | int) -> Ix:
-        """Sum."""
         o = Ix.of(other)
         total: dict[str, int] = {}
         for c, v in self.terms + o.terms:
@@ -46,7 +40,6 @@ class Ix:
     __radd__ = __add__
 
     def __mul__(self, factor: int) -> Ix:
-        """Multiple."""
         return Ix(
             self.constant * factor,
             tuple((c * factor, v) for c, v in self.terms),
@@ -56,15 +49,12 @@ class Ix:
     __rmul__ = __mul__
 
     def __sub__(self, other: Ix | int) -> Ix:
-        """Difference."""
         return self + Ix.of(other) * -1
 
     def __rsub__(self, other: int) -> Ix:
-        """Difference from a number."""
         return Ix.of(other) + self * -1
 
     def value(self, env: Mapping[str, int], tables: Mapping[str, Sequence[int]]) -> int:
-        """Its value."""
         total = self.constant
         for c, v in self.terms:
             total += c * env[v]
@@ -73,7 +63,6 @@ class Ix:
         return total
 
     def fold(self, env: Mapping[str, int], tables: Mapping[str, Sequence[int]]) -> Ix:
-        """With some index variables replaced by numbers."""
         out = Ix(self.constant)
         for c, v in self.terms:
             out = out + (Ix(c * env[v]) if v in env else Ix(0, ((c, v),)))
@@ -88,8 +77,6 @@ class Ix:
 
 @dataclass(frozen=True)
 class Ref:
-    """A slice of an array."""
-
     array: str
     start: Ix
     length: int
@@ -98,19 +85,11 @@ class Ref:
 
 @dataclass(frozen=True)
 class Memory:
-    """An array of a Program.
-
-    region: where it lives: a port's struct, ``work`` (in the state struct, carries nothing from one
-        step to the next), ``local`` (on the stack of one part), ``table`` (constant) or ``index``
-        (constant whole numbers).
-    values: tables: content by number format; index tables: the numbers.
-    """
-
     name: str
     size: int
     region: Region
     meaning: str = ""
-    values: Any = None
+    values: Any = None  # tables: content by number format; index tables: the numbers
 
     def __getitem__(self, place: Any) -> Ref:
         """A slice: ``a[i]``, ``a[:]``, ``a[i : n]`` (start, number of elements)."""
@@ -121,20 +100,13 @@ class Memory:
         return Ref(self.name, Ix.of(place), 1)
 
     def at(self, place: Ix | int) -> Ix:
-        """An entry as an index.
-
-        place: which entry: of an index table, or of a work array that holds a whole number which
-            the same step has put there.
-        """
+        """An entry as an index."""
         return Ix(0, (), ((1, self.name, Ix.of(place)),))
 
 
 @dataclass(frozen=True)
 class Call:
-    """A kernel on slices: reads all of them, then writes its results.
-
-    args, results: one for each argument and result.
-    """
+    """A kernel on slices: reads all of them, then writes its results."""
 
     kernel: ca.Function
     args: tuple[Ref, ...]
@@ -144,31 +116,21 @@ class Call:
 
 @dataclass(frozen=True)
 class For:
-    """A loop from ``start`` up to, not including, ``stop``.
+    """A loop from ``start`` up to, not including, ``stop``."""
 
-    var: index variable, visible in the body only.
-    most: largest number of passes for one entry; may read index tables.
-    unroll: printed once for each pass; the range must be constant or that of unrolled loops around.
-    total: largest number of passes of all entries in one step, where that is less than what the
-        ranges allow: the executor holds every step against it.
-    """
-
-    var: str
+    var: str  # index variable, visible in the body only
     start: Ix
     stop: Ix
-    most: Ix
+    most: Ix  # largest number of passes for one entry; may read index tables
     body: list[Statement]
-    unroll: bool = False
+    unroll: bool = False  # printed once for each pass
+    # Largest number of passes of all entries in a step, where the ranges allow more; checked.
     total: int | None = None
 
 
 @dataclass(frozen=True)
 class When:
-    """One of two ways.
-
-    flag: a real element that is not 0, or a comparison (``<``, ``==``) of whole numbers.
-    """
-
+    # A real element that is not 0, or a comparison (`<`, `==`) of whole numbers.
     flag: Ref | tuple[Ix, str, Ix]
     then: list[Statement]
     otherwise: list[Statement]
@@ -176,25 +138,18 @@ class When:
 
 @dataclass(frozen=True)
 class Exit:
-    """Exit the innermost loop when a real element is not 0."""
-
     flag: Ref
 
 
 @dataclass(frozen=True)
 class SetIndex:
-    """Give an index variable a value."""
-
     var: str
     value: Ix
 
 
 @dataclass(frozen=True)
 class Invoke:
-    """Run another part of the body.
-
-    args: values of its index parameters.
-    """
+    """Run another part of the body."""
 
     part: str
     args: tuple[Ix, ...]

@@ -22,25 +22,18 @@ SPECIAL = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38)
 
 @dataclass(frozen=True)
 class Stream:
-    """An input stream, with states put in from outside at some steps.
-
-    inputs: per input port: (steps,) or (steps, size), float64 values that float32 holds exactly.
-    injections: before the step, ``{state port: value}`` overwrites the state.
-    coefficients: from the step on, ``{coefficient port: value}`` stands in the memory of the
-        coefficients; those not named are as prepared from the default tunables.
-    rough: whether it may break what an error bound assumes: a clip of a state acts, an invalid
-        input is bridged.  Its steps are then judged one by one.
-    """
+    """An input stream, with states put in from outside at some steps."""
 
     name: str
     inputs: dict[str, Array]
+    # Before the step, {state port: value} overwrites the state.
     injections: dict[int, dict[str, Array]] = field(default_factory=dict)
+    # From the step on, {coefficient port: value}; others are as prepared from the defaults.
     coefficients: dict[int, dict[str, Array]] = field(default_factory=dict)
-    rough: bool = False
+    rough: bool = False  # whether it may break what an error bound assumes
 
     @property
     def steps(self) -> int:
-        """Number of steps."""
         return len(next(iter(self.inputs.values())))
 
 
@@ -60,12 +53,8 @@ def _no_memories(_block: Any, _dtype: np.dtype[Any], _rng: np.random.Generator) 
 
 @dataclass(frozen=True)
 class OwnStreams:
-    """The streams that a Block or Program brings along, made by functions that are given it.
+    """The streams that a Block or Program brings along, made by functions that are given it."""
 
-    events: for every comparison; all samples float32 numbers.
-    memories: for comparisons bit by bit in one format, whose type it is given: coefficients and
-        states that no ordinary run brings, at the edge of what they decide.
-    """
-
-    events: Callable[[Any, np.random.Generator], list[Stream]] = _no_events
+    events: Callable[[Any, np.random.Generator], list[Stream]] = _no_events  # for every comparison
+    # For comparisons bit by bit in one format: coefficients and states that no ordinary run brings.
     memories: Callable[[Any, np.dtype[Any], np.random.Generator], list[Stream]] = _no_memories

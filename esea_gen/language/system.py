@@ -104,11 +104,6 @@ class System:
         ----------
         task : Task
             The task.
-
-        Returns
-        -------
-        bool
-            True when one does.
         """
         return any(self.blocks[i].coefficients for i in task.blocks)
 
@@ -119,11 +114,6 @@ class System:
         ----------
         name : str
             Name of the task.
-
-        Returns
-        -------
-        Task
-            The task.
         """
         return next(t for t in self.tasks if t.name == name)
 
@@ -134,11 +124,6 @@ class System:
         ----------
         instance : str
             Name of the instance.
-
-        Returns
-        -------
-        Task
-            The task.
         """
         return self._task_of[instance]
 
@@ -149,11 +134,6 @@ class System:
         ----------
         task : Task
             The task.
-
-        Returns
-        -------
-        tuple of External
-            In the order of its input struct.
         """
         return tuple(
             x for x in self.inputs if any(self.task_of(s.instance) is task for s in x.signals)
@@ -166,11 +146,6 @@ class System:
         ----------
         task : Task
             The task.
-
-        Returns
-        -------
-        tuple of External
-            In the order of its output struct.
         """
         return tuple(x for x in self.outputs if self.task_of(x.signals[0].instance) is task)
 
@@ -181,11 +156,6 @@ class System:
         ----------
         source : Signal
             The output.
-
-        Returns
-        -------
-        Latch
-            The latch.
         """
         return self._latch[source]
 
@@ -196,11 +166,6 @@ class System:
         ----------
         task : Task
             The task that reads.
-
-        Returns
-        -------
-        tuple of Latch
-            In the order of the latches struct.
         """
         sources = [w for r, w in self.wires.items() if self.task_of(r.instance) is task]
         return tuple(x for x in self.latches if x.source in sources and x.writer != task.name)
@@ -212,11 +177,6 @@ class System:
         ----------
         task : Task
             The task that reads.
-
-        Returns
-        -------
-        tuple of Port
-            Each once.
         """
         read = {
             w.port
@@ -238,17 +198,12 @@ class System:
         return tuple(i for i, b in self.blocks.items() if b.starts_latched)
 
     def feed(self, sink: Signal) -> External | Latch | Watched | Signal:
-        """Where an input port's value comes from.
+        """Where an input port gets its value: input, latch, watch or an output of its task.
 
         Parameters
         ----------
         sink : Signal
             The input port.
-
-        Returns
-        -------
-        External, Latch, Watched or Signal
-            An external input, a latch, a value of the watch, or an output of the same task.
         """
         external = self._external.get(sink)
         if external is not None:
@@ -343,11 +298,6 @@ class System:
         ----------
         tunables : mapping, optional
             ``{instance: {tunable: value}}`` other than the defaults.
-
-        Returns
-        -------
-        SystemSimulator
-            Freshly initialised.
         """
         return SystemSimulator(self, tunables)
 
@@ -430,7 +380,7 @@ class SystemSimulator:
                 self.held[task.name] = {k: self.visible[k] for k in self.held[task.name]}
 
     def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
-        """One run of a task.
+        """One run of a task: its external outputs.
 
         Parameters
         ----------
@@ -438,11 +388,6 @@ class SystemSimulator:
             Which.
         **inputs : float or ndarray
             Its external inputs.
-
-        Returns
-        -------
-        dict
-            Its external outputs.
         """
         results: dict[tuple[str, str], Any] = {}
         tables = inputs, self.held[task_name], self.seen[task_name], results

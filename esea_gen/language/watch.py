@@ -33,11 +33,6 @@ TICKS = 2**32
 
 @dataclass(frozen=True)
 class Watched:
-    """Where an input gets a value of the watch.
-
-    port: which value.
-    """
-
     port: Port
 
 
@@ -53,7 +48,6 @@ class TaskWatch:
         self.ended: dict[str, int] = {}
 
     def see(self, tick: int) -> None:
-        """A base tick begins."""
         in_order = self.tick is None or (tick - self.tick) % TICKS == 1
         self.clock_ok = int(in_order)
         if in_order and self.late_level:
@@ -61,20 +55,16 @@ class TaskWatch:
         self.tick = tick
 
     def due(self, task: str) -> None:
-        """A run of a task should have ended."""
         if self.started.get(task, 0) != self.ended.get(task, 0):
             self.late_level = min(self.late_level + LATE_STEP, LATE_FULL)
 
     def start(self, task: str) -> None:
-        """A run of a task may start."""
         self.started[task] = self.started.get(task, 0) + 1
 
     def end(self, task: str) -> None:
-        """A run of a task has ended."""
         self.ended[task] = self.started.get(task, 0)
 
     def values(self) -> Mapping[str, float]:
-        """What a task that starts now takes hold of."""
         return {
             "clock_ok": float(self.clock_ok),
             "late_level": float(self.late_level),

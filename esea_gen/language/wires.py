@@ -9,35 +9,21 @@ from esea_gen.language.ports import Port
 
 @dataclass(frozen=True)
 class Task:
-    """A periodic task.
-
-    name: C identifier; its entry point is ``esea_<device>_<name>_step``.
-    blocks: instances it runs, in order.
-    every: period in base ticks.
-    phase: tick of its first run, below ``every``.
-    release: ticks from the start of a run until what it wrote is visible to other tasks; its period
-        when not given.
-    """
-
-    name: str
-    blocks: tuple[str, ...]
-    every: int = 1
-    phase: int = 0
+    name: str  # C identifier; its entry point is ``esea_<device>_<name>_step``
+    blocks: tuple[str, ...]  # instances it runs, in order
+    every: int = 1  # period in base ticks
+    phase: int = 0  # tick of its first run, below ``every``
+    # Ticks from the start of a run until others see what it wrote; its period where None.
     release: int | None = None
 
     @property
     def release_ticks(self) -> int:
-        """Ticks from the start of a run to the release of its latches."""
         return self.every if self.release is None else self.release
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One end of a wire: a port of an instance.
-
-    instance: name of the instance.
-    port: name of its port.
-    """
+    """One end of a wire: a port of an instance."""
 
     instance: str
     port: str
@@ -53,32 +39,21 @@ class Signal:
 
 @dataclass(frozen=True)
 class External:
-    """A value that enters or leaves the System through a task's input or output struct.
+    """A value that enters or leaves the System through a task's input or output struct."""
 
-    name: field of the struct.
-    port: what it carries.
-    signals: the ports that it feeds, or the one that it comes from.
-    """
-
-    name: str
+    name: str  # field of the struct
     port: Port
     signals: tuple[Signal, ...]
 
 
 @dataclass(frozen=True)
 class Latch:
-    """A value held for another task.
+    """A value held for another task."""
 
-    name: field of the latches struct.
-    source: the output that it holds.
-    port: what it carries.
-    writer: task that writes it.
-    """
-
-    name: str
-    source: Signal
+    name: str  # field of the latches struct
+    source: Signal  # the output that it holds
     port: Port
-    writer: str
+    writer: str  # task that writes it
 
 
 __all__ = ["External", "Latch", "Signal", "Task"]

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy.typing as npt
 
+from esea_gen.board.emulator import EmulatorResult, run_in_emulator, run_tasks_in_emulator
+from esea_gen.board.firmware import FirmwareImage, build_firmware
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.targets import firmware_boards
 from esea_gen.twin.recorded import record_drive
-from esea_gen.verify.emulator import EmulatorResult, run_in_emulator, run_tasks_in_emulator
-from esea_gen.verify.firmware import FirmwareImage, build_firmware
 from esea_gen.verify.streams import deflection_inputs
 
 Say = Callable[[str], None]
@@ -26,19 +26,14 @@ TICKS = 3000  # of the tuning case, for a device with a law
 
 @dataclass(frozen=True)
 class BoardRun:
-    """What became of the firmware.
-
-    results: by stream, or by task of a device with a law.
-    skipped: why it did not run: a tool is missing.
-    failed: why it did not run: something is wrong.
-    """
+    """What became of the firmware."""
 
     name: str
     title: str
     image: FirmwareImage | None = None
-    results: Mapping[str, EmulatorResult] | None = None
-    skipped: str = ""
-    failed: str = ""
+    results: Mapping[str, EmulatorResult] | None = None  # by stream, or by task
+    skipped: str = ""  # why it did not run: a tool is missing
+    failed: str = ""  # why it did not run: something is wrong
 
     @property
     def passed(self) -> bool:
@@ -63,10 +58,7 @@ class BoardRun:
         return found
 
     def summary(self, steps: str) -> list[str]:
-        """Lines for the terminal.
-
-        steps: what a step of the task is called.
-        """
+        """Lines for the terminal."""
         lines = [f"board {self.name}: skipped: {self.skipped}"] if self.skipped else []
         for label, r in (self.results or {}).items():
             same = "every bit as on the host" if r.identical else "BITS DIFFER"
@@ -83,10 +75,7 @@ def run_board(
     say: Say,
     ticks: int = TICKS,
 ) -> BoardRun:
-    """Build firmware and run it: with a law on a closed loop's inputs, else on deflections.
-
-    return: skipped when a tool is missing, failed when the firmware does not build or answer.
-    """
+    """Build firmware and run it: with a law on a closed loop's inputs, else on deflections."""
     known = firmware_boards()
     title = known[board].title if board in known else ""
     image, skipped, failed = None, "", ""

@@ -32,10 +32,8 @@ class Report(Findings):
 
     @property
     def passed(self) -> bool:
-        """Whether the C is what was promised, and no run of a controller was unstable.
-
-        How well a model fits or a controller follows does not enter.
-        """
+        """Whether the C is what was promised, and no run of a controller was unstable."""
+        # How well a model fits or a controller follows does not enter.
         return self.verification.passed and self.board.passed and not drive.problems(self)
 
     @property
@@ -95,10 +93,7 @@ def gather(
     board: str = DEFAULT_BOARD,
     progress: Say | None = None,
 ) -> Report:
-    """Build, verify, emulate and measure a device; with a law simulate it too.
-
-    data: folder of the recordings; the mapping file's own when not given.
-    """
+    """Build, verify, emulate and measure a device; with a law simulate it too."""
     if device.laws and (recording is not None or data is not None):
         raise UserError(
             f"{device.name} has a drive: its page is of closed-loop runs and takes no recording.",

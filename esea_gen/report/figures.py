@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from esea_gen.identify import Recording
+from esea_gen.identify.recording.quality import runs
 from esea_gen.plotting import BOUND, HELD_OUT, INK, MEASURED, MODEL, ROUNDING, STYLE, envelope, svg
 
 Array = npt.NDArray[np.float64]
@@ -24,6 +25,7 @@ Array = npt.NDArray[np.float64]
 # An SVG point takes about 12 bytes: this keeps a page with ten recordings below 3 MB.
 POINTS_PER_PAGE = 120_000
 MOST_PANELS = 16
+WHOLE = "whole recording"
 MARKS = (
     ("float64 C", "o", MODEL, "white"),
     ("float32 C", "o", MODEL, MODEL),
@@ -33,22 +35,15 @@ MARKS = (
 
 @dataclass(frozen=True)
 class Curve:
-    """Torque over one recording, for plots.
-
-    time_s, theta_rad, model_Nm: samples, shape (n,).
-    measured_Nm: measured torque at the same samples.
-    parts: data sets: title and their samples; one panel of loops each.
-    held_out: samples that served no training.
-    components: parts of the model's torque, for a panel of their own.
-    """
+    """Torque over one recording, for plots."""
 
     label: str
-    time_s: Array
+    time_s: Array  # samples, shape (n,)
     theta_rad: Array
     model_Nm: Array
-    measured_Nm: Array | None
-    parts: tuple[tuple[str, npt.NDArray[np.intp]], ...]
-    held_out: npt.NDArray[np.bool_] | None = None
+    measured_Nm: Array | None  # measured torque at the same samples
+    parts: tuple[tuple[str, npt.NDArray[np.intp]], ...]  # title and samples of each panel
+    held_out: npt.NDArray[np.bool_]  # samples that served no training
     model_name: str = "C, float32"
     components: tuple[tuple[str, Array], ...] = ()
 
@@ -59,31 +54,25 @@ def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
     return figure, figure.subplots(**kwargs)
 
 
-def data_sets(recording: Recording, samples: int) -> tuple[tuple[str, npt.NDArray[np.intp]], ...]:
-    """A recording's data sets, as a curve's parts.
-
-    samples: all of the recording's: shown once more where no set has them all, conditioning cycles
-        and transitions too, so that nothing is hidden.
-    """
-    parts = [
-        (
-            f"{s.label}, amplitude {np.degrees(s.amplitude_rad):.3g}°",
-            np.sort(np.concatenate([s.training, s.held_out])),
-        )
-        for s in recording.sets
-    ]
-    if len(parts) != 1 or len(parts[0][1]) != samples:
-        parts.append(("whole recording", np.arange(samples)))
-    return tuple(parts)
+def recorded(r: Recording, model_Nm: Array, model_name: str = "C, float32") -> Curve:
+    """A recording with a model's torque at its samples."""
+    held = np.zeros(len(r.time_s), dtype=bool)
+    parts = []
+    for s in r.sets:
+        held[s.held_out] = True
+        used = np.sort(np.concatenate([s.training, s.held_out]))
+        if len(used):
+            parts.append((f"{s.label}, amplitude {np.degrees(s.amplitude_rad):.3g}°", used))
+    if len(parts) != 1 or len(parts[0][1]) != len(held):
+        # Conditioning cycles and transitions too, so that nothing is hidden.
+        parts.append((WHOLE, np.arange(len(held))))
+    return Curve(r.label, r.time_s, r.theta_rad, model_Nm, r.tau_Nm, tuple(parts), held, model_name)
 
 
 def plots(
     traces: Sequence[Curve], full_scale_Nm: float, roundings: Sequence[tuple[Array, Array] | None]
 ) -> list[dict[str, Any]]:
-    """Loops and torque over time of every curve, with what their captions need.
-
-    roundings: by curve: times, and float32 less float64.
-    """
+    """Loops and torque over time of every curve, with what their captions need."""
     points = POINTS_PER_PAGE // (2 * max(len(traces), 4))
     shared = _share_loops(traces)
     drawn = []
@@ -95,7 +84,7 @@ def plots(
             {
                 "label": trace.label,
                 "measured": trace.measured_Nm is not None,
-                "held_out": trace.held_out is not None,
+                "held_out": bool(np.any(trace.held_out)),
                 "parts": parts,
                 "drawn": min(parts, MOST_PANELS),
                 "shared": shared is not None,
@@ -107,10 +96,7 @@ def plots(
 
 
 def _share_loops(traces: Sequence[Curve]) -> Curve | None:
-    """Recordings of one loop each as one trace, so that their loops share a figure.
-
-    return: none when there is only one, or some have several data sets.
-    """
+    """Recordings of one loop each as one trace, so that their loops share a figure."""
     if len(traces) < 2 or any(len(t.parts) > 1 or t.components for t in traces):
         return None
     return joined(traces)
@@ -120,7 +106,6 @@ def joined(traces: Sequence[Curve]) -> Curve:
     """Recordings as one trace with the parts of all."""
     starts = np.cumsum([0, *(len(t.time_s) for t in traces)])
     measured = [t.measured_Nm for t in traces if t.measured_Nm is not None]
-    held = [t.held_out for t in traces if t.held_out is not None]
     return Curve(
         "every recording",
         np.concatenate([t.time_s for t in traces]),
@@ -132,8 +117,8 @@ def joined(traces: Sequence[Curve]) -> Curve:
             for t, start in zip(traces, starts, strict=False)
             for title, at in t.parts
         ),
-        np.concatenate(held) if len(held) == len(traces) else None,
-        model_name=traces[0].model_name,
+        np.concatenate([t.held_out for t in traces]),
+        traces[0].model_name,
     )
 
 
@@ -182,11 +167,9 @@ def loops(trace: Curve, name: str, points: int) -> Markup:
             if trace.measured_Nm is not None:
                 axes.plot(x, cut(trace.measured_Nm), color=MEASURED, lw=2.2, label="measured")
             model = cut(trace.model_Nm)
-            unseen = np.zeros(len(x), dtype=bool)
-            if trace.held_out is not None:
-                unseen = cut(trace.held_out.astype(np.float64)) > 0.5
+            unseen = cut(trace.held_out.astype(np.float64)) > 0.5
             for which, colour, what in ((~unseen, MODEL, ""), (unseen, BOUND, ", held out")):
-                if what == "" or trace.held_out is not None:
+                if what == "" or np.any(trace.held_out):
                     shown = np.where(which, model, np.nan)
                     axes.plot(x, shown, color=colour, lw=0.9, label=trace.model_name + what)
             axes.set_title(title)
@@ -218,70 +201,50 @@ def over_time(
     trace: Curve, name: str, points: int, full_scale_Nm: float, rounding: tuple[Array, Array] | None
 ) -> Markup:
     """Torque, its error and its rounding error over time."""
-    measured = trace.measured_Nm
-    panels = 1 + (measured is not None) + (rounding is not None)
-    share = max(points // (panels + 1), 200)
+    t, model, measured = trace.time_s, trace.model_Nm, trace.measured_Nm
+    # Of each panel its label, and its curves: times, values, colour, width, name.
+    torque: list[tuple[Array, Array, str, float, str]] = [(t, model, MODEL, 0.8, trace.model_name)]
+    panels = [("torque, N·m", torque)]
+    if measured is not None:
+        torque.insert(0, (t, measured, MEASURED, 2.0, "measured"))
+        error = 100 * (model - measured) / full_scale_Nm
+        panels.append(("C − measured,\n% full scale", [(t, error, INK, 0.7, "")]))
+    measured_panels = len(panels)
+    if rounding is not None:
+        curve = (rounding[0], 1e6 * rounding[1], ROUNDING, 0.6, "")
+        panels.append(("float32 −\nfloat64, µN·m", [curve]))
+    share = max(points // (len(panels) + 1), 200)
     with mpl.rc_context(STYLE):
-        shape = {"nrows": panels, "height_ratios": [2.0, *([1.0] * (panels - 1))]}
-        figure, grid = _new(9.6, 2.3 + 1.25 * (panels - 1), squeeze=False, sharex=True, **shape)
+        more = len(panels) - 1
+        shape: dict[str, Any] = {"nrows": 1 + more, "height_ratios": [2.0, *[1.0] * more]}
+        figure, grid = _new(9.6, 2.3 + 1.25 * more, squeeze=False, sharex=True, **shape)
         cells: list[Axes] = list(grid[:, 0])
-        axes = cells.pop(0)
-        if measured is not None:
-            keep = envelope(measured, share)
-            axes.plot(trace.time_s[keep], measured[keep], color=MEASURED, lw=2.0, label="measured")
-        keep = envelope(trace.model_Nm, share)
-        axes.plot(
-            trace.time_s[keep], trace.model_Nm[keep], color=MODEL, lw=0.8, label=trace.model_name
-        )
-        axes.set_ylabel("torque, N·m")
-        used = [axes]
-        if measured is not None:
-            axes = cells.pop(0)
-            error = 100 * (trace.model_Nm - measured) / full_scale_Nm
-            keep = envelope(error, share)
-            axes.plot(trace.time_s[keep], error[keep], color=INK, lw=0.7)
-            axes.set_ylabel("C − measured,\n% full scale")
-            used.append(axes)
-        if trace.held_out is not None:
-            for a, b in _stretches(trace.held_out):
-                for axes in used:
-                    band = axes.axvspan(
-                        trace.time_s[a], trace.time_s[b], color=HELD_OUT, lw=0, zorder=0
-                    )
-            band.set_label("held out from training")
-        handles, labels = used[0].get_legend_handles_labels()
-        if trace.held_out is not None:
-            handles, labels = [*handles, band], [*labels, "held out from training"]
-        figure.legend(handles, labels, loc="outside upper right", ncols=3)
-        if rounding is not None:
-            axes = cells.pop(0)
-            difference = 1e6 * rounding[1]
-            keep = envelope(difference, share)
-            axes.plot(rounding[0][keep], difference[keep], color=ROUNDING, lw=0.6)
-            axes.set_ylabel("float32 −\nfloat64, µN·m")
-            used.append(axes)
-        for axes in used:
+        for axes, (label, curves) in zip(cells, panels, strict=True):
+            for x, y, colour, width, what in curves:
+                keep = envelope(y, share)
+                axes.plot(x[keep], y[keep], color=colour, lw=width, label=what or "_")
+            axes.set_ylabel(label)
             axes.margins(x=0.005)
             axes.yaxis.set_major_locator(MaxNLocator(4))
-        used[-1].set_xlabel("time, s")
-        figure.align_ylabels(used)
+        handles, labels = cells[0].get_legend_handles_labels()
+        bands = [
+            axes.axvspan(t[a], t[b - 1], color=HELD_OUT, lw=0, zorder=0)
+            for a, b in runs(trace.held_out)
+            for axes in cells[:measured_panels]
+        ]
+        if bands:
+            handles, labels = [*handles, bands[0]], [*labels, "held out from training"]
+        figure.legend(handles, labels, loc="outside upper right", ncols=3)
+        cells[-1].set_xlabel("time, s")
+        figure.align_ylabels(cells)
     return _finished(figure, name, f"Torque over time, {trace.label}")
-
-
-def _stretches(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 StreamErrors = tuple[str, float | None, float | None, float | None]
 
 
 def error_overview(rows: Sequence[StreamErrors], fit: float | None, name: str) -> Markup:
-    """Errors of the torque on a logarithmic scale, one line a stream.
-
-    rows: stream, and in % of full scale the errors of f64 and f32, and what f32 must not exceed.
-    fit: RMS error against the measured torque, in % of full scale.
-    """
+    """Errors of the torque on a logarithmic scale, one line a stream."""
     values = [v for _, *found in rows for v in found if v]
     if fit:
         values.append(fit)
@@ -325,10 +288,7 @@ def _decade(value: float, floor: float) -> str:
 
 
 def spread(rows: Sequence[tuple[str, float, float | None]], name: str) -> Markup:
-    """Parameters with their standard deviation, relative to their value.
-
-    rows: name, value, standard deviation (None when there is none).
-    """
+    """Parameters with their standard deviation, relative to their value."""
     shown = [(n, abs(s / v)) for n, v, s in rows if s is not None and v != 0]
     with mpl.rc_context(STYLE):
         figure, axes = _new(9.6, 0.75 + 0.27 * max(len(shown), 1))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from esea_gen.device import Device
 from esea_gen.emit.build import Bundle
 from esea_gen.identify import MappingFile, Recording
-from esea_gen.identify.recording import resample
+from esea_gen.identify.recording.reading import resample
 from esea_gen.report.board import BoardRun
 from esea_gen.studies.outcome import Simulation
 from esea_gen.verify.verdict import Comparison, Verification
@@ -21,20 +21,14 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True)
 class Run:
-    """One deflection through the device's C, whole task, on the host.
-
-    time_s, theta_rad: samples at the sensing rate, shape (n,).
-    outputs: per number format, per output: what the C gave.
-    sensor: per number format: the first axis' sensor outputs, under its Block's port names.
-    recording: where the deflection comes from.
-    """
+    """One deflection through the device's C, whole task, on the host."""
 
     label: str
-    time_s: Array
+    time_s: Array  # samples at the sensing rate, shape (n,)
     theta_rad: Array
-    outputs: dict[str, dict[str, Array]]
+    outputs: dict[str, dict[str, Array]]  # per number format, per output: what the C gave
     sensor: dict[str, dict[str, Array]]
-    recording: Recording | None
+    recording: Recording | None  # where the deflection comes from
 
     def torque_at(self, real: str, time_s: Array) -> Array:
         """Torque of the C in a number format, at other times (interpolated)."""
@@ -44,20 +38,13 @@ class Run:
 
 @dataclass(frozen=True)
 class Findings:
-    """What was found of a device.
-
-    verification: the C against the symbolic Blocks.
-    command: makes the page again.
-    runs, mapping: without a law: deflections through the C, and what their recordings mean.
-    simulations: with a law: closed-loop studies of it, by experiment.
-    yardsticks: the same of sliding mode control as published, where it is compared.
-    """
+    """What was found of a device."""
 
     device: Device
-    verification: Verification
+    verification: Verification  # the C against the symbolic Blocks
     bundles: tuple[Bundle, ...]
     board: BoardRun
-    command: str
+    command: str  # makes the page again
     runs: tuple[Run, ...] = ()
     mapping: MappingFile | None = None
     simulations: dict[str, Simulation] = field(default_factory=dict)

@@ -42,7 +42,8 @@ def _uncertainty(result: Identification) -> dict[str, Any]:
 
 
 def _torque(result: Identified) -> dict[str, Any]:
-    traces = [_trace(result, label, series) for label, series in result.series.items()]
+    model, torque = "identified model (C, float64)", result.verdict.torque_Nm
+    traces = [figures.recorded(r, torque[r.label], model) for r in result.recordings]
     return {"plots": figures.plots(traces, result.full_scale_Nm, [None] * len(traces))}
 
 
@@ -60,18 +61,3 @@ SECTIONS = (
 def dotted(key: str) -> str:
     """A parameter's key in the device file."""
     return f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
-
-
-def _trace(result: Identified, label: str, series: dict[str, Any]) -> figures.Curve:
-    recording = next(r for r in result.recordings if r.label == label)
-    held = series["role"] == 2
-    return figures.Curve(
-        label,
-        series["time_s"],
-        series["theta_rad"],
-        series["tau_model_Nm"],
-        series["tau_Nm"],
-        figures.data_sets(recording, len(series["time_s"])),
-        held if held.any() and not held.all() else None,
-        "identified model (C, float64)",
-    )

@@ -16,18 +16,12 @@ STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "deri
 
 
 class PageSection(NamedTuple):
-    """A part of a page.
+    """A part of a page."""
 
-    part: its template below ``templates/report``; the last word is its anchor.
-    title: in the page's list of sections.
-    content: its part of the JSON, of what was found.
-    shown: what its template needs beside it: figures, tables in another order.
-    """
-
-    part: str
-    title: str = ""
-    content: Callable[[Any], dict[str, Any]] = lambda _: {}
-    shown: Callable[[Any], dict[str, Any]] = lambda _: {}
+    part: str  # its template below templates/report; the last word is its anchor
+    title: str = ""  # in the page's list of sections
+    content: Callable[[Any], dict[str, Any]] = lambda _: {}  # its part of the JSON
+    shown: Callable[[Any], dict[str, Any]] = lambda _: {}  # what its template needs beside it
 
 
 @cache
@@ -47,10 +41,7 @@ def environment() -> jinja2.Environment:
 
 
 def render(head: PageSection, sections: Sequence[PageSection], found: Any, **context: Any) -> str:
-    """A page, one self-contained file.
-
-    context: title, command, hash, and what several sections show.
-    """
+    """A page, one self-contained file."""
     for section in (head, *sections):
         context |= section.shown(found)
     template = environment().get_template("report/page.html.j2")
@@ -105,10 +96,7 @@ def count_text(value: int) -> str:
 
 
 def mathml(equation: str) -> Markup:
-    """An equation for the page.
-
-    equation: presentation MathML of a Block's equation: our own output, so not escaped.
-    """
+    """An equation for the page."""
     return Markup(equation)
 
 

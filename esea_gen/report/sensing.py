@@ -35,10 +35,7 @@ PARTS = (
 def deflect(
     device: Device, recording: Path | None, data: Path | None, say: Say
 ) -> tuple[tuple[Run, ...], MappingFile | None]:
-    """Run the C on recorded deflections, or on a chirp where there is no recording.
-
-    data: folder of the recordings; the mapping file's own when not given.
-    """
+    """Run the C on recorded deflections, or on a chirp where there is no recording."""
     if recording is None:
         return (_run(device, CHIRP, domain_chirp(device), None, say),), None
     source = load_mapping(recording, data)
@@ -169,19 +166,19 @@ def _plots(found: Findings) -> dict[str, Any]:
 def _trace(run: Run, same_specimen: bool) -> figures.Curve:
     r = run.recording
     if r is not None and same_specimen:
-        parts = figures.data_sets(r, len(r.time_s))
-        mask = np.zeros(len(r.time_s), dtype=bool)
-        for s in r.sets:
-            mask[s.held_out] = True
-        torque = run.torque_at("f32", r.time_s)
-        held = mask if mask.any() and not mask.all() else None
-        return figures.Curve(run.label, r.time_s, r.theta_rad, torque, r.tau_Nm, parts, held)
+        return figures.recorded(r, run.torque_at("f32", r.time_s))
     sensor = {k: v.astype(np.float64) for k, v in run.sensor["f32"].items()}
     components = tuple((name, sensor[key]) for name, key in PARTS if np.any(sensor[key]))
     whole = (("torque", np.arange(len(run.time_s))),)
-    torque = sensor["tau_Nm"]
     return figures.Curve(
-        run.label, run.time_s, run.theta_rad, torque, None, whole, components=components
+        run.label,
+        run.time_s,
+        run.theta_rad,
+        sensor["tau_Nm"],
+        None,
+        whole,
+        np.zeros(len(run.time_s), dtype=bool),
+        components=components,
     )
 
 

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
-
-import numpy as np
 
 from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
 from esea_gen.identify import MappingFile
-from esea_gen.identify.compare import THESIS
+from esea_gen.identify.family.compare import THESIS
 from esea_gen.identify.notes import LIKELY
 from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
 from esea_gen.report import figures
@@ -24,10 +23,7 @@ from esea_gen.report.specimen_results import AGREED, COMPARED, LIFE, NAMES, Spec
 
 
 def specimen_page(found: SpecimenResults, command: str) -> str:
-    """The page, one self-contained file.
-
-    command: that makes it again.
-    """
+    """The page, one self-contained file."""
     content = found.identified | {"command": command, "content_hash": device_hash(found.device)}
     model = content["model"]["member"] if "model" in content else THESIS
     shown = {
@@ -58,19 +54,9 @@ def _scales(source: MappingFile) -> list[dict[str, Any]]:
 def _loops(found: SpecimenResults) -> dict[str, Any]:
     traces = []
     for r in found.recordings:
-        held = np.zeros(len(r.time_s), dtype=bool)
-        parts = []
-        for s in r.sets:
-            held[s.held_out] = True
-            used = np.sort(np.concatenate([s.training, s.held_out]))
-            if len(used):
-                parts.append((f"{s.label}, {np.degrees(s.amplitude_rad):.3g}°", used))
-        model = found.verdict.torque_Nm[r.label]
-        traces.append(
-            figures.Curve(
-                r.label, r.time_s, r.theta_rad, model, r.tau_Nm, tuple(parts), held, "model"
-            )
-        )
+        curve = figures.recorded(r, found.verdict.torque_Nm[r.label], "model")
+        sets = tuple(p for p in curve.parts if p[0] != figures.WHOLE)
+        traces.append(replace(curve, parts=sets))
     whole = figures.joined(traces)
     drawn = figures.loops(whole, "loops", figures.POINTS_PER_PAGE // 2)
     return {"loops": drawn, "panels": len(whole.parts), "most": figures.MOST_PANELS}
@@ -171,5 +157,3 @@ SECTIONS = (
     PageSection("specimen/life", "Life used", shown=_lived),
     PageSection("specimen/files", "Files"),
 )
-
-__all__ = ["specimen_page"]

@@ -20,9 +20,9 @@ from esea_gen.devices.fields import Fatigue
 from esea_gen.errors import UserError
 from esea_gen.files import read_result
 from esea_gen.identify import MappingFile, Recording, identify, judge, load_mapping, load_recordings
-from esea_gen.identify.compare import THESIS, CompareRow
-from esea_gen.identify.family_identification import identify_member
-from esea_gen.identify.fit import Progress
+from esea_gen.identify.family.compare import THESIS, CompareRow
+from esea_gen.identify.family.identification import identify_member
+from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.reliability import Reliability
 from esea_gen.identify.verdict import Verdict
 from esea_gen.identify.worth import TorqueWorth
@@ -96,24 +96,16 @@ KINDS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class SpecimenResults:
-    """All that is known of a specimen.
+    """All that is known of a specimen."""
 
-    asked: mapping file and folder of the data, as they are typed.
-    identified: content of the identification's JSON.
-    verdict: what the device's C makes of the recordings.
-    others: content of the other results, by kind.
-    files: name of the file that each result came from, by kind.
-    coupling: this specimen's, of the lives; None where no board told of any.
-    """
-
-    asked: str
+    asked: str  # mapping file and folder of the data, as they are typed
     source: MappingFile
     recordings: tuple[Recording, ...]
     device: Device
-    identified: dict[str, Any]
-    verdict: Verdict
-    others: Mapping[str, dict[str, Any]]
-    files: Mapping[str, str]
+    identified: dict[str, Any]  # content of the identification's JSON
+    verdict: Verdict  # what the device's C makes of the recordings
+    others: Mapping[str, dict[str, Any]]  # content of the other results, by kind
+    files: Mapping[str, str]  # name of the file that each result came from, by kind
     coupling: dict[str, Any] | None
 
     def summary(self) -> list[str]:
@@ -262,6 +254,3 @@ def _check_life(path: Path, content: dict[str, Any], source: MappingFile) -> Non
             "Give the lives of the board that counts it, or its number: [specimen] serial in the "
             "mapping.",
         )
-
-
-__all__ = ["AGREED", "COMPARED", "LIFE", "NAMES", "SpecimenResults", "gather_specimen"]

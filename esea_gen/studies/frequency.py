@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,18 +30,15 @@ class Frequency(ClosedLoopStudy):
     keeps = True
 
     def cases(self) -> list[Case]:
-        """One."""
         t = np.arange(round((SWEEP.start_s + SWEEP.duration_s) * RATE_HZ)) / RATE_HZ
         tau = np.where(t >= SWEEP.start_s, SWEEP_NM * np.sin(SWEEP.phase_rad(t)), 0.0)
         return [Case(f"{SWEEP_NM:g} Nm", fixed_output("sweep of the torque", tau, 1000))]
 
     def keep(self, case: Case, run: ClosedLoopRun) -> FrequencyResponse:
-        """From the desired torque to the true one."""
         desired = case.trajectory.tau_desired_Nm
         return sweep_response(run.time_s, desired, run.plant["tau_e_Nm"], SWEEP)
 
     def table(self, done: Simulation) -> list[str]:
-        """Errors, bandwidth, margins, response."""
         lines = torque_errors.table(done)
         for response in done.kept.values():
             band, margins = response.bandwidth(), response.open_loop().margins()
@@ -57,20 +53,17 @@ class Frequency(ClosedLoopStudy):
         return lines
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
-        """With ``frequency_response``, ``bandwidth`` and ``margins``."""
         content = torque_errors.to_dict(done)
         for response in done.kept.values():
             content["frequency_response"] = response.to_dict()
-            content["bandwidth"] = dataclasses.asdict(response.bandwidth())
-            content["margins"] = dataclasses.asdict(response.open_loop().margins())
+            content["bandwidth"] = response.bandwidth()
+            content["margins"] = response.open_loop().margins()
         return content
 
     def figure(self, done: Simulation) -> Figure:
-        """Gain, phase and coherence."""
-        from esea_gen.analysis import plots
+        from esea_gen.analysis.plots import bode
 
         if not done.kept:
             return torque_errors.figure(done)
         (response,) = done.kept.values()
-        name = torque_errors.label(done)
-        return plots.bode([(name, response)], [(name, response.bandwidth())])
+        return bode([(torque_errors.label(done), response, response.bandwidth())])

@@ -6,7 +6,6 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,25 +55,19 @@ def _row(done: Simulation) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class OffTable:
-    """Outcome of a study for several families and controllers.
-
-    done: one study each, all with the same plant, person and seeds; without their signals.
-    """
+    """Outcome of a study for several families and controllers."""
 
     done: tuple[Simulation, ...]
 
     def rows(self) -> list[dict[str, Any]]:
-        """One a family and controller: medians over the seeds, and how many runs ended how."""
         return [_row(d) for d in self.done]
 
     def cases(self) -> list[dict[str, Any]]:
-        """Every run, with the name of its family."""
         return [
             {"controller": d.setting.controller} | entry for d in self.done for entry in d.cases()
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready: ``off``, one row a family and controller, and ``cases``, every run."""
         first = self.done[0]
         return {
             "experiment": first.study.name,
@@ -91,11 +84,9 @@ class OffTable:
         }
 
     def csv(self) -> str:
-        """Every run, one line each."""
         return csv_lines(self.cases())
 
     def table(self) -> list[str]:
-        """A line a family and controller."""
         first = self.done[0]
         seeds = len(first.seeds)
         adapted = ", adapted" if first.setting.adapted else ""
@@ -120,7 +111,6 @@ class OffTable:
         return lines
 
     def figure(self) -> Figure:
-        """RMS error and its part above 4 Hz by family; a cross where most runs ended early."""
         return _drawn(self.rows())
 
 
@@ -136,39 +126,33 @@ def _drawn(rows: Sequence[dict[str, Any]]) -> Figure:
 
     names = list(dict.fromkeys(r["off"] for r in rows))
     controllers = list(dict.fromkeys(r["controller"] for r in rows))
-    high = 0.8 / len(controllers)
+    high, tall = 0.8 / len(controllers), 0.09 * len(names) * (1 + len(controllers))
     with mpl.rc_context(STYLE):
-        figure, panels = new_figure(
-            9.6, 1.2 + 0.09 * len(names) * (1 + len(controllers)), ncols=2, sharey=True
-        )
-        for axes, key in zip(panels, MEDIANS, strict=True):
+        figure, (left, right) = new_figure(9.6, 1.2 + tall, ncols=2, sharey=True)
+        for axes, key in ((left, MEDIANS[0]), (right, MEDIANS[1])):
             for k, controller in enumerate(controllers):
                 mine = {r["off"]: r for r in rows if r["controller"] == controller}
                 y = np.arange(len(names)) + (k - 0.5 * (len(controllers) - 1)) * high
-                ended = np.array(
-                    [mine[n]["tripped"] + mine[n]["fault"] > mine[n]["runs"] / 2 for n in names]
-                )
-                x = np.array([math.nan if mine[n][key] is None else mine[n][key] for n in names])
                 # The error of a motor that is off says nothing of the law.
-                x[ended] = math.nan
+                off = [mine[n]["tripped"] + mine[n]["fault"] > mine[n]["runs"] / 2 for n in names]
+                told = [math.nan if mine[n][key] is None else mine[n][key] for n in names]
+                x = np.where(off, math.nan, told)
                 colour = COLOURS[k % len(COLOURS)]
                 axes.barh(y, np.nan_to_num(x), 0.9 * high, color=colour, label=controller)
-                gone = np.isnan(x)
-                if not gone.any():
-                    continue  # a line without points has no place, and upsets the layout
-                axes.plot(np.zeros(gone.sum()), y[gone], "x", color=colour, ms=5, clip_on=False)
-                if k == 0:
-                    label = "most runs tripped or latched"
+                gone = y[np.isnan(x)]
+                if len(gone):  # a line without points has no place, and upsets the layout
+                    axes.plot(0 * gone, gone, "x", color=colour, ms=5, clip_on=False)
+                    label = "most runs tripped or latched" if k == 0 else None
                     axes.plot([], [], "x", color=INK, ms=5, label=label)
             axes.grid(visible=False, axis="y")
-        panels[0].set_xlabel("RMS true error, N·m")
-        panels[1].set_xlabel("of it above 4 Hz, N·m")
-        panels[1].axvline(SWINGING_NM, color=INK, lw=1, ls=(0, (4, 2)), label="swinging")
-        for axes, least in zip(panels, (0.1, 1.1 * SWINGING_NM), strict=True):
+        left.set_xlabel("RMS true error, N·m")
+        right.set_xlabel("of it above 4 Hz, N·m")
+        right.axvline(SWINGING_NM, color=INK, lw=1, ls=(0, (4, 2)), label="swinging")
+        for axes, least in ((left, 0.1), (right, 1.1 * SWINGING_NM)):
             axes.set_xlim(0, max(least, axes.get_xlim()[1]))
-        panels[0].set_yticks(range(len(names)), names)
-        panels[0].set_ylim(len(names) - 0.4, -0.6)
-        handles, labels = panels[1].get_legend_handles_labels()
+        left.set_yticks(range(len(names)), names)
+        left.set_ylim(len(names) - 0.4, -0.6)
+        handles, labels = right.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper right", ncols=5)
         return finished(figure)
 
@@ -177,28 +161,14 @@ def simulate_off(
     study: str,
     settings: Sequence[Setting],
     *,
-    seed: int = 0,
-    runs: int = 1,
-    workers: Any = 1,
-    folder: Path | None = None,
     progress: Callable[[int, int, int], None] | None = None,
+    **how: Any,
 ) -> Simulation | OffTable:
-    """Run a study in several settings, which differ in controller and family.
-
-    settings: one alone gives what :func:`~esea_gen.studies.simulation.simulate` gives.
-    """
+    """Run a study in settings that differ in controller and family; ``how`` as of `simulate`."""
     if not settings:
         raise UserError("No setting is given.", "Give one or more.")
     if len(settings) == 1:
-        return simulate(
-            study,
-            settings[0],
-            seed=seed,
-            runs=runs,
-            workers=workers,
-            folder=folder,
-            progress=progress,
-        )
+        return simulate(study, settings[0], progress=progress, **how)
     done: list[Simulation] = []
     failed = 0
     for k, setting in enumerate(settings):
@@ -207,9 +177,7 @@ def simulate_off(
             if progress is not None:
                 progress(k * total + n, len(settings) * total, before + bad)
 
-        one = simulate(
-            study, setting, seed=seed, runs=runs, workers=workers, folder=folder, progress=tell
-        )
+        one = simulate(study, setting, progress=tell, **how)
         failed += len(one.monte_carlo.failures)
         # Of many studies the signals would fill the memory.
         done.append(dataclasses.replace(one, kept={}))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any
 
 from esea_gen.analysis.monte_carlo import MonteCarlo
-from esea_gen.twin.case import Case, Setting
+from esea_gen.twin.case import Setting
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.judge import ENCODER_FAULT, ENDED, FIGURES
 from esea_gen.twin.off import off_families
@@ -15,52 +17,25 @@ from esea_gen.twin.off import off_families
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from esea_gen.studies.simulation import ClosedLoopStudy
+
 ERRORS = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm")
 
 
 def csv_lines(entries: Sequence[Mapping[str, Any]]) -> str:
-    """Entries as CSV, one line each."""
+    text = io.StringIO()
     keys = list(dict.fromkeys(k for e in entries for k in e))
-    rows = [",".join(keys)]
-    for e in entries:
-        cells = [e.get(k) for k in keys]
-        rows.append(
-            ",".join("" if c is None else f'"{c}"' if isinstance(c, str) else f"{c}" for c in cells)
-        )
-    return "\n".join(rows) + "\n"
-
-
-class ShowsOutcome(Protocol):
-    """What a study says of its outcome."""
-
-    name: ClassVar[str]
-    title: ClassVar[str]
-    person: ClassVar[bool]
-    thesis_Nm: ClassVar[Mapping[str, float]]
-
-    def case(self, name: str) -> Case:
-        """One of its cases."""
-
-    def table(self, done: Simulation) -> list[str]:
-        """As lines of text."""
-
-    def to_dict(self, done: Simulation) -> dict[str, Any]:
-        """JSON-ready."""
-
-    def figure(self, done: Simulation) -> Figure:
-        """Drawn."""
+    table = csv.DictWriter(text, keys, lineterminator="\n")
+    table.writeheader()
+    table.writerows(entries)
+    return text.getvalue()
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """A study's outcome.
+    """A study's outcome."""
 
-    monte_carlo: figures of every case and seed.
-    study: the closed-loop study, which knows how its outcome is shown.
-    kept: by case, what the study kept of its first seed; empty where nothing needs it.
-    """
-
-    study: ShowsOutcome
+    study: ClosedLoopStudy
     setting: Setting
     seeds: tuple[int, ...]
     monte_carlo: MonteCarlo
@@ -68,11 +43,9 @@ class Simulation:
 
     @property
     def person(self) -> str:
-        """Who took part."""
         return self.setting.person if self.study.person else "none"
 
     def cases(self) -> list[dict[str, Any]]:
-        """One entry a case and seed; a run that failed has no figures and says why."""
         entries = []
         for r in self.monte_carlo.results:
             entry: dict[str, Any] = {"name": r.case["case"], "seed": r.case["seed"]}
@@ -91,19 +64,23 @@ class Simulation:
             entries.append(entry)
         return entries
 
+    def by_case(self) -> dict[str, list[dict[str, Any]]]:
+        found: dict[str, list[dict[str, Any]]] = {}
+        for entry in self.cases():
+            found.setdefault(entry["name"], []).append(entry)
+        return found
+
     def ended(self) -> list[dict[str, Any]]:
         """Runs that were unstable, tripped, latched or failed: their errors judge no controller."""
         return [e for e in self.cases() if any(e.get(k) for k in (*ENDED, "failure"))]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: ``cases``, percentiles by case, and what the study is for."""
         content = self.study.to_dict(self)
         if self.setting.fault:
             content |= {"fault": str(parse_fault(self.setting.fault)), "simulated": True}
         return content
 
     def table(self) -> list[str]:
-        """The outcome as lines of text."""
         return self._faults() if self.setting.fault else self.study.table(self)
 
     def _faults(self) -> list[str]:
@@ -115,10 +92,7 @@ class Simulation:
             f"{'case':32}{'found':>8}{'after ms':>10}{'torque then':>13}{'peak torque':>13}"
             f"{'energy':>9}",
         ]
-        by_name: dict[str, list[dict[str, Any]]] = {}
-        for e in self.cases():
-            by_name.setdefault(e["name"], []).append(e)
-        for name, entries in by_name.items():
+        for name, entries in self.by_case().items():
             good = [e for e in entries if e["peak_torque_Nm"] is not None]
             found = [e for e in good if e["detected_ticks"] is not None]
 
@@ -133,7 +107,6 @@ class Simulation:
         return [*lines, "the worst of all runs; torques in Nm, energy given to the limb in J"]
 
     def figure(self) -> Figure:
-        """What the study is for: Bode, impedance, torque in time, or RMS by case."""
         from esea_gen.analysis.plots import crossed
 
         ended: dict[str, str] = {}
@@ -143,5 +116,4 @@ class Simulation:
         return crossed(self.study.figure(self), ended)
 
     def csv(self) -> str:
-        """Every case and seed, one line each."""
         return csv_lines(self.cases())

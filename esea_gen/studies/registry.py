@@ -1,4 +1,4 @@
-"""What studies there are: every class with a name in the files of this folder, or in a file named.
+"""The registry of studies: every class with a name in the files of two rooms, or in a file named.
 
 A study is found by being there: no list names it.  One outside of the package is named by its
 file, ``FILE.py:name``, in the processes that run its cases as well.
@@ -16,11 +16,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import ClassVar, TypeVar
 
-from esea_gen import studies as room
 from esea_gen.errors import UserError, choose
 from esea_gen.python_file import import_file
 
 SUFFIX = ".py"
+# By name: what reproduces stands above what is reproduced with.
+ROOMS = "esea_gen.studies", "esea_gen.reproduce"
 
 
 class Study:
@@ -31,7 +32,6 @@ class Study:
 
     @property
     def help(self) -> str:
-        """The docstring of its class."""
         return inspect.cleandoc(type(self).__doc__ or self.title)
 
 
@@ -40,7 +40,7 @@ S = TypeVar("S", bound=Study)
 
 def studies(kind: type[S]) -> dict[str, S]:
     """Studies of a kind in this package, by name."""
-    return {k: s for k, s in _own().items() if isinstance(s, kind)}
+    return {k: s for k, s in sorted(_own().items()) if isinstance(s, kind)}
 
 
 def load_study(name: str, kind: type[S]) -> S:
@@ -69,8 +69,10 @@ def study_file(name: str) -> Path | None:
 @cache
 def _own() -> dict[str, Study]:
     # One file a study; where it needs several, a folder with the study in study.py.
-    every = (f"{m.name}.study" if m.ispkg else m.name for m in pkgutil.iter_modules(room.__path__))
-    return _found(importlib.import_module(f"{room.__name__}.{m}") for m in every)
+    rooms = map(importlib.import_module, ROOMS)
+    every = ((room.__name__, m) for room in rooms for m in pkgutil.iter_modules(room.__path__))
+    names = (f"{room}.{m.name}" + ".study" * m.ispkg for room, m in every)
+    return _found(map(importlib.import_module, names))
 
 
 def _found(modules: Iterable[ModuleType]) -> dict[str, Study]:

@@ -28,7 +28,7 @@ from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.hand_plant import tunable_places
 from esea_gen.twin.judge import fault_figures, judge
 from esea_gen.twin.loop_run import ClosedLoopRun, RanAwayError
-from esea_gen.twin.off import NOTHING, deviation, refuse_unknown
+from esea_gen.twin.off import deviation, refuse_unknown
 from esea_gen.twin.run import (
     PERSON_NAMES,
     PLANT_NAMES,
@@ -47,91 +47,60 @@ MOST_PANELS = 4  # more cases than this are drawn as bars
 
 
 class ClosedLoopStudy(Study):
-    """Cases of a controller against plant and person.
-
-    person: whether somebody moves the load; else the output is fixed.
-    keeps: whether table and JSON need what ``keep`` gives of each case's first seed.
-    thesis_Nm: RMS of the thesis by controller, on its own device and with its own torque sensor.
-    """
+    """Cases of a controller against plant and person."""
 
     person: ClassVar[bool] = False
     keeps: ClassVar[bool] = False
     thesis_Nm: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
     def cases(self) -> list[Case]:
-        """What is run."""
         raise UserError(f"study {self.name}: has no method cases.", "Write it: the list of cases.")
 
     def case(self, name: str) -> Case:
-        """One of the cases."""
         known = {c.name: c for c in self.cases()}
         choose(f"case of {self.name}", name, known)
         return known[name]
 
     def measure(self, case: Case, run: ClosedLoopRun, device: Device) -> dict[str, float]:
-        """Figures of one run; a journal and worker processes carry them."""
         return judge(case, run, largest_torque_Nm(device))
 
     def keep(self, case: Case, run: ClosedLoopRun) -> Any:
-        """What table or figure need of a case's first run beside its figures: by default all."""
         return run
 
     def table(self, done: Simulation) -> list[str]:
-        """The outcome as lines of text."""
         return torque_errors.table(done)
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
-        """JSON-ready content."""
         return torque_errors.to_dict(done)
 
     def figure(self, done: Simulation) -> Figure:
-        """The outcome drawn."""
         return torque_errors.figure(done)
 
 
 def default_person(study: str, plant: str) -> str:
-    """Who takes part when nobody is named.
-
-    return: ``none`` with a fixed output, else the person that goes with the plant.
-    """
+    """Who takes part when nobody is named."""
     if not load_study(study, ClosedLoopStudy).person:
         return "none"
     return {"ideal": "ideal", "random": "random"}.get(plant, "uncertain")
 
 
 def simulate_case(
-    study: str,
-    case: str,
-    seed: int,
-    controller: str,
-    plant: str,
-    person: str,
-    real: str,
-    tunables: Mapping[str, Mapping[str, float]] | None = None,
-    fault: str = "",
-    off: str = NOTHING,
-    adapted: bool = False,
-    axis: str = "",
-    kept: dict[str, Any] | None = None,
+    study: str, case: str, seed: int, kept: dict[str, Any] | None = None, **setting: Any
 ) -> dict[str, float]:
-    """Run and measure one case by name: what a worker does.
+    """Run and measure one case by name, in the setting of these fields: what a worker does.
 
-    fault: of an encoder; what came of it is measured too.
-    kept: takes what the study keeps of this run, in this process.
+    ``kept`` takes what the study keeps of this run, in this process.
     """
     chosen = load_study(study, ClosedLoopStudy)
-    found = chosen.case(case)
+    found, asked = chosen.case(case), Setting(**setting)
     try:
-        setting = Setting(
-            controller, plant, person, real, tunables or {}, fault, off, adapted, axis
-        )
-        run = run_case(found, setting, seed)
+        run = run_case(found, asked, seed)
     except RanAwayError:
         return {"unstable": 1.0, "tripped": 0.0, "fault": 0.0, "ran_away": 1.0}
     if kept is not None:
         kept[case] = chosen.keep(found, run)
-    figures = chosen.measure(found, run, controller_device(controller))
-    return figures | (fault_figures(run, parse_fault(fault)) if fault else {})
+    figures = chosen.measure(found, run, controller_device(asked.controller))
+    return figures | (fault_figures(run, parse_fault(asked.fault)) if asked.fault else {})
 
 
 def simulate(
@@ -144,13 +113,7 @@ def simulate(
     folder: Path | None = None,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> Simulation:
-    """Run a study.
-
-    study: name of one of the package, or ``FILE.py:name``.
-    workers: of :func:`~esea_gen.analysis.monte_carlo.run_cases`.
-    folder: of the journal: an interrupted study goes on where it was.
-    progress: ``progress(done, total, failed)``.
-    """
+    """Run a study of the package, or ``FILE.py:name``; with the journal's folder it goes on."""
     s = setting or Setting()
     chosen = load_study(study, ClosedLoopStudy)
     choose("plant", s.plant, PLANT_NAMES)
@@ -162,10 +125,12 @@ def simulate(
         )
     if runs < 1 or seed < 0:
         raise UserError(f"runs = {runs}, seed = {seed}.", "Give 1 run or more, and a seed from 0.")
-    if s.fault:
-        _check_time(chosen, s.fault)
     device = controller_device(s.controller)
     refuse_unadapted(device, s)
+    s = replace(s, axis=axis_of(device, s))
+    if s.fault:
+        _check_time(chosen, s.fault)
+        s = replace(s, fault=str(parse_fault(s.fault)))
     # Compile once, before the workers would each do it.
     loop = compiled_loop(device, s.plant != "ideal", s.real)
     known = {without_axis(n, device.axes[0]) for n in tunable_places(loop.plant)}
@@ -181,28 +146,14 @@ def simulate(
     if file is not None:
         parts["study"] = file_digest(file)
         study = f"{file.absolute()}:{chosen.name}"  # a worker has another working directory
-    fixed: dict[str, Any] = {
-        "controller": s.controller,
-        "plant": s.plant,
-        "person": s.person,
-        "real": s.real,
-        "tunables": {k: dict(v) for k, v in s.tunables.items()},
-        "off": s.off,
-    }
-    if s.adapted:
-        fixed["adapted"] = True
-    if axis_of(device, s):
-        fixed["axis"] = axis_of(device, s)
-    if s.fault:
-        fixed["fault"] = str(parse_fault(s.fault))
+    fixed = vars(s) | {"tunables": {k: dict(v) for k, v in s.tunables.items()}}
     names = [c.name for c in chosen.cases()]
     seeds = tuple(range(seed, seed + runs))
     cases = [{"study": study, "case": n, "seed": k, **fixed} for k in seeds for n in names]
     keeping = chosen.keeps or (runs == 1 and len(names) <= MOST_PANELS)
-    done, kept = _run(
-        cases, len(names) if keeping else 0, Configuration(parts), workers, folder, progress
-    )
-    return Simulation(chosen, replace(s, axis=axis_of(device, s)), seeds, done, kept)
+    how = {"configuration": Configuration(parts), "folder": folder}
+    done, kept = _run(cases, len(names) if keeping else 0, workers, progress, how)
+    return Simulation(chosen, s, seeds, done, kept)
 
 
 def _check_time(study: ClosedLoopStudy, text: str) -> None:
@@ -219,10 +170,9 @@ def _check_time(study: ClosedLoopStudy, text: str) -> None:
 def _run(
     cases: list[dict[str, Any]],
     keeping: int,
-    configuration: Configuration,
     workers: Any,
-    folder: Path | None,
     progress: Callable[[int, int, int], None] | None,
+    how: dict[str, Any],
 ) -> tuple[MonteCarlo, dict[str, Any]]:
     # Signals do not travel: the runs of which something is kept are done in this process, first.
     kept: dict[str, Any] = {}
@@ -237,9 +187,7 @@ def _run(
             progress(len(first) + done, len(cases), before + failed)
 
     if keeping:
-        first = run_cases(
-            keep, cases[:keeping], configuration=configuration, folder=folder, progress=tell
-        ).results
+        first = run_cases(keep, cases[:keeping], progress=tell, **how).results
         for r in first:
             # Out of a journal, which holds figures only.
             if r.values is not None and r.case["case"] not in kept:
@@ -247,11 +195,6 @@ def _run(
     rest: tuple[Any, ...] = ()
     if cases[keeping:]:
         rest = run_cases(
-            simulate_case,
-            cases[keeping:],
-            configuration=configuration,
-            folder=folder,
-            workers=workers,
-            progress=tell,
+            simulate_case, cases[keeping:], workers=workers, progress=tell, **how
         ).results
-    return MonteCarlo(configuration, (*first, *rest)), kept
+    return MonteCarlo(how["configuration"], (*first, *rest)), kept

@@ -28,7 +28,6 @@ class StepStudy(ClosedLoopStudy):
     keeps = True
 
     def cases(self) -> list[Case]:
-        """One a height."""
         t = np.arange(round(4 * RATE_HZ)) / RATE_HZ
         return [
             Case(f"{tau:g} Nm", fixed_output("step", np.where(t >= STEP_AT_S, tau, 0.0), 2000))
@@ -48,19 +47,16 @@ class StepStudy(ClosedLoopStudy):
         }
 
     def table(self, done: Simulation) -> list[str]:
-        """Errors, then each step."""
         lines = torque_errors.table(done)
         for name, metrics in self.metrics(done).items():
             lines += [f"step {name}", *(f"  {x}" for x in metrics.table())]
         return lines
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
-        """With ``steps``."""
-        steps = {k: m.to_dict() for k, m in self.metrics(done).items()}
+        steps = self.metrics(done)
         return torque_errors.to_dict(done) | ({"steps": steps} if steps else {})
 
     def figure(self, done: Simulation) -> Figure:
-        """The largest step, from rest on."""
         from esea_gen.analysis import plots
 
         if len(done.seeds) > 1 or not done.kept:

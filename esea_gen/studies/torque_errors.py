@@ -25,7 +25,6 @@ Panel = tuple[str, Array, Array, Array, Array]
 
 
 def label(done: Simulation) -> str:
-    """Controller and plant, for a legend."""
     off = f", {done.setting.off}" if done.setting.off != NOTHING else ""
     return f"{done.setting.controller}, {done.setting.plant}{off}{_more(done)}"
 
@@ -35,53 +34,39 @@ def _more(done: Simulation) -> str:
     return axis + (", adapted" if done.setting.adapted else "")
 
 
-def _names(done: Simulation) -> list[str]:
-    return list(dict.fromkeys(r.case["case"] for r in done.monte_carlo.results))
-
-
 def to_dict(done: Simulation) -> dict[str, Any]:
     """JSON-ready: the setting, ``cases``, and percentiles by case where there are several seeds."""
+    s, names = done.setting, ("controller", "plant", "off", "adapted", "axis")
     content: dict[str, Any] = {
         "experiment": done.study.name,
         "title": done.study.title,
-        "controller": done.setting.controller,
-        "plant": done.setting.plant,
-        "off": done.setting.off,
-        **({"adapted": True} if done.setting.adapted else {}),
-        **({"axis": done.setting.axis} if done.setting.axis else {}),
+        **{k: v for k in names if (v := getattr(s, k))},
         "person": done.person,
-        "format": done.setting.real,
+        "format": s.real,
         "content_hash": done.monte_carlo.configuration.parts["controller_hash"],
-        "seeds": list(done.seeds),
+        "seeds": done.seeds,
         "cases": done.cases(),
         "ended_runs": len(done.ended()),
     }
     if len(done.seeds) > 1:
         content["percentiles"] = {
             n: {k: p.to_dict() for k, p in done.monte_carlo.summary({"case": n}).items()}
-            for n in _names(done)
+            for n in done.by_case()
         }
     return content
 
 
 def table(done: Simulation, *, normalised: bool = False) -> list[str]:
-    """A line a case, of the medians over the seeds.
-
-    normalised: also the thesis' measure for impedance, RMS over the largest desired torque.
-    """
+    """A line a case, of the medians over the seeds; the thesis' measure for impedance, too."""
     s, runs = done.setting, len(done.seeds)
     off = f", off: {off_families()[s.off].meaning}" if s.off != NOTHING else ""
     heads = ["RMS true", "RMS model", "max true", "thesis", "limited"]
     lines = [
         f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}"
-        f"{_more(done)}, "
-        f"{runs} run{'s' if runs > 1 else ''} a case",
+        f"{_more(done)}, {runs} run{'s' if runs > 1 else ''} a case",
         f"{'case':32}" + "".join(f"{h:>11}" for h in heads + ["of largest"] * normalised),
     ]
-    by_name: dict[str, list[dict[str, Any]]] = {}
-    for entry in done.cases():
-        by_name.setdefault(entry["name"], []).append(entry)
-    for name, entries in by_name.items():
+    for name, entries in done.by_case().items():
         lines += _case_lines(name, entries, normalised)
     total, ended = len(done.monte_carlo.results), len(done.ended())
     if ended:
@@ -124,7 +109,11 @@ def figure(done: Simulation) -> Figure:
     from esea_gen.analysis import plots
 
     if len(done.seeds) > 1:
-        return percentiles(done)
+        by_name = {n: done.monte_carlo.summary({"case": n}) for n in done.by_case()}
+        rows = [(n, p["rms_true_Nm"]) for n, p in by_name.items() if "rms_true_Nm" in p]
+        if not rows:
+            raise UserError("No run finished: there is nothing to draw.", "See the table.")
+        return plots.percentile_bars(rows)
     panels = [
         panel(done.study.case(name), run)
         for name, run in done.kept.items()
@@ -136,24 +125,12 @@ def figure(done: Simulation) -> Figure:
     if panels:
         return plots.torque_cases(panels, title=label(done))
     entries = done.cases()
-    thesis = [e["thesis_rms_Nm"] or math.nan for e in entries]
-    values = [math.nan if e["rms_true_Nm"] is None else e["rms_true_Nm"] for e in entries]
-    return plots.rms_by_case(
-        [e["name"] for e in entries],
-        {label(done): np.array(values)},
-        {label(done): np.array(thesis)} if np.isfinite(thesis).any() else None,
+    ours, thesis = (
+        np.array([math.nan if e[k] is None else e[k] for e in entries])
+        for k in ("rms_true_Nm", "thesis_rms_Nm")
     )
-
-
-def percentiles(done: Simulation) -> Figure:
-    """Percentiles of the true error by case, over the seeds."""
-    from esea_gen.analysis import plots
-
-    found = ((n, done.monte_carlo.summary({"case": n}).get("rms_true_Nm")) for n in _names(done))
-    rows = [(n, p) for n, p in found if p is not None]
-    if not rows:
-        raise UserError("No run finished: there is nothing to draw.", "See the table.")
-    return plots.percentile_bars(rows)
+    known = thesis if np.isfinite(thesis).any() else None
+    return plots.rms_by_case([e["name"] for e in entries], label(done), ours, known)
 
 
 def panel(case: Case, run: ClosedLoopRun, *, whole: bool = False) -> Panel:

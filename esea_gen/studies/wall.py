@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -61,11 +60,9 @@ class Wall(ClosedLoopStudy):
     person = True
 
     def cases(self) -> list[Case]:
-        """One a torque and a hand."""
         return [push_case(push, hand) for push in PUSH_NM for hand in HANDS_NM_RAD]
 
     def measure(self, case: Case, run: ClosedLoopRun, device: Device) -> dict[str, float]:
-        """Ripple of the true torque about its own slow course, its mean, and how the run ended."""
         if "acts" not in run.controller:
             raise UserError(
                 f"{device.origin}: no section [impairment], or several axes without --axis.",
@@ -90,18 +87,14 @@ class Wall(ClosedLoopStudy):
         }
 
     def table(self, done: Simulation) -> list[str]:
-        """A line a case: of all seeds the median and the largest ripple, mean torque and angle."""
         s = done.setting
         lines = [
             f"{self.title}, simulated: {s.controller}, {s.axis}, plant {s.plant}, hand {s.person}, "
             f"{len(done.seeds)} runs a case",
             f"{'case':32}{'ripple':>10}{'largest':>10}{'torque':>10}{'angle, deg':>12}",
         ]
-        by_name: dict[str, list[dict[str, Any]]] = {}
-        for e in done.cases():
-            by_name.setdefault(e["name"], []).append(e)
         largest = generated = 0.0
-        for name, entries in by_name.items():
+        for name, entries in done.by_case().items():
             good = [e for e in entries if e["max_true_Nm"] is not None]
             if not good:
                 lines.append(f"{name:32}{'every run ended early':>42}")

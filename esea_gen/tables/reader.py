@@ -92,6 +92,3 @@ def _too_large(name: str, size: int, most: int) -> UserError:
     return UserError(
         f"{name}: has {size} bytes, above the limit of {most}.", "Give it in parts, or thin it."
     )
-
-
-__all__ = ["read_table"]

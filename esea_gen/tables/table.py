@@ -31,27 +31,16 @@ EXACT = 2**53  # whole numbers up to here are doubles
 
 @dataclass(frozen=True)
 class FileTable:
-    """A table of one file.
+    """A table of one file."""
 
-    name: the file, for messages.
-    names: all columns of the file, in its order.
-    cells: the columns that were read: texts of a CSV, else NumPy arrays; an empty cell is ``""``,
-        NaN or None.
-    lines: line of each row as an editor counts it; of files without lines the row, from 1.
-    form: how the file is written, as given or as detected.
-    digest: First 16 digits of the file's SHA-256.
-    left_out: what was left out, with counts and lines.
-    settings: where :class:`TableFormat` is set by the caller's user, for remedies; empty: nowhere.
-    """
-
-    name: str
-    names: tuple[str, ...]
-    cells: dict[str, Sequence[str] | npt.NDArray[Any]]
-    lines: npt.NDArray[np.intp]
-    form: TableFormat
-    digest: str
-    left_out: tuple[str, ...] = ()
-    settings: str = ""
+    name: str  # the file, for messages
+    names: tuple[str, ...]  # all columns of the file, in its order
+    cells: dict[str, Sequence[str] | npt.NDArray[Any]]  # texts of a CSV, else arrays
+    lines: npt.NDArray[np.intp]  # of each row, as an editor counts
+    form: TableFormat  # how the file is written, as given or as detected
+    digest: str  # First 16 digits of the file's SHA-256
+    left_out: tuple[str, ...] = ()  # what was left out, with counts and lines
+    settings: str = ""  # where users set the format, if anywhere
 
     def __len__(self) -> int:
         """Rows."""
@@ -91,10 +80,8 @@ class FileTable:
         return self.kept(np.isfinite(self.numbers(column, holes=True)), f"no '{column}'")
 
     def numeric(self, columns: Sequence[str]) -> FileTable:
-        """Return the rows whose cells are numbers, NaN or empty; the others are counted.
-
-        For logs with messages between the numbers.
-        """
+        """Return the rows whose cells are numbers, NaN or empty; the others are counted."""
+        # For logs with messages between the numbers.
         good = np.ones(len(self), dtype=bool)
         for column in columns:
             cells = self._column(column)

@@ -53,21 +53,16 @@ MOST_HEADER = 1000  # lines that are searched for a header to propose
 
 @dataclass
 class TextReader:
-    """One file, read once.
-
-    wanted: columns that are read, all if None; optional: those that are read if they are there.
-    fields: cells of a row; by default as many as the header or the first row has.
-    drop_ragged: leave out rows of another number of cells and count them, instead of an error.
-    """
+    """One file, read once."""
 
     name: str
     text: str
     form: TableFormat
     settings: str
-    wanted: Sequence[str] | None = None
+    wanted: Sequence[str] | None = None  # all if None
     optional: Sequence[str] = ()
-    fields: int | None = None
-    drop_ragged: bool = False
+    fields: int | None = None  # cells of a row; default: the header's
+    drop_ragged: bool = False  # leave out and count
     left_out: list[str] = field(default_factory=list)
 
     def fix(self, key: str, otherwise: str) -> str:
@@ -375,6 +370,3 @@ def decoded(raw: bytes, name: str, form: TableFormat, settings: str) -> tuple[st
             fix,
         )
     return text.lstrip("\ufeff"), encoding
-
-
-__all__ = ["TextReader", "decoded"]

@@ -12,13 +12,6 @@ OFF, TORQUE, IMPEDANCE = 0, 1, 2
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a study.
-
-    trajectory: path, desired torque and analysed window.
-    tunables: ``{instance: {tunable: value}}`` of the controller.
-    plant: tunables of the plant beside the variant's.
-    """
-
     name: str
     trajectory: Trajectory
     mode: int = TORQUE
@@ -28,18 +21,6 @@ class Case:
 
 @dataclass(frozen=True)
 class Setting:
-    """What a study runs with.
-
-    controller: as :func:`esea_gen.twin.controllers.controller_device` takes it.
-    real: number format of the controller's C.
-    tunables: ``{instance: {tunable: value}}`` beside each case's own.
-    fault: of an encoder, as :func:`esea_gen.twin.faults.parse_fault` reads it; empty for none.
-    off: in what the plant differs from the model, as :mod:`esea_gen.twin.off` names it.
-    adapted: whether the rubber was adapted to before, with a known mass.
-    axis: which a case moves, and whose encoder fails; the others are wanted at 0 Nm, the hand rests
-        there.  Empty: the first.
-    """
-
     controller: str = "smc"
     plant: str = "real"
     person: str = "none"

@@ -21,11 +21,6 @@ def controllers() -> list[str]:
 
 
 def controller_device(controller: str) -> Device:
-    """Device of a controller.
-
-    controller: a name of :func:`controllers` or ``FILE.py:law``, several with a comma between, for
-        the elbow's drive, or behind an ``@`` another device; or a device with a drive alone.
-    """
     if (controller.endswith(".toml") and "@" not in controller) or controller in shipped_devices():
         return _simulated(_device(controller, None, read_file(controller)[0]))
     names, _, base = controller.partition("@")
@@ -59,11 +54,9 @@ def _device(name: str, controller: str | None, _content: str) -> Device:
 
 
 def controller_system(controller: str) -> System:
-    """System of a controller: which Blocks it has, and their tunables."""
     return controller_device(controller).system
 
 
 def largest_torque_Nm(device: Device) -> float:
-    """The motor's limit."""
     assert device.file.actuator is not None
     return device.file.actuator.u_max_Nm.value

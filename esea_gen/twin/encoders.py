@@ -30,11 +30,7 @@ _SINE = (
 
 
 def nearest_whole(x: ca.SX) -> ca.SX:
-    """Nearest whole number, ties to even; double precision only.
-
-    Adding 1.5 * 2**52 leaves no bits below one; taking it away again gives the rounded number.  It
-    is taken away by adding its negative, which CasADi does not simplify.
-    """
+    """Nearest whole number, ties to even; double precision only."""
     return (x + _ROUND) + ca.SX(-_ROUND)
 
 
@@ -87,15 +83,7 @@ def _tunables(joint_bits: float, motor_bits: float | None) -> tuple[Tunable, ...
 
 
 def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
-    """Encoders on both sides of the coupling and, where there is a motor, on its shaft.
-
-    return: angles in; ``count_motor``, ``count_load`` (turns of the joint) and ``count_gear``
-        (turns of the motor's shaft) out, whole numbers of one turn; of a passive device, which has
-        no motor, the first two.
-
-    What is read is theta + offset + a1 sin(theta + p1) + a2 sin(2 theta + p2).  An encoder that is
-    coarser than the device file's counts in its own steps: its lowest bits are 0.
-    """
+    """Encoders on both sides of the coupling and, where there is a motor, on its shaft."""
     file, drive = device.file, device.file.actuator
     joint_bits = file.encoder.resolution_bits.value
     motor_bits = drive.encoder_bits.value if drive else None

@@ -26,14 +26,6 @@ _FORM = re.compile(r"(?P<kind>[a-z]+):(?P<side>[a-z]+)@(?P<at>[^=]+)(=(?P<amount
 
 @dataclass(frozen=True)
 class EncoderFault:
-    """One fault.
-
-    kind: of :data:`KINDS`.
-    side: of :data:`SIDES`; ``both`` are the two encoders of the coupling, ``gear`` the motor's.
-    at_s: when it begins.
-    amount: in the unit of :data:`KINDS`, at the joint; a gear's slip too.
-    """
-
     kind: str
     side: str
     at_s: float

@@ -27,9 +27,8 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError, choose
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.people import PlantVariant, ideal_plant, random_plant, real_plant
-from esea_gen.twin.plant import TICK_S, start_state
 from esea_gen.twin.published import Person
-from esea_gen.twin.stepped import compiled_plant, prepare_plant
+from esea_gen.twin.stepped import SteppedTwin
 
 Pair = tuple[float, float]
 
@@ -48,15 +47,7 @@ _END_NM_RAD, _END_NMS_RAD = 60.0, 0.5
 
 @dataclass(frozen=True)
 class CoupledHand:
-    """A hand on two axes, each number a pair in the order of the device's axes.
-
-    people: inertia, pull towards the intended path, own damping, gravity and noise of each axis.
-    passive_Nm_rad, passive_cross_Nm_rad: passive stiffness: diagonal, and the element off it.
-    inertia_cross_kgm2, damping_cross_Nms_rad: elements off the diagonal of inertia and of the
-        hand's own damping.
-    rest_rad: angles at which the passive joint rests.
-    ends_rad: anatomical range of motion.
-    """
+    """A hand on two axes, each number a pair in the order of the device's axes."""
 
     people: tuple[Person, Person]
     passive_Nm_rad: Pair = (0.0, 0.0)
@@ -94,7 +85,6 @@ class CoupledHand:
         return {n: ((a, b), (b, d)) for n, (a, b, d) in diagonals.items()}
 
     def values(self, axes: Sequence[str]) -> dict[str, float]:
-        """As tunables of the Block ``hand``."""
         out = {
             "inertia_cross_kgm2": self.inertia_cross_kgm2,
             "damping_cross_Nms_rad": self.damping_cross_Nms_rad,
@@ -123,11 +113,7 @@ def wrist(
     noise_Nm: float = 0.0,
     passive_scale: float = 1.0,
 ) -> CoupledHand:
-    """A hand by what it does on each axis: stiffness and damping towards its intended path.
-
-    Jh_kgm2: hand and handle, about either axis.
-    passive_scale: over the standard passive stiffness and damping.
-    """
+    """A hand by what it does on each axis: stiffness and damping towards its intended path."""
     c, s = math.cos(_TILT_RAD), math.sin(_TILT_RAD)
     soft, stiff = passive_scale * _SOFTEST_NM_RAD, passive_scale * _STIFFEST_NM_RAD
     passive = soft * c * c + stiff * s * s, soft * s * s + stiff * c * c
@@ -185,17 +171,12 @@ def random_hand(seed: int) -> CoupledHand:
 
 
 def named_hand(name: str, seed: int = 0) -> CoupledHand:
-    """A hand of :data:`HAND_NAMES`."""
     choose("hand", name, HAND_NAMES)
     return random_hand(seed) if name == "random" else HANDS[name]
 
 
 def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) -> PlantVariant:
-    """The plant of a device with two axes, each drive drawn by itself, and a hand.
-
-    plant: ``ideal``, ``real`` or ``random``.
-    hand: one of :data:`HAND_NAMES`; ``none`` clamps both axes.
-    """
+    """The plant of a device with two axes, each drive drawn by itself, and a hand."""
     choose("plant", plant, ("ideal", "real", "random"))
     values: dict[str, float] = {}
     for i, axis in enumerate(device.axes):
@@ -214,24 +195,8 @@ def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) 
     return PlantVariant(device, plant != "ideal", values)
 
 
-class SteppedHand:
-    """A plant of two axes, driven tick by tick: motor commands in, encoder counts out.
-
-    variant: as :func:`hand_variant` makes it.
-    """
-
-    def __init__(self, variant: PlantVariant) -> None:
-        self.variant, self.axes = variant, variant.device.axes
-        self.library = compiled_plant(variant.device, variant.cable, variant.step_s)
-        self.system = self.library.system
-        steps = round(TICK_S / variant.step_s)
-        self._times_s = [j * variant.step_s for j in range(1, steps + 1)]
-        names = ("u_Nm", "theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "noise", "tau_muscle_Nm")
-        self._inputs = [tuple(of_axis(n, a) for n in names) for a in self.axes]
-        move, encode = self.system.task("move"), self.system.task("encode")
-        self._outputs = [x.name for x in self.system.task_outputs(move)]
-        self._angles_read = [x.name for x in self.system.task_inputs(encode)]
-        self._counts_read = [x.name for x in self.system.task_outputs(encode)]
+class SteppedHand(SteppedTwin):
+    """A plant of two axes, as :func:`hand_variant` makes it, driven tick by tick."""
 
     def start(
         self,
@@ -240,31 +205,8 @@ class SteppedHand:
         hand: CoupledHand | None = None,
         clamped: bool | Sequence[bool] | None = None,
     ) -> dict[str, int]:
-        """Start at rest at one angle an axis; the counts there, by the board's input.
-
-        hand, clamped: as of :meth:`change`.
-        """
-        library, prefix = self.library, self.library.prefix
-        ffi = library.ffi
-        self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
-        self._state = ffi.new(f"{prefix}_state_t *")
-        self.change(hand=hand, clamped=clamped)
-        library.function(f"{prefix}_init")(self._coeffs, self._state)
-        block = self.system.blocks["plant"]
-        sampled: dict[str, float] = {}
-        for axis, angle in zip(self.axes, angles_rad, strict=True):
-            first, shown = start_state(block, angle, {}, axis=axis)
-            sampled |= shown
-            for key, vector in first.items():
-                getattr(self._state.plant, key)[0 : len(vector)] = vector
-        self._push = ffi.new(f"{prefix}_move_in_t *")
-        self._plant = ffi.new(f"{prefix}_move_out_t *", sampled)
-        self._encoded = ffi.new(f"{prefix}_encode_in_t *")
-        self._counts = ffi.new(f"{prefix}_encode_out_t *")
-        self._move = library.function(f"{prefix}_move_step")
-        self._encode = library.function(f"{prefix}_encode_step")
-        self.intend([{"theta_p_rad": float(x)} for x in angles_rad])
-        return self._read()
+        """Start at rest at one angle an axis; the counts there, by the board's input."""
+        return self.begin(angles_rad, self._values(hand, clamped))
 
     def change(
         self,
@@ -275,9 +217,13 @@ class SteppedHand:
     ) -> None:
         """Somebody comes, goes, clamps the handle or lets it go; everything stays where it is.
 
-        hand, clamped: default: the variant's.  clamped: one for both axes, or one an axis.
-        more: tunables of the plant that differ from the variant's from now on.
+        Default: the variant's hand, and what of it is clamped; ``clamped`` is for all axes or each.
         """
+        self.prepare(self._values(hand, clamped) | more)
+
+    def _values(
+        self, hand: CoupledHand | None, clamped: bool | Sequence[bool] | None
+    ) -> dict[str, float]:
         values = dict(self.variant.values)
         if hand is not None:
             held = {of_axis("clamped", a) for a in self.axes}
@@ -286,61 +232,12 @@ class SteppedHand:
             fixed = [clamped] * len(self.axes) if isinstance(clamped, bool) else clamped
             for axis, one in zip(self.axes, fixed, strict=True):
                 values[of_axis("clamped", axis)] = float(one)
-        prepare_plant(self.library, self._coeffs, values | more)
-
-    def intend(self, paths: Sequence[Mapping[str, float]]) -> None:
-        """What the hand intends from the start of the next tick on; within it the path goes on.
-
-        paths: one an axis: ``theta_p_rad``, and what is not 0 of ``omega_p_rad_s``,
-            ``alpha_p_rad_s2``, ``noise`` (a number of variance 1 for each tick), and ``tau_Nm``, of
-            the muscles beside the pull to the path.
-        """
-        push = self._push
-        self._moving: list[tuple[str, str, float, float, float]] = []
-        for names, path in zip(self._inputs, paths, strict=True):
-            _, theta, omega, alpha, noise, muscle = names
-            at, speed = path["theta_p_rad"], path.get("omega_p_rad_s", 0.0)
-            gain = path.get("alpha_p_rad_s2", 0.0)
-            setattr(push, theta, at)
-            setattr(push, omega, speed)
-            setattr(push, alpha, gain)
-            setattr(push, noise, path.get("noise", 0.0))
-            setattr(push, muscle, path.get("tau_Nm", 0.0))
-            if speed or gain:
-                self._moving.append((theta, omega, at, speed, gain))
+        return values
 
     def step(self, u_Nm: Sequence[float]) -> dict[str, int]:
         """Hold one command an axis for a tick; the counts at its end, by the board's input."""
-        push, move = self._push, self._move
-        for names, u in zip(self._inputs, u_Nm, strict=True):
-            setattr(push, names[0], u)
-        for t in self._times_s:
-            for theta, omega, at, speed, gain in self._moving:
-                setattr(push, omega, speed + t * gain)
-                setattr(push, theta, at + t * (speed + 0.5 * t * gain))
-            move(self._coeffs, self._state, push, self._plant)
-        return self._read()
+        return self.advance(u_Nm)
 
-    def truth(self) -> dict[str, float]:
-        """The plant's own outputs at this moment, such as ``tau_e_flexion_Nm``."""
-        return {n: float(getattr(self._plant, n)) for n in self._outputs}
-
-    def _read(self) -> dict[str, int]:
-        encoded, plant = self._encoded, self._plant
-        for name in self._angles_read:
-            setattr(encoded, name, getattr(plant, name))
-        self._encode(self._coeffs, self._state, encoded, self._counts)
-        return {n: int(getattr(self._counts, n)) for n in self._counts_read}
-
-
-__all__ = [
-    "ENDS_RAD",
-    "HANDS",
-    "HAND_NAMES",
-    "CoupledHand",
-    "SteppedHand",
-    "hand_variant",
-    "named_hand",
-    "random_hand",
-    "wrist",
-]
+    def intend(self, paths: Sequence[Mapping[str, float]]) -> None:
+        """What the hand intends: as :meth:`SteppedTwin.follow`."""
+        self.follow(paths)

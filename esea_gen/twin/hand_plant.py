@@ -27,13 +27,13 @@ from esea_gen.model.sensing import of_axis
 from esea_gen.twin.encoders import encoder_block
 from esea_gen.twin.mechanics import Load, LoadTorques, limb_torques
 from esea_gen.twin.parameters import (
+    STEP_S,
     assumed,
     passed_on,
     plant_coefficients,
     plant_tunables,
     prepare_plant,
 )
-from esea_gen.twin.people import STEP_S
 from esea_gen.twin.plant import (
     NAME,
     TICK_S,
@@ -93,8 +93,6 @@ Parts = tuple[SimpleNamespace, SimpleNamespace, SimpleNamespace]  # c, s and u o
 
 @dataclass(frozen=True)
 class _HandStep:
-    """One step of the plant, symbolically."""
-
     axes: tuple[str, str]
     axis: AxisStep
     names: Mapping[str, tuple[str, ...]]  # of coefficients, states and inputs of an axis
@@ -189,11 +187,7 @@ class _HandStep:
 def hand_block(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> Block:
-    """Two drives and a hand: one step of the plant of a device with two axes.
-
-    return: ports and tunables as :func:`esea_gen.twin.plant.plant_block` has, each with its axis in
-        its name, and those that couple the axes.
-    """
+    """Two drives and a hand: one step of the plant of a device with two axes."""
     if len(device.axes) != 2:
         raise UserError(
             f"{device.origin}: axes = {list(device.axes)}: a hand has two.",
@@ -253,11 +247,6 @@ def _port(t: Tunable) -> Port:
 def hand_system(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> System:
-    """The plant of a device with two axes as a System.
-
-    return: tasks ``move`` and ``encode`` as of :func:`esea_gen.twin.plant.plant_system`; the
-        encoders are an instance an axis, ``encoders_flexion`` and so on.
-    """
     every = steps_a_tick(step_s, tick_s)
     plant, encoders = hand_block(device, cable, step_s, tick_s), encoder_block(device, tick_s)
     by_axis = {f"encoders_{a}": a for a in device.axes}
@@ -279,7 +268,6 @@ def hand_system(
 
 
 def twin_system(device: DeviceData, cable: bool, step_s: float, tick_s: float) -> System:
-    """The plant of a device, of one axis or of two."""
     made = plant_system if len(device.axes) == 1 else hand_system
     return made(device, cable, step_s, tick_s)
 

@@ -40,10 +40,7 @@ ENDED = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault lat
 
 
 def desired_torque(case: Case, run: ClosedLoopRun) -> Array:
-    """The torque that a case asks for, from the true motion.
-
-    return: in Nm, one a millisecond: in impedance mode the spring and damper on the true angle.
-    """
+    """The torque that a case asks for, from the true motion."""
     path = case.trajectory
     if case.mode != IMPEDANCE:
         return path.tau_desired_Nm
@@ -65,13 +62,6 @@ def above(values: Array, cutoff_Hz: float = SWINGS_HZ) -> Array:
 
 
 def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
-    """The figures of a run.
-
-    return: ``rms_true_Nm``, ``rms_model_Nm``, ``max_true_Nm``, the true error's part above 4 Hz,
-        ``unstable``, ``tripped`` and ``fault`` (1 or 0), the share of samples with the command at
-        the limit, the command's roughness, ``rms_normalised`` in impedance mode, and control runs
-        that were missed, if any.
-    """
     w = case.trajectory.window
     desired = desired_torque(case, run)
     true, model = run.plant["tau_e_Nm"] - desired, run.controller["tau_Nm"] - desired
@@ -105,14 +95,7 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
 
 
 def fault_figures(run: ClosedLoopRun, fault: EncoderFault) -> dict[str, float]:
-    """What a fault did to the limb until it was found, and :data:`AFTER_S` longer.
-
-    return: ``detected_ticks`` from the fault to the tick of the latch, ``detected_fault``, its
-        reason, and ``torque_then_Nm``, the true torque at that tick; without these where it was
-        never found.  ``peak_torque_Nm`` and ``energy_J``: largest true torque on the limb, and most
-        net work done on it from any moment on, from the fault until then or, never found, to the
-        end.
-    """
+    """What a fault did to the limb until it was found, and :data:`AFTER_S` longer."""
     tick_s = float(run.time_s[1] - run.time_s[0])
     first = round(fault.at_s / tick_s)
     if first >= len(run) - 1:

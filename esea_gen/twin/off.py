@@ -29,13 +29,6 @@ _TURN = 2 * math.pi
 
 @dataclass(frozen=True)
 class Deviation:
-    """What is off in one run.
-
-    values: tunables of the Blocks ``plant`` and ``encoders``.
-    delay_ticks: by which the motor gets a command later.
-    missed_share: probability that a run of the control task is left out, each by itself.
-    """
-
     values: Mapping[str, float] = field(default_factory=dict)
     delay_ticks: int = 0
     missed_share: float = 0.0
@@ -54,12 +47,6 @@ Draw = Callable[[Device, np.random.Generator], Deviation]
 
 @dataclass(frozen=True)
 class OffFamily:
-    """One way to be off: a row of the table.
-
-    group: the name that stands for this row and those like it.
-    draw: what is off, with whatever of it is drawn.
-    """
-
     name: str
     group: str
     meaning: str
@@ -185,10 +172,7 @@ def _groups(rigid: bool) -> dict[str, list[str]]:
 
 
 def chosen_families(given: str, *, rigid: bool = False) -> list[str]:
-    """Names of families from a list with commas: names, names of groups, or ``all``.
-
-    rigid: whether the plant's cable is, as the ideal one's: ``all`` goes without backlash.
-    """
+    """Names of families from a list with commas: names, names of groups, or ``all``."""
     if not given.strip():
         raise UserError(
             "--off names no family: it is empty.",
@@ -228,15 +212,3 @@ def refuse_unknown(name: str, off: Deviation, known: Collection[str]) -> None:
             f"--off {name}: the plant has no {missing[0]}: its cable is rigid.",
             "Give --plant real or random, or another family.",
         )
-
-
-__all__ = [
-    "ALL",
-    "NOTHING",
-    "Deviation",
-    "OffFamily",
-    "chosen_families",
-    "deviation",
-    "off_families",
-    "refuse_unknown",
-]

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 
-from esea_gen.devices.fields import DeviceFile
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Port, Tunable
-from esea_gen.twin.people import person_tunables
 from esea_gen.twin.published import PEOPLE, PLANTS
 
 SINES = 6
+STEP_S = 2e-4  # docs/twin.md has the evidence
 
 
 def assumed(name: str, default: float, low: float, high: float, meaning: str) -> Tunable:
@@ -23,170 +24,108 @@ def assumed(name: str, default: float, low: float, high: float, meaning: str) ->
     return Tunable(name, default, low, high, meaning, "standard plants, plants.toml", "assumed")
 
 
-def checked_file(device: DeviceData) -> DeviceFile:
-    """The device file, with the sections that the virtual exoskeleton needs."""
-    for key in ("actuator", "joint"):
-        if getattr(device.file, key) is None:
-            raise UserError(
-                f"{device.origin}: section [{key}] is missing: the virtual exoskeleton needs it.",
-                'Add it, or write extends = "elbow_drive" and give what differs.',
-            )
-    return device.file
+# Name, least, largest, meaning; defaults: the device file's, or the standard plants'.
+_DRIVE = (
+    ("J_kgm2", 1e-4, 100, "inertia of motor and drive at the joint, eq. 5.2"),
+    ("fv_Nms_rad", 0, 100, "viscous friction, eq. 5.2"),
+    ("fc_Nm", 0, 100, "Coulomb friction, eq. 5.2"),
+    ("tau_c_s", 1e-4, 1, "lag of the motor's torque, eq. 5.1"),
+    ("u_max_Nm", 1e-3, 100, "largest |motor torque| that the drive follows"),
+)
+_TRAVEL = (
+    ("theta_min_rad", -10, 10, "lower end of the joint's travel"),
+    ("theta_max_rad", -10, 10, "upper end of the joint's travel"),
+)
+_CABLE = (
+    ("cable_stiffness_Nm_rad", 0, 1e4, "stiffness of the cable"),
+    ("cable_damping_Nms_rad", 0, 100, "damping of the cable"),
+    ("cable_backlash_rad", 0, 1, "whole gap between gear and cable end"),
+    ("cable_loss", 0, 0.9, "share of |cable torque| lost to friction"),
+    ("cable_loss_width_rad_s", 1e-3, 10, "width of that friction, tanh(omega/width)"),
+    ("motor_side_inertia_kgm2", 1e-4, 10, "inertia of the coupling's motor-side part"),
+    ("motor_side_damping_Nms_rad", 0, 10, "damping of the coupling's motor-side part"),
+)
+CABLE_KEYS = tuple(row[0] for row in _CABLE)
+_PERSON = (
+    ("Jh_kgm2", 1e-3, 100, "inertia of limb and load side"),
+    ("spring_Nm_rad", 0, 1e4, "pull towards the intended path"),
+    ("damping_Nms_rad", 0, 1e3, "pull towards the intended speed"),
+    ("feedforward", 0, 1, "share of the torque that the intended path needs"),
+    ("own_damping_Nms_rad", 0, 100, "damping of the limb itself"),
+    ("gravity_Nm", 0, 100, "gravity, times the sine of the angle"),
+    ("torque_noise_Nm", 0, 100, "effective value of the torque noise"),
+    ("torque_noise_Hz", 0.01, 100, "bandwidth of the torque noise"),
+    ("clamped", 0, 1, "1: no person, the load is held where it is"),
+)
 
 
-def _drive(device: DeviceData) -> tuple[Tunable, ...]:
-    a = checked_file(device).actuator
-
-    def given(key: str, low: float, high: float, meaning: str) -> Tunable:
-        q = getattr(a, key)
-        return Tunable(key, q.value, low, high, meaning, q.source, q.status)
-
-    return (
-        given("J_kgm2", 1e-4, 100, "inertia of motor and drive at the joint, eq. 5.2"),
-        given("fv_Nms_rad", 0, 100, "viscous friction, eq. 5.2"),
-        given("fc_Nm", 0, 100, "Coulomb friction, eq. 5.2"),
-        assumed(
-            "coulomb_width_rad_s",
-            PLANTS.nominal.coulomb_width_rad_s,
-            1e-3,
-            10,
-            "width of the Coulomb friction, tanh(omega/width): larger is softer",
-        ),
-        given("tau_c_s", 1e-4, 1, "lag of the motor's torque, eq. 5.1"),
-        given("u_max_Nm", 1e-3, 100, "largest |motor torque| that the drive follows"),
-    )
+def _given(section: Any, rows: Iterable[tuple[str, float, float, str]]) -> list[Tunable]:
+    # As the device file has them.
+    held = [(getattr(section, key), key, low, high, text) for key, low, high, text in rows]
+    return [Tunable(k, q.value, low, high, t, q.source, q.status) for q, k, low, high, t in held]
 
 
-def _cable() -> tuple[Tunable, ...]:
-    r = PLANTS.real
-    return (
-        assumed(
-            "cable_stiffness_Nm_rad", r.cable_stiffness_Nm_rad, 0, 1e4, "stiffness of the cable"
-        ),
-        assumed("cable_damping_Nms_rad", r.cable_damping_Nms_rad, 0, 100, "damping of the cable"),
-        assumed(
-            "cable_backlash_rad", r.cable_backlash_rad, 0, 1, "whole gap between gear and cable end"
-        ),
-        assumed("cable_loss", r.cable_loss, 0, 0.9, "share of |cable torque| lost to friction"),
-        assumed(
-            "cable_loss_width_rad_s",
-            r.cable_loss_width_rad_s,
-            1e-3,
-            10,
-            "width of that friction, tanh(omega/width)",
-        ),
-        assumed(
-            "motor_side_inertia_kgm2",
-            r.motor_side_inertia_kgm2,
-            1e-4,
-            10,
-            "inertia of the coupling's motor-side part",
-        ),
-        assumed(
-            "motor_side_damping_Nms_rad",
-            r.motor_side_damping_Nms_rad,
-            0,
-            10,
-            "damping of the coupling's motor-side part",
-        ),
-    )
-
-
-def _disturbance() -> tuple[Tunable, ...]:
+def _disturbance() -> list[Tunable]:
     middles = [sum(band) / 2 for band in PLANTS.disturbance.bands_1_rad]
-    waves = tuple(
-        assumed(f"wave_{i + 1}_1_rad", k, 0, 1000, f"wave number of sine {i + 1} of d4")
-        for i, k in enumerate(middles)
-    )
-    phases = tuple(
-        assumed(f"phase_{i + 1}_rad", 0, -7, 7, f"phase of sine {i + 1} of d4")
-        for i in range(SINES)
-    )
-    return waves + phases
+    return [
+        *(
+            assumed(f"wave_{i}_1_rad", k, 0, 1000, f"wave number of sine {i} of d4")
+            for i, k in enumerate(middles, 1)
+        ),
+        *(
+            assumed(f"phase_{i}_rad", 0, -7, 7, f"phase of sine {i} of d4")
+            for i in range(1, SINES + 1)
+        ),
+    ]
 
 
-def _bounds(device: DeviceData) -> tuple[Tunable, ...]:
+def _bounds(device: DeviceData) -> list[Tunable]:
     # The disturbance's size and the elastomer's scale, then what ends a motion: stops and trip.
-    j = checked_file(device).joint
-    assert j is not None
+    travel = _given(device.file.joint, _TRAVEL)
     stops, trip = PLANTS.stops, PLANTS.trip
-    return (
+    jaw_Nm_rad, jaw_Nms_rad = stops.coupling_stiffness_Nm_rad, stops.coupling_damping_Nms_rad
+    end_Nm_rad, end_Nms_rad = stops.joint_stiffness_Nm_rad, stops.joint_damping_Nms_rad
+    speed, torque, window = trip.speed_rad_s, trip.torque_rms_Nm, trip.torque_window_s
+    return [
         assumed("gear_disturbance_rms_rad_s2", 0, 0, 100, "effective value of d4, eq. 5.2"),
         assumed("elastomer_scale", 1, 0.1, 10, "true torque over the model's torque"),
         assumed("hysteresis_scale", 1, 0, 10, "torque of the stop operators over the model's"),
         assumed("relaxation_Nm_rad", 0, 0, 1000, "stiffness of a second Maxwell branch"),
         assumed("relaxation_s", PLANTS.off.relaxation_s, 1e-2, 1e4, "time constant of that branch"),
         assumed("coupling_stop_rad", stops.coupling_rad, 0.01, 1.4, "deflection at the stop"),
-        assumed(
-            "coupling_stop_Nm_rad",
-            stops.coupling_stiffness_Nm_rad,
-            0,
-            1e5,
-            "stiffness of the coupling's stop",
-        ),
-        assumed(
-            "coupling_stop_Nms_rad",
-            stops.coupling_damping_Nms_rad,
-            0,
-            100,
-            "damping of the coupling's stop",
-        ),
-        Tunable(
-            "joint_min_rad",
-            j.theta_min_rad.value,
-            -10,
-            10,
-            "lower end of the joint's travel",
-            j.theta_min_rad.source,
-            j.theta_min_rad.status,
-        ),
-        Tunable(
-            "joint_max_rad",
-            j.theta_max_rad.value,
-            -10,
-            10,
-            "upper end of the joint's travel",
-            j.theta_max_rad.source,
-            j.theta_max_rad.status,
-        ),
-        assumed(
-            "joint_stop_Nm_rad",
-            stops.joint_stiffness_Nm_rad,
-            0,
-            1e5,
-            "stiffness of the joint's stops",
-        ),
-        assumed(
-            "joint_stop_Nms_rad", stops.joint_damping_Nms_rad, 0, 1000, "damping of those stops"
-        ),
-        assumed(
-            "trip_speed_rad_s", trip.speed_rad_s, 0, 400, "speed at the joint that trips the drive"
-        ),
-        assumed(
-            "trip_torque_Nm",
-            trip.torque_rms_Nm,
-            0,
-            100,
-            "effective motor torque that trips the drive",
-        ),
-        assumed("trip_window_s", trip.torque_window_s, 1e-2, 100, "time constant of that value"),
-    )
+        assumed("coupling_stop_Nm_rad", jaw_Nm_rad, 0, 1e5, "stiffness of the coupling's stop"),
+        assumed("coupling_stop_Nms_rad", jaw_Nms_rad, 0, 100, "damping of the coupling's stop"),
+        *(replace(t, name=t.name.replace("theta", "joint")) for t in travel),
+        assumed("joint_stop_Nm_rad", end_Nm_rad, 0, 1e5, "stiffness of the joint's stops"),
+        assumed("joint_stop_Nms_rad", end_Nms_rad, 0, 1000, "damping of those stops"),
+        assumed("trip_speed_rad_s", speed, 0, 400, "speed at the joint that trips the drive"),
+        assumed("trip_torque_Nm", torque, 0, 100, "effective motor torque that trips the drive"),
+        assumed("trip_window_s", window, 1e-2, 100, "time constant of that value"),
+    ]
 
 
 def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
-    """What may vary from one plant to the next without a new compilation.
-
-    cable: whether the plant has a compliant cable between gear and motor-side part.
-    return: of the Block ``plant``; defaults: nominal drive, standard cable, no disturbance, the
-        ideal person.
-    """
-    return (
-        *_drive(device),
-        *(_cable() if cable else ()),
-        *_disturbance(),
-        *_bounds(device),
-        *person_tunables(PEOPLE["ideal"]),
+    """What may vary from one plant to the next without a new compilation."""
+    for key in ("actuator", "joint"):
+        if getattr(device.file, key) is None:
+            raise UserError(
+                f"{device.origin}: section [{key}] is missing: the virtual exoskeleton needs it.",
+                'Add it, or write extends = "elbow_drive" and give what differs.',
+            )
+    drive = _given(device.file.actuator, _DRIVE)
+    soft = PLANTS.nominal.coulomb_width_rad_s
+    width = assumed(
+        "coulomb_width_rad_s",
+        soft,
+        1e-3,
+        10,
+        "width of the Coulomb friction, tanh(omega/width): larger is softer",
     )
+    real = vars(PLANTS.real)
+    cables = [assumed(k, real[k], low, high, text) for k, low, high, text in _CABLE if cable]
+    who, source = PEOPLE["ideal"].values(), "standard people, plants.toml"
+    person = [Tunable(k, who[k], low, high, t, source, "assumed") for k, low, high, t in _PERSON]
+    return (*drive[:3], width, *drive[3:], *cables, *_disturbance(), *_bounds(device), *person)
 
 
 # What prepare computes rather than hands on, and which tunables it replaces by that.
@@ -221,7 +160,6 @@ def passed_on(tunables: tuple[Tunable, ...]) -> list[str]:
 
 
 def plant_coefficients(tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
-    """Coefficients of the Block ``plant``."""
     by_name = {t.name: t for t in tunables}
     direct = [by_name[n] for n in passed_on(tunables)]
     vectors = ("wave_turns", "phase_turns")
@@ -235,10 +173,6 @@ def plant_coefficients(tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
 
 
 def prepare_plant(t: SimpleNamespace, names: list[str], h: float, tick: float) -> dict[str, Any]:
-    """Coefficients from tunables.
-
-    h, tick: period of the step, and for how long a white number is held, in seconds.
-    """
     values = {n: getattr(t, n) for n in names}
     decay = ca.exp(-2 * math.pi * h * t.torque_noise_Hz)
     # White numbers of variance 1, each held for a tick, through this first-order filter must come

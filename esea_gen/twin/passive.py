@@ -29,8 +29,7 @@ from esea_gen.language.ports import Flag, Port, flag_word
 from esea_gen.language.system import System, Task
 from esea_gen.model.symbolic import equation
 from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
-from esea_gen.twin.parameters import assumed
-from esea_gen.twin.people import STEP_S
+from esea_gen.twin.parameters import STEP_S, assumed
 from esea_gen.twin.plant import TICK_S, true_sensor
 from esea_gen.twin.published import PLANTS
 
@@ -43,11 +42,7 @@ _SPEED_RAD_S, _TAU_NM = 500.0, 1000.0
 
 
 def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
-    """Cuff and coupling: one step of the plant.
-
-    return: inputs: the hands' torque, the limb's angle at the end of the step and its speed in the
-        middle; outputs: the coupling's true torque on the limb, and the angles on either side.
-    """
+    """Cuff and coupling: one step of the plant."""
     sensor = true_sensor(device, step_s)
     inertia = PLANTS.real.motor_side_inertia_kgm2
     tunables = (
@@ -133,11 +128,7 @@ def passive_system(device: DeviceData, step_s: float = STEP_S, tick_s: float = T
 
 @dataclass(frozen=True)
 class PassiveRun:
-    """What happened in a run, at every tick: arrays of shape (ticks,).
-
-    tau_true_Nm: of the coupling on the limb; tau_Nm, theta_l_rad: as read by the device's own C and
-        by the limb's encoder.
-    """
+    """What happened in a run, at every tick: arrays of shape (ticks,)."""
 
     time_s: Array
     tau_true_Nm: Array
@@ -146,11 +137,7 @@ class PassiveRun:
 
 
 class PassiveTwin:
-    """A passive device in simulation: plant and encoders compiled, and the C that it ships.
-
-    device: with a sensor and no motor.
-    encoder_noise_rad: effective value of the noise of each encoder.
-    """
+    """A passive device in simulation: plant and encoders compiled, and the C that it ships."""
 
     def __init__(self, device: Device, encoder_noise_rad: float = ENCODER_NOISE_RAD) -> None:
         self.device, self.encoder_noise_rad = device, encoder_noise_rad
@@ -162,7 +149,6 @@ class PassiveTwin:
     def run(
         self, time_s: Array, tau_hand_Nm: Array, theta_l_rad: Array, rng: np.random.Generator
     ) -> PassiveRun:
-        """Render hands and a limb that moves; encoders start anywhere in a turn."""
         h, tick_s = STEP_S, self.device.period_s
         every, settle = round(tick_s / h), round(SETTLE_S / tick_s)
         ticks = settle + int((time_s[-1] - time_s[0]) / tick_s + 1e-9)

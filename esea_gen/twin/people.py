@@ -10,47 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.language.ports import Tunable
+from esea_gen.twin.parameters import CABLE_KEYS, STEP_S
 from esea_gen.twin.published import PEOPLE, PLANTS, Person
-
-__all__ = [
-    "PEOPLE",
-    "PLANTS",
-    "STEP_S",
-    "Person",
-    "PlantVariant",
-    "gear_disturbance",
-    "ideal_plant",
-    "person_tunables",
-    "random_person",
-    "random_plant",
-    "real_plant",
-]
-STEP_S = 2e-4  # docs/twin.md has the evidence
-_PERSON_BOUNDS = {
-    "Jh_kgm2": (1e-3, 100, "inertia of limb and load side"),
-    "spring_Nm_rad": (0, 1e4, "pull towards the intended path"),
-    "damping_Nms_rad": (0, 1e3, "pull towards the intended speed"),
-    "feedforward": (0, 1, "share of the torque that the intended path needs"),
-    "own_damping_Nms_rad": (0, 100, "damping of the limb itself"),
-    "gravity_Nm": (0, 100, "gravity, times the sine of the angle"),
-    "torque_noise_Nm": (0, 100, "effective value of the torque noise"),
-    "torque_noise_Hz": (0.01, 100, "bandwidth of the torque noise"),
-    "clamped": (0, 1, "1: no person, the load is held where it is"),
-}
-
-
-def person_tunables(person: Person) -> tuple[Tunable, ...]:
-    """A person as tunables of the Block ``plant``."""
-    values = person.values()
-    return tuple(
-        Tunable(k, values[k], low, high, text, "standard people, plants.toml", "assumed")
-        for k, (low, high, text) in _PERSON_BOUNDS.items()
-    )
 
 
 def random_person(seed: int) -> Person:
-    """A person drawn from the family."""
     rng = np.random.default_rng([seed, 2])
     family = vars(PLANTS.random)
     keys = [f.name for f in dataclasses.fields(Person) if f.name in family]
@@ -60,12 +24,7 @@ def random_person(seed: int) -> Person:
 
 @dataclass(frozen=True)
 class PlantVariant:
-    """A plant: how it is built, and the tunables that differ from the Blocks' defaults.
-
-    device: whose drive, elastomer and encoders.
-    cable: whether the cable is compliant.
-    values: tunables of the Blocks ``plant`` and ``encoders``, the person's among them.
-    """
+    """A plant: how it is built, and the tunables that differ from the Blocks' defaults."""
 
     device: DeviceData
     cable: bool
@@ -73,39 +32,22 @@ class PlantVariant:
     step_s: float = STEP_S
 
     def having(self, person: Person | None = None, **values: float) -> PlantVariant:
-        """A copy with another person, or other tunables."""
         more = (person.values() if person else {}) | values
         return dataclasses.replace(self, values={**self.values, **more})
 
 
 def ideal_plant(device: DeviceData, person: str = "ideal") -> PlantVariant:
-    """The nominal plant: device file's drive, rigid cable, no disturbance, full encoders.
-
-    The cable is rigid by construction and not merely stiff: a stiff one would need a shorter step
-    for a motion that nobody looks at, and would not obey (5.2) exactly.
-    """
+    """The nominal plant: device file's drive, rigid cable, no disturbance, full encoders."""
     return PlantVariant(device, False).having(PEOPLE[person])
 
 
 def gear_disturbance(rms_rad_s2: float, seed: int) -> dict[str, float]:
-    """A gear disturbance drawn from the bands."""
     rng = np.random.default_rng([seed, 1])
     out = {"gear_disturbance_rms_rad_s2": rms_rad_s2}
     for i, band in enumerate(PLANTS.disturbance.bands_1_rad, 1):
         out[f"wave_{i}_1_rad"] = float(rng.uniform(*band))
         out[f"phase_{i}_rad"] = float(rng.uniform(0, 2 * math.pi))
     return out
-
-
-_CABLE_KEYS = (
-    "cable_stiffness_Nm_rad",
-    "cable_damping_Nms_rad",
-    "cable_backlash_rad",
-    "cable_loss",
-    "cable_loss_width_rad_s",
-    "motor_side_inertia_kgm2",
-    "motor_side_damping_Nms_rad",
-)
 
 
 def _bits(device: DeviceData) -> dict[str, float]:
@@ -122,7 +64,7 @@ def real_plant(device: DeviceData, person: str = "uncertain", seed: int = 0) -> 
     """The standard plant: more friction, cable with backlash and loss, disturbance, encoders."""
     r, a = PLANTS.real, device.file.actuator
     assert a is not None
-    values = {k: float(getattr(r, k)) for k in _CABLE_KEYS} | _bits(device)
+    values = {k: float(getattr(r, k)) for k in CABLE_KEYS} | _bits(device)
     values |= {
         "fv_Nms_rad": r.friction_scale * a.fv_Nms_rad.value,
         "fc_Nm": r.friction_scale * a.fc_Nm.value,
@@ -132,7 +74,6 @@ def real_plant(device: DeviceData, person: str = "uncertain", seed: int = 0) -> 
 
 
 def random_plant(device: DeviceData, seed: int) -> PlantVariant:
-    """A plant and a person drawn from the families."""
     a, family = device.file.actuator, PLANTS.random
     assert a is not None
     rng = np.random.default_rng([seed, 0])

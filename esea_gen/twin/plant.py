@@ -58,12 +58,12 @@ from esea_gen.twin.mechanics import (
     trip,
 )
 from esea_gen.twin.parameters import (
+    STEP_S,
     passed_on,
     plant_coefficients,
     plant_tunables,
     prepare_plant,
 )
-from esea_gen.twin.people import STEP_S
 
 TICK_S = 1e-3
 NAME = "twin"
@@ -212,8 +212,6 @@ class AxisStep:
 
 @dataclass(frozen=True)
 class _PlantStep:
-    """One step of the plant, symbolically."""
-
     axis: AxisStep
 
     def __call__(
@@ -232,12 +230,10 @@ class _PlantStep:
 
 
 def plant_status(guard: Guard) -> Any:
-    """Status word of one step of a plant."""
     return flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)])
 
 
 def axis_step(device: DeviceData, cable: bool, step_s: float) -> AxisStep:
-    """Step of one axis of a device."""
     assert device.file.actuator is not None
     ratio = device.file.actuator.gear_ratio.value
     return AxisStep(cable, step_s, ratio, true_sensor(device, step_s))
@@ -246,13 +242,7 @@ def axis_step(device: DeviceData, cable: bool, step_s: float) -> AxisStep:
 def plant_block(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> Block:
-    """Drive, cable, elastomer, load and person: one step of the plant.
-
-    cable: false for a rigid one: gear and motor-side part are then one inertia J, as in (5.2).
-    tick_s: for how long each number of the input ``noise`` is held, in seconds.
-    return: inputs: motor command, the person's intended path, white noise. Outputs: true torque,
-        angles, speeds, works, all at the end of the step.
-    """
+    """Drive, cable, elastomer, load and person: one step of the plant."""
     tunables = plant_tunables(device, cable)
     axis = axis_step(device, cable, step_s)
     sensor = axis.sensor
@@ -377,12 +367,6 @@ def steps_a_tick(step_s: float, tick_s: float) -> int:
 def plant_system(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> System:
-    """The virtual exoskeleton as a System.
-
-    step_s, tick_s: period of the plant's step and of the controller's base tick, in seconds.
-    return: task ``move`` (Block ``plant``) every step, task ``encode`` (Block ``encoders``) every
-        tick; whoever runs them hands the angles over.
-    """
     every = steps_a_tick(step_s, tick_s)
     plant, encoders = plant_block(device, cable, step_s, tick_s), encoder_block(device, tick_s)
     return System(
@@ -419,15 +403,7 @@ def start_state(
     elastomer_scale: float = 1.0,
     axis: str = "",
 ) -> tuple[dict[str, list[float]], dict[str, float]]:
-    """State of a plant's Block at the start of a run, and what its outputs show of it.
-
-    initial: ``theta_...`` and ``omega_...`` of the bodies ``g``, ``m`` and ``l``.
-    axis: of a plant of several axes.
-    return: of the vectors that are not 0. Accelerations start at 0, which is half a step of them
-        lost.
-
-    The elastomer has no memory at the start: its torque is that of the spring.
-    """
+    """State of a plant's Block at the start of a run, and what its outputs show of it."""
     ports = {p.name: p for p in plant.outputs}
     known = [f"{q}_{b}_{u}" for q, u in (("theta", "rad"), ("omega", "rad_s")) for b in _BODIES]
     for key, value in initial.items():

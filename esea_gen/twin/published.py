@@ -3,308 +3,43 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import tomllib
+from dataclasses import dataclass
 from importlib import resources
-
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
-
-from esea_gen.toml_file import checked, parse_toml
-
-FILE = "plants.toml"
-Interval = tuple[float, float]
-STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+from types import SimpleNamespace
+from typing import Any
 
 
-@dataclass(frozen=True, config=STRICT)
-class Nominal:
-    """What the nominal plant has besides the device file.
-
-    coulomb_width_rad_s: width of the plant's Coulomb friction.
-    """
-
-    coulomb_width_rad_s: float
-
-
-@dataclass(frozen=True, config=STRICT)
-class Real:
-    """The standard plant with everything that the nominal one leaves out.
-
-    friction_scale: friction over the device file's, viscous and Coulomb.
-    cable_stiffness_Nm_rad, cable_damping_Nms_rad: cable between gear and motor-side part.
-    cable_backlash_rad: whole gap before the cable pulls.
-    cable_loss, cable_loss_width_rad_s: share of the cable's torque lost on the motor-side part, and
-        the speed that smooths it.
-    velocity_filter_Hz: the velocity filter that the trials' controllers had.
-    """
-
-    friction_scale: float
-    cable_stiffness_Nm_rad: float
-    cable_damping_Nms_rad: float
-    cable_backlash_rad: float
-    cable_loss: float
-    cable_loss_width_rad_s: float
-    motor_side_inertia_kgm2: float
-    motor_side_damping_Nms_rad: float
-    gear_disturbance_rms_rad_s2: float
-    joint_encoder_bits: int
-    motor_encoder_bits: int
-    velocity_filter_Hz: float
-
-
-@dataclass(frozen=True, config=STRICT)
-class PublishedDisturbance:
-    """Bands from which the wave numbers of the gear's disturbance are drawn.
-
-    bands_1_rad: one band a sine.
-    """
-
-    bands_1_rad: tuple[Interval, ...]
-
-
-@dataclass(frozen=True, config=STRICT)
-class PublishedStops:
-    """Mechanical stops of coupling and joint.
-
-    coupling_rad: deflection at which the coupling's jaws meet.
-    joint_stiffness_Nm_rad, joint_damping_Nms_rad: how hard the ends of the joint's travel are.
-    """
-
-    coupling_rad: float
-    coupling_stiffness_Nm_rad: float
-    coupling_damping_Nms_rad: float
-    joint_stiffness_Nm_rad: float
-    joint_damping_Nms_rad: float
-
-
-@dataclass(frozen=True, config=STRICT)
-class Twist:
-    """A way to lead the cable.
-
-    cable_loss: share of the cable's torque lost on the motor-side part.
-    cable_stiffness_Nm_rad: cable between gear and motor-side part.
-    """
-
-    cable_loss: float
-    cable_stiffness_Nm_rad: float
-
-
-@dataclass(frozen=True, config=STRICT)
-class Trip:
-    """Thresholds at which the drive switches itself off.
-
-    torque_rms_Nm: effective torque at the motor's shaft.
-    """
-
-    speed_rad_s: float
-    torque_rms_Nm: float
-    torque_window_s: float
-
-
-@dataclass(frozen=True, config=STRICT)
+@dataclass(frozen=True)
 class Person:
-    """A person: limb, and how it is moved along the intended path.
-
-    spring_Nm_rad, damping_Nms_rad: pull towards the intended path.
-    feedforward: whether the person also gives the torque that the intended path needs.
-    gravity_Nm: times the sine of the angle, towards full extension.
-    torque_noise_Nm, torque_noise_Hz: effective value and bandwidth (first order) of the torque
-        noise.
-    load_velocity_filter_Hz: the load-side velocity filter that the published trials used with this
-        person.
-    clamped: no person: the load is held where it starts.
-    """
+    """A person: limb, and how it is moved along the intended path."""
 
     Jh_kgm2: float
-    spring_Nm_rad: float
+    spring_Nm_rad: float  # pull towards the intended path
     damping_Nms_rad: float
-    feedforward: bool
+    feedforward: bool  # also gives the torque that the intended path needs
     own_damping_Nms_rad: float
-    gravity_Nm: float
-    torque_noise_Nm: float
+    gravity_Nm: float  # times the sine of the angle, towards full extension
+    torque_noise_Nm: float  # effective value, first order with the next bandwidth
     torque_noise_Hz: float
-    load_velocity_filter_Hz: float | None = None
-    clamped: bool = False
+    load_velocity_filter_Hz: float | None = None  # that the published trials used
+    clamped: bool = False  # no person: the load is held where it starts
 
     def values(self) -> dict[str, float]:
-        """As tunables of the Block ``plant``."""
         return {k: float(v) for k, v in vars(self).items() if k != "load_velocity_filter_Hz"}
 
 
-@dataclass(frozen=True, config=STRICT)
-class Fixed:
-    """Sinusoidal torque with the output fixed.
-
-    settle_cycles, cycles: cycles before the analysis, and in all.
-    slow_below_Hz: below this frequency the next two hold.
-    """
-
-    settle_cycles: int
-    cycles: int
-    slow_below_Hz: float
-    slow_settle_cycles: int
-    slow_cycles: int
+def _table(held: Any) -> Any:
+    # Keys that are no names, such as angles, stay keys.
+    if not isinstance(held, dict):
+        return tuple(map(_table, held)) if isinstance(held, list) else held
+    inner = {k: _table(v) for k, v in held.items()}
+    return SimpleNamespace(**inner) if all(k.isidentifier() for k in inner) else inner
 
 
-@dataclass(frozen=True, config=STRICT)
-class PublishedBackdriven:
-    """Slow sinusoids from full extension.
-
-    duration_s, settle_s: length, and start of the analysis.
-    """
-
-    amplitude_deg: float
-    frequencies_Hz: tuple[float, ...]
-    duration_s: float
-    settle_s: float
-
-
-@dataclass(frozen=True, config=STRICT)
-class PublishedBread:
-    """Cutting bread: a rise, then slices.
-
-    rise_s, middle_rad: how long the rise takes, and where it ends.
-    fade_s: time constant with which they begin.
-    duration_s, settle_s: length, and start of the analysis.
-    """
-
-    rise_s: float
-    middle_rad: float
-    amplitude_rad: float
-    frequency_Hz: float
-    fade_s: float
-    duration_s: float
-    settle_s: float
-
-
-@dataclass(frozen=True, config=STRICT)
-class Reach:
-    """Reaching there and back for impedance control.
-
-    reach_deg, half_s: how far, and how long one way takes.
-    duration_s, settle_s, end_s: length, and the analysed window.
-    """
-
-    reach_deg: float
-    half_s: float
-    duration_s: float
-    settle_s: float
-    end_s: float
-
-
-@dataclass(frozen=True, config=STRICT)
-class Trajectories:
-    """Numbers of the trajectories."""
-
-    fixed: Fixed
-    backdriven: PublishedBackdriven
-    bread: PublishedBread
-    impedance: Reach
-
-
-@dataclass(frozen=True, config=STRICT)
-class Random:
-    """Ends of the uniform distributions of a Monte-Carlo family.
-
-    friction_scale, inertia_scale, lag_scale: over the device file's numbers; the two frictions are
-        drawn apart.
-    cable_stiffness_Nm_rad, cable_backlash_rad, cable_loss: the cable.
-    gear_disturbance_rms_rad_s2: the gear's disturbance.
-    Jh_kgm2, gravity_Nm, spring_Nm_rad, damping_Nms_rad, torque_noise_Nm: the person.
-    """
-
-    friction_scale: Interval
-    inertia_scale: Interval
-    lag_scale: Interval
-    cable_stiffness_Nm_rad: Interval
-    cable_backlash_rad: Interval
-    cable_loss: Interval
-    gear_disturbance_rms_rad_s2: Interval
-    Jh_kgm2: Interval
-    gravity_Nm: Interval
-    spring_Nm_rad: Interval
-    damping_Nms_rad: Interval
-    torque_noise_Nm: Interval
-
-
-@dataclass(frozen=True, config=STRICT)
-class OffRandom:
-    """Ends of the distributions when everything is off at once."""
-
-    rubber_scale: Interval
-    hysteresis_scale: Interval
-    relaxation_Nm_rad: Interval
-    encoder_deg: Interval
-    friction_scale: Interval
-    inertia_scale: Interval
-    lag_scale: Interval
-    delay_ms: tuple[int, int]
-    backlash_rad: Interval
-    missed_share: Interval
-
-
-@dataclass(frozen=True, config=STRICT)
-class OffFamilies:
-    """Families of plants that differ from the model that a controller was built from.
-
-    random: everything at once.
-    """
-
-    rubber_scale: tuple[float, ...]
-    hysteresis_scale: float
-    relaxation_Nm_rad: float
-    relaxation_s: float
-    encoder_deg: tuple[float, ...]
-    friction_scale: tuple[float, ...]
-    inertia_scale: tuple[float, ...]
-    lag_scale: tuple[float, ...]
-    delay_ms: tuple[int, ...]
-    backlash_rad: float
-    missed_share: tuple[float, ...]
-    missed_from_s: float
-    random: OffRandom
-
-
-@dataclass(frozen=True, config=STRICT)
-class Unstable:
-    """When a run counts as unstable.
-
-    max_true_error_Nm: largest true torque error after the settling time.
-    """
-
-    max_true_error_Nm: float
-    max_gear_speed_rad_s: float
-
-
-@dataclass(frozen=True, config=STRICT)
-class Plants:
-    """The whole file.
-
-    twist: ways to lead the cable, by angle in degrees.
-    """
-
-    nominal: Nominal
-    real: Real
-    disturbance: PublishedDisturbance
-    stops: PublishedStops
-    twist: Mapping[str, Twist]
-    trip: Trip
-    person: Mapping[str, Person]
-    trajectory: Trajectories
-    random: Random
-    off: OffFamilies
-    unstable: Unstable
-
-
-def parse_plants(text: str) -> Plants:
-    """Read the text of a ``plants.toml``."""
-    document = parse_toml(text, FILE, "the shipped one")
-    return checked(Plants, document, FILE, lambda _: None, text)
-
-
-PLANTS = parse_plants((resources.files("esea_gen") / "twin" / FILE).read_text(encoding="utf-8"))
-PEOPLE: dict[str, Person] = {
-    **PLANTS.person,
-    "none": dataclasses.replace(PLANTS.person["ideal"], clamped=True),
-}
+_TEXT = (resources.files("esea_gen") / "twin" / "plants.toml").read_text(encoding="utf-8")
+PLANTS: Any = _table(tomllib.loads(_TEXT))
+"""The whole file, a table by its name; ``PLANTS.twist`` by the cable's angle in degrees."""
+PEOPLE = {name: Person(**person) for name, person in tomllib.loads(_TEXT)["person"].items()}
+PEOPLE["none"] = dataclasses.replace(PEOPLE["ideal"], clamped=True)
 """The people that have names: ``ideal``, ``uncertain``, and ``none`` (the load is clamped)."""

@@ -22,12 +22,7 @@ from esea_gen.twin.trajectories import RATE_HZ, Trajectory, tuning
 
 @dataclass(frozen=True)
 class RecordedDrive:
-    """The tuning case, recorded in closed loop with the real plant.
-
-    inputs: per task one array per external input, one element for each of its runs; ``{"": zeros}``
-        for a task without inputs.
-    outputs: per task what the controller's f32 C gave, at each of its runs.
-    """
+    """The tuning case, recorded in closed loop with the real plant."""
 
     inputs: dict[str, dict[str, Array]]
     outputs: dict[str, dict[str, Array]]
@@ -47,10 +42,7 @@ def _tuning_case(device: Device, ticks: int) -> Trajectory:
 
 
 def tuning_signals(device: Device, loop: ClosedLoop, ticks: int) -> dict[str, Array]:
-    """What a controller is told in the tuning case: off at first, armed, then torque control.
-
-    Of several axes the first is, and of the others no torque is wanted.
-    """
+    """What a controller is told in the tuning case: off at first, armed, then torque control."""
     signals = told(device, loop, _tuning_case(device, ticks), TORQUE, device.axes[0])
     return {k: v[:ticks] for k, v in signals.items() if k in loop.signals or k in loop.intent}
 

@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from esea_gen.control.horizon import Horizon
 from esea_gen.control.laws.predictive import device_horizon
+from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import Device
 from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import Array
@@ -42,10 +42,6 @@ PRINTED_IMPEDANCE = {"Q": 1.0, "R": 0.005}
 
 
 def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVariant:
-    """A plant with a person.
-
-    person: one of ``PERSON_NAMES``; none fixes the output.
-    """
     choose("plant", plant, PLANT_NAMES)
     if len(device.axes) > 1:
         return _stepped(device, hand_variant(device, plant, person, seed))
@@ -76,12 +72,7 @@ def _stepped(device: Device, variant: PlantVariant) -> PlantVariant:
 
 
 def previews(path: Trajectory, horizon: Horizon, tick_s: float = 1 / RATE_HZ) -> dict[str, Array]:
-    """What a predictive controller with a known future is given.
-
-    tick_s: of the sensing task: the control task reads what was measured a tick ago.
-    return: ``tau_preview_Nm``, ``theta_preview_rad`` and ``omega_preview_rad_s``, each of shape
-        (ticks, intervals): the values at the end of every interval; the last ones hold.
-    """
+    """What a predictive controller with a known future is given."""
     ticks = np.rint(np.array(horizon.ends_s) * RATE_HZ).astype(int) - round(tick_s * RATE_HZ)
     n = len(path.tau_desired_Nm)
     at = np.minimum(np.arange(n)[:, None] + ticks, n - 1)
@@ -96,11 +87,7 @@ def previews(path: Trajectory, horizon: Horizon, tick_s: float = 1 / RATE_HZ) ->
 def told(
     device: Device, loop: ClosedLoop, path: Trajectory, mode: int, axis: str = ""
 ) -> dict[str, Array]:
-    """What a controller is told along a path: off at first, armed, then the mode; the first law.
-
-    axis: which the path is of; the others are wanted at 0.
-    return: one value a tick of the device.
-    """
+    """What a controller is told along a path: off at first, armed, then the mode; the first law."""
     n = len(path.tau_desired_Nm)
     t = np.arange(n) / RATE_HZ
     slow_s = device.system.tasks[-1].every * device.period_s
@@ -131,7 +118,6 @@ def axis_of(device: Device, setting: Setting) -> str:
 
 
 def run_case(case: Case, setting: Setting, seed: int) -> ClosedLoopRun:
-    """Run one case."""
     device = controller_device(setting.controller)
     person = "none" if case.trajectory.clamped else setting.person
     variant = plant_variant(device, setting.plant, person, seed)
@@ -165,11 +151,7 @@ def run_on(
     setting: Setting,
     seed: int,
 ) -> ClosedLoopRun:
-    """Run one case on a loop that is compiled already.
-
-    loop: the device's System, or one that shows more of it, with a plant.
-    return: with several axes the names of the setting's axis are there without it as well.
-    """
+    """Run one case on a loop that is compiled already."""
     fixed = case.trajectory.clamped
     refuse_unadapted(device, setting)
     # What the same machine has learnt with a known mass before.

@@ -13,16 +13,12 @@ from esea_gen.language.ports import Array
 from esea_gen.twin.published import PLANTS
 
 RATE_HZ = 1000.0
+REACH_REST_S = 0.8
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A path, a desired torque, and the window in which a run is judged.
-
-    theta_p_rad, omega_p_rad_s, alpha_p_rad_s2: the person's intended path, one value a millisecond.
-    start, end: first sample of the analysed window, and the one after its last.
-    clamped: whether the output is fixed: no person.
-    """
+    """A path, a desired torque, and the window in which a run is judged."""
 
     name: str
     theta_p_rad: Array
@@ -35,20 +31,14 @@ class Trajectory:
 
     @property
     def window(self) -> slice:
-        """The analysed samples."""
         return slice(self.start, self.end)
 
     @property
     def start_rad(self) -> float:
-        """Where the path starts, at rest."""
         return float(self.theta_p_rad[0])
 
     def signals(self) -> dict[str, Array]:
-        """The path for the plant, and path and torque as a controller's references.
-
-        return: ``theta_p_rad``, ``omega_p_rad_s``, ``alpha_p_rad_s2``, ``tau_desired_Nm``,
-            ``theta_desired_rad``, ``omega_desired_rad_s``.
-        """
+        """The path for the plant, and path and torque as a controller's references."""
         return {
             "theta_p_rad": self.theta_p_rad,
             "omega_p_rad_s": self.omega_p_rad_s,
@@ -94,10 +84,6 @@ def fixed_output(name: str, tau_Nm: Array, start: int) -> Trajectory:
 
 
 def fixed_sinusoid(amplitude_Nm: float, frequency_Hz: float) -> Trajectory:
-    """A sinusoidal torque with the output fixed.
-
-    return: 22 cycles, analysed after 10; below 0.5 Hz 8 cycles, analysed after 4.
-    """
     _positive("frequency_Hz", frequency_Hz)
     _finite("amplitude_Nm", amplitude_Nm)
     p = PLANTS.trajectory.fixed
@@ -110,15 +96,10 @@ def fixed_sinusoid(amplitude_Nm: float, frequency_Hz: float) -> Trajectory:
 
 
 def tuning() -> Trajectory:
-    """The thesis' tuning case."""
     return fixed_sinusoid(1.7, 0.6)
 
 
 def backdriven(frequency_Hz: float, tau_Nm: float = 0.0) -> Trajectory:
-    """Slow sinusoid from full extension, 90 degrees peak to peak.
-
-    frequency_Hz: of the path; the published trials have 0.1, 0.15, 0.2 and 0.25 Hz.
-    """
     _positive("frequency_Hz", frequency_Hz)
     p = PLANTS.trajectory.backdriven
     a, w = np.deg2rad(p.amplitude_deg), 2 * np.pi * frequency_Hz
@@ -157,10 +138,7 @@ def bread(tau_Nm: float = 0.0) -> Trajectory:
 
 
 def minimum_jerk(share: Any) -> tuple[Any, Any, Any]:
-    """Way, speed and acceleration of a minimum-jerk movement from 0 to 1; at rest outside.
-
-    share: of its time, a number or an array.
-    """
+    """Way, speed and acceleration of a minimum-jerk movement from 0 to 1; at rest outside."""
     s = np.clip(share, 0.0, 1.0)
     return (
         s**3 * (10 - 15 * s + 6 * s**2),
@@ -169,11 +147,18 @@ def minimum_jerk(share: Any) -> tuple[Any, Any, Any]:
     )
 
 
-def impedance(tau_Nm: float = 0.0) -> Trajectory:
-    """Reaching from 0 to 90 degrees and back with minimum jerk each way.
+def reaches(ends_rad: Array, lasting_s: Array, h: float) -> Array:
+    """Deflection from rest to each end in turn, by minimum jerk, with a rest after each."""
+    parts, last = [np.zeros(1)], 0.0
+    for end, lasting in zip(ends_rad, lasting_s, strict=True):
+        u = np.minimum(np.arange(1, round((lasting + REACH_REST_S) / h) + 1) * h / lasting, 1.0)
+        parts.append(last + (end - last) * u**3 * (10 - 15 * u + 6 * u * u))
+        last = float(end)
+    return np.concatenate(parts)
 
-    return: ten cycles of 4 s; the middle five, from 12 to 32 s, are analysed.
-    """
+
+def impedance(tau_Nm: float = 0.0) -> Trajectory:
+    """Reaching from 0 to 90 degrees and back with minimum jerk each way."""
     p = PLANTS.trajectory.impedance
     reach, half = np.deg2rad(p.reach_deg), p.half_s
 

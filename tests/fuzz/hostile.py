@@ -28,7 +28,7 @@ from esea_gen import toml_file
 from esea_gen.devices.file import parse_file, shipped_devices
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
-from esea_gen.identify.mapping import parse_mapping
+from esea_gen.identify.recording.mapping import parse_mapping
 from esea_gen.link.messenger import Messenger
 from esea_gen.link.received import file_name, shown
 from esea_gen.link.transport import LinkError

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from esea_gen.control.governor import smoothed_setpoint, torque_lead
 from esea_gen.control.law import Base, Law, Parts
-from esea_gen.control.linear_loop import sliding_mode_numbers
 from esea_gen.control.setpoint import setpoint_rates
-from esea_gen.control.sliding_mode import sliding_mode
+from esea_gen.control.sliding_mode.controller import sliding_mode
+from esea_gen.control.sliding_mode.governor import smoothed_setpoint, torque_lead
+from esea_gen.control.sliding_mode.linear_loop import sliding_mode_numbers
 from esea_gen.control.trend import trend
 from esea_gen.language.component import Component
 from esea_gen.observe.human import lag_observer

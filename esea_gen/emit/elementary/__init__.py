@@ -35,13 +35,11 @@ says the same numbers and a test holds both to the measurement.
 
 
 def source_paths() -> tuple[Path, ...]:
-    """Return the files that travel with emitted single-precision code."""
     here = Path(__file__).parent
     return here / "esea_f32.h", here / "esea_f32.c", here / "esea_f32_tables.h"
 
 
 def exponent_q27(exponent: float) -> int:
-    """Convert a constant exponent to the integer that ``esea_f32_powk`` takes."""
     if -16.0 <= exponent <= 16.0:
         scaled = round(exponent * (1 << EXPONENT_FRACTION_BITS))
         if scaled < 1 << 31:

@@ -35,17 +35,12 @@ Real: TypeAlias = Any  # mpmath.mpf, which carries no types
 
 
 def fixed(value: Real, fraction_bits: int, bias: float = 0.0) -> int:
-    """Round a value to a fixed-point integer.
-
-    bias: offset in units of the last place, half a unit where a later truncation is to be centred.
-    """
     return int(mpmath.nint(mpmath.ldexp(value, fraction_bits) + mpf(bias)))
 
 
 def fit(
     function: Callable[[Real], Real], low: Real, high: Real, degree: int
 ) -> tuple[list[Real], Real]:
-    """Fit a polynomial: its coefficients from the constant upwards, and the error bound."""
     coefficients, error = mpmath.chebyfit(function, [low, high], degree + 1, error=True)
     return list(reversed(coefficients)), error
 
@@ -103,10 +98,7 @@ def exp2_table() -> list[int]:
 
 
 def reciprocal_root_table() -> list[int]:
-    """Return seeds of 1/sqrt(a) for a in [1, 4) as Q16.
-
-    return: one seed for each value 16 to 63 of the six leading bits.
-    """
+    """Return seeds of 1/sqrt(a) for a in [1, 4) as Q16."""
     return [fixed(1 / mpmath.sqrt((mpf(index) + mpf(0.5)) / 16), 16) for index in range(16, 64)]
 
 
@@ -117,7 +109,6 @@ def two_over_pi_words() -> list[int]:
 
 
 def near_zero(function: Callable[[Real], Real], limit: Real) -> Callable[[Real], Real]:
-    """Fill the removable singularity of a function at zero."""
     return lambda t: limit if t == 0 else function(t)
 
 
@@ -136,12 +127,6 @@ def polynomial(
     bias: float = 0.0,
     alternating: bool = False,
 ) -> tuple[str, str, list[int]]:
-    """Fit one polynomial.
-
-    formats: fraction bits of each coefficient, from the constant upwards.
-    bias: of the constant, in units of its last place.
-    alternating: every second coefficient is stored with the other sign.
-    """
     coefficients, error = fit(function, interval[0], interval[1], len(formats) - 1)
     integers = [
         fixed(-value if alternating and power % 2 else value, bits, 0.0 if power else bias)
@@ -154,10 +139,7 @@ def polynomial(
 
 
 def polynomials() -> list[tuple[str, str, list[int]]]:
-    """Return every polynomial as name, meaning and integer coefficients.
-
-    return: macro stem, comment, coefficients from the constant upwards.
-    """
+    """Return every polynomial as name, meaning and integer coefficients."""
     ln2, half, turn = mpmath.log(2), mpf(0.5), mp.pi / 2
     reduced, quarter = reduced_range(), (mpf(0), mpf(0.25))
     return [
@@ -230,7 +212,6 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
 
 
 def rows(values: Iterable[int], pattern: str, per_line: int) -> list[str]:
-    """Format table entries as lines."""
     texts = [pattern.format(value) for value in values]
     return [
         "    " + ", ".join(texts[at : at + per_line]) + "," for at in range(0, len(texts), per_line)
@@ -238,7 +219,6 @@ def rows(values: Iterable[int], pattern: str, per_line: int) -> list[str]:
 
 
 def render() -> str:
-    """Render the header."""
     with mp.workdps(110):
         lines = [
             "/* Constants of esea_f32.c, derived to 110 digits by coefficients.py, for it alone.",
@@ -288,10 +268,6 @@ def render() -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Check or write the tables.
-
-    return: exit status: 0 when the committed file is current or was written.
-    """
     parser = argparse.ArgumentParser(description="Derive esea_f32_tables.h.")
     action = parser.add_mutually_exclusive_group(required=True)
     action.add_argument("--check", action="store_true", help="fail if the committed file differs")

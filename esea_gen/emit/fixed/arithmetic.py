@@ -29,8 +29,6 @@ LEAST_SHIFT = -127  # of a quotient
 
 
 class Arithmetic(LoweringBase):
-    """Rules of arithmetic."""
-
     # -- operations ------------------------------------------------------------------------------
 
     def _narrowest(
@@ -188,10 +186,6 @@ class Arithmetic(LoweringBase):
         join: Callable[[Expr, Expr, int], Expr],
         override: Mapping[int, Value] | None = None,
     ) -> Value:
-        """Two operands in one format, joined.
-
-        join: ``join(a, b, bits) -> expression`` of the aligned operands.
-        """
         low, high = self._cut(i, low, high)
         filled = [f for f in map(self._fraction, args) if f < MOST_FRACTION_BITS]
         best = best_fraction(low, high, self._limit(i))

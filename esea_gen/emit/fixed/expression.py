@@ -29,20 +29,15 @@ class OverflowProofError(Exception):
 
 @dataclass(frozen=True)
 class Expr:
-    """One whole-number expression.
-
-    bits: type: 1 (``bool``, 0 or 1), 32, 64, or -32 (``uint32_t``).
-    data: numbers that belong to the operation: a shift, a literal's value.
-    name: of a named value: its C name; of a read: the place in memory.
-    """
+    """One whole-number expression."""
 
     op: str
     args: tuple[Expr, ...]
-    bits: int
+    bits: int  # type: 1 (``bool``, 0 or 1), 32, 64, or -32 (``uint32_t``)
     low: int
     high: int
-    data: tuple[int, ...] = ()
-    name: str = ""
+    data: tuple[int, ...] = ()  # numbers that belong to the operation: a shift, a literal's value
+    name: str = ""  # of a named value: its C name; of a read: the place in memory
 
 
 def _make(
@@ -60,17 +55,14 @@ def read(place: str, bits: int, low: int, high: int) -> Expr:
 
 
 def named(name: str, value: Expr) -> Expr:
-    """A value that has a name."""
     return Expr("ref", (), value.bits, value.low, value.high, (), name)
 
 
 def literal(value: int, bits: int = 32) -> Expr:
-    """A whole number."""
     return _make("literal", (), bits, value, value, (value,))
 
 
 def cast(x: Expr, bits: int) -> Expr:
-    """The same number in another type."""
     if x.bits == bits:
         return x
     if x.op == "literal":
@@ -79,24 +71,20 @@ def cast(x: Expr, bits: int) -> Expr:
 
 
 def add(x: Expr, y: Expr, bits: int) -> Expr:
-    """Sum."""
     args = cast(x, bits), cast(y, bits)
     return _make("add", args, bits, x.low + y.low, x.high + y.high)
 
 
 def sub(x: Expr, y: Expr, bits: int) -> Expr:
-    """Difference."""
     args = cast(x, bits), cast(y, bits)
     return _make("sub", args, bits, x.low - y.high, x.high - y.low)
 
 
 def neg(x: Expr) -> Expr:
-    """Negative."""
     return _make("neg", (x,), x.bits, -x.high, -x.low)
 
 
 def absolute(x: Expr) -> Expr:
-    """Magnitude."""
     return _make("abs", (x,), x.bits, max(x.low, -x.high, 0), max(-x.low, x.high))
 
 
@@ -142,11 +130,7 @@ def _corners(x: Expr, y: Expr) -> tuple[int, int]:
 
 
 def mul(x: Expr, y: Expr, shift: int, bits: int) -> Expr:
-    """``x y / 2**shift`` rounded, half a unit upwards.
-
-    shift: bits: up to 62 for two of 32 bits, 1 to 94 when one has 64, 33 to 126 but not 64 when
-        both.
-    """
+    """``x y / 2**shift`` rounded, half a unit upwards."""
     if x.bits < y.bits:
         x, y = y, x
     low, high = _corners(x, y)
@@ -180,19 +164,16 @@ def mul(x: Expr, y: Expr, shift: int, bits: int) -> Expr:
 
 
 def minimum(x: Expr, y: Expr, bits: int) -> Expr:
-    """The smaller."""
     args = cast(x, bits), cast(y, bits)
     return _make("min", args, bits, min(x.low, y.low), min(x.high, y.high))
 
 
 def maximum(x: Expr, y: Expr, bits: int) -> Expr:
-    """The larger."""
     args = cast(x, bits), cast(y, bits)
     return _make("max", args, bits, max(x.low, y.low), max(x.high, y.high))
 
 
 def clamp(x: Expr, low: int, high: int) -> Expr:
-    """Cut a number to an interval, where its own is wider."""
     if x.high > high:
         x = minimum(x, literal(high, x.bits), x.bits)
     if x.low < low:
@@ -201,13 +182,11 @@ def clamp(x: Expr, low: int, high: int) -> Expr:
 
 
 def choose(condition: Expr, x: Expr, y: Expr, bits: int) -> Expr:
-    """One of two numbers."""
     args = condition, cast(x, bits), cast(y, bits)
     return _make("choose", args, bits, min(x.low, y.low), max(x.high, y.high))
 
 
 def compare(op: str, x: Expr, y: Expr) -> Expr:
-    """Whether a relation holds."""
     always = {
         "lt": x.high < y.low,
         "le": x.high <= y.low,
@@ -227,7 +206,6 @@ def compare(op: str, x: Expr, y: Expr) -> Expr:
 
 
 def logic(op: str, *args: Expr) -> Expr:
-    """``and``, ``or``, ``not``."""
     fixed = [a.data[0] if a.op == "literal" else None for a in args]
     if op == "not":
         return literal(1 - fixed[0], 1) if fixed[0] is not None else Expr("not", args, 1, 0, 1)
@@ -241,23 +219,14 @@ def logic(op: str, *args: Expr) -> Expr:
 
 
 def truth(x: Expr) -> Expr:
-    """Whether a number is not zero."""
     return x if x.bits == 1 else compare("ne", x, literal(0, x.bits))
 
 
 def call(name: str, args: tuple[Expr, ...], bits: int, low: int, high: int, *data: int) -> Expr:
-    """A call of a function of ``esea_q31.c``.
-
-    name: ``divide``, ``pow``, ``exp``, ``log``, ``sqrt`` or ``tanh``.
-    """
     return _make(name, args, bits, low, high, data)
 
 
 def flags(bits: tuple[tuple[Expr, int], ...]) -> Expr:
-    """A status word.
-
-    bits: conditions and their bits.
-    """
     args = tuple(c for c, _ in bits)
     numbers = tuple(k for _, k in bits)
     return _make("flags", args, -32, 0, sum(1 << k for k in numbers), numbers)
@@ -279,7 +248,6 @@ def _literal_text(value: int, bits: int) -> str:
 
 
 def c_text(x: Expr) -> str:
-    """The expression as C, bracketed so that it can stand anywhere."""
     if x.op in ("read", "ref"):
         return x.name
     if x.op == "literal":
@@ -288,49 +256,36 @@ def c_text(x: Expr) -> str:
     return text if text.endswith(")") and text.startswith("esea_") else f"({text})"
 
 
+_C = {
+    "add": "{0} + {1}",
+    "sub": "{0} - {1}",
+    "neg": "-{0}",
+    "sign": "({0} > 0) ? 1 : (({0} < 0) ? -1 : 0)",
+    "choose": "{0} ? {1} : {2}",
+    "not": "!{0}",
+    **{op: f"{{0}} {sign} {{1}}" for op, sign in _COMPARE.items()},
+}
+
+
 def bare_text(x: Expr) -> str:
-    """The expression as C, without brackets round it."""
     if x.op in ("read", "ref", "literal"):
         return c_text(x)
-    a = [c_text(y) for y in x.args]
-    width = "q63" if x.bits == 64 else "q31"
-    if x.op in _COMPARE:
-        return f"{a[0]} {_COMPARE[x.op]} {a[1]}"
-    if x.op in ("min", "max", "abs"):
-        return f"esea_{width}_{x.op}({', '.join(bare_text(y) for y in x.args)})"
-    if x.op == "round":
-        return f"esea_{width}_round({bare_text(x.args[0])}, {x.data[0]})"
-    if x.op == "mul64":
-        name = "esea_q63_mul" if x.args[1].bits == 64 else "esea_q63_mul_q31"
-        return f"{name}({bare_text(x.args[0])}, {bare_text(x.args[1])}, {x.data[0]})"
-    if x.op == "mul":
-        return f"esea_q31_mul({bare_text(x.args[0])}, {bare_text(x.args[1])}, {x.data[0]})"
+    if x.op in ("and", "or"):
+        return {"and": " && ", "or": " || "}[x.op].join(_chain(x))
     if x.op == "flags":
         parts = (f"esea_bit({bare_text(t)}, {k}u)" for t, k in zip(x.args, x.data, strict=True))
         return " | ".join(parts)
-    simple: dict[str, Callable[[], str]] = {
-        "cast": lambda: _cast_text(x, a[0]),
-        "add": lambda: f"{a[0]} + {a[1]}",
-        "sub": lambda: f"{a[0]} - {a[1]}",
-        "neg": lambda: f"-{a[0]}",
-        "sign": lambda: f"({a[0]} > 0) ? 1 : (({a[0]} < 0) ? -1 : 0)",
-        "scale": lambda: f"{a[0]} * {_literal_text(1 << x.data[0], x.bits)}",
-        "wide_mul": lambda: f"esea_q31_wide({', '.join(bare_text(y) for y in x.args)})",
-        "choose": lambda: f"{a[0]} ? {a[1]} : {a[2]}",
-        "not": lambda: f"!{a[0]}",
-        "and": lambda: " && ".join(_chain(x)),
-        "or": lambda: " || ".join(_chain(x)),
-    }
-    if x.op in simple:
-        return simple[x.op]()
+    a = [c_text(y) for y in x.args]
+    if x.op in _C:
+        return _C[x.op].format(*a)
+    if x.op == "cast":
+        if x.args[0].bits == 1:
+            return f"{a[0]} ? {_literal_text(1, x.bits)} : {_literal_text(0, x.bits)}"
+        return f"({C_TYPES[x.bits]}){a[0]}"
+    if x.op == "scale":
+        return f"{a[0]} * {_literal_text(1 << x.data[0], x.bits)}"
     name, extra = _function(x)
     return f"{name}({', '.join([*(bare_text(y) for y in x.args), *extra])})"
-
-
-def _cast_text(x: Expr, text: str) -> str:
-    if x.args[0].bits == 1:
-        return f"{text} ? {_literal_text(1, x.bits)} : {_literal_text(0, x.bits)}"
-    return f"({C_TYPES[x.bits]}){text}"
 
 
 def _chain(x: Expr) -> list[str]:
@@ -339,20 +294,24 @@ def _chain(x: Expr) -> list[str]:
 
 
 def _function(x: Expr) -> tuple[str, list[str]]:
-    wide = x.args[0].bits == 64
-    d = x.data
+    # Name of the function of esea_q31.c, and its arguments behind the operands.
+    width, d = "q63" if x.bits == 64 else "q31", [str(n) for n in x.data]
+    wide_top = [_literal_text(x.data[-1], 64)] if d else []
+    if x.op in ("min", "max", "abs", "round"):
+        return f"esea_{width}_{x.op}", d
+    if x.op == "mul64":
+        return "esea_q63_mul" if x.args[1].bits == 64 else "esea_q63_mul_q31", d
     if x.op == "divide":
-        return "esea_q63_divide", [str(d[0]), _literal_text(d[1], 64), _literal_text(d[2], 64)]
+        return "esea_q63_divide", [d[0], _literal_text(x.data[1], 64), *wide_top]
     if x.op == "pow":
-        base, exponent, fraction, top = d
-        numbers = [str(base), f"INT32_C({exponent})", str(fraction)]
-        if wide or x.bits == 64:
-            return "esea_q63_pow", [*numbers, _literal_text(top, 64)]
-        return "esea_q31_pow", [*numbers, str(top)]
+        numbers = [d[0], f"INT32_C({d[1]})", d[2]]
+        if x.args[0].bits == 64 or x.bits == 64:
+            return "esea_q63_pow", [*numbers, *wide_top]
+        return "esea_q31_pow", [*numbers, d[3]]
     if x.op == "exp":
-        return "esea_q63_exp", [str(d[0]), str(d[1]), _literal_text(d[2], 64)]
-    name = {"log": "esea_q63_log", "sqrt": "esea_q31_sqrt", "tanh": "esea_q31_tanh"}[x.op]
-    return name, [str(n) for n in d]
+        return "esea_q63_exp", [*d[:2], *wide_top]
+    others = {"mul": "q31_mul", "wide_mul": "q31_wide", "log": "q63_log"}
+    return f"esea_{others.get(x.op, f'q31_{x.op}')}", d
 
 
 # -- as Python -------------------------------------------------------------------------------------
@@ -364,6 +323,14 @@ def _each(function: Callable[..., int], *arrays: Array) -> Array:
     return np.asarray(np.frompyfunc(function, len(arrays), 1)(*arrays))
 
 
+def _rounded_off(d: tuple[int, ...], x: Array) -> Array:
+    return (x + (1 << (d[0] - 1))) >> d[0]
+
+
+def _truth(x: Array) -> Array:
+    return x.astype(object) * 1
+
+
 _RULES: dict[str, Callable[..., Array]] = {
     "cast": lambda d, x: x,
     "add": lambda d, x, y: x + y,
@@ -371,39 +338,41 @@ _RULES: dict[str, Callable[..., Array]] = {
     "neg": lambda d, x: -x,
     "abs": lambda d, x: np.abs(x),
     "scale": lambda d, x: x << d[0],
-    "round": lambda d, x: (x + (1 << (d[0] - 1))) >> d[0],
-    "mul": lambda d, x, y: (x * y + (1 << (d[0] - 1))) >> d[0],
-    "mul64": lambda d, x, y: (x * y + (1 << (d[0] - 1))) >> d[0],
+    "round": _rounded_off,
+    "mul": lambda d, x, y: _rounded_off(d, x * y),
+    "mul64": lambda d, x, y: _rounded_off(d, x * y),
     "wide_mul": lambda d, x, y: x * y,
     "min": lambda d, x, y: np.minimum(x, y),
     "max": lambda d, x, y: np.maximum(x, y),
-    "lt": lambda d, x, y: (x < y).astype(object) * 1,
-    "le": lambda d, x, y: (x <= y).astype(object) * 1,
-    "eq": lambda d, x, y: (x == y).astype(object) * 1,
-    "ne": lambda d, x, y: (x != y).astype(object) * 1,
-    "sign": lambda d, x: (x > 0).astype(object) * 1 - (x < 0).astype(object) * 1,
+    "lt": lambda d, x, y: _truth(x < y),
+    "le": lambda d, x, y: _truth(x <= y),
+    "eq": lambda d, x, y: _truth(x == y),
+    "ne": lambda d, x, y: _truth(x != y),
+    "sign": lambda d, x: _truth(x > 0) - _truth(x < 0),
     "not": lambda d, x: 1 - x,
     "and": lambda d, x, y: x * y,
-    "or": lambda d, x, y: (x + y > 0).astype(object) * 1,
+    "or": lambda d, x, y: _truth(x + y > 0),
+    "flags": lambda d, *bits: sum(b * (1 << k) for b, k in zip(bits, d, strict=True)),
     "divide": lambda d, x, y: _each(lambda n, v: functions.divide(n, v, *d), x, y),
-    "pow": lambda d, x: _each(lambda v: functions.power(v, *d), x),
-    "exp": lambda d, x: _each(lambda v: functions.exponential(v, *d), x),
-    "log": lambda d, x: _each(lambda v: functions.logarithm(v, *d), x),
-    "sqrt": lambda d, x: _each(lambda v: functions.root(v, *d), x),
-    "tanh": lambda d, x: _each(lambda v: functions.tangent(v, *d), x),
+    **{
+        name: lambda d, x, f=f: _each(lambda v: f(v, *d), x)
+        for name, f in {
+            "pow": functions.power,
+            "exp": functions.exponential,
+            "log": functions.logarithm,
+            "sqrt": functions.root,
+            "tanh": functions.tangent,
+        }.items()
+    },
 }
 
 
 def names(x: Expr) -> set[str]:
-    """What an expression reads and refers to."""
     return {x.name} if x.op in ("read", "ref") else {n for a in x.args for n in names(a)}
 
 
 def evaluate(x: Expr, values: Mapping[str, Array], count: int) -> Array:
-    """Value of an expression over many argument sets at once.
-
-    values: of every read and named value in it, by name: Python integers, shape (count,).
-    """
+    """Value of an expression over many argument sets at once."""
     if x.op in ("read", "ref"):
         return values[x.name]
     if x.op == "literal":
@@ -416,15 +385,7 @@ def evaluate(x: Expr, values: Mapping[str, Array], count: int) -> Array:
             part = {n: values[n][rows] for n in names(arm)}
             result[rows] = evaluate(arm, part, int(rows.sum()))
         return _checked(x, result)
-    args = [evaluate(a, values, count) for a in x.args]
-    if x.op == "flags":
-        word = np.zeros(count, dtype=object)
-        for a, k in zip(args, x.data, strict=True):
-            word = word + a * (1 << k)
-        result = word
-    else:
-        result = _RULES[x.op](x.data, *args)
-    return _checked(x, result)
+    return _checked(x, _RULES[x.op](x.data, *(evaluate(a, values, count) for a in x.args)))
 
 
 def _checked(x: Expr, result: Array) -> Array:

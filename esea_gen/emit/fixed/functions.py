@@ -29,11 +29,6 @@ _U64: Final = 0xFFFFFFFFFFFFFFFF
 
 
 def source_files() -> tuple[Path, ...]:
-    """Files that travel with emitted q31 code.
-
-    return: header and source, the tables shared with the single-precision functions, and the
-        conversions from and to single precision.
-    """
     here = Path(__file__).parent
     tables = next(p for p in source_paths() if p.name == "esea_f32_tables.h")
     return here / "esea_q31.h", here / "esea_q31.c", tables, here / "esea_q31_units.h"
@@ -65,7 +60,6 @@ def _signed(u: int) -> int:
 
 
 def log2_fraction(significand: int) -> int:
-    """log2 of a significand."""
     numbers, tables = _constants()
     row = tables["LOG2_TABLE"][(significand >> 25) & 63]
     r = _signed((significand * (row & 0xFFF) + 128) >> 8)
@@ -76,7 +70,6 @@ def log2_fraction(significand: int) -> int:
 
 
 def exp2_fraction(fraction: int) -> int:
-    """Two to the power of a fraction."""
     numbers, tables = _constants()
     t = _signed(((fraction << 5) & _U32) ^ 0x80000000)
     middle = tables["EXP2_TABLE"][fraction >> 27]
@@ -97,10 +90,6 @@ def _place(m: int, shift: int, top: int) -> int:
 
 
 def power(x: int, x_fraction: int, y_q27: int, fraction: int, top: int) -> int:
-    """x^y.
-
-    x: base in units of ``2**-x_fraction``; below 0 counts as 0.
-    """
     if x <= 0:
         return 0
     bits = x.bit_length()
@@ -115,7 +104,6 @@ def power(x: int, x_fraction: int, y_q27: int, fraction: int, top: int) -> int:
 
 
 def exponential(x: int, x_fraction: int, fraction: int, top: int) -> int:
-    """e^x."""
     numbers, _ = _constants()
     z = x * numbers["LOG2_E_HIGH"] + (x * numbers["LOG2_E_LOW"] >> 32) >> (x_fraction - 1)
     whole = z >> 32
@@ -127,10 +115,6 @@ def exponential(x: int, x_fraction: int, fraction: int, top: int) -> int:
 
 
 def logarithm(x: int, x_fraction: int, fraction: int) -> int:
-    """Natural logarithm.
-
-    x: in units of ``2**-x_fraction``; below 1 unit counts as one.
-    """
     x = max(x, 1)
     bits = x.bit_length()
     significand = x << (32 - bits) if bits <= 32 else x >> (bits - 32)
@@ -151,7 +135,6 @@ def root(x: int, k: int) -> int:
 
 
 def tangent(x: int, x_fraction: int) -> int:
-    """Hyperbolic tangent."""
     one = 1 << 31
     t = exponential(-abs(x), x_fraction - 1, 31, one)
     y = ((one - t) * (1 << 30) + one // 2) // (one + t)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import math
 import os
 import tempfile
 from contextlib import suppress
@@ -19,7 +18,6 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.cache import cache_folder, code_digest
-from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.plan import BlockPlan, Planner
 from esea_gen.emit.fixed.search import search
 from esea_gen.language.block import Block
@@ -30,10 +28,7 @@ NOT_READ = frozenset({"equations", "streams"})
 
 
 def content_digest(planner: Planner) -> str | None:
-    """Digest of all that a plan depends on: the Block's content, the code, the libraries.
-
-    return: None where the code is not known.
-    """
+    """Digest of all that a plan depends on: the Block's content, the code, the libraries."""
     code = code_digest(ROOMS)
     if code is None:
         return None
@@ -90,20 +85,7 @@ _PLANS: dict[int, tuple[Block, BlockPlan]] = {}
 
 
 def plan_block(block: Block) -> BlockPlan:
-    """The plan of a Block, searched for once."""
     found = _PLANS.get(id(block))
     if found is None or found[0] is not block:
         found = _PLANS[id(block)] = (block, _plan(block))
     return found[1]
-
-
-def raw_tunable(block: Block, name: str, value: float) -> tuple[str, int]:
-    """C field and raw number of a tunable's value.
-
-    value: in its unit; NaN and what does not fit becomes ``INT32_MIN``, which prepare refuses.
-    """
-    f = plan_block(block).field("params", name)
-    scaled = value * 2.0**f.fraction
-    if not -(2.0**31) < scaled < 2.0**31 - 1:
-        return f.name, ex.INT32[0]
-    return f.name, math.floor(scaled + 0.5)

@@ -16,7 +16,6 @@ from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.elementary import Elementary
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
 from esea_gen.emit.fixed.values import (
-    COMPARES,
     LoweredKernel,
     LoweredStep,
     LoweringError,
@@ -26,24 +25,19 @@ from esea_gen.emit.fixed.values import (
     local_name,
 )
 from esea_gen.emit.local_names import unused
+from esea_gen.emit.spans import COMPARES
 from esea_gen.emit.walker import Kernel, Node
 
 
 @dataclass
 class Kept:
-    """What nodes of one kernel were lowered to, with different sets of wide values.
-
-    values: by node, its width, and the marks of its operands.
-    marks: a number for every way in which a node came out.
-    """
+    """What nodes of one kernel were lowered to, with different sets of wide values."""
 
     values: dict[tuple[int, ...], Value | None] = field(default_factory=dict)
     marks: dict[Hashable, int] = field(default_factory=dict)
 
 
 class Lowering(Elementary):
-    """The walk over a kernel."""
-
     kept: Kept | None = None
 
     def __init__(self, *given: Any) -> None:
@@ -106,7 +100,6 @@ class Lowering(Elementary):
         return name
 
     def run(self, targets: Sequence[Sequence[Target]]) -> LoweredKernel:
-        """Lower every node, then convert the results."""
         self._cap(targets)
         for i in range(len(self.kernel.nodes)):
             self.checking = i in self.checks
@@ -209,7 +202,6 @@ def _needed(
 
 
 def names_in(e: Expr) -> set[str]:
-    """Names that an expression refers to."""
     if e.op == "ref":
         return {e.name}
     return {n for a in e.args for n in names_in(a)}
@@ -249,13 +241,6 @@ def lower(
     others: Mapping[int, str] | None = None,
     kept: Kept | None = None,
 ) -> LoweredKernel:
-    """Lower a kernel to whole numbers.
-
-    source: ``source(argument, element)`` gives what an input is.
-    checks: nodes by which the step checks its own coefficients.
-    others: names of values without a label.
-    kept: of earlier calls that differ from this one in ``wide`` alone.
-    """
     known = labels or {}, facts or {}
     lowering = Lowering(kernel, source, *known, wide, words, checks, block, others or {})
     lowering.kept = kept

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.emit.fixed.kept import plan_block, raw_tunable
+from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import FieldPlan
 from esea_gen.emit.fixed.render import field_text, format_text
 from esea_gen.emit.naming import Naming
@@ -26,10 +27,6 @@ class FixedNaming(Naming):
         return plan_block(self.system.blocks[signal.instance]).field(group, signal.port)
 
     def external_field(self, external: External) -> FieldPlan:
-        """Format of an external value.
-
-        return: of the first port that it feeds, or of the one that it comes from.
-        """
         group = "in" if external in self.system.inputs else "out"
         return self._end(external.signals[0], group)
 
@@ -46,7 +43,6 @@ class FixedNaming(Naming):
         return f"#define {macro} {form} /* {format_text(f)} */"
 
     def block_scales(self, block: Block, group: str) -> tuple[str, ...]:
-        """Fraction bits of a Block's struct."""
         return tuple(
             self._scale(self._macro(block.name, group, f.name), f)
             for f in plan_block(block).fields[group]
@@ -54,7 +50,6 @@ class FixedNaming(Naming):
         )
 
     def task_scales(self, task: Task, group: str) -> tuple[str, ...]:
-        """Fraction bits of a task's struct."""
         of_task = self.system.task_inputs if group == "in" else self.system.task_outputs
         return tuple(
             self._scale(self._external_macro(x), self.external_field(x))
@@ -63,7 +58,6 @@ class FixedNaming(Naming):
         )
 
     def latch_scales(self) -> tuple[str, ...]:
-        """Fraction bits of the latches."""
         return tuple(
             self._scale(self._macro("latches", x.name), self._end(x.source, "out"))
             for x in self.system.latches
@@ -71,18 +65,15 @@ class FixedNaming(Naming):
         )
 
     def external_scale(self, external: External) -> str:
-        """C expression of the fraction bits: the header's macro."""
         return self._external_macro(external)
 
     def text(self, block: Block | None, group: str, port: Any) -> str:
-        """Raw range, unit and overflow behaviour."""
         if block is None:
             return ""
         text = field_text(plan_block(block).field(group, port.name), group)
         return f"; {text}" if text else ""
 
     def convert(self, text: str, source: Signal | None, block: Block, port: Port) -> str:
-        """A raw number in the format of the port that it feeds."""
         if source is None:
             return text
         made, wanted = self._end(source, "out"), plan_block(block).field("in", port.name)
@@ -94,41 +85,34 @@ class FixedNaming(Naming):
         return text
 
     def literal(self, value: float) -> str:
-        """C literal of a raw number."""
         return f"{value:.0f}"
 
     def whole(self, text: str, block: Block, port: Port) -> str:
-        """A small whole number in the raw format of an input port."""
         return f"(int32_t)({text} << {plan_block(block).field('in', port.name).fraction})"
 
     def number(self, block: Block, group: str, name: str, value: float) -> float:
-        """Raw number of a value inside the port's range."""
         return plan_block(block).field(group, name).raw(value)
 
-    def tunable(self, block: Block, name: str, value: float) -> tuple[str, float]:
-        """C field and raw number of any value."""
-        return raw_tunable(block, name, value)
+    def tunable(self, block: Block, name: str, value: float) -> float:
+        # NaN and what does not fit becomes INT32_MIN, which prepare refuses.
+        scaled = value * 2.0 ** plan_block(block).field("params", name).fraction
+        return math.floor(scaled + 0.5) if -(2.0**31) < scaled < 2.0**31 - 1 else -(2**31)
 
     def fraction(self, block: Block, group: str, name: str) -> int | None:
-        """Fraction bits of a Block's field."""
         return plan_block(block).field(group, name).fraction
 
     def external_fraction(self, external: External) -> int | None:
-        """Fraction bits of an external value's field; None for a status word."""
         return None if external.port.flags else self.external_field(external).fraction
 
     def from_units(self, external: External, text: str) -> str:
-        """C expression of the raw number nearest to a double."""
         return f"ESEA_Q31_FROM({text}, {self.external_scale(external)})"
 
     def to_units(self, external: External, text: str) -> str:
-        """C expression of a raw number as a double."""
         if external.port.flags:
             return text
         return f"ESEA_Q31_TO({text}, {self.external_scale(external)})"
 
     def stored(self, external: External, value: Any) -> npt.NDArray[Any]:
-        """Raw number of a value that one stands for exactly."""
         if external.port.flags:
             return super().stored(external, value)
         scaled = np.asarray(value, np.float64) * 2.0 ** self.external_field(external).fraction

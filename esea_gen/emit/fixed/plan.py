@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from esea_gen.emit.checks import coefficient_checks
-from esea_gen.emit.error_bounds import BEYOND
 from esea_gen.emit.fixed import expression as ex
-from esea_gen.emit.fixed.bound import Known
 from esea_gen.emit.fixed.lowering import Kept, lower, rewrite
 from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
 from esea_gen.emit.local_names import meanings
+from esea_gen.emit.spans import Known
+from esea_gen.emit.step_errors import BEYOND
 from esea_gen.emit.walker import Kernel, fuse_selects, labelled_kernel, walk
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable
@@ -25,10 +25,7 @@ MOST_PORT_FRACTION = 31
 
 
 def port_fraction(port: Port | Tunable) -> int:
-    """Fraction bits of a port, from its range alone.
-
-    return: the most that leave room for the whole range, at most 31.
-    """
+    """Fraction bits of a port, from its range alone."""
     if getattr(port, "flags", ()):
         return 0
     return min(best_fraction(Fraction(port.low), Fraction(port.high)), MOST_PORT_FRACTION)
@@ -36,18 +33,11 @@ def port_fraction(port: Port | Tunable) -> int:
 
 @dataclass(frozen=True)
 class FieldPlan:
-    """One field of a struct.
-
-    low, high: raw numbers of its range; of a coefficient, what prepare makes.
-    checked: whether the step itself holds the coefficient against its port's range: its memory may
-        then hold any number.
-    """
-
     port: Port | Tunable
     fraction: int
-    low: int
+    low: int  # raw numbers of its range; of a coefficient, what prepare makes
     high: int
-    checked: bool = False
+    checked: bool = False  # whether the step itself holds the coefficient against its port's range
 
     @property
     def name(self) -> str:
@@ -56,49 +46,36 @@ class FieldPlan:
 
     @property
     def lsb(self) -> float:
-        """Value of one unit, in the port's unit."""
         return float(2.0**-self.fraction)
 
     @property
     def size(self) -> int:
-        """Number of elements."""
         return int(getattr(self.port, "size", 1))
 
     @property
     def port_range(self) -> tuple[int, int]:
-        """Raw numbers inside the port's range."""
         scale = Fraction(2) ** self.fraction
         low, high = Fraction(self.port.low) * scale, Fraction(self.port.high) * scale
         return max(math.ceil(low), ex.INT32[0]), min(math.floor(high), ex.INT32[1])
 
     def raw(self, value: float) -> int:
-        """Nearest raw number of a value inside the range."""
         exact = math.floor(Fraction(value) * Fraction(2) ** self.fraction + Fraction(1, 2))
         return min(max(exact, self.low), self.high)
 
 
 @dataclass(frozen=True)
 class BlockPlan:
-    """A Block in whole numbers.
-
-    fields: by struct: ``params``, ``coeffs``, ``state``, ``in``, ``out``.
-    facts: algebraic ranges of nodes of the step.
-    wide: nodes of the step held in 64 bits.
-    labels: name and comment of nodes of the step.
-    """
-
     block: Block
     fields: Mapping[str, tuple[FieldPlan, ...]]
     prepare: LoweredKernel | None
     init: LoweredKernel
     step: LoweredKernel
-    facts: Mapping[int, tuple[float, float]]
-    wide: frozenset[int]
+    facts: Mapping[int, tuple[float, float]]  # algebraic ranges of nodes of the step
+    wide: frozenset[int]  # nodes of the step held in 64 bits
     why_wide: Mapping[int, str] = field(default_factory=dict)
     labels: Mapping[int, tuple[str, str]] = field(default_factory=dict)
 
     def field(self, group: str, name: str) -> FieldPlan:
-        """A field by its port's name."""
         return next(f for f in self.fields[group] if f.port.name == name)
 
 
@@ -215,7 +192,6 @@ class Planner:
         )
 
     def plan(self, wide: Iterable[int] = (), why: Mapping[int, str] | None = None) -> BlockPlan:
-        """Lower the step with a set of wide values."""
         chosen = frozenset(wide)
         step = lower(
             self.kernel,
@@ -269,10 +245,7 @@ def _rewritten(
 def run_lowered(
     lowered: LoweredKernel, places: Mapping[str, ex.Array], count: int
 ) -> list[list[ex.Array]]:
-    """Evaluate a lowered kernel: what its C gives, bit for bit.
-
-    places: raw numbers by the C expression that reads them: Python integers, shape (count,).
-    """
+    """Evaluate a lowered kernel: what its C gives, bit for bit."""
     values = defined(lowered, places, count)
     return [[ex.evaluate(e, values, count) for e in r] for r in lowered.results]
 
@@ -293,10 +266,7 @@ def lowered_values(
 def defined(
     lowered: LoweredKernel, places: Mapping[str, ex.Array], count: int
 ) -> dict[str, ex.Array]:
-    """``places`` with every name that the C of a lowered kernel defines.
-
-    return: may stand for ``places`` of the same kernel again: nothing is then evaluated twice.
-    """
+    """``places`` with every name that the C of a lowered kernel defines."""
     values = dict(places)
     for s in lowered.steps:
         if s.name not in values:
@@ -307,10 +277,6 @@ def defined(
 def raw_places(
     pointer: str, fields: Sequence[FieldPlan], columns: Sequence[Any]
 ) -> dict[str, ex.Array]:
-    """Raw numbers under the names by which the C reads them.
-
-    columns: per field, shape (count, size) or (count,).
-    """
     out = {}
     for f, c in zip(fields, columns, strict=True):
         table = np.asarray(c, dtype=object).reshape(-1, f.size)

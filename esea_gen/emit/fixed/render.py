@@ -16,7 +16,6 @@ def _pointers(e: Expr) -> set[str]:
 
 
 def print_lowered(lowered: LoweredKernel) -> PrintedKernel:
-    """Print a lowered kernel as a list of C definitions."""
     statements = tuple(
         Statement(C_TYPES[s.expr.bits], s.name, bare_text(s.expr), s.comment) for s in lowered.steps
     )
@@ -29,7 +28,6 @@ def print_lowered(lowered: LoweredKernel) -> PrintedKernel:
 
 
 def quantity(value: float, unit: str) -> str:
-    """A number with its unit."""
     return f"{value:.3g}" + ("" if unit == "1" else f" {unit}")
 
 
@@ -40,10 +38,7 @@ def format_text(f: FieldPlan) -> str:
 
 
 def field_text(f: FieldPlan, group: str) -> str:
-    """What a header says of a field's numbers: raw range, unit, what happens outside.
-
-    group: struct: ``params``, ``coeffs``, ``state``, ``in`` or ``out``.
-    """
+    """What a header says of a field's numbers: raw range, unit, what happens outside."""
     if getattr(f.port, "flags", ()):
         return ""
     text = f"raw {f.low} to {f.high}, {format_text(f)}"

@@ -10,13 +10,13 @@ from functools import cache, cached_property
 
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
+from esea_gen.emit.spans import COMPARES
 from esea_gen.emit.walker import Kernel, UnsupportedOperationError, status_words
 from esea_gen.language.ports import UNIT_SUFFIXES
 
 NARROW_LIMIT = 2**31 - 1
 WIDE_LIMIT = 2**61 - 1  # leaves room for rounding and for the sum of two
 MOST_FRACTION_BITS = 90
-COMPARES = frozenset({"lt", "le", "eq", "ne"})
 ZERO = -1  # stands for the missing arm of a select with zero
 EXACT = frozenset({"add", "sub", "neg", "fabs", "fmin", "fmax", "twice"})
 
@@ -27,56 +27,36 @@ class LoweringError(UnsupportedOperationError):
 
 @dataclass(frozen=True)
 class Source:
-    """Where an input of a kernel comes from.
-
-    port: port and element, for messages.
-    checked: whether memory may hold any number, which the step itself holds against the range: that
-        check sees the number as it is, and all else sees it cut to the range.
-    """
-
     name: str
     place: str
     fraction: int
     low: int
     high: int
-    port: str
+    port: str  # port and element, for messages
+    # Memory may hold any number: the check sees it as it is, all else sees it cut to the range.
     checked: bool = False
 
 
 @dataclass(frozen=True)
 class Value:
-    """A lowered value.
-
-    expr: how it is written where it is used.
-    local: largest absolute error that its own operation adds.
-    relative: largest error that it adds relative to its result.
-    constants: by operand position, the error of a constant as it is stored for this operation.
-    """
-
-    expr: Expr
+    expr: Expr  # how it is written where it is used
     fraction: int
-    local: float = 0.0
-    relative: float = 0.0
+    local: float = 0.0  # largest absolute error that its own operation adds
+    relative: float = 0.0  # largest error that it adds relative to its result
+    # By operand position: the error of a constant as it is stored for this operation.
     constants: Mapping[int, float] = field(default_factory=dict)
 
     @cached_property
     def low(self) -> Fraction:
-        """Least value."""
         return Fraction(self.expr.low) * two(-self.fraction)
 
     @cached_property
     def high(self) -> Fraction:
-        """Largest value."""
         return Fraction(self.expr.high) * two(-self.fraction)
 
 
 @dataclass(frozen=True)
 class LoweredStep:
-    """One definition of the lowered kernel.
-
-    node: node of the kernel it belongs to.
-    """
-
     name: str
     expr: Expr
     comment: str = ""
@@ -85,29 +65,17 @@ class LoweredStep:
 
 @dataclass(frozen=True)
 class LoweredKernel:
-    """A kernel in whole numbers.
-
-    values: per node; None for constants, which take their format where they are used.
-    results: per result and element, in its port's format.
-    conversions: largest error of the conversion to the port's format.
-    saturations: conversions to a port that saturate.
-    """
-
     kernel: Kernel
     steps: tuple[LoweredStep, ...]
-    values: tuple[Value | None, ...]
-    results: tuple[tuple[Expr, ...], ...]
+    values: tuple[Value | None, ...]  # per node; None for constants
+    results: tuple[tuple[Expr, ...], ...]  # per result and element, in its port's format
+    # Largest error of each conversion to its port's format.
     conversions: tuple[tuple[float, ...], ...]
-    saturations: tuple[str, ...]
+    saturations: tuple[str, ...]  # conversions to a port that saturate
 
 
 @dataclass(frozen=True)
 class Target:
-    """Format of a result.
-
-    low, high: cut to these raw numbers; a port's whole type when it is not to be cut.
-    """
-
     port: str
     fraction: int
     low: int = ex.INT32[0]
@@ -117,7 +85,6 @@ class Target:
 
 @cache
 def two(power: int) -> Fraction:
-    """Two to a power, exact."""
     return Fraction(1 << power) if power >= 0 else Fraction(1, 1 << -power)
 
 
@@ -133,10 +100,7 @@ def _fits(x: Fraction, f: int, most: int) -> bool:
 
 
 def best_fraction(low: Fraction, high: Fraction, limit: int = NARROW_LIMIT) -> int:
-    """Largest number of fraction bits that a range leaves room for.
-
-    limit: largest raw number, one less than a power of two.
-    """
+    """Largest number of fraction bits that a range leaves room for."""
     most = max(abs(low), abs(high))
     if most == 0:
         return 30
@@ -148,27 +112,17 @@ def best_fraction(low: Fraction, high: Fraction, limit: int = NARROW_LIMIT) -> i
 
 
 def stem(name: str) -> str:
-    """A port's name without its unit."""
     suffix = max((s for s in UNIT_SUFFIXES if name.endswith(s)), key=len, default="")
     return name[: -len(suffix)] if suffix and suffix != name else name
 
 
 def local_name(name: str, fraction: int) -> str:
-    """C name of a local value."""
     base = stem(name.removesuffix("_used")) + ("_used" if name.endswith("_used") else "")
     return f"{base}_q{fraction}" if fraction >= 0 else f"{base}_qm{-fraction}"
 
 
 class LoweringBase:
-    """What all rules share: operands in a format, ranges, messages.
-
-    source: ``source(argument, element) -> Source`` of an input.
-    labels: name and comment by node.
-    facts: ranges that follow from algebra, by node.
-    checks: nodes by which the step checks its own coefficients.
-    block: name of the Block, for messages.
-    others: names of values without a label.
-    """
+    """What all rules share: operands in a format, ranges, messages."""
 
     def __init__(
         self,
@@ -269,7 +223,6 @@ class LoweringBase:
     def align(
         self, i: int, fraction: int, bits: int, inwards: bool = False
     ) -> tuple[Expr, float, float]:
-        """Operand in a format."""
         c = self._constant(i)
         if c is not None:
             scaled = c * two(fraction)
@@ -319,7 +272,6 @@ def stored(*errors: float) -> dict[int, float]:
 
 
 def is_power(c: Fraction) -> bool:
-    """Whether a number is a power of two, of either sign."""
     m = abs(c)
     return m != 0 and (m.numerator & (m.numerator - 1)) == 0 == (
         m.denominator & (m.denominator - 1)
@@ -327,10 +279,7 @@ def is_power(c: Fraction) -> bool:
 
 
 def last_raw(c: Fraction, fraction: int, strict: bool, upper: bool) -> int:
-    """The last raw number for which a comparison with a constant holds.
-
-    upper: largest raw number at or below ``c``; else smallest at or above.
-    """
+    """The last raw number for which a comparison with a constant holds."""
     scaled = c * two(fraction)
     if upper:
         return math.ceil(scaled) - 1 if strict else math.floor(scaled)

@@ -16,34 +16,23 @@ from esea_gen.language.system import System
 
 
 class Format(ABC):
-    """A number format.
-
-    c_type, dtype: of a number, in C and in numpy.
-    epsilon: largest rounding error, relative to the number; of whole numbers to the field's range.
-    default: whether it is built where no format is named, and covered by a device's content hash.
-    floating: whether it has NaN and infinity, and error bounds that ``emit.error_bounds`` derives.
-    needs_libm: whether the emitted C links the platform's libm.
-    verified_by: command that compares its C with the symbolic Blocks.
-    compiler_flags, libraries: what a compiler's command line needs beside ``-std=c99 -O2``.
-    header: support header with its conversions; empty where none are needed.
-    operations: what ``esea_<device>_real.h`` holds: the operations that kernels call.
-    notes: what a device's header says of compiling and of its numbers, one string a line.
-    example_share: of an output's range, what the example program takes for rounding.
-    """
-
     name: ClassVar[str]
-    c_type: ClassVar[str]
+    c_type: ClassVar[str]  # of a number, in C and in numpy
     dtype: ClassVar[np.dtype[Any]]
-    epsilon: ClassVar[float]
+    epsilon: ClassVar[float]  # largest rounding error, relative to the number
+    # Built where no format is named, and covered by a device's content hash.
     default: ClassVar[bool]
+    # Has NaN and infinity, and error bounds that emit.error_bounds derives.
     floating: ClassVar[bool]
-    needs_libm: ClassVar[bool]
-    verified_by: ClassVar[str]
-    compiler_flags: ClassVar[str]
+    needs_libm: ClassVar[bool]  # whether the emitted C links the platform's libm
+    verified_by: ClassVar[str]  # command that compares its C with the symbolic Blocks
+    compiler_flags: ClassVar[str]  # what a compiler's command line needs beside ``-std=c99 -O2``
     libraries: ClassVar[str]
-    header: ClassVar[str]
-    operations: ClassVar[str]
+    header: ClassVar[str]  # support header with its conversions; empty where none are needed
+    operations: ClassVar[str]  # what ``esea_<device>_real.h`` holds
+    # What a device's header says of compiling and of its numbers, one string a line.
     notes: ClassVar[tuple[str, ...]]
+    # Of an output's range: what the example program takes for rounding.
     example_share: ClassVar[float]
 
     @abstractmethod

@@ -27,8 +27,6 @@ _CALLS = {
 
 
 class F32(FloatingFormat):
-    """The f32 format."""
-
     name = "f32"
     c_type = "float"
     dtype = np.dtype(np.float32)
@@ -63,7 +61,6 @@ class F32(FloatingFormat):
     )
 
     def passes(self, kernel: Kernel) -> Kernel:
-        """Selects in one piece, long operations first."""
         return calls_first(fuse_selects(kernel))
 
     def _literal(self, value: float) -> str:
@@ -93,7 +90,6 @@ class F32(FloatingFormat):
         return f"esea_f32_powk({args[0]}, INT32_C({q27}) /* {exponent.value!r} */)"
 
     def sources(self) -> tuple[Path, ...]:
-        """The elementary functions."""
         return source_paths()
 
 

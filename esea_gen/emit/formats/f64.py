@@ -18,8 +18,6 @@ _CALLS = frozenset({"sqrt", "exp", "log", "tanh", "pow"})
 
 
 class F64(FloatingFormat):
-    """The f64 format."""
-
     name = "f64"
     c_type = "double"
     dtype = np.dtype(np.float64)
@@ -39,7 +37,6 @@ class F64(FloatingFormat):
     )
 
     def passes(self, kernel: Kernel) -> Kernel:
-        """The kernel as it is: CasADi's own C has its operations in this order."""
         return kernel
 
     def _literal(self, value: float) -> str:
@@ -50,16 +47,13 @@ class F64(FloatingFormat):
         return f"{node.op}({', '.join(args)})" if node.op in _CALLS else None
 
     def sources(self) -> tuple[Path, ...]:
-        """None: functions are libm's."""
         return ()
 
     def casadi_c(self, system: System) -> dict[str, str]:
-        """CasADi's own C of every kernel."""
         return casadi_c(system)
 
 
 def casadi_c(system: System) -> dict[str, str]:
-    """CasADi's own C of every kernel, float64; it ships beside ours."""
     stem = f"esea_{system.name}_casadi"
     generator = ca.CodeGenerator(
         f"{stem}.c", {"with_header": True, "prefix": f"{stem}_", "casadi_int": "int"}

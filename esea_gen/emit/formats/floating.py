@@ -13,6 +13,7 @@ from esea_gen.emit.local_names import LocalNames, meanings
 from esea_gen.emit.naming import Naming
 from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, early_stores
 from esea_gen.emit.walker import (
+    OPERATIONS,
     Kernel,
     Node,
     UnsupportedOperationError,
@@ -24,8 +25,6 @@ from esea_gen.emit.walker import (
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
 
-_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
-_INFIX |= {"lt": "<", "le": "<=", "eq": "==", "ne": "!=", "and": "&&", "or": "||"}
 # Where a boolean operand is taken as it is, without turning it into a number.
 LOGICAL = frozenset({"not", "and", "or"})
 SELECTING = frozenset({"if_else_zero", "select"})
@@ -98,11 +97,6 @@ def float_operations(name: str, c_type: str, own: str) -> str:
 
 
 class FloatingFormat(Format):
-    """A floating-point format.
-
-    joins_words: whether a status word is put together as an integer.
-    """
-
     default = True
     floating = True
     verified_by = "esea-gen verify"
@@ -114,7 +108,7 @@ class FloatingFormat(Format):
         "   results then differ in the last bits from those that were verified.",
     )
     example_share = 1e-5
-    joins_words: ClassVar[bool]
+    joins_words: ClassVar[bool]  # whether a status word is put together as an integer
 
     @abstractmethod
     def _literal(self, value: float) -> str:
@@ -125,48 +119,26 @@ class FloatingFormat(Format):
         """C expression of an elementary function; None for what is none."""
 
     def literal(self, value: float) -> str:
-        """Shortest C literal that reads back as the value in this format."""
         if not np.isfinite(value):
             raise UnsupportedOperationError(f"constant {value} cannot be emitted")
         return self._literal(value)
 
     def naming(self, system: System) -> Naming:
-        """The ports' own names, in their units."""
         return Naming(system, self.c_type, self.dtype)
 
     def expression(self, node: Node, args: Sequence[str], kernel: Kernel) -> str:
-        """C expression of one operation.
-
-        args: c text of its operands, each an atom (a name, literal or bracketed expression).
-        """
-        op = node.op
-        if op in _INFIX:
-            left, right = args
-            return f"{left} {_INFIX[op]} {right}"
-        simple: dict[str, Callable[[], str]] = {
-            "neg": lambda: f"-{args[0]}",
-            "not": lambda: f"!{args[0]}",
-            "sq": lambda: f"{args[0]} * {args[0]}",
-            "twice": lambda: f"{self.literal(2.0)} * {args[0]}",
-            "inv": lambda: f"{self.literal(1.0)} / {args[0]}",
-            "if_else_zero": lambda: f"{args[0]} ? {args[1]} : {self.literal(0.0)}",
-            "select": lambda: f"{args[0]} ? {args[1]} : {args[2]}",
-            "fabs": lambda: f"esea_fabs({args[0]})",
-            "fmin": lambda: f"esea_fmin({args[0]}, {args[1]})",
-            "fmax": lambda: f"esea_fmax({args[0]}, {args[1]})",
-            "sign": lambda: f"esea_sign({args[0]})",
-        }
-        if op in simple:
-            return simple[op]()
+        _, pattern = OPERATIONS[node.op]
+        if pattern:
+            numbers = {"zero": 0.0, "one": 1.0, "two": 2.0}
+            return pattern.format(*args, **{n: self.literal(v) for n, v in numbers.items()})
         call = self._call(node, args, kernel)
-        if call is not None:
-            return call
-        raise UnsupportedOperationError(
-            f"{kernel.name}: the {self.name} format has no operation '{op}'"
-        )
+        if call is None:
+            raise UnsupportedOperationError(
+                f"{kernel.name}: the {self.name} format has no operation '{node.op}'"
+            )
+        return call
 
     def emit(self, block: Block) -> EmittedBlock:
-        """Print a Block's kernels."""
         kernel, labels = labelled_kernel(block, self.passes)
         names = {node: (name, comment) for node, name, comment in labels}
         init = self.function(block, "init", self.passes(walk(block.init)))
@@ -183,7 +155,6 @@ class FloatingFormat(Format):
         kernel: Kernel,
         names: dict[int, tuple[str, str]] | None = None,
     ) -> PrintedKernel:
-        """Print a kernel as one of a Block's functions: ``prepare``, ``init`` or ``step``."""
         others = meanings(block, function, kernel, names or {})
         if function == "prepare":
             access = _access([("params", block.tunables)])
@@ -218,12 +189,6 @@ def print_kernel(
     words: Sequence[int] = (),
     others: Mapping[int, str] | None = None,
 ) -> PrintedKernel:
-    """Print a kernel as a list of C definitions.
-
-    access: ``access(argument, element) -> (local name, C expression that reads it)``.
-    words: results that are status words.
-    others: names of values without a label, where these stand as statements of their own.
-    """
     uses = use_counts(kernel)
     wanted = {i for r in kernel.results for i in r}
     bits = status_words(kernel, words, uses) if fmt.joins_words else {}

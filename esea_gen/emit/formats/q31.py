@@ -19,8 +19,6 @@ from esea_gen.language.system import System
 
 
 class Q31(Format):
-    """The q31 format."""
-
     name = "q31"
     c_type = "int32_t"
     dtype = np.dtype(np.int32)
@@ -51,43 +49,35 @@ class Q31(Format):
     example_share = 5e-5
 
     def passes(self, kernel: Kernel) -> Kernel:
-        """What the range plan starts from."""
         return rewrite(fuse_selects(kernel))
 
     def literal(self, value: float) -> str:
-        """A raw number."""
         return str(int(value))
 
     def emit(self, block: Block) -> EmittedBlock:
-        """Print a Block's plan."""
         plan = plan_block(block)
         step = print_lowered(plan.step)
-        names = {f.port.name: f.name for f in plan.fields["state"]}
         return EmittedBlock(
             block,
             print_lowered(plan.prepare) if plan.prepare else None,
             print_lowered(plan.init),
             step,
-            early_stores(block, step, names),
+            early_stores(block, step),
         )
 
     def naming(self, system: System) -> FixedNaming:
-        """The ports' names, and macros of the fields' formats."""
         return FixedNaming(system)
 
     def sources(self) -> tuple[Path, ...]:
-        """Arithmetic and functions in whole numbers, and the tables that they share with f32."""
         return source_files()
 
     def templates(self, prefix: str) -> dict[str, str]:
-        """The tasks with numbers in units, and bound to the device's messages."""
         return {
             f"{prefix}_units.h": "device/esea_units.h.j2",
             self.link_header(prefix): "device/esea_units_link.h.j2",
         }
 
     def link_header(self, prefix: str) -> str:
-        """The dialect's binding over numbers in units."""
         return f"{prefix}_units_link.h"
 
 

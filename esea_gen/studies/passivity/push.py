@@ -27,16 +27,7 @@ NOTICE, GROWTH = 0.04, 1.21
 
 @dataclass(frozen=True)
 class PushRun:
-    """What a push came to.
-
-    generated_J: energy that the driving point gave out beyond what was ever put in.
-    held_J, held_end_J: energy of the hand, its spring, the rendered one and a wall that it leans
-        on: mean over the second and over the last third after the push. With a passive driving
-        point it never rises.
-    limited_share: share of the samples with the command at the motor's limit.
-    fault: first reason of the limits' latch, 0 for none.
-    ran_away: 1 when the plant left its ranges; the other figures are 0 then.
-    """
+    """What a push came to."""
 
     generated_J: float = 0.0
     exchanged_J: float = 0.0
@@ -50,7 +41,6 @@ class PushRun:
 
     @property
     def stopped(self) -> bool:
-        """Whether the limits' latch or the drive's trip ended the motion."""
         return self.fault > 0 or self.tripped > 0
 
     def swings_up(self, push_J: float) -> bool:
@@ -68,11 +58,7 @@ def push_case(
     mode: int = IMPEDANCE,
     wall_Nm_rad: float = 0.0,
 ) -> Case:
-    """A hand that is pushed once while the controller renders a spring and damper.
-
-    push_rad_s: speed that the push would give the hand alone: the push is its inertia times that.
-    wall_Nm_rad: stiffness of a wall without any loss, :data:`WALL_RAD` ahead; 0 for none.
-    """
+    """A hand that is pushed once while the controller renders a spring and damper."""
     safety, joint = device.file.safety, device.file.joint
     assert safety is not None
     assert joint is not None
@@ -129,7 +115,6 @@ def judge_push(
     u_max_Nm: float,
     wall_Nm_rad: float = 0.0,
 ) -> PushRun:
-    """The figures of a run."""
     theta, omega = run.plant["theta_l_rad"], run.plant["omega_l_rad_s"]
     balance = energy_balance(theta, run.plant["tau_e_Nm"])
     spring = hand.stiffness_Nm_rad + kp_Nm_rad
@@ -163,7 +148,6 @@ def run_push(
     wall_Nm_rad: float = 0.0,
     axis: str = "",
 ) -> dict[str, float]:
-    """Run and judge one push: what a worker does."""
     device = controller_device(controller)
     who = Hand(**hand)
     setting = Setting(controller, plant, "ideal", axis=axis)

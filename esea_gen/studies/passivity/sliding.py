@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.analysis.passivity import Bools
 from esea_gen.language.ports import Array
+from esea_gen.studies.passivity.region import Bools
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Setting
@@ -29,16 +29,6 @@ NARROW = 0.1  # beside the layer as it is: a tenth of it, which the surface leav
 
 @dataclass(frozen=True)
 class SlidingCheck:
-    """The sliding condition s s' < 0 along a run.
-
-    samples, outside: control periods, and those that began with abs(s) > phi.
-    free: of those outside, the ones in which the motor's limit did not hold the command back.
-    falling, falling_free: of either, those in which abs(s) fell: s s' < 0.
-    worst_rad2_s3: largest s s' outside the layer; 0 or less when the condition always held, 0 when
-        the layer was never left.
-    longest_s: longest stay outside the layer.
-    """
-
     plant: str
     case: str
     phi_rad_s: float
@@ -52,7 +42,6 @@ class SlidingCheck:
     largest_rad_s: float
 
     def line(self) -> str:
-        """One line of the table."""
         head = f"{self.plant:6} {self.case:14} {self.phi_rad_s:>6.3g} {self.largest_rad_s:>8.3f}"
         if not self.outside:
             return f"{head} {'0':>8}  never left the layer"
@@ -67,14 +56,7 @@ class SlidingCheck:
 def sliding_condition(
     s_rad_s: Array, active: Bools, limited: Bools, phi_rad_s: float, period_s: float
 ) -> dict[str, Any]:
-    """How often s s' < 0 outside the boundary layer.
-
-    s_rad_s: surface, one value a control period, shape (n,).
-    active: whether the controller acts, shape (n,).
-    limited: whether the command was held back at the motor's limit, shape (n,).
-    return: fields of :class:`SlidingCheck` beside plant and case. s' is the difference to the next
-        period, over the period.
-    """
+    """How often s s' < 0 outside the boundary layer."""
     s, after = s_rad_s[:-1], s_rad_s[1:]
     both = active[:-1] & active[1:]
     out = both & (np.abs(s) > phi_rad_s)
@@ -103,12 +85,7 @@ def check_sliding(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[SlidingCheck, ...]:
-    """The sliding condition along logged runs, with the layer as it is and with a tenth of it.
-
-    cases: study and case.
-    progress: ``progress(done, total)``.
-    return: one a plant, layer and case; none for a controller without a surface.
-    """
+    """The sliding condition along logged runs, with the layer as it is and with a tenth of it."""
     system = controller_system(controller)
     smc = system.blocks.get("smc")
     tunables = {t.name: t for t in smc.tunables} if smc else {}

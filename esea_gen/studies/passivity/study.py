@@ -18,15 +18,15 @@ import numpy as np
 from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, Result, rooms_digest
 from esea_gen.analysis.passivity import Hand, hand_family
-from esea_gen.control.faults import FAULT_TEXT, Fault
+from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import Array, Tunable
-from esea_gen.studies.impedance import GAINS
 from esea_gen.studies.passivity.push import GAIN_TUNABLES, PUSH_RAD_S, PushRun, run_push
 from esea_gen.studies.passivity.region import PushMap, push_map
 from esea_gen.studies.passivity.sliding import SlidingCheck, check_sliding
 from esea_gen.studies.registry import Study
+from esea_gen.studies.tracking import GAINS
 from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device, controller_system
 from esea_gen.twin.run import PLANT_NAMES, axis_of
@@ -46,13 +46,6 @@ POINTS, FEWEST_POINTS, MOST_POINTS = 9, 2, 41
 
 @dataclass(frozen=True)
 class InteractionStudy:
-    """Passivity over the gains, and the sliding condition.
-
-    wall_Nm_rad: stiffness of a wall that the hand is pushed against; 0 for none.
-    marked: the thesis' gains and their letter.
-    runs: ``{(kp, kd, hand's name): PushRun}``, the thesis' gains included.
-    """
-
     controller: str
     plant: str
     push_rad_s: float
@@ -65,13 +58,8 @@ class InteractionStudy:
     configuration: Configuration
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content: the map, every run, the thesis' gains, the sliding condition."""
-        return {
-            "controller": self.controller,
-            "plant": self.plant,
-            "push_rad_s": self.push_rad_s,
-            "seed": self.seed,
-            "wall_Nm_rad": self.wall_Nm_rad,
+        names = ("controller", "plant", "push_rad_s", "seed", "wall_Nm_rad", "sliding")
+        return {k: getattr(self, k) for k in names} | {
             "configuration": self.configuration.parts,
             "map": self.region.to_dict(),
             "thesis_gains": [
@@ -79,14 +67,12 @@ class InteractionStudy:
                 for kp, kd, mark in self.marked
             ],
             "runs": [
-                {"Kp_Nm_rad": kp, "Kd_Nms_rad": kd, "hand": hand} | asdict(r)
+                {"Kp_Nm_rad": kp, "Kd_Nms_rad": kd, "hand": hand} | vars(r)
                 for (kp, kd, hand), r in self.runs.items()
             ],
-            "sliding": [asdict(c) for c in self.sliding],
         }
 
     def table(self) -> list[str]:
-        """The study as lines of text."""
         m = self.region
         count = m.stable.size
         lines = [
@@ -134,39 +120,10 @@ class InteractionStudy:
         return f" (at most {100 * share[k]:.2f} % of the push came out, hand {m.hands[k].name})"
 
     def figure(self) -> Figure:
-        """The map, with the thesis' gains and a cross where limits or drive had to stop a run."""
-        from matplotlib.ticker import NullLocator
-
-        from esea_gen.analysis import plots
-        from esea_gen.plotting import BOUND
-
-        marks = [(f"{kp:g}, {kd:g}", kp, kd) for kp, kd, _ in self.marked]
-        i, j = np.nonzero(self.region.limits_acted)
         title = f"{self.controller}, plant {self.plant}: {len(self.region.hands)} hands"
-        if len(i):
+        if self.region.limits_acted.any():
             title += "; × limits or drive had to stop one"
-        figure = plots.gain_map(self.region, marks, title=title)
-        axes = figure.axes[0]
-        # The gains rise as squares: so the cells are equal, and those in use are not in a corner.
-        axes.set_xscale("function", functions=(_root, _square))
-        axes.set_yscale("function", functions=(_root, _square))
-        for axis, gains in (
-            (axes.xaxis, self.region.kd_Nms_rad),
-            (axes.yaxis, self.region.kp_Nm_rad),
-        ):
-            axis.set_ticks(list(gains), [f"{g:.2g}" for g in gains])
-            axis.set_minor_locator(NullLocator())
-        at = self.region.kd_Nms_rad[j], self.region.kp_Nm_rad[i]
-        axes.plot(*at, "x", color=BOUND, ms=5, mew=1)
-        return figure
-
-
-def _root(x: Array) -> Array:
-    return np.asarray(np.sign(x) * np.sqrt(np.abs(x)))
-
-
-def _square(x: Array) -> Array:
-    return np.asarray(np.sign(x) * np.square(x))
+        return self.region.figure([(kp, kd) for kp, kd, _ in self.marked], title)
 
 
 _VERDICTS = {
@@ -179,20 +136,19 @@ _VERDICTS = {
 
 def gain_axis(tunable: Tunable, points: int) -> Array:
     """Gains from 0 to a tunable's largest, closer near 0, where the gains in use are."""
-    steps: Array = np.arange(points) / (points - 1)
-    return np.asarray(tunable.high * steps**2)
+    return np.asarray(tunable.high * (np.arange(points) / (points - 1)) ** 2)
 
 
-def _gains(controller: str) -> tuple[Tunable, Tunable]:
+def _gains(controller: str) -> list[Tunable]:
     blocks = controller_system(controller).blocks
     block = next((b for n, b in blocks.items() if n.partition("_")[0] == "reference"), None)
     known = {t.name: t for t in block.tunables} if block else {}
-    if any(n not in known for n in GAIN_TUNABLES):
+    if not known.keys() >= set(GAIN_TUNABLES):
         raise UserError(
             f"{controller} controls torque; it renders no impedance whose gains could be mapped.",
             "Choose a controller that does, such as --controller smc.",
         )
-    return known[GAIN_TUNABLES[0]], known[GAIN_TUNABLES[1]]
+    return [known[n] for n in GAIN_TUNABLES]
 
 
 def study_interaction(
@@ -209,14 +165,7 @@ def study_interaction(
     workers: int | Workers = 1,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> InteractionStudy:
-    """Passivity of the rendered impedance over its gains, by runs of the compiled controller.
-
-    seed: of the gear disturbance, and of the plant where it is random.
-    hands: default: :data:`HANDS`, of a device with several axes :data:`WRIST_HANDS`.
-    wall_Nm_rad: of a wall without any loss, just ahead of the hand: contact and release; 0: none.
-    axis: of several, the one that is pushed; default: the first.
-    progress: ``progress(done, total, failed)``.
-    """
+    """Passivity of the rendered impedance over its gains, by runs of the compiled controller."""
     choose("plant", plant, PLANT_NAMES)
     if not FEWEST_POINTS <= points <= MOST_POINTS:
         raise UserError(
@@ -260,18 +209,8 @@ def study_interaction(
     runs = {_key(r): _finished(r) for r in done.results}
     region = push_map(kp, kd, hands, runs, push_rad_s)
     marked = tuple((p, d, push_map([p], [d], hands, runs, push_rad_s).mark(0, 0)) for p, d in marks)
-    return InteractionStudy(
-        controller,
-        plant,
-        push_rad_s,
-        seed,
-        wall_Nm_rad,
-        region,
-        marked,
-        runs,
-        checks,
-        configuration,
-    )
+    asked = controller, plant, push_rad_s, seed, wall_Nm_rad
+    return InteractionStudy(*asked, region, marked, runs, checks, configuration)
 
 
 def _key(result: Result) -> tuple[float, float, str]:

@@ -16,13 +16,7 @@ def require(what: str, value: float, low: float, high: float, unit: str, fix: st
 
 @dataclass(frozen=True)
 class KnownLoad:
-    """The load, and how well it is known: standard uncertainties.
-
-    arm_m: from the joint's axis to the point where it hangs.
-    angle_rad: of the arm above or below the horizontal.
-    g_m_s2, u_g_m_s2: gravity and its standard uncertainty; the default covers any place at sea
-        level.
-    """
+    """The load, and how well it is known: standard uncertainties."""
 
     mass_kg: float
     arm_m: float
@@ -52,11 +46,6 @@ class KnownLoad:
 
     @property
     def budget_Nm(self) -> dict[str, float]:
-        """Contributions to the standard uncertainty, Nm.
-
-        First order; the angle has its second-order term beside it, since at the horizontal its
-        first one vanishes (JCGM 100:2008, 5.1.2, note).
-        """
         torque, u = self.torque_Nm, self.u_angle_rad
         return {
             "mass": torque * self.u_mass_kg / self.mass_kg,
@@ -68,8 +57,4 @@ class KnownLoad:
 
     @property
     def u_torque_Nm(self) -> float:
-        """Standard uncertainty of the torque."""
         return math.sqrt(sum(v * v for v in self.budget_Nm.values()))
-
-
-__all__ = ["KnownLoad", "require"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,9 +19,10 @@ from esea_gen.analysis.journal import Configuration, rooms_digest
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
+from esea_gen.files import plain
 from esea_gen.language.ports import Array, Tunable
 from esea_gen.studies.registry import Study
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.studies.tuning_sweep.choice import choose_error, choose_layer
 from esea_gen.studies.tuning_sweep.trial import (
     FAILED,
@@ -57,8 +58,6 @@ HOMES = {
 
 @dataclass(frozen=True)
 class TunableSweep:
-    """One parameter over its values."""
-
     parameter: str
     held: Mapping[str, float]
     trials: tuple[Trial, ...]
@@ -67,37 +66,31 @@ class TunableSweep:
 
     @property
     def ran(self) -> bool:
-        """Whether any trial ran to its end."""
         return any(not t.unusable.startswith(FAILED) for t in self.trials)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content; what there is not is null."""
-        return {
-            "parameter": self.parameter,
-            "held": dict(self.held),
-            "chosen": None if self.chosen is None else self.chosen.value,
-            "reason": self.reason,
-            "trials": [_plain(asdict(t)) for t in self.trials],
-        }
+        chosen = None if self.chosen is None else self.chosen.value
+        found: dict[str, Any] = plain(vars(self) | {"chosen": chosen}, null=True)
+        return found
 
     def table(self) -> list[str]:
-        """The sweep as lines of text."""
         held = ", ".join(f"{k} = {v:g}" for k, v in self.held.items())
         heads = ("RMS Nm", "overshoot", "reach", "rough Nm/s", "max |s|", "|s| > phi", "limited")
         lines = [
             f"{self.parameter}{f', {held} held' if held else ''}",
             f"{'value':>10}" + "".join(f"{h:>11}" for h in heads),
         ]
+        columns = (
+            ("rms_Nm", 1, ".4f", ""),
+            ("overshoot_percent", 1, ".1f", " %"),
+            ("reach_percent", 1, ".1f", " %"),
+            ("roughness_Nm_s", 1, ".2f", ""),
+            ("surface_rad_s", 1, ".3f", ""),
+            ("outside_share", 100, ".2f", " %"),
+            ("limited_share", 100, ".1f", " %"),
+        )
         for t in self.trials:
-            cells = (
-                _cell(t.rms_Nm, ".4f"),
-                _cell(t.overshoot_percent, ".1f", " %"),
-                _cell(t.reach_percent, ".1f", " %"),
-                _cell(t.roughness_Nm_s, ".2f"),
-                _cell(t.surface_rad_s, ".3f"),
-                _cell(100 * t.outside_share, ".2f", " %"),
-                _cell(100 * t.limited_share, ".1f", " %"),
-            )
+            cells = [_cell(k * getattr(t, n), spec, unit) for n, k, spec, unit in columns]
             mark = " <" if t is self.chosen else ""
             line = f"{t.value:>10g}" + "".join(f"{c:>11}" for c in cells)
             word, colon, reason = t.unusable.partition(": ")
@@ -106,20 +99,12 @@ class TunableSweep:
         return [*lines, f"chosen: {value}; {self.reason}"]
 
 
-def _cell(value: float, spec: str, unit: str = "") -> str:
+def _cell(value: float, spec: str, unit: str) -> str:
     return "-" if math.isnan(value) else f"{value:{spec}}{unit}"
-
-
-def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()
-    }
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """Sweeps and what they chose."""
-
     controller: str
     plant: str
     seed: int
@@ -127,7 +112,6 @@ class Tuning:
     configuration: Configuration
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return {
             "controller": self.controller,
             "plant": self.plant,
@@ -153,7 +137,6 @@ class Tuning:
         return [line for name, lines in by_section.items() for line in (f"[{name}]", *lines)]
 
     def table(self) -> list[str]:
-        """Every sweep, then what to do with it."""
         case = TuningCase().cases()[0].name
         lines = [f"Tuning of {self.controller} on plant {self.plant}: {case}, output fixed"]
         for s in self.sweeps:
@@ -174,23 +157,14 @@ class Tuning:
         from esea_gen.studies.tuning_sweep.figure import tuning_trade
 
         sweep = self.sweeps[-1]
+        gone = (math.nan,) * 3
         rows = [
-            (math.nan, math.nan, math.nan)
-            if t.unusable
-            else (t.rms_Nm, t.overshoot_percent, t.roughness_Nm_s)
+            gone if t.unusable else (t.rms_Nm, t.overshoot_percent, t.roughness_Nm_s)
             for t in sweep.trials
         ]
-        error, over, rough = (np.array(column) for column in zip(*rows, strict=True))
+        chosen = None if sweep.chosen is None else sweep.chosen.value
         values = np.array([t.value for t in sweep.trials])
-        return tuning_trade(
-            values,
-            error,
-            over,
-            rough,
-            parameter=sweep.parameter,
-            chosen=None if sweep.chosen is None else sweep.chosen.value,
-            log=bool(values[0] > 0 and values[-1] > 10 * values[0]),
-        )
+        return tuning_trade(values, np.array(rows).T, parameter=sweep.parameter, chosen=chosen)
 
 
 def _values(device: Device, name: str, tunable: Tunable, values: Sequence[float]) -> Array:
@@ -240,13 +214,7 @@ def tune(
     workers: int | Workers = 1,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> Tuning:
-    """Sweep parameters against the virtual exoskeleton and choose.
-
-    parameter: ``instance.tunable``, or the tunable alone where only one Block has it. Without it,
-        the thesis' procedure: phi, then lambda with phi held.
-    seed: of the gear disturbance, and of the plant where it is random.
-    progress: ``progress(done, total, failed)`` of each sweep.
-    """
+    """Sweep parameters against the virtual exoskeleton and choose."""
     choose("plant", plant, PLANT_NAMES)
     if seed < 0:
         raise UserError(f"seed = {seed}.", "Give 0 or more.")

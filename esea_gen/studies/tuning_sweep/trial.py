@@ -11,7 +11,7 @@ import numpy as np
 
 from esea_gen.analysis.journal import Result
 from esea_gen.language.ports import Tunable
-from esea_gen.studies.tuning import TuningCase
+from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device, controller_system, largest_torque_Nm
 from esea_gen.twin.judge import ENDED, judge
@@ -24,19 +24,6 @@ SOFTENING = "smc.softening"
 
 @dataclass(frozen=True)
 class Trial:
-    """One value of a parameter.
-
-    overshoot_percent: how far the true torque goes beyond the desired amplitude at the extremes, at
-        most.
-    reach_percent: where the true torque comes to at the extremes, on average: 100 is the desired
-        amplitude.
-    surface_rad_s: largest abs(s); NaN for a controller without a surface.
-    outside_share: share of the samples with abs(s) > phi; NaN likewise.
-    limited_share: share of the samples with the command at the motor's limit.
-    unusable: why the value cannot be taken, else empty: unstable, drive tripped, fault latched, or
-        ``failed: `` and the reason, with every figure NaN.
-    """
-
     value: float
     rms_Nm: float
     overshoot_percent: float
@@ -49,11 +36,7 @@ class Trial:
 
 
 def extremes(case: Case, run: ClosedLoopRun) -> tuple[float, float]:
-    """How far the true torque goes at the extremes of a sinusoid.
-
-    return: farthest beyond the amplitude, 0 when it stays within; mean of all half cycles, 100 for
-        the amplitude itself.
-    """
+    """How far the true torque goes at the extremes of a sinusoid."""
     w = case.trajectory.window
     desired, true = case.trajectory.tau_desired_Nm[w], run.plant["tau_e_Nm"][w]
     amplitude = float(np.max(np.abs(desired)))
@@ -81,10 +64,7 @@ def run_trial(
     plant: str,
     seed: int,
 ) -> dict[str, float]:
-    """Run and judge one value: what a worker does.
-
-    return: fields of :class:`Trial`, and 1 or 0 for ``unstable``, ``tripped`` and ``fault``.
-    """
+    """Run and judge one value: what a worker does."""
     # Gains that swing are to be seen doing it, not softened.
     unsoftened = {SOFTENING: 0.0} if SOFTENING in tunables_of(controller) else {}
     tunables: dict[str, dict[str, float]] = {}

@@ -11,16 +11,22 @@ from typing import Any
 import numpy as np
 import scipy  # its parts are read on first use
 
-from esea_gen.device import Device
+from esea_gen.device import Device, with_numbers
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
-from esea_gen.identify.plant import tunable_system
+from esea_gen.identify.published.plant import tunable_system
 from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.sensing import sensing_system
-from esea_gen.studies.chapter4 import END_S, SIGNALS, evaluation_filter
-from esea_gen.studies.discretisation import LOAD_HZ, LOAD_RAD, at_rate
+from esea_gen.studies.uncertainty.signals import (
+    END_S,
+    LOAD_HZ,
+    LOAD_RAD,
+    SENSE_RATE,
+    SIGNALS,
+    evaluation_filter,
+)
 from esea_gen.studies.uncertainty.tally import RATES
 
 ELBOW_FULL_SCALE_NM = 4.47  # the published signals are the elbow's; others' are scaled
@@ -33,15 +39,6 @@ HARMONICS = 4
 
 @dataclass(frozen=True)
 class Motion:
-    """One published signal as a motion of the coupling.
-
-    theta_rad: true deflection at the device's samples, shape (steps,).
-    omega_mid_rad_s: its true rate in the middle of the step that ends there.
-    continuous_Nm: torque of the continuous model.
-    kept: samples that enter the statistics.
-    cell: their class of torque and rate.
-    """
-
     name: str
     theta_rad: Array
     omega_mid_rad_s: Array
@@ -66,7 +63,7 @@ class Programs:
 def compiled_programs(device: Device) -> Programs:
     block = exact_inverse(device)
     dense = max(1, round(FINE_HZ * device.period_s))
-    finer = at_rate(device, dense / device.period_s)
+    finer = with_numbers(device, {SENSE_RATE: dense / device.period_s})
     sensing = sensing_system(device, device.velocity, device.sensor)
     return Programs(
         compile_system(inverse_system(device, block), "f64").block(block.name),
@@ -80,10 +77,7 @@ def compiled_programs(device: Device) -> Programs:
 def motions(
     device: Device, limit_s: float = math.inf, say: Callable[[str], None] | None = None
 ) -> list[Motion]:
-    """The published signals as motions: the exact inverse's set-point, filtered as published.
-
-    device: the device; its full scale over the elbow's scales the torques.
-    """
+    """The published signals as motions: the exact inverse's set-point, filtered as published."""
     tell = say or (lambda _: None)
     h, rate_Hz = device.period_s, 1.0 / device.period_s
     size = device.tau_full_scale_Nm / ELBOW_FULL_SCALE_NM

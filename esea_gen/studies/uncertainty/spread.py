@@ -9,11 +9,11 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.identify.mapping import load_mapping
-from esea_gen.identify.parameters import at_bound, bounds_of
-from esea_gen.identify.plant import ROWS_REFINE, FittedPlant
-from esea_gen.identify.recording import load_recordings
-from esea_gen.identify.uncertainty import uncertainty
+from esea_gen.identify.published.parameters import at_bound, bounds_of
+from esea_gen.identify.published.plant import ROWS_REFINE, FittedPlant
+from esea_gen.identify.published.uncertainty import uncertainty
+from esea_gen.identify.recording.mapping import load_mapping
+from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
@@ -23,12 +23,7 @@ WEAK = 0.5  # relative spread of a direction that the data do not determine is h
 
 @dataclass(frozen=True)
 class Spread:
-    """How the rubber's parameters may lie round the device file's.
-
-    root: square root of the covariance of their logarithms, shape (keys, directions).
-    band_Nm: what the model's form leaves of this device's recording: 95 % of the errors in blocks
-        left out lie within; None where no recording is known.
-    """
+    """How the rubber's parameters may lie round the device file's."""
 
     keys: tuple[str, ...]
     root: Array
@@ -37,12 +32,10 @@ class Spread:
 
     @property
     def sigma(self) -> dict[str, float]:
-        """Relative standard deviation by parameter."""
         size = np.sqrt(np.sum(self.root**2, axis=1))
         return {k: float(s) for k, s in zip(self.keys, size, strict=True)}
 
     def draw(self, device: Device, rng: np.random.Generator) -> tuple[dict[str, float], int]:
-        """One coupling."""
         values = elastomer_values(device)
         factor = np.exp(self.root @ rng.standard_normal(self.root.shape[1]))
         clipped = 0
@@ -62,22 +55,14 @@ def elastomer_values(device: Device) -> dict[str, float]:
 
 
 def assumed_spread(device: Device, share: float = ASSUMED_SHARE) -> Spread:
-    """Every parameter on its own, by a stated share.
-
-    share: relative standard deviation; eps2 stays, because A, eps1, B and eps2 have a common factor
-        that torque does not show.
-    """
+    """Every parameter on its own, by a stated share."""
     keys = tuple(k for k, v in elastomer_values(device).items() if v > 0 and k != "eps2")
     origin = f"assumed: {100 * share:g} % (standard deviation) of each parameter, independent"
     return Spread(keys, share * np.eye(len(keys)), origin)
 
 
 def identified_spread(device: Device, mapping: Path, data: Path | None = None) -> Spread:
-    """The covariance of an identification, recomputed from its recording.
-
-    data: folder of the recordings; the mapping file's own when not given.
-    return: with correlations, from cycles and conditions left out as in the identification.
-    """
+    """The covariance of an identification, recomputed from its recording."""
     source = load_mapping(mapping, data)
     if source.mapping.device.name != device.name:
         raise UserError(

@@ -1,31 +1,22 @@
-"""What is promised of a fault on the board: when it is found, and what the limb may feel.
-
-A bound is stated only where a mechanism gives it; everything else is bounded by the limits alone,
-and has to show it.
-"""
+"""What is promised of a fault on the board: when it is found, and what the limb may feel."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from esea_gen.control.safety import STALE_PERIODS
+from esea_gen.board.driven import CURRENT_TICKS
+from esea_gen.control.limits.safety import STALE_PERIODS
 from esea_gen.device import Device
 from esea_gen.emit.states import TIMES_MS
 from esea_gen.errors import UserError
 from esea_gen.model.encoder import HELD_MAX
-from esea_gen.verify.driven import CURRENT_TICKS
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import WANTED_EVERY
 
 
 @dataclass(frozen=True)
 class LimbEnvelope:
-    """Within which the limb stays, whatever one thing breaks.
-
-    torque_Nm: until the motor is off; the trip of the interaction torque.
-    run_out_Nm: from then on: a drive that was pushing runs on, and a person runs against it.
-    energy_J: in all; the trip of the energy.
-    """
+    """Within which the limb stays, whatever one thing breaks."""
 
     torque_Nm: float
     run_out_Nm: float

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from esea_gen.board.driven import BUS_FAULTS, CURRENT_FAULTS, MAGNET_FAULTS, DrivenSensors
 from esea_gen.device import Device
 from esea_gen.emit.states import BOARD_FAULTS
 from esea_gen.errors import UserError
-from esea_gen.verify.driven import BUS_FAULTS, CURRENT_FAULTS, MAGNET_FAULTS, DrivenSensors
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import FaultRig, FaultScene, Felt
 
@@ -33,10 +33,7 @@ def below_the_inputs(fault: BoardFault) -> bool:
 
 
 class DrivenRig(FaultRig):
-    """The board in the loop with its drivers between plant and application.
-
-    The stop line's is left out: at a start it wants to be seen closed for 20 ticks.
-    """
+    """The board in the loop with its drivers between plant and application."""
 
     def __init__(self, device: Device) -> None:
         super().__init__(device)

@@ -21,31 +21,29 @@ GROUPS = {
         "zero": "live",
         "parameters": "live",
         "sim": "live",
-        "bridge": "bridge",
-        "demo": "demo",
-        "wrist": "wrist_display",
-        "pair": "pairing",
-        "unpair": "pairing",
+        "bridge": "live",
+        "demo": "view",
+        "wrist": "view",
+        "pair": "board",
+        "unpair": "board",
     },
     "What a board keeps, and its joint": {
         "commission": "commission",
         "kept": "board",
         "blackbox": "board",
-        "life": "life",
+        "life": "board",
     },
     "Recordings": {"show": "logs", "replay": "logs", "export": "logs", "import": "logs"},
     "People, studies and what comes of them": {
         "study": "study session virtual",
         "assess": "assess",
-        "analyse": "analyse wrist interaction virtual",
+        "analyse": "interaction wrist",
         "smoothness": "interaction",
     },
 }
 
 
 class HostCommands(GroupedCommands):
-    """The commands of :data:`GROUPS`."""
-
     package, groups = "esea_host.cli", GROUPS
 
 
@@ -87,5 +85,4 @@ def told(text: str) -> None:
 
 
 def main() -> None:
-    """Entry point."""
     run("esea-host", app)

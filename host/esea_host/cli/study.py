@@ -30,8 +30,6 @@ app.add_typer(study_app, name="study")
 
 
 class ExportForm(StrEnum):
-    """For whom data is written."""
-
     rows = "rows"
     parquet = "parquet"
     bids = "bids"
@@ -134,8 +132,12 @@ TrialArgument = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Its 
 ReasonOption = Annotated[str, typer.Option("--reason", help="Why; kept on record.")]
 
 
+@study_app.command(
+    "repeat", help="Have a trial again: what it gave no longer counts, and stays on record."
+)
 @study_app.command("skip")
 def skip(
+    context: typer.Context,
     folder: FolderArgument,
     code: CodeArgument,
     trial: TrialArgument,
@@ -144,26 +146,17 @@ def skip(
     trust: TrustOption = None,
 ) -> None:
     """Leave a trial of an interrupted session out."""
-    _begun(folder, code, session, trust).skip(trial, reason)
-    out.print(f"{code}: trial {trial} is left out")
-
-
-@study_app.command("repeat")
-def repeat(
-    folder: FolderArgument,
-    code: CodeArgument,
-    trial: TrialArgument,
-    session: SessionOption = 1,
-    reason: ReasonOption = "",
-    trust: TrustOption = None,
-) -> None:
-    """Have a trial again: what it gave no longer counts, and stays on record."""
-    _begun(folder, code, session, trust).repeat(trial, reason)
-    out.print(f"{code}: trial {trial} comes again with study resume")
+    begun = _begun(folder, code, session, trust)
+    if context.info_name == "repeat":
+        begun.repeat(trial, reason)
+        out.print(f"{code}: trial {trial} comes again with study resume")
+    else:
+        begun.skip(trial, reason)
+        out.print(f"{code}: trial {trial} is left out")
 
 
 def _begun(folder: Path, code: str, number: int, trust: list[str] | None) -> StudySession:
-    from esea_host.study.acting import SimulatedSource
+    from esea_host.study.source import SimulatedSource
 
     study = opened(folder, trust)
     if not study.log_of(code, number - 1).exists():
@@ -257,17 +250,13 @@ def export(
 
 
 def trusted(hashes: Iterable[str] | None) -> None:
-    """Trust task files by their hashes, from now on."""
     from esea_host.study.trust import trust
 
     trust(hashes or ())
 
 
 def opened(folder: Path, trust: list[str] | None = None, runs: bool = True) -> StudyFolder:
-    """A study's folder, with every shipped task known.
-
-    runs: whether the tasks in it are needed; they run if they are trusted.
-    """
+    """A study's folder, with every shipped task known; runs: whether its trusted tasks are run."""
     from esea_host.study.folder import StudyFolder
     from esea_host.study.trust import inside
 

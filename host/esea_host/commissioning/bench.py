@@ -13,8 +13,7 @@ from typing import Literal
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.identify.bringup.motions import GearPath
-from esea_gen.identify.bringup.watch import DriveRecording
+from esea_gen.identify.drive.startup import DriveRecording, GearPath
 from esea_gen.link.transport import LinkError
 from esea_gen.model.sensing import of_axis
 from esea_host.connection import Batch, ConnectedDevice, Subscription

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.identify.bringup.checks import RATIO_OFF, StartupCheck
-from esea_gen.identify.bringup.sign import SignCheck
-from esea_gen.identify.bringup.signals import Signals, motor_torque
-from esea_gen.identify.bringup.watch import DriveRecording
-from esea_gen.identify.regression import Estimate, fit_linear
+from esea_gen.identify.drive.regression import Estimate, fit_linear
+from esea_gen.identify.drive.sign import SignCheck
+from esea_gen.identify.drive.signals import Signals, motor_torque
+from esea_gen.identify.drive.startup import RATIO_OFF, DriveRecording, StartupCheck
 from esea_host.commissioning.bench import Capture
 from esea_host.recording.layout import Array
 

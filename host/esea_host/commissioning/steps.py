@@ -10,9 +10,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.identify.bringup.checks import FRICTION_SHARE, StartupCheck
-from esea_gen.identify.bringup.motions import GearPath
-from esea_gen.identify.bringup.procedures import travel
+from esea_gen.identify.drive.startup import FRICTION_SHARE, GearPath, StartupCheck, travel
 from esea_gen.studies.torque_check.check import (
     RECORD_S,
     SETTLE_S,

@@ -14,11 +14,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import lru_cache
 
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.language.system import System, Task
-from esea_gen.verify.sim import SimBoard
 from esea_host.people.person import Limb
 
 STEPS = 10  # of 1 ms in a frame of 10 ms

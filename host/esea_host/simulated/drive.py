@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device, board_device
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
@@ -27,7 +28,6 @@ from esea_gen.twin.people import random_person
 from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
 from esea_gen.twin.stepped import EMPTY, SteppedPlant
-from esea_gen.verify.sim import SimBoard
 from esea_host.connection.identity import SIMULATED_BOARDS
 from esea_host.recording.replay import loaded_device
 from esea_host.simulated.joint import MovedJoint

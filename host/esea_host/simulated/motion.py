@@ -14,8 +14,8 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.model.sensing import of_axis
 from esea_gen.tables import read_table
+from esea_gen.twin.parameters import STEP_S
 from esea_gen.twin.passive import passive_system
-from esea_gen.twin.people import STEP_S
 from esea_gen.twin.trajectories import minimum_jerk
 from esea_host.recording.export import column_of
 

@@ -13,8 +13,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from esea_gen.control.faults import FAULT_CODES
-from esea_gen.emit.states import BOARD_FAULTS, STATES
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
@@ -22,28 +20,18 @@ from esea_host.connection.recording import LiveRecording
 from esea_host.study.fitting import ACTS, CONSTRAINED, DEG, TORQUE, DeviceSignals, Tap
 from esea_host.study.rows import LatestRows
 from esea_host.study.scene import Scene
-from esea_host.study.source import InputSource
+from esea_host.study.source import Gauge, InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
-from esea_host.study.watching import Gauge
 
 TORQUE_MODE, DEADLINE_MS = 1.0, 500
 FRAME_S, SILENT_S, READY_S, SETTLE_S = 0.01, 1.0, 8.0, 0.2
 AWAY_S, SWITCH_S = 60.0, 30.0
 WORKING = ("ARMED", "ACTIVE")  # who lets go does not come back, and is armed again
-STATE_NAMES = {s.value: s.name for s in STATES}
-FAULTS = [c for c in (*FAULT_CODES, *BOARD_FAULTS) if c.value]
-FAULT_NAMES = {c.value: f"{c.name.lower().replace('_', ' ')} (fault {c.value})" for c in FAULTS}
 REST_SHARE = 0.1  # of the largest torque: more at rest is a zero that is not one; assumed
 
 
 class BoardSource(InputSource):
-    """A board that somebody wears, for a session.
-
-    device: connected.
-    folder: of the session: its recording goes there.
-    drive: zero and arm it before the first trial, and after it was lost.
-    advance: moves the clock of a board whose clock stands still.
-    """
+    """A worn board; drive: zero and arm it; advance: moves the clock of a board in lockstep."""
 
     def __init__(
         self,
@@ -72,7 +60,6 @@ class BoardSource(InputSource):
 
     @property
     def board_ns(self) -> int:
-        """Time of the newest sample, by the board's clock."""
         return self._rows.board_ns
 
     def _limit(self, name: str, axis: str) -> float:
@@ -173,11 +160,17 @@ class BoardSource(InputSource):
 
     def _state_now(self) -> str:
         # Asked: the last that was told may be of before a pause, or a broken link.
-        return STATE_NAMES.get(self.device.clock()["state"], "UNKNOWN")
+        return self._named("ESEA_STATE", self.device.clock()["state"]) or "UNKNOWN"
+
+    def _named(self, enum: str, value: int) -> str:
+        # As the device's dialect has it.
+        entry = self.device.session.dialect.enums[enum].get(value)
+        return "" if entry is None else str(entry.name).removeprefix(f"{enum}_")
 
     def _trouble(self, state: str) -> str:
-        fault = FAULT_NAMES.get(self.device.fault(), "")
-        return f"the board is in {state}" + (f": {fault}" if fault else "")
+        number = self.device.fault()
+        name = self._named("ESEA_FAULT", number).lower().replace("_", " ") if number else ""
+        return f"the board is in {state}" + (f": {name} (fault {number})" if name else "")
 
     # -- time --------------------------------------------------------------------------------------
 
@@ -205,7 +198,6 @@ class BoardSource(InputSource):
             self.pull()
 
     def now_s(self) -> float:
-        """By the board's clock."""
         return (self.board_ns - (self._first_ns or self.board_ns)) * 1e-9
 
     def rest(self, seconds: float) -> None:
@@ -222,7 +214,6 @@ class BoardSource(InputSource):
     # -- trials ------------------------------------------------------------------------------------
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
-        """Whoever wears the board, once it holds the task's conditions."""
         self.begin(task, situation, number)
         return _Wearer(self)
 
@@ -281,7 +272,6 @@ class BoardSource(InputSource):
             self._recording.event(topic, board_ns=self.board_ns, **content)
 
     def want(self, requests: Mapping[str, float]) -> None:
-        """Ask the board for what the task asks for, beside the conditions of its trial."""
         wanted = self._none | self._asked | self.signals.wanted(requests)
         self._state = state = self.device.state()
         if state in ("FAULT", "STOPPED"):
@@ -294,7 +284,6 @@ class BoardSource(InputSource):
             self.device.want(DEADLINE_MS, mode=TORQUE_MODE, **wanted)
 
     def frame(self, requests: Mapping[str, float]) -> Inputs:
-        """Ask for what the task asks for, and take the next frame in."""
         try:
             if self._recording is not None and self._recording.error is not None:
                 raise UserError(f"The recording failed: {self._recording.error}", "")
@@ -332,11 +321,9 @@ class BoardSource(InputSource):
         raise UserError(what, fix) from None
 
     def status(self) -> str:
-        """The board's own, as it was seen last."""
         return self._state
 
     def broken(self) -> str:
-        """Why the board was lost, until it is ready again."""
         return self._broken
 
     def tick_s(self) -> float | None:
@@ -344,7 +331,6 @@ class BoardSource(InputSource):
         return self._rows.taken_s
 
     def gauges(self) -> tuple[Gauge, ...]:
-        """Torque and angle of every axis beside the limits in force."""
         found = []
         for axis, tap in self._torques.items():
             most, of = self._limit("tau_max_Nm", axis), f" {axis}" if axis else ""
@@ -370,6 +356,5 @@ class _Wearer(Actor):
         self._source, self._begun_ns = source, source.board_ns
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
-        """The next frame, by the board's clock."""
         inputs = self._source.frame(requests)
         return round((self._source.board_ns - self._begun_ns) * 1e-9, 6), inputs

@@ -6,6 +6,7 @@ read attributes that are replaced whole; none of them can hold the session up.
 
 from __future__ import annotations
 
+import math
 import queue
 import threading
 import time
@@ -13,46 +14,32 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from esea_gen.errors import UserError
 from esea_host.study.folder import StudyFolder
-from esea_host.study.operated import PIECE_S, OperatedSource
+from esea_host.study.frames import FrameTimes
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
 from esea_host.study.session import ABORTED, PENDING, RUNNING, StudySession
-from esea_host.study.source import InputSource
+from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
 from esea_host.study.task import TaskStep, task_named
-from esea_host.study.watching import SessionWatcher, TrialOnly
 
 STARTING, RESTING, PAUSED, HELD, OVER = "starting", "resting", "paused", "held", "over"
 MOST_HAPPENED = 200
-RECENTRE, PAUSE = "recentre", "pause"
+PIECE_S = 0.02  # so long at most nobody hears a stop
+LATE_S = 0.25  # who is later than that does not hurry to catch up
 
 
 @dataclass(frozen=True)
 class ShownScene:
-    """A scene on its way to a screen.
-
-    number: counted from 1.  onsets: how often something has appeared so far.  made_s: by the
-    host's monotonic clock.  tick_s: when the device took the sample behind it, where that is known.
-    """
+    """A scene for a screen; made_s, tick_s (of its sample): by the host's monotonic clock."""
 
     scene: Scene
     number: int = 0
     onsets: int = 0
     made_s: float = 0.0
     tick_s: float | None = None
-
-
-class FrameCounter(Protocol):
-    """A screen that knows when it has painted."""
-
-    def drop(self) -> None:
-        """Forget what was painted outside of trials."""
-
-    def take(self, whole: bool) -> Mapping[str, Any]:
-        """Numbers of the last trial, or of the whole session."""
 
 
 def appears(before: Scene, now: Scene) -> bool:
@@ -65,24 +52,7 @@ def appears(before: Scene, now: Scene) -> bool:
 
 
 class Conductor(SessionWatcher):
-    """Runs a participant's session, and tells of it.
-
-    study: the study.
-    code: participant.
-    number: which session, from 0.
-    source: where inputs come from.
-    speed: of a simulated source's time against the clock's; infinite for one that has its own
-        clock, or where nobody waits.
-    hold: whether the session waits after a trial that was not good enough.
-    day, early: as of :meth:`StudyFolder.session`.
-
-    Attributes
-    ----------
-    phase : str
-        starting, running, resting, paused, held, over.
-    display : FrameCounter, optional
-        What a screen has to tell of its frames; into the log after every trial, and at the end.
-    """
+    """speed: simulated time over the clock's; hold: wait after a poor calibration."""
 
     def __init__(
         self,
@@ -97,8 +67,8 @@ class Conductor(SessionWatcher):
     ) -> None:
         super().__init__()
         self.study, self.code, self.number, self.hold = study, code, number, hold
-        self.source = OperatedSource(source, speed, self._pressed)
-        self._session = study.session(code, number, self.source, day, early)
+        self.source, self.speed = source, speed
+        self._session = study.session(code, number, source, day, early)
         self.plan = self._session.state.plan
         self.states: Mapping[int, str] = dict(self._session.state.states)
         self.reasons: Mapping[int, str] = dict(self._session.state.reasons)
@@ -108,7 +78,8 @@ class Conductor(SessionWatcher):
         self.said, self.reason = "", ""
         self.error: Exception | None = None
         self.happened: deque[tuple[float, str]] = deque(maxlen=MOST_HAPPENED)
-        self.display: FrameCounter | None = None
+        self.display: FrameTimes | None = None
+        self._begun_s = 0.0
         self.paused = False
         self._pause_told = False
         self._recentre = False
@@ -122,16 +93,13 @@ class Conductor(SessionWatcher):
     # -- asked from outside ------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin, or go on where the log ends."""
         self._thread.start()
 
     def join(self, timeout_s: float | None = None) -> None:
-        """Wait for the end."""
         self._thread.join(timeout_s)
 
     @property
     def over(self) -> bool:
-        """Whether the session has ended, for whatever reason."""
         return self.phase == OVER
 
     def stop(self, reason: str) -> None:
@@ -145,11 +113,9 @@ class Conductor(SessionWatcher):
             self.phase = PAUSED
 
     def recentre(self) -> None:
-        """Bring back what has left the screen, in a task that knows how."""
         self._recentre = True
 
     def note(self, text: str) -> None:
-        """A note into the log."""
         self._notes.put(text)
 
     def skip(self, number: int, reason: str) -> None:
@@ -190,7 +156,6 @@ class Conductor(SessionWatcher):
     # -- what the participant sees -----------------------------------------------------------------
 
     def screen(self) -> ShownScene:
-        """What is to be drawn now."""
         words = {STARTING: "wait", PAUSED: "paused", HELD: "paused"}
         if self.phase == OVER:
             words[OVER] = "stopped" if self.reason or self.error else "thanks"
@@ -206,18 +171,15 @@ class Conductor(SessionWatcher):
 
     @property
     def rest_left_s(self) -> float:
-        """Of a rest."""
-        speed = self.source.speed if self.source.speed < float("inf") else 1.0
+        speed = self.speed if math.isfinite(self.speed) else 1.0
         return max(0.0, (self.rest_until_s - time.monotonic()) * speed)
 
     @property
     def coming(self) -> PlannedTrial | None:
-        """The next trial after the one that runs."""
         left = (t for t in self.plan.trials if self.states[t.number] in (PENDING, "aborted"))
         return next((t for t in left if t is not self.trial), None)
 
     def longest_s(self, trial: PlannedTrial) -> float:
-        """How long a trial can take."""
         task = task_named(trial.task, "plan")
         return task.longest_s(task.Parameters(**trial.parameters))
 
@@ -238,15 +200,28 @@ class Conductor(SessionWatcher):
             session.close()
             self.phase = OVER
 
-    def _pressed(self) -> Mapping[str, float]:
-        found = {PAUSE: 1.0} if self.paused else {}
+    def pressed(self) -> Mapping[str, float]:
+        found = {"pause": 1.0} if self.paused else {}
         if self._recentre:
             self._recentre = False
-            found[RECENTRE] = 1.0
+            found["recentre"] = 1.0
         return found
 
+    def _wait(self, until_s: float) -> None:
+        while (left_s := until_s - time.monotonic()) > 0 and not self.turn():
+            time.sleep(min(left_s, PIECE_S))
+
+    def paces(self, time_s: float) -> None:
+        """Not before its time, by the clock."""
+        if not math.isfinite(self.speed):
+            return
+        due_s = self._begun_s + time_s / self.speed
+        late_s = time.monotonic() - due_s
+        if late_s > LATE_S:
+            self._begun_s += late_s
+        self._wait(due_s)
+
     def turn(self) -> str:
-        """As asked for."""
         self._write_notes(self._session)
         return self._stopped or self._again
 
@@ -259,7 +234,6 @@ class Conductor(SessionWatcher):
         self.happened.append((self.source.now_s(), text))
 
     def between(self) -> None:
-        """Skip, repeat, wait."""
         session = self._session
         while True:
             self._again = TrialOnly()
@@ -280,18 +254,22 @@ class Conductor(SessionWatcher):
             time.sleep(PIECE_S)
 
     def waits(self, words: str) -> None:
-        """Say what is waited for, as long as it is."""
         self.advice = (words,) if words else ()
 
-    def rests(self, seconds: float) -> None:
-        """A rest begins."""
-        self.rest_until_s = time.monotonic() + seconds / min(self.source.speed, 1e9)
+    def rests(self, seconds: float, rest: Callable[[float], None]) -> None:
+        """As long by the clock, and longer while a pause is pressed."""
+        self.rest_until_s = time.monotonic() + seconds / min(self.speed, 1e9)
         self.phase = RESTING
         self._tell(f"rest of {seconds:g} s")
+        if math.isfinite(self.speed):
+            self._wait(self.rest_until_s)
+        rest(seconds)
+        while self.paused and not self.turn():
+            time.sleep(PIECE_S)
 
     def begins(self, trial: PlannedTrial) -> None:
-        """A trial begins."""
         self.trial, self.trial_s, self.advice = trial, 0.0, ()
+        self._begun_s = time.monotonic()
         self.states = {**self.states, trial.number: RUNNING}
         self.shown = ShownScene(Scene(), self.shown.number, self.shown.onsets)
         self.phase = RUNNING
@@ -300,7 +278,6 @@ class Conductor(SessionWatcher):
         self._tell(f"trial {trial.number}: {trial.block}")
 
     def steps(self, time_s: float, step: TaskStep) -> None:
-        """Pass the scene on; what a task advises is for the operator."""
         before = self.shown
         self.trial_s = time_s
         onsets = before.onsets + appears(before.scene, step.scene)
@@ -312,7 +289,6 @@ class Conductor(SessionWatcher):
             self._tell(event.name.replace("_", " "))
 
     def ends(self, number: int, state: str, reason: str, row: Mapping[str, Any]) -> None:
-        """Tell how; wait where it was not good enough."""
         session = self._session
         self.states = {**self.states, number: state}
         self.reasons = {**self.reasons, number: str(reason)}

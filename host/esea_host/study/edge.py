@@ -51,7 +51,6 @@ def checked_step(task: StudyTask, step: Any) -> TaskStep:
 
 
 def number(value: Any, where: str) -> float:
-    """A finite number."""
     found: float = plain(value, where)
     _is(isinstance(found, int | float), where, value, "a number")
     return found
@@ -107,5 +106,4 @@ def _scene(scene: Any) -> None:
 
 
 def finite(value: Any) -> bool:
-    """Whether it is a finite number, NumPy's too."""
     return isinstance(value, int | float | np.number) and math.isfinite(value)

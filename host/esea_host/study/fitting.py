@@ -32,11 +32,6 @@ class Tap:
 
 
 class DeviceSignals:
-    """What a device tells and takes, by axis.
-
-    device: connected, or to be.
-    """
-
     def __init__(self, device: Device) -> None:
         self.device, self.axes = device, device.axes
         roles = board_roles(device.system)
@@ -45,10 +40,7 @@ class DeviceSignals:
         self._streams = {name: f"{task.name}_out" for task, name in reversed(told)}
 
     def tap(self, signal: TaskSignal, name: str = "") -> Tap | None:
-        """Where a signal is told; None where it is not.
-
-        name: of the input: its unit is wanted.
-        """
+        """Where a signal is told; None where it is not."""
         column = of_axis(signal.quantity, self._axis(signal))
         stream = self._streams.get(column) if self._known(signal) else None
         degrees = name.endswith("_deg") and signal.quantity.endswith("_rad")
@@ -61,17 +53,14 @@ class DeviceSignals:
         return signal.axis in self.axes if signal.axis else len(self.axes) == 1
 
     def of_axes(self, quantity: str) -> dict[str, Tap]:
-        """A quantity of every axis that has it, by the axis' name."""
         taps = {a: self.tap(TaskSignal(quantity, a)) for a in self.axes}
         return {a: tap for a, tap in taps.items() if tap is not None}
 
     def taps(self, task: StudyTask) -> dict[str, Tap]:
-        """Where each input of a task is told."""
         self.must_fit([(task, {})])
         return {n: tap for n, s in task.inputs.items() if (tap := self.tap(s, n)) is not None}
 
     def wanted(self, requests: Mapping[str, float]) -> dict[str, float]:
-        """What a task asks for, as the board is asked for it."""
         found, unknown = {}, []
         for request, value in requests.items():
             name = self._wanted_name(request)
@@ -115,7 +104,6 @@ class DeviceSignals:
         return found
 
     def told(self, uses: Iterable[tuple[StudyTask, Mapping[str, float]]]) -> list[str]:
-        """Where the device tells what tasks need, and how it holds conditions, a line each."""
         uses = list(uses)
         self.must_fit(uses)
         taps = {n: tap for task, _ in uses for n, tap in self.taps(task).items()}
@@ -125,7 +113,6 @@ class DeviceSignals:
         return lines + [f"{r}: asked for as {n}, confirmed by {acts}" for r, n in asked.items()]
 
     def must_fit(self, uses: Iterable[tuple[StudyTask, Mapping[str, float]]]) -> None:
-        """Refuse a device that lacks what tasks need."""
         found: dict[str, list[str]] = {}
         for task, conditions in uses:
             for lack in self.lacks(task, conditions):

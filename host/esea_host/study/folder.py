@@ -47,13 +47,6 @@ def _lack(e: LoggedEvent) -> str:
 
 
 class StudyFolder:
-    """A study on disk.
-
-    path: the folder.
-    protocol: as kept in it.
-    durable: whether every event waits for the disk.
-    """
-
     def __init__(self, path: Path, protocol: Protocol, durable: bool = True) -> None:
         self.path, self.protocol, self.durable = path, protocol, durable
         self.left_out: list[Path] = []
@@ -62,7 +55,6 @@ class StudyFolder:
     def create(
         cls, path: Path, protocol: Protocol, simulated: bool, durable: bool = True
     ) -> StudyFolder:
-        """A new study in an empty folder; the protocol is copied into it."""
         try:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -82,10 +74,7 @@ class StudyFolder:
 
     @classmethod
     def open(cls, path: Path, durable: bool = True, runs: bool = True) -> StudyFolder:
-        """A study that is there.
-
-        runs: False: none of its code is run, trusted or not; what only reads needs none.
-        """
+        """A study that is there."""
         if not (path / PROTOCOL).exists():
             raise UserError(f"{path} is no study.", "Name the folder with protocol.toml.")
         files = [path / PROTOCOL, path / AUDIT, *sorted((path / TASKS).glob("*.py"))]
@@ -102,20 +91,17 @@ class StudyFolder:
         return content if isinstance(content, dict) else {}
 
     def content(self) -> dict[str, str]:
-        """SHA-256 of the protocol and of every task file, by name."""
         found = {PROTOCOL: hashlib.sha256((self.path / PROTOCOL).read_bytes()).hexdigest()}
         return found | {f"{TASKS}/{c.path.name}": c.sha256 for c in self.protocol.code}
 
     # -- audit --------------------------------------------------------------------------------
 
     def audit(self, kind: str, **data: Any) -> None:
-        """Record what was done."""
         log = EventLog(self.path / AUDIT, self.durable)
         log.append(0.0, kind, data)
         log.close()
 
     def audited(self) -> list[tuple[str, Mapping[str, Any]]]:
-        """All that was done, from a sound record."""
         path = self.path / AUDIT
         entries = read_log(path).sound(path).entries
         if problems := [f"line {e.number + 1}: {_lack(e)}" for e in entries if _lack(e)]:
@@ -124,14 +110,10 @@ class StudyFolder:
 
     @property
     def simulated(self) -> bool:
-        """Whether it was made for simulated people."""
         return any(k == "created" and bool(d.get("simulated")) for k, d in self.audited())
 
     def problems(self) -> list[str]:
-        """Every break of a chain, each with file and line; sessions shorter than was recorded.
-
-        Protocol and tasks too, where they are not those of the beginning.
-        """
+        """Every break of a chain, each with file and line; sessions shorter than was recorded."""
         record = read_log(self.path / AUDIT)
         found = [f"{AUDIT}: {b}" for b in record.breaks]
         found += [f"{AUDIT}: line {e.number + 1}: {_lack(e)}" for e in record.entries if _lack(e)]
@@ -177,7 +159,6 @@ class StudyFolder:
         return {code: k for k, code in enumerate(codes)}
 
     def enrol(self, code: str, consent: bool) -> None:
-        """Take a participant in."""
         if not CODE.match(code):
             raise UserError(
                 f"{code!r} is no participant code.",
@@ -193,27 +174,21 @@ class StudyFolder:
         self.audit("enrolled", participant=code, consent=True)
 
     def log_of(self, code: str, session: int) -> Path:
-        """Log of a session, numbered from 0."""
         return self.path / code / f"session-{session + 1}" / EVENTS
 
     def sessions(self) -> Iterator[tuple[str, int, Path]]:
-        """Participant, session from 0, and log of every session that there is."""
         for path in sorted(self.path.glob(f"*/session-*/{EVENTS}")):
             number = path.parent.name.removeprefix("session-")
             if re.fullmatch("[1-9][0-9]{0,8}", number):
                 yield path.parents[1].name, int(number) - 1, path
 
     def leave_out(self, path: Path, error: UserError) -> None:
-        """Go on without a log that cannot be used, and say so."""
         if path not in self.left_out:
             self.left_out.append(path)
             warnings.warn(f"{error.what} Its session is left out.", stacklevel=2)
 
     def rows(self, code: str, before: int | None = None, strict: bool = True) -> tuple[Row, ...]:
-        """Rows of a participant's completed trials, in order; of sessions ``before`` one only.
-
-        strict: False: logs that cannot be used are left out, as :meth:`leave_out` says.
-        """
+        """Rows of a participant's completed trials, in order; of sessions ``before`` one only."""
         found: list[Row] = []
         for c, session, path in self.sessions():
             if c == code and (before is None or session < before):
@@ -230,7 +205,6 @@ class StudyFolder:
     def session(
         self, code: str, number: int, source: InputSource, day: int | None = None, early: str = ""
     ) -> StudySession:
-        """A participant's session, new or to be gone on with."""
         index = self.participants().get(code)
         if index is None or any(
             k == "deleted" and d["participant"] == code for k, d in self.audited()
@@ -264,7 +238,6 @@ class StudyFolder:
         self.audit("session_start", participant=code, session=number, day=day, early=early)
 
     def finish(self, code: str, number: int, session: StudySession) -> None:
-        """Record that a session ended, with the last hash of its log."""
         self.audit("session_end", participant=code, session=number, head=session.log.head)
 
     def group_shown(self, code: str, to: str) -> str:
@@ -285,13 +258,11 @@ class StudyFolder:
     # -- export -------------------------------------------------------------------------------
 
     def new_codes(self, seed: int) -> dict[str, str]:
-        """Who is meant by a new code, in random order."""
         codes = sorted({c for c, _, _ in self.sessions()})
         order = generator(seed, 3).permutation(len(codes))
         return {f"S{k + 1:03d}": codes[int(place)] for k, place in enumerate(order)}
 
     def scrubbed(self, seed: int) -> list[dict[str, Any]]:
-        """Rows of all participants under their new codes."""
         named = self.new_codes(seed).items()
         return [
             {**r, "participant": new} for new, old in named for r in self.rows(old, strict=False)

@@ -29,8 +29,6 @@ START = "0" * 64
 
 @dataclass(frozen=True)
 class LoggedEvent:
-    """One event of a log."""
-
     number: int
     time_s: float
     kind: str
@@ -40,10 +38,7 @@ class LoggedEvent:
 
 @dataclass(frozen=True)
 class LogFound:
-    """What a file of events holds.
-
-    torn: bytes of a last line that a crash has cut.  breaks: where the chain does not hold.
-    """
+    """torn: bytes of a last line that a crash has cut; breaks: where the chain does not hold."""
 
     entries: tuple[LoggedEvent, ...]
     torn: bytes
@@ -61,10 +56,7 @@ class LogFound:
 
 @contextmanager
 def well_formed(path: Path) -> Iterator[None]:
-    """While a log's events are read: one that lacks something is an error that names the file.
-
-    Whoever can write the file can forge a chain that holds.
-    """
+    """Errors of missing fields name the file: who can write it can forge a chain that holds."""
     try:
         yield
     except (LookupError, TypeError, ValueError, AttributeError) as error:
@@ -119,7 +111,6 @@ def _hash(fields: Mapping[str, Any]) -> str:
 
 
 def read_log(path: Path) -> LogFound:
-    """Read a log, whatever state it is in."""
     raw = path.read_bytes()
     whole, _, torn = raw.rpartition(b"\n")
     entries: list[LoggedEvent] = []
@@ -148,11 +139,7 @@ def read_log(path: Path) -> LogFound:
 
 
 class EventLog:
-    """A log open for appending.
-
-    path: the file; made if it is not there, gone on with if it is.
-    durable: whether every event waits for the disk.  Off only for simulated people.
-    """
+    """A log for appending; durable: each event waits for the disk (not for simulated people)."""
 
     def __init__(self, path: Path, durable: bool = True) -> None:
         self.path, self.durable = path, durable
@@ -179,11 +166,9 @@ class EventLog:
 
     @property
     def head(self) -> str:
-        """Hash of the last event."""
         return self._before
 
     def append(self, time_s: float, kind: str, data: Mapping[str, Any]) -> None:
-        """Write an event; it is on disk when this returns."""
         held = plain({"t": time_s, "data": data}, kind)
         fields = {"n": self._count, "kind": kind, "before": self._before, **held}
         # As read back: tuples are lists, and the hash is that of what is on disk.
@@ -199,7 +184,6 @@ class EventLog:
             os.fsync(self._file)
 
     def close(self) -> None:
-        """Close the file."""
         os.close(self._file)
 
 

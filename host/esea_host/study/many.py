@@ -12,12 +12,11 @@ from joblib import Parallel, delayed
 
 from esea_gen.analysis.cluster import connected, run_on
 from esea_gen.errors import UserError
-from esea_host.study.acting import SimulatedSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import generator
 from esea_host.study.protocol import Protocol
-from esea_host.study.source import InputSource
+from esea_host.study.source import InputSource, SimulatedSource
 from esea_host.study.trust import allow
 
 # From the participant's number to what gives the source of each session, told the days between.
@@ -25,19 +24,14 @@ Sources = Callable[[int], Callable[[int, float], InputSource]]
 
 
 def code_of(index: int) -> str:
-    """Code of a simulated participant, numbered from 0."""
     return f"V{index + 1:03d}"
 
 
 @dataclass(frozen=True)
 class EveryTask:
-    """Participants as each task simulates them itself."""
-
     seed: int
 
     def __call__(self, index: int) -> Callable[[int, float], InputSource]:
-        """Sources of one participant."""
-
         def source(number: int, _: float) -> InputSource:
             return SimulatedSource(int(generator(self.seed, 5, index, number).integers(2**31)))
 
@@ -53,7 +47,6 @@ def run_everybody(
     cluster: str | None = None,
     say: Callable[[str], None] | None = None,
 ) -> list[str]:
-    """Every session of a study with simulated participants."""
     folder = folder.resolve()
     study = StudyFolder.create(folder, protocol, simulated=True, durable=False)
     codes = [code_of(k) for k in range(participants)]

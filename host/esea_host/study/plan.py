@@ -17,11 +17,6 @@ from esea_host.study.task import StudyTask, task_named
 
 @dataclass(frozen=True)
 class PlannedTrial:
-    """One trial of a session, all of it known beforehand.
-
-    number: from 1, in order.  seed: of the task's own random numbers.
-    """
-
     number: int
     block: str
     task: str
@@ -36,8 +31,6 @@ class PlannedTrial:
 
 @dataclass(frozen=True)
 class Plan:
-    """A participant's session as it is to be."""
-
     protocol: str
     session: int
     session_name: str
@@ -45,12 +38,10 @@ class Plan:
     trials: tuple[PlannedTrial, ...]
 
     def digest(self) -> str:
-        """Of all of it."""
         return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
 
 
 def plan_from(data: Mapping[str, Any]) -> Plan:
-    """A plan as a log holds it."""
     trials = tuple(PlannedTrial(**t) for t in data["trials"])
     return Plan(**{**data, "trials": trials})
 
@@ -61,10 +52,7 @@ def generator(*words: int) -> np.random.Generator:
 
 
 def group_of(protocol: Protocol, index: int) -> str:
-    """Group of the participant who came as number ``index`` (from 0): permuted blocks.
-
-    After every block of as many participants as there are groups, the groups are equal.
-    """
+    """Group of participant ``index``: permuted blocks, equal after every block."""
     groups = sorted(protocol.file.groups)
     if not groups:
         return ""
@@ -74,7 +62,6 @@ def group_of(protocol: Protocol, index: int) -> str:
 
 
 def build_plan(protocol: Protocol, index: int, session: int) -> Plan:
-    """The list of trials of one session."""
     file = protocol.file
     if not 0 <= session < len(file.session):
         raise UserError(
@@ -132,7 +119,6 @@ def _parameters(
 
 
 def explain(protocol: Protocol) -> str:
-    """A protocol in plain words, with its duration."""
     file, lines = protocol.file, []
     lines.append(f"{file.name}: {file.title}")
     for name, table in file.conditions.items():
@@ -165,7 +151,6 @@ def explain(protocol: Protocol) -> str:
 
 
 def durations_s(plan: Plan) -> tuple[float, float]:
-    """Longest time in trials, and time in rests."""
     longest = 0.0
     for trial in plan.trials:
         task = task_named(trial.task, plan.protocol)

@@ -94,8 +94,6 @@ class ProtocolFile(_Table):
 
 @dataclass(frozen=True)
 class Protocol:
-    """A checked protocol with the text that it came from."""
-
     file: ProtocolFile
     text: str
     origin: str
@@ -122,11 +120,7 @@ def parse_protocol(
     codes: Sequence[TaskCode] = (),
     runs: bool = True,
 ) -> Protocol:
-    """As :func:`load_protocol`, from text.
-
-    folders: where the files are that it names; none: they are among the codes.
-    runs: False: no code is run, and what depends on a task is not checked.
-    """
+    """From text; runs=False: no code is run, and what depends on a task is not checked."""
     document = parse_toml(text, origin, SEE)
     kind = cast(Any, ProtocolFile)
 

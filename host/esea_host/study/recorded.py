@@ -21,7 +21,7 @@ CONDITION, MIDDLE = "condition", "middle"
 
 @dataclass(frozen=True)
 class TrialAttempt:
-    """A trial as often as it was begun; ended_ns: None where the recording ends within it."""
+    """A trial as often as it was begun; ended_ns is None where the recording ends within it."""
 
     number: int
     path: Path
@@ -31,10 +31,7 @@ class TrialAttempt:
 
 
 class BoardRecordings:
-    """The recordings of a session, ``device-<n>.mcap`` beside its log.
-
-    folder: of the session.
-    """
+    """The recordings of a session, ``device-<n>.mcap`` beside its log."""
 
     def __init__(self, folder: Path) -> None:
         paths = folder.glob("device-*.mcap")
@@ -65,32 +62,25 @@ class BoardRecordings:
         return self._open
 
     def signals(self, attempt: TrialAttempt) -> DeviceSignals:
-        """Of the device that recorded it."""
         return DeviceSignals(device_of(self._log(attempt.path)))
 
     def simulated(self, attempt: TrialAttempt) -> bool:
-        """Whether it was a simulated board."""
         return bool(self._log(attempt.path).facts.get("simulated", False))
 
     def table(self, attempt: TrialAttempt, stream: str) -> Table:
-        """All of a stream of its recording."""
         _, log, tables = self._file(attempt.path)
         if stream not in tables:
             tables[stream] = log[stream]
         return tables[stream]
 
     def close(self) -> None:
-        """Close what is open."""
         if self._open is not None:
             self._open[1].close()
             self._open = None
 
 
 class BoardInputs:
-    """A session's inputs as the board recorded them, for :func:`esea_host.study.session.replay`.
-
-    path: the session's log.
-    """
+    """A session's inputs as the board recorded them, for :func:`esea_host.study.session.replay`."""
 
     def __init__(self, path: Path) -> None:
         self.recordings = BoardRecordings(path.parent)
@@ -111,7 +101,6 @@ class BoardInputs:
         self._now = -1
 
     def __call__(self, attempt: int, task: StudyTask, time_s: float) -> Inputs:
-        """What was told at a time of the trial that was begun as number ``attempt``, from 0."""
         found, begun_ns, middle = self._of[attempt]
         if found is None:
             raise UserError(

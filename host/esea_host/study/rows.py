@@ -18,15 +18,7 @@ ASKED = 8  # for the tick, before each trial
 
 
 class LatestRows:
-    """What a board told last, in whichever of its streams a signal is.
-
-    device: connected.
-    always: signals that are read at any time.
-
-    ``board_ns``, ``tick``: of the newest moment of which all that is needed is known.
-    ``taken_s``: when it was taken, by the host's monotonic clock; None while nobody knows.
-    ``began_again``: whether the board's ticks have gone back, as after a loss of power, or zeroing.
-    """
+    """What a board told last, in whichever of its streams a signal is."""
 
     def __init__(self, device: ConnectedDevice, always: Iterable[Tap]) -> None:
         self._device, self._always = device, {tap.stream for tap in always}
@@ -42,11 +34,9 @@ class LatestRows:
 
     @property
     def streams(self) -> list[str]:
-        """Those that are needed."""
         return sorted(self._needed)
 
     def need(self, taps: Iterable[Tap]) -> None:
-        """Read these signals as well from now on."""
         self._needed = self._always | {tap.stream for tap in taps}
         self._device.listen(sorted(self._needed))
         if self._device.address is not None:  # else somebody moves its clock by hand
@@ -64,7 +54,6 @@ class LatestRows:
         self._zero_s = min(found)[1]
 
     def start(self) -> None:
-        """Forget what a board told before it was lost."""
         self._queue.take(0.0)
         self._waiting, self._last_tick, self.began_again = {}, {}, False
 
@@ -103,7 +92,6 @@ class LatestRows:
             self.taken_s = self._zero_s + self.tick * self._tick_s
 
     def value(self, tap: Tap) -> float:
-        """A signal at that moment; 0 before the first."""
         rows = self._new.get(tap.stream)
         return 0.0 if rows is None else tap.factor * float(rows[tap.column][-1])
 
@@ -112,5 +100,4 @@ class LatestRows:
         return bool(np.any(self._new[tap.stream][tap.column] != value))
 
     def close(self) -> None:
-        """Give the queue back."""
         self._device.receiver.unsubscribe(self._queue)

@@ -41,10 +41,7 @@ ON_WHITE = COLOURS | {
 
 @dataclass(frozen=True)
 class Shape:
-    """One shape; lengths in the scene's unit, ``size`` the radius or half the side.
-
-    role: key of :data:`COLOURS`.  to_x, to_y: other end of a line.
-    """
+    """Lengths in the scene's unit; size: radius or half the side; to_x, to_y: a line's end."""
 
     kind: Kind
     role: str
@@ -72,7 +69,6 @@ class Scene:
     half_width: float = 40.0
 
     def digest(self) -> bytes:
-        """Of every bit of it."""
         shapes = [(s.kind, s.role, s.x, s.y, s.size, s.to_x, s.to_y) for s in self.shapes]
         texts = [(t.key, sorted(t.values.items())) for t in self.texts]
         return hashlib.sha256(repr((shapes, texts, self.half_width)).encode()).digest()
@@ -98,8 +94,6 @@ def said(text: Text, language: str = "en") -> str:
 
 
 class _Numbers(Formatter):
-    """Numbers as the language writes them."""
-
     def __init__(self, decimal: str) -> None:
         self._decimal = decimal
 
@@ -109,7 +103,6 @@ class _Numbers(Formatter):
 
 
 def draw(scene: Scene, language: str = "en") -> Figure:
-    """A scene as a picture, for reports and tests."""
     figure = Figure(figsize=(5, 5), facecolor=COLOURS["background"])
     axes = figure.add_axes((0, 0, 1, 1))
     half = scene.half_width

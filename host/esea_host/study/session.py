@@ -13,7 +13,7 @@ from esea_host.study.edge import checked_step, finite, of_task
 from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log, well_formed
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
 from esea_host.study.scene import Scene
-from esea_host.study.source import InputSource
+from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
 from esea_host.study.task import (
     Inputs,
     Situation,
@@ -21,14 +21,6 @@ from esea_host.study.task import (
     TaskBrokenError,
     TaskStep,
     task_named,
-)
-from esea_host.study.watching import (
-    SessionWatcher,
-    Show,
-    Stop,
-    TrialOnly,
-    not_stopped,
-    shown_nowhere,
 )
 
 PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
@@ -41,11 +33,7 @@ CHUNK = 50
 
 @dataclass(frozen=True)
 class SessionState:
-    """What a log says of its session.
-
-    states: of every planned trial.  running: one that a crash cut off.  past: rows of completed
-    trials, in order.
-    """
+    """What a log says of its session."""
 
     participant: str
     plan: Plan
@@ -59,18 +47,15 @@ class SessionState:
 
     @property
     def remaining(self) -> tuple[PlannedTrial, ...]:
-        """What is still to do, in the planned order."""
         over = (COMPLETED, FAILED, "skipped")
         return tuple(t for t in self.plan.trials if self.states[t.number] not in over)
 
 
 def read_session(path: Path) -> SessionState:
-    """What a session's log says; an error for one that was changed."""
     return state_of(read_log(path).sound(path), path)
 
 
 def state_of(found: LogFound, path: Path) -> SessionState:
-    """As :func:`read_session`, from what was read."""
     if not found.entries:
         raise UserError(f"{path}: the log has no complete event.", "Start the session again.")
     with well_formed(path):
@@ -132,15 +117,7 @@ def _corrected(row: Mapping[str, Any], change: Mapping[str, Any]) -> Mapping[str
 
 
 class StudySession:
-    """One participant's session.
-
-    path: its log; a log that is there is gone on with.
-    plan: what is to be done; the one in the log wins, and must be the same.
-    participant: the code.
-    source: where inputs come from.
-    earlier: rows of the participant's earlier sessions.
-    durable: whether every event waits for the disk.
-    """
+    """One participant's session; continues a log that is there, whose plan must be the same."""
 
     def __init__(
         self,
@@ -168,16 +145,15 @@ class StudySession:
             self.state = state_of(read_log(path), path)
 
     def say(self, kind: str, /, **data: Any) -> None:
-        """Write an event; it is on disk when this returns.  Only in the session's thread."""
+        """Write an event; it is on disk when this returns. Only in the session's thread."""
         self.log.append(self._offset_s + self.source.now_s(), kind, data)
 
     def run(
         self,
-        show: Show = shown_nowhere,
-        stop: Stop = not_stopped,
+        show: Callable[[Scene], object] = lambda _: None,
+        stop: Callable[[], str] = lambda: "",
         watcher: SessionWatcher | None = None,
     ) -> str:
-        """Run what remains."""
         watcher = watcher or SessionWatcher(show, stop)
         source = self.source
         source.ask, source.waits, source.say = watcher.turn, watcher.waits, self.say
@@ -218,8 +194,7 @@ class StudySession:
             trial = todo[0]
             if trial.rest_before_s:
                 self.say("rest", seconds=trial.rest_before_s)
-                watcher.rests(trial.rest_before_s)
-                self.source.rest(trial.rest_before_s)
+                watcher.rests(trial.rest_before_s, self.source.rest)
                 if why := watcher.turn() or self._mended(watcher):
                     return why
             # By the session's own clock: a break between start and resume counts as no time.
@@ -241,7 +216,6 @@ class StudySession:
     _rules: Mapping[str, float] = {"longest_min": 1e9, "failed_in_a_row": 3}
 
     def with_rules(self, longest_min: float, failed_in_a_row: int) -> StudySession:
-        """Itself with the protocol's stopping rules."""
         self._rules = {"longest_min": longest_min, "failed_in_a_row": failed_in_a_row}
         return self
 
@@ -263,7 +237,11 @@ class StudySession:
                 reason = watcher.turn()
                 if reason:
                     break
+                pressed = {k: v for k, v in watcher.pressed().items() if k in task.switches}
+                self.source.paused = "pause" in pressed
                 time_s, inputs = actor.react(scene, requests)
+                watcher.paces(time_s)
+                inputs = {**inputs, **pressed}
                 lost = [n for n, x in inputs.items() if not finite(x)]
                 if lost:
                     ended, reason = FAILED, f"no number comes from: {', '.join(lost)}"
@@ -291,7 +269,6 @@ class StudySession:
         self.say("trial_end", trial=number, state=state, reason=reason, row=row)
 
     def skip(self, number: int, reason: str) -> None:
-        """Leave a trial out, with the reason."""
         if not reason:
             raise UserError(f"Trial {number} cannot be skipped without a reason.", "Give one.")
         self._reread()
@@ -313,7 +290,6 @@ class StudySession:
         self._reread()
 
     def note(self, text: str) -> None:
-        """A note of the operator's."""
         self.say("note", text=text)
 
     def correct(self, trial: int, column: str, new: Any, reason: str) -> None:
@@ -328,12 +304,10 @@ class StudySession:
         self._reread()
 
     def close(self) -> None:
-        """Close the log."""
         self.log.close()
 
 
 def situation_of(trial: PlannedTrial, past: tuple[Mapping[str, Any], ...]) -> Situation:
-    """What a planned trial starts from."""
     task = task_named(trial.task, "plan")
     return Situation(task.Parameters(**trial.parameters), trial.condition, past, trial.seed)
 
@@ -352,8 +326,6 @@ def _whole_row(row: Mapping[str, Any], trial: PlannedTrial, plan: Plan) -> dict[
 
 
 class _Frames:
-    """Samples on their way to disk, with the digest of the scenes that they gave."""
-
     def __init__(self, say: Callable[..., None], trial: int) -> None:
         self._say, self._trial = say, trial
         self._samples: list[list[Any]] = []
@@ -390,7 +362,6 @@ def replay(
     earlier: Sequence[Mapping[str, Any]] = (),
     told: Callable[[int, StudyTask, float], Inputs] | None = None,
 ) -> Iterator[tuple[int, Scene, bool]]:
-    """Replay a session: the scenes that its log makes again."""
     with well_formed(path):
         yield from _replay(read_log(path).sound(path).entries, path, earlier, told)
 

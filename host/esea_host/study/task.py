@@ -57,11 +57,7 @@ class TrialOutcome:
 
 @dataclass(frozen=True)
 class TaskStep:
-    """What one step of a task gives.
-
-    requests: to the device, by name; the device's limits decide what becomes of them.
-    outcome: None while the trial goes on.
-    """
+    """outcome: None while the trial goes on; the device's limits decide on requests."""
 
     state: Any
     scene: Scene
@@ -72,11 +68,7 @@ class TaskStep:
 
 @dataclass(frozen=True)
 class Situation:
-    """What a trial starts from.
-
-    parameters: the task's own, checked.  past: rows of the participant's completed trials, of
-    earlier sessions too, each with ``task``, ``condition``, ``block`` and ``session``.
-    """
+    """Checked parameters, rows of completed trials (earlier sessions too), seed."""
 
     parameters: Any
     condition: str
@@ -94,32 +86,14 @@ class Actor(ABC):
 
 @dataclass(frozen=True)
 class TaskSignal:
-    """What a task has to be told of a device: in degrees where the input's name ends so.
-
-    quantity: of an axis, as the device tells it: ``theta_load_rad``, the joint's angle; ``tau_Nm``.
-    axis: by its name in the device file; empty for the axis of a device that has one.
-    """
+    """A quantity of the device; in degrees where the input's name ends in _deg."""
 
     quantity: str
     axis: str = ""
 
 
 class StudyTask(ABC):
-    """A task.  A new one is one file: a subclass with ``@register``.
-
-    Attributes
-    ----------
-    name, version, title : str
-        Name in protocols, version in every log, one line for people.
-    Parameters : type
-        A :class:`TaskParameters` with defaults.
-    columns : tuple of Column
-        The data columns of its row, all of them and no others.
-    inputs : mapping of str to TaskSignal
-        What it cannot do without, by the name that it has in a step.
-    switches : tuple of str
-        What somebody may press beside, 1 while it is pressed.
-    """
+    """A task of a study. A new one is one file: a subclass with ``@register``."""
 
     name: ClassVar[str]
     version: ClassVar[str] = "1"
@@ -150,7 +124,6 @@ class StudyTask(ABC):
         """Somebody who does this task."""
 
     def checked_row(self, row: Row) -> Row:
-        """The row, which must have the declared columns and types."""
         wanted = {c.name: c.kind for c in self.columns}
         # None is a value that there is not; a NaN would not come back from JSON.
         wrong = [n for n, k in wanted.items() if n in row and not _is_a(row[n], k)]
@@ -177,14 +150,12 @@ _OF_MODULE: dict[str, list[StudyTask]] = {}
 
 
 def register(kind: type[StudyTask]) -> type[StudyTask]:
-    """Make a task known by its name."""
     _TASKS[kind.name] = kind()
     _OF_MODULE.setdefault(kind.__module__, []).append(_TASKS[kind.name])
     return kind
 
 
 def load_tasks(codes: Sequence[TaskCode]) -> None:
-    """Run files with tasks of the user's own, which all must be trusted."""
     must_be_trusted(codes)
     for code in codes:
         tasks = _OF_MODULE.get(import_file(code.path, code.content).__name__, [])
@@ -194,7 +165,6 @@ def load_tasks(codes: Sequence[TaskCode]) -> None:
 
 
 def task_named(name: str, where: str) -> StudyTask:
-    """A registered task."""
     if name not in _TASKS:
         raise UserError(
             f"{where}: there is no task {name!r}.",

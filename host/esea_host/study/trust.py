@@ -30,12 +30,10 @@ class TaskCode:
 
     @property
     def trusted(self) -> bool:
-        """Whether it may run."""
         return self.sha256 in _allowed or self.sha256 in _kept()
 
 
 def read_code(path: Path) -> TaskCode:
-    """A task file, not run."""
     what = ""
     try:
         if not path.is_file():

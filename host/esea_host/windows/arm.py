@@ -9,20 +9,14 @@ from PySide6.QtCore import QPointF, Qt, QTimer
 from PySide6.QtGui import QColor, QKeySequence, QMouseEvent, QPainter, QPaintEvent, QPen, QShortcut
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QWidget
 
-from esea_host.windows.columns import AxisColumns
 from esea_host.windows.feed import LiveFeed
+from esea_host.windows.plots import AxisColumns
 
 MOST_RAD, STEP_RAD = 0.6, 0.1
 DRAWN_MS = 50
 
 
 class VirtualArm(QWidget):
-    """An upper arm, and a forearm that somebody takes and pushes; let go it is pushed no more.
-
-    push: called when it is pushed another way, from where the virtual person wants it.
-    axis: of a device with several.
-    """
-
     def __init__(self, feed: LiveFeed, push: Callable[[], None], axis: str = "") -> None:
         super().__init__()
         (self._shown,) = AxisColumns(feed).signals((("theta_load_rad", "1", ""),), axis)
@@ -42,47 +36,42 @@ class VirtualArm(QWidget):
         return 0.0 if row is None else float(row[self._shown.column])
 
     def set_push(self, push_rad: float) -> None:
-        """Push so far, from now on."""
         self.push_rad = min(max(push_rad, -MOST_RAD), MOST_RAD)
         self._push()
         self.update()
 
-    def _elbow(self) -> QPointF:
+    def elbow(self) -> QPointF:
         return QPointF(0.4 * self.width(), 0.45 * self.height())
 
     def _reach_px(self) -> float:
         return 0.42 * min(self.width(), self.height())
 
-    def _at(self, angle_rad: float) -> QPointF:
+    def at(self, angle_rad: float) -> QPointF:
         # Flexion lifts the forearm forward, to the right.
         reach = self._reach_px()
-        return self._elbow() + QPointF(reach * math.sin(angle_rad), reach * math.cos(angle_rad))
+        return self.elbow() + QPointF(reach * math.sin(angle_rad), reach * math.cos(angle_rad))
 
     def _angle_of(self, place: QPointF) -> float:
-        off = place - self._elbow()
+        off = place - self.elbow()
         return math.atan2(off.x(), off.y())
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Take the forearm."""
         self._taken_rad = self._angle_of(event.position())
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        """Push it."""
         if self._taken_rad is not None:
             turn = self._angle_of(event.position()) - self._taken_rad
             self.set_push(math.remainder(turn, 2 * math.pi))
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
-        """Let go."""
         self._taken_rad = None
         self.set_push(0.0)
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """The arm as it is, and where it is pushed to."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         ink = self.palette().windowText().color()
-        elbow, angle = self._elbow(), self.angle_rad
+        elbow, angle = self.elbow(), self.angle_rad
         shoulder = elbow - QPointF(0, self._reach_px())
 
         def limb(colour: QColor, width: float, first: QPointF, last: QPointF) -> None:
@@ -97,8 +86,8 @@ class VirtualArm(QWidget):
         if self.push_rad:
             pushed = QColor("#b5611b")
             pushed.setAlpha(120)
-            limb(pushed, 12, elbow, self._at(angle + self.push_rad))
-        limb(QColor("#00558c"), 20, elbow, self._at(angle))
+            limb(pushed, 12, elbow, self.at(angle + self.push_rad))
+        limb(QColor("#00558c"), 20, elbow, self.at(angle))
         painter.setPen(ink)
         said = f"{math.degrees(angle):.0f} deg"
         said += f", pushed by {math.degrees(self.push_rad):+.0f} deg" if self.push_rad else ""
@@ -107,10 +96,7 @@ class VirtualArm(QWidget):
 
 
 def add_arms(window: QMainWindow, feed: LiveFeed, push: Callable[..., None]) -> list[VirtualArm]:
-    """Put an arm for each axis beside the plots of a live view; keys push the first.
-
-    push: called with how far each axis is pushed, in rad.
-    """
+    """An arm for each axis; push is called with how far each axis is pushed, rad."""
     arms: list[VirtualArm] = []
 
     def pushed() -> None:

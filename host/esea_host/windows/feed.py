@@ -22,11 +22,6 @@ SILENT_S = 1.0
 
 @dataclass
 class BoardNews:
-    """What is known of a board now.
-
-    said: the answer to what was asked last, or why it was refused.
-    """
-
     state: str = "UNKNOWN"
     fault: FaultText | None = None
     health: dict[str, int] = field(default_factory=dict)
@@ -35,13 +30,7 @@ class BoardNews:
 
 
 class LiveFeed:
-    """Fills rings from a connected board, and asks it what one sees.
-
-    device: listened to.
-    recording: that runs; notes go into it.
-    kept_s: so much of each stream is kept.
-    threaded: gather by itself; otherwise by :meth:`gather` and :meth:`ask`.
-    """
+    """Fills rings from a connected board, and asks it what one sees."""
 
     def __init__(
         self,
@@ -71,21 +60,17 @@ class LiveFeed:
 
     @property
     def dropped_rows(self) -> int:
-        """For which the view had no room."""
         return self._queue.dropped_rows
 
     @property
     def silent(self) -> bool:
-        """Whether nothing has come for a while."""
         return time.monotonic() - self.came_s > SILENT_S
 
     def gather(self, timeout_s: float = 0.0) -> None:
-        """Put what has come into the rings."""
         for batch in self._queue.take(timeout_s):
             self.receive(batch)
 
     def receive(self, batch: Batch) -> None:
-        """Put rows into their ring."""
         self.came_s = time.monotonic()
         self.rings[batch.layout.name].extend(batch)
 
@@ -119,7 +104,6 @@ class LiveFeed:
         self.stopper.stop()
 
     def note(self, text: str) -> None:
-        """An annotation into the recording."""
         recording = self.recording
         if recording is None:
             self.news.said = "not recorded: start with --record FILE to keep notes"
@@ -128,7 +112,6 @@ class LiveFeed:
         self.do(f"noted '{text}'", lambda: recording.note(text, **facts))
 
     def now_s(self) -> float:
-        """Board time of the newest row."""
         newest = (ring.last(1).time_s for ring in self.rings.values())
         return max((float(t[0]) for t in newest if len(t)), default=0.0)
 

@@ -18,11 +18,7 @@ SAME_S = 1e-6
 
 @dataclass(frozen=True)
 class Stretch:
-    """Rows of a stream, oldest first.
-
-    first: how many rows had come before them.
-    after_gap: of each row, whether some are missing before it.
-    """
+    """Rows of a stream, oldest first; ``first`` rows had come before them."""
 
     first: int
     time_s: Floats
@@ -38,10 +34,7 @@ class Stretch:
 
 
 class RowRing:
-    """Keeps the newest rows of a stream; its memory is taken once and never grows.
-
-    total: rows that have come, also those forgotten since.
-    """
+    """Keeps the newest rows of a stream; its memory is taken once and never grows."""
 
     def __init__(self, layout: StreamLayout, most_rows: int) -> None:
         self.layout, self.most_rows = layout, most_rows
@@ -56,11 +49,9 @@ class RowRing:
 
     @property
     def nbytes(self) -> int:
-        """Of all that it holds."""
         return self._rows.nbytes + self._time_s.nbytes + self._after_gap.nbytes
 
     def extend(self, batch: Batch) -> None:
-        """Take what came; the oldest make room."""
         after_gap = np.zeros(len(batch.rows), bool)
         for gap in batch.gaps:
             after_gap |= batch.rows["sequence"] == gap.before_tick
@@ -74,7 +65,6 @@ class RowRing:
             self._after_gap[places] = after_gap[kept]
 
     def last(self, rows: int | None = None) -> Stretch:
-        """A copy of the newest rows; None: all that there are."""
         with self._lock:
             held = min(self.total, self.most_rows)
             count = held if rows is None else min(rows, held)
@@ -86,17 +76,12 @@ class RowRing:
             return Stretch(first, time_s, whole.view(self.layout.dtype), gaps)
 
     def newest(self) -> Array | None:
-        """The newest row; None before the first."""
         with self._lock:
             return self._rows[(self.total - 1) % self.most_rows].copy() if self.total else None
 
 
 def curve(stretch: Stretch, values: Floats, most_points: int) -> tuple[Floats, Floats]:
-    """A curve of at most so many points that shows every peak, and every gap as a hole.
-
-    Of each group of rows the smallest and the largest are kept.  Groups stand at fixed rows of the
-    stream, so that a curve that moves on does not flicker.
-    """
+    """A curve of at most so many points that shows every peak, and every gap as a hole."""
     broken = np.flatnonzero(stretch.after_gap[1:]) + 1
     group = -(-len(values) * 2 // most_points) if len(values) else 1
     if group <= 2:

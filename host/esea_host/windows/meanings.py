@@ -27,10 +27,7 @@ COUNTED = {
 
 @dataclass(frozen=True)
 class LimitFlag:
-    """A bit of a status word.
-
-    word: the column that it is in.
-    """
+    """A bit of a status word, in the column ``word``."""
 
     word: str
     bit: int
@@ -61,11 +58,6 @@ def limit_flags(device: Device, axis: str = "") -> list[LimitFlag]:
 
 @dataclass(frozen=True)
 class FaultText:
-    """A fault in words.
-
-    cure: what to do.
-    """
-
     number: int
     name: str
     meaning: str
@@ -73,7 +65,6 @@ class FaultText:
 
 
 def fault_text(dialect: Any, number: int) -> FaultText:
-    """What a fault means and what to do, as the device's dialect has it."""
     entry = dialect.enums["ESEA_FAULT"].get(number)
     if entry is None or entry.name.endswith("_ENUM_END"):
         return FaultText(number, f"FAULT {number}", "not in this dialect", "service")
@@ -84,13 +75,11 @@ def fault_text(dialect: Any, number: int) -> FaultText:
 
 
 def link_text(health: Mapping[str, int]) -> str:
-    """What the link has lost, by its counters."""
     lost = [f"{health[k]} {said}" for k, said in COUNTED.items() if health.get(k)]
     return f"link: {', '.join(lost)}" if lost else "link: nothing lost"
 
 
 def state_text(dialect: Any, name: str) -> str:
-    """What a state means; empty for one that is unknown."""
     for entry in dialect.enums["ESEA_STATE"].values():
         if entry.name == f"ESEA_STATE_{name}":
             return str(entry.description)

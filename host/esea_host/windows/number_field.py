@@ -16,19 +16,11 @@ class Choice(QComboBox):
     """A list to choose from; a wheel that scrolls past it changes nothing."""
 
     def wheelEvent(self, event: QWheelEvent) -> None:
-        """Leave it to what scrolls."""
         event.ignore()
 
 
 class NumberField(QLineEdit):
-    """A typed number; a text that is no number within the limits changes nothing.
-
-    Enter, or leaving the field, takes the text.  A refused text stays, with the reason below it and
-    the value that is still in force.  Up and Down change the text by a step, the wheel by nothing.
-
-    box: the field with its unit and the reason, for a layout; reason may go to a wider place.
-    taken: a different number was typed.  valueChanged: the same, or one was set.
-    """
+    """Enter or leaving takes the number; refused text stays, with reason and value in force."""
 
     taken = Signal(float)
     valueChanged = Signal(float)
@@ -51,7 +43,6 @@ class NumberField(QLineEdit):
         self._show()
 
     def value(self) -> float:
-        """The number in force: the last one that was taken or set."""
         return self._value
 
     def setValue(self, value: float) -> None:
@@ -64,11 +55,9 @@ class NumberField(QLineEdit):
             self.valueChanged.emit(value)
 
     def suffix(self) -> str:
-        """The unit beside it."""
         return self._unit.text()
 
     def setSuffix(self, suffix: str) -> None:
-        """Put another unit beside it."""
         self._unit.setText(suffix)
 
     def take(self) -> float | None:
@@ -87,7 +76,6 @@ class NumberField(QLineEdit):
         return value
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Up and Down step."""
         way = {Qt.Key.Key_Up: 1, Qt.Key.Key_Down: -1}.get(Qt.Key(event.key()))
         if way is None:
             super().keyPressEvent(event)

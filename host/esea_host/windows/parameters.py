@@ -30,8 +30,6 @@ class _Answers(QObject):
 
 
 class ParameterEditor(QWidget):
-    """A table to edit; the board is asked beside it."""
-
     def __init__(self, feed: LiveFeed) -> None:
         super().__init__()
         self._feed = feed
@@ -59,8 +57,6 @@ class ParameterEditor(QWidget):
         column.addLayout(below)
 
     def read(self) -> None:
-        """Ask the board for what is in force."""
-
         def job() -> str:
             values = self._feed.device.parameters()
             self._answers.read.emit(values)

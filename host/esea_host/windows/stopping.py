@@ -14,11 +14,7 @@ EVERY_S, FOR_S = 0.05, 2.0
 
 
 class StopSender:
-    """Writes stop commands straight onto the link, from a thread of its own.
-
-    A board takes a stop always, from anybody.  It is sent again and again for two seconds, or until
-    the board says that it is stopped; nothing that another thread holds is waited for.
-    """
+    """Sends stop onto the link for two seconds or until confirmed; waits for no lock."""
 
     def __init__(self, device: ConnectedDevice) -> None:
         self._device = device
@@ -30,17 +26,14 @@ class StopSender:
         self._thread.start()
 
     def stop(self) -> None:
-        """Ask for it; returns at once."""
         self._wanted.set()
 
     def close(self) -> None:
-        """End the thread."""
         self._closed = True
         self._wanted.set()
         self._thread.join(1.0)
 
     def send(self) -> None:
-        """One stop command, now."""
         command = self._dialect.MAV_CMD_USER_4
         message = self._dialect.MAVLink_command_long_message(1, 1, command, 0, *[0.0] * 7)
         frame = bytes(message.pack(self._encoder))

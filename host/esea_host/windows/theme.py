@@ -18,17 +18,11 @@ def plain_label(text: str = "") -> QLabel:
 
 
 def plain_tip(text: str) -> str:
-    """A tool tip of the same."""
     return f"<p>{escape(text)}</p>"
 
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours by what they are for.
-
-    curves: one after another.
-    """
-
     name: str
     ground: str
     panel: str
@@ -43,7 +37,6 @@ class Theme:
     curves: tuple[str, ...]
 
     def palette(self) -> QPalette:
-        """For all widgets."""
         made = QPalette()
         role = QPalette.ColorRole
         for place in (role.Window, role.Button):

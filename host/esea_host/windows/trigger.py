@@ -27,12 +27,7 @@ def crossings(stretch: Stretch, values: Floats, level: float, rising: bool) -> F
 
 @dataclass
 class Trigger:
-    """What starts a picture.
-
-    mode: ``off``, ``normal`` (each crossing whose picture is whole), ``single`` (the next one).
-    last_s: the crossing that is shown; before the first NaN.
-    done: whether a single one has come.
-    """
+    """normal: each crossing with a complete picture; single: the next; last_s: NaN before."""
 
     mode: str = OFF
     level: float = 0.0
@@ -42,11 +37,9 @@ class Trigger:
 
     @property
     def on(self) -> bool:
-        """Whether pictures wait for it."""
         return self.mode != OFF
 
     def arm(self, now_s: float) -> None:
-        """Forget what was; the next crossing counts."""
         self.done, self.last_s, self._from_s = False, math.nan, now_s
 
     _from_s: float = -math.inf
@@ -66,11 +59,9 @@ class Trigger:
         return self.last_s
 
     def shown_s(self, window_s: float) -> tuple[float, float]:
-        """From when to when the picture goes."""
         return self.last_s - BEFORE * window_s, self.last_s + (1 - BEFORE) * window_s
 
     def said(self) -> str:
-        """For the line above the picture."""
         edge = "rises" if self.rising else "falls"
         if not self.on:
             return ""

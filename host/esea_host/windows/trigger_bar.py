@@ -12,12 +12,6 @@ from esea_host.windows.trigger import MODES, OFF, SINGLE, Trigger
 
 
 class TriggerBar(QWidget):
-    """Sets a :class:`Trigger`; every field by key, as Tab and the arrows go.
-
-    signals: those that it may listen to.
-    now: gives the board's time.
-    """
-
     def __init__(
         self, trigger: Trigger, signals: list[ShownSignal], now: Callable[[], float]
     ) -> None:
@@ -64,11 +58,9 @@ class TriggerBar(QWidget):
 
     @property
     def signal(self) -> ShownSignal:
-        """The one that it listens to."""
         return self._signals[max(0, self.source.currentIndex())]
 
     def apply(self, *_: object) -> None:
-        """As the fields say, from now on."""
         t = self.trigger
         t.mode, t.level = self.mode.currentText() or OFF, self.level.value()
         t.rising = self.edge.currentIndex() == 0

@@ -15,9 +15,9 @@ from esea_host.connection import Batch
 from esea_host.study.fitting import ACTS, DeviceSignals
 from esea_host.study.scene import Scene, Shape
 from esea_host.study.task import task_named
+from esea_host.wrist.calibration import AXES
 from esea_host.wrist.guide import CalibrationGuide
 from esea_host.wrist.normalisation import CursorMap
-from esea_host.wrist.past import AXES
 from esea_host.wrist.stored import WristCalibration
 from esea_host.wrist.tasks import dot, place
 
@@ -31,10 +31,7 @@ CURSOR_SHARE, NODE_SHARE, EDGE_SHARE = 0.075, 0.03, 0.006  # of half the width
 
 @dataclass(frozen=True)
 class AxisView:
-    """One axis now, from the neutral position.
-
-    cursor_deg: where the normalised cursor is.  factor: its speed over the wrist's.
-    """
+    """One axis now, from the neutral position."""
 
     name: str
     theta_deg: float
@@ -44,8 +41,6 @@ class AxisView:
 
 @dataclass(frozen=True)
 class FactorCurve:
-    """Scaling factor of an axis over its constrained range, and at its nodes."""
-
     theta_deg: Floats
     factor: Floats
     nodes_deg: Floats
@@ -56,11 +51,7 @@ class FactorCurve:
 
 @dataclass(frozen=True)
 class DisplayPicture:
-    """All that changes from frame to frame.
-
-    acts: whether the constraint acts; None for a board that has none.
-    applied: whether the normalised cursor goes through the maps.
-    """
+    """acts: None without a constraint; applied: whether the cursor goes through the maps."""
 
     time_s: float
     acts: bool | None
@@ -83,16 +74,7 @@ class _Pending:
 
 
 class WristDisplay:
-    """Takes telemetry, gives pictures; a guide takes the same frames.
-
-    device: with the axes flexion (extension positive) and deviation (radial positive).
-    calibration: to normalise with.
-
-    Attributes
-    ----------
-    guide : CalibrationGuide or None
-        While a calibration runs.
-    """
+    """Takes telemetry, gives pictures; a guide takes the same frames."""
 
     def __init__(self, device: Device, calibration: WristCalibration | None = None) -> None:
         signals, task = DeviceSignals(device), task_named("wrist.neutral", "the display")
@@ -109,7 +91,6 @@ class WristDisplay:
         self.calibrate(calibration)
 
     def calibrate(self, calibration: WristCalibration | None) -> None:
-        """Normalise with this from now on."""
         self.maps: dict[str, CursorMap] | None = calibration.maps() if calibration else None
         self.calibration = calibration
         self.curves = {a: _curve(m, calibration, a) for a, m in (self.maps or {}).items()}
@@ -161,7 +142,6 @@ class WristDisplay:
 
     @property
     def applied(self) -> bool:
-        """Whether the normalised cursor goes through the maps: not while healthy."""
         return self.maps is not None and (self.acts or not self.can_constrain)
 
     @property
@@ -175,7 +155,6 @@ class WristDisplay:
         return 1.2 * max(map(abs, ends))
 
     def picture(self) -> DisplayPicture:
-        """What to draw now."""
         state = self.calibration.state(self.applied) if self.calibration else None
         neutral = state.neutral_deg if state else (0.0, 0.0)
         axes = tuple(

@@ -12,13 +12,15 @@ References
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import erf
 
 from esea_gen.errors import UserError
+from esea_gen.files import plain
 
 Array = npt.NDArray[np.float64]
 LEAST_NODES = 3
@@ -34,12 +36,7 @@ LEAST_SPEED_SHARE = 0.25
 
 @dataclass(frozen=True)
 class NodeSpeeds:
-    """Speeds of one axis in one state.
-
-    low_deg, high_deg: range of motion.
-    nodes_deg: where the speeds were taken, rising.
-    speeds_deg_s: mean speed there; None where a node was never crossed.
-    """
+    """Speeds of one axis in one state."""
 
     low_deg: float
     high_deg: float
@@ -49,13 +46,7 @@ class NodeSpeeds:
 
 @dataclass(frozen=True)
 class RbfNetwork:
-    """A sum of Gaussians of one width on a constant and a slope.
-
-    centres_deg, weights: one a node.
-    sigma_deg: width: the mean distance between nodes.
-    base: the constant; 0 in the published form.
-    slope_1_deg: the linear term's weight w; 0 unless asked for.
-    """
+    """A sum of Gaussians of one width on a constant and a slope."""
 
     centres_deg: Array
     weights: Array
@@ -64,7 +55,6 @@ class RbfNetwork:
     slope_1_deg: float
 
     def value(self, theta_deg: npt.ArrayLike) -> Array:
-        """The network at these angles."""
         theta = np.asarray(theta_deg, np.float64)
         d = (theta[..., None] - self.centres_deg) / self.sigma_deg
         bumps = np.exp(-0.5 * d * d) @ self.weights
@@ -90,11 +80,10 @@ def fit_rbf(
 ) -> RbfNetwork:
     """Fit a network through values at nodes.
 
-    With w there is one unknown more than values: of all networks through the values, the one with
-    the least sum of a_n^2 + (w sigma)^2 is taken (the least-norm solution; in w sigma, so that the
-    unit of the angle does not matter).  Without w the Gaussian matrix of separate nodes is
-    positive definite, and nothing is regularised.  On 0 the network falls to 0 outside its nodes
-    and ripples between them; on the mean it falls to the mean, and equal values give a constant.
+    Without w the Gaussian matrix of separate nodes is positive definite, and nothing is
+    regularised.  With w there is one unknown more than values: of all networks through the values
+    the one with the least sum of a_n^2 + (w sigma)^2 (so that the unit of the angle does not
+    matter).  On 0 the network falls to 0 outside its nodes, on the mean it falls to the mean.
     """
     nodes, wanted = np.asarray(nodes_deg, np.float64), np.asarray(values, np.float64)
     sigma = float(np.mean(np.diff(nodes)))
@@ -111,12 +100,7 @@ def fit_rbf(
 
 @dataclass(frozen=True)
 class CursorMap:
-    """From the wrist's angle to the cursor's position, one axis.
-
-    middle_deg: middle of the constrained range, which is shown at 0.
-    low_deg, high_deg: the constrained range.
-    factor: the scaling factor over the angle from the middle.
-    """
+    """From the wrist's angle to the cursor's position, one axis."""
 
     middle_deg: float
     low_deg: float
@@ -130,14 +114,10 @@ class CursorMap:
         within = self.factor.integral(inside - self.middle_deg)
         return np.asarray(within + (theta - inside) * self.factor.value(inside - self.middle_deg))
 
-    def numbers(self) -> dict[str, float | list[float]]:
+    def numbers(self) -> dict[str, Any]:
         """All that it was fitted to, for a log."""
-        fitted = asdict(self.factor) | {
-            "centres_deg": self.factor.centres_deg.tolist(),
-            "weights": self.factor.weights.tolist(),
-        }
-        ends = "middle_deg", "low_deg", "high_deg"
-        return {n: float(getattr(self, n)) for n in ends} | fitted
+        ends = {n: float(getattr(self, n)) for n in ("middle_deg", "low_deg", "high_deg")}
+        return ends | dict(plain(self.factor))
 
     def scaling(self, theta_deg: npt.ArrayLike) -> Array:
         """Scaling factor: the cursor's speed over the wrist's."""
@@ -153,7 +133,6 @@ def plain_map(speeds: NodeSpeeds, factor: float = 1.0) -> CursorMap:
 
 
 def linear_map(healthy: NodeSpeeds, constrained: NodeSpeeds) -> CursorMap:
-    """One factor: the ratio of the ranges."""
     _check_range(healthy, constrained)
     return plain_map(constrained, _width(healthy) / _width(constrained))
 
@@ -161,7 +140,6 @@ def linear_map(healthy: NodeSpeeds, constrained: NodeSpeeds) -> CursorMap:
 def normalise(
     healthy: NodeSpeeds, constrained: NodeSpeeds, *, slope: bool = False, base: bool = True
 ) -> CursorMap:
-    """The cursor map of one axis."""
     for name, speeds in (("healthy", healthy), ("constrained", constrained)):
         check_nodes(name, speeds)
     _check_range(healthy, constrained)
@@ -195,7 +173,6 @@ def _width(speeds: NodeSpeeds) -> float:
 
 
 def check_nodes(name: str, speeds: NodeSpeeds) -> None:
-    """Refuse a calibration that says too little."""
     if len(speeds.nodes_deg) < LEAST_NODES:
         raise UserError(
             f"The {name} range {speeds.low_deg:.1f} to {speeds.high_deg:.1f} deg holds "
@@ -246,11 +223,8 @@ def _check_fold(found: CursorMap) -> None:
 
 
 def node_places(low_deg: float, high_deg: float, spacing_deg: float = SPACING_DEG) -> list[float]:
-    """Nodes at whole multiples of the spacing from the neutral position, across the range.
-
-    Those nearer to an end than a fifth of the spacing are left out: there the wrist turns round,
-    and has no speed to measure.
-    """
+    """Nodes at whole multiples of the spacing from the neutral position, across the range."""
+    # Nearer to an end the wrist turns round, and has no speed to measure.
     room = 0.2 * spacing_deg
     first, last = np.ceil((low_deg + room) / spacing_deg), np.floor((high_deg - room) / spacing_deg)
     return [float(k * spacing_deg) for k in range(int(first), int(last) + 1)]

@@ -9,7 +9,7 @@ no FE and RU.  Lengths are shares of the distance to the target, for pixels have
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,8 @@ import numpy.typing as npt
 from esea_gen.errors import UserError
 from esea_host.recording.log import Table
 from esea_host.smoothness import NoAnswerError, sparc, submovements
-from esea_host.wrist.metrics import LEAST_PEAK
-from esea_host.wrist.target import HOLD_S, REACH_S
+from esea_host.wrist.analysis import LEAST_PEAK
+from esea_host.wrist.moving import HOLD_S, REACH_S
 
 Array = npt.NDArray[np.float64]
 COLUMNS = ("x_px", "y_px", "target_x_px", "target_y_px", "inside")
@@ -29,13 +29,7 @@ LEAST_SAMPLES = 10
 
 @dataclass(frozen=True)
 class ScreenReach:
-    """One target, from its appearance to the next one.
-
-    achieved: held within the target for 0.75 s, within 10 s.  reach_s: to the beginning of that.
-    sse: squared error over the squared distance, 100 a second, until then.  beyond: furthest past
-    the target along the way, share of the distance.  away: set off away from it first.  speeds of
-    uneven samples as they are; sparc, submovements: of even ones, None where they have no answer.
-    """
+    """achieved: held 0.75 s within 10 s, from reach_s; sse, beyond: over the distance."""
 
     samples: int
     duration_s: float
@@ -118,8 +112,6 @@ def _smoothness(t: Array, at: Array) -> tuple[float | None, float | None]:
 
 
 def summary(found: Sequence[ScreenReach]) -> dict[str, Any]:
-    """Counts and medians over the reaches of one recording."""
-
     def median(name: str) -> float | None:
         values = [v for x in found if (v := getattr(x, name)) is not None]
         return float(np.median(values)) if values else None
@@ -132,8 +124,3 @@ def summary(found: Sequence[ScreenReach]) -> dict[str, Any]:
         "without_sparc": sum(x.sparc is None for x in found),
         **{n: median(n) for n in names},
     }
-
-
-def to_rows(found: Sequence[ScreenReach]) -> list[dict[str, Any]]:
-    """For JSON."""
-    return [asdict(x) for x in found]

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from esea_gen.errors import UserError
 from esea_gen.files import read_whole, write_whole
 from esea_gen.toml_file import Problem, checked, parse_toml
+from esea_host.wrist.calibration import AXES, Calibrated, calibrated
 from esea_host.wrist.normalisation import (
     CursorMap,
     NodeSpeeds,
@@ -23,7 +24,6 @@ from esea_host.wrist.normalisation import (
     node_places,
     normalise,
 )
-from esea_host.wrist.past import AXES, Calibrated, calibrated
 
 SEE = "docs/wrist-display.md"
 MAKE = "Give a file that esea-host wrist saved, or calibrate again."
@@ -45,18 +45,14 @@ class StoredAxis(_Table):
 
     @property
     def range_deg(self) -> tuple[float, float]:
-        """Its ends."""
         return self.low_deg, self.high_deg
 
     @property
     def speeds(self) -> NodeSpeeds:
-        """For the normalisation."""
         return NodeSpeeds(self.low_deg, self.high_deg, self.nodes_deg, self.speeds_deg_s)
 
 
 class StoredState(_Table):
-    """A calibration in one state: healthy, or with the constraint."""
-
     neutral_fe_deg: float = Field(ge=-180, le=180)
     neutral_ru_deg: float = Field(ge=-180, le=180)
     FE: StoredAxis
@@ -64,19 +60,14 @@ class StoredState(_Table):
 
     @property
     def neutral_deg(self) -> tuple[float, float]:
-        """Both axes."""
         return self.neutral_fe_deg, self.neutral_ru_deg
 
     def axis(self, name: str) -> StoredAxis:
-        """FE or RU."""
         return self.FE if name == "FE" else self.RU
 
 
 class WristCalibration(_Table):
-    """Both states of a wrist; without a constraint only the healthy one.
-
-    sha256: of all other values.  It detects accidental edits, not deliberate fraud.
-    """
+    """Both states; sha256 detects accidental edits, not deliberate fraud."""
 
     schema_: Literal["esea-wrist-calibration-1"] = Field(
         "esea-wrist-calibration-1", alias="schema", description="of this file"
@@ -90,11 +81,9 @@ class WristCalibration(_Table):
     constrained: StoredState | None = None
 
     def state(self, constrained: bool) -> StoredState | None:
-        """One of its states."""
         return self.constrained if constrained else self.healthy
 
     def maps(self) -> dict[str, CursorMap] | None:
-        """Cursor maps by axis; None without a constrained state."""
         if self.constrained is None:
             return None
         return {
@@ -102,12 +91,10 @@ class WristCalibration(_Table):
         }
 
     def digest(self) -> str:
-        """Hash of all values but the hash itself."""
         content = self.model_dump(mode="json", by_alias=True, exclude={"sha256"})
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def text(self) -> str:
-        """As a file."""
         content = self.model_dump(mode="json", by_alias=True, exclude_none=True)
         mark = "SIMULATED: " if self.simulated else ""
         lines = [f"# {mark}calibration of a wrist by esea-host wrist."]
@@ -131,7 +118,6 @@ def _table(name: str, content: Mapping[str, Any]) -> list[str]:
 def calibration_of(
     past: Sequence[Mapping[str, Any]], device: str, content_hash: str, simulated: bool
 ) -> WristCalibration:
-    """Calibration from the rows of the study's calibration tasks."""
     healthy, constrained = calibrated(past, False), calibrated(past, True)
     if constrained.complete:
         constrained = replace(constrained, ends=_within(constrained, healthy))
@@ -179,7 +165,6 @@ def save_calibration(path: Path, calibration: WristCalibration) -> Path:
 
 
 def load_calibration(path: Path) -> WristCalibration:
-    """Read and check a calibration file."""
     data = read_whole(path, MAKE, MOST_BYTES)
     try:
         text = data.decode()

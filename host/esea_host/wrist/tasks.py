@@ -26,9 +26,14 @@ from esea_host.study.task import (
     TrialOutcome,
     register,
 )
-from esea_host.wrist.calibration import LEAST_PASSES, Complaint, quality
-from esea_host.wrist.past import AXES, Calibrated, calibrated
-from esea_host.wrist.simple_person import Follower
+from esea_host.wrist.calibration import (
+    AXES,
+    LEAST_PASSES,
+    Calibrated,
+    Complaint,
+    calibrated,
+    quality,
+)
 
 Axis = Literal["FE", "RU"]
 Way = Literal[-1, 1]
@@ -38,14 +43,11 @@ IMPAIRMENT = DataColumn("impairment", bool, "whether the simulated impairment wa
 
 
 class OnAxis(TaskParameters):
-    """What every task on one axis is told."""
-
     axis: Axis = Field("FE", description='"FE" or "RU"')
     impairment: bool = Field(False, description="whether the simulated impairment acts")
 
 
 def angles(inputs: Inputs) -> tuple[float, float]:
-    """Both angles, deg."""
     return inputs["fe_deg"], inputs["ru_deg"]
 
 
@@ -55,13 +57,39 @@ def requests(parameters: Any) -> Mapping[str, float]:
 
 
 def dot(role: str, x: float, y: float, size: float = 1.0) -> Shape:
-    """A disc."""
     return Shape("disc", role, x, y, size)
 
 
 def place(axis: str, value: float) -> tuple[float, float]:
     """A point on an axis of the screen."""
     return (value, 0.0) if axis == "FE" else (0.0, value)
+
+
+LIMITS_DEG = ((-60.0, 50.0), (-30.0, 20.0))
+WALL_DEG = 6.0
+
+
+class Follower(Actor):
+    """Goes to the target, or to the origin, along a first-order lag, within a range of motion."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.rng, self.time_s = rng, 0.0
+        self.theta = np.zeros(2)
+
+    def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
+        self.time_s = round(self.time_s + 0.01, 6)
+        aim = next((s for s in scene.shapes if s.role == "target"), None)
+        seen = next((s for s in scene.shapes if s.role == "cursor"), None)
+        if aim is None:
+            aim = next((s for s in scene.shapes if s.role == "origin"), None)
+        if aim is not None and seen is not None:
+            wanted = np.array([aim.x - seen.x, aim.y - seen.y])
+            self.theta += np.clip(0.06 * wanted, -0.6, 0.6) + 0.01 * self.rng.normal(size=2)
+        impaired = requests.get("impairment", 0.0) > 0.5
+        for k, (low, high) in enumerate(LIMITS_DEG):
+            top = WALL_DEG if impaired and k == 0 else high
+            self.theta[k] = min(max(self.theta[k], low), top)
+        return self.time_s, {"fe_deg": float(self.theta[0]), "ru_deg": float(self.theta[1])}
 
 
 class _WristTask(StudyTask):
@@ -82,8 +110,6 @@ class _WristTask(StudyTask):
 
 
 class NeutralParameters(TaskParameters):
-    """How long the hand rests."""
-
     impairment: bool = Field(False, description="whether the simulated impairment acts")
     seconds: float = Field(3.0, ge=1, le=30, description="how long; the last second counts")
     still_deg: float = Field(2.0, gt=0, le=20, description="most motion in that second")
@@ -91,16 +117,12 @@ class NeutralParameters(TaskParameters):
 
 @dataclass(frozen=True)
 class Resting:
-    """Samples of the last second."""
-
     parameters: NeutralParameters
     kept: tuple[tuple[float, float, float], ...] = ()
 
 
 @register
 class Neutral(_WristTask):
-    """The neutral position: the origin from then on."""
-
     name = "wrist.neutral"
     title = "Self-selected neutral position"
     Parameters = NeutralParameters
@@ -139,16 +161,12 @@ class Neutral(_WristTask):
 
 
 class RangeParameters(OnAxis):
-    """One direction."""
-
     way: Way = Field(1, description="1 extension or radial, -1 flexion or ulnar")
     seconds: float = Field(4.0, ge=1, le=60, description="how long")
 
 
 @dataclass(frozen=True)
 class Reaching:
-    """How far it went."""
-
     parameters: RangeParameters
     middle: tuple[float, float]
     end_deg: float = 0.0
@@ -164,8 +182,6 @@ DIRECTIONS = {
 
 @register
 class Range(_WristTask):
-    """Range of motion, one direction of one axis."""
-
     name = "wrist.range"
     title = "As far as possible"
     Parameters = RangeParameters
@@ -218,8 +234,6 @@ NOT_REACHED = Complaint(
 
 
 class VelocityParameters(OnAxis):
-    """A block of linear movements."""
-
     movements: int = Field(5, ge=2, le=50, description="how many, from end to end")
     longest_s: float = Field(30.0, gt=1, le=300, description="then it ends anyhow")
     near_end: float = Field(
@@ -229,8 +243,6 @@ class VelocityParameters(OnAxis):
 
 @dataclass(frozen=True)
 class Sweeping:
-    """Movements so far."""
-
     parameters: VelocityParameters
     past: Calibrated
     done: int = -1  # the way to the first end does not count
@@ -243,8 +255,6 @@ class Sweeping:
 
 @register
 class VelocitySweep(_WristTask):
-    """To and fro through the nodes, as far and as fast as is comfortable."""
-
     name = "wrist.velocity"
     title = "Position-dependent velocity"
     version = "3"

@@ -8,7 +8,7 @@ from PySide6.QtCore import QRectF, QSize
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QWidget
 
-from esea_host.study.watching import Gauge
+from esea_host.study.source import Gauge
 from esea_host.windows.theme import Theme
 
 NEAR = 0.85  # of the way to a limit
@@ -23,18 +23,15 @@ class GaugeBar(QWidget):
         self.setMinimumSize(180, 44)
 
     def sizeHint(self) -> QSize:
-        """Wide and low."""
         return QSize(260, 44)
 
     @property
     def near(self) -> bool:
-        """Whether the value is near a limit, or beyond."""
         g = self.gauge
         middle, half = (g.low + g.high) / 2, (g.high - g.low) / 2
         return not abs(g.value - middle) <= NEAR * half
 
     def paintEvent(self, _: QPaintEvent) -> None:
-        """As it is now."""
         painter, g, theme = QPainter(self), self.gauge, self.theme
         painter.setPen(QColor(theme.alarm if self.near else theme.ink))
         painter.drawText(0, 14, f"{g.name}: {round(g.value, 2) + 0.0:.2f} {g.unit}")

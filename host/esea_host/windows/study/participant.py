@@ -10,21 +10,14 @@ from PySide6.QtCore import QRectF, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QColor, QGuiApplication, QMouseEvent, QPainter
 
 from esea_host.study.conductor import Conductor
-from esea_host.windows.study.frames import FrameTimes
+from esea_host.study.frames import FrameTimes
 from esea_host.windows.study.scene_view import PATCH, SceneView, square_in
 
 Patch = Literal["off", "frame", "onset"]
 
 
 class ParticipantWindow(SceneView):
-    """Full screen on a second monitor where there is one.
-
-    conductor: whose session it shows.
-    language: of the texts.
-    dark: ground of the scene.
-    patch: A square in the corner for a photodiode: ``off``, ``frame``: it changes with every frame,
-        ``onset``: whenever something appears.
-    """
+    """Full screen on a second monitor, if any; patch: the square for a photodiode."""
 
     def __init__(
         self, conductor: Conductor, language: str = "en", dark: bool = True, patch: Patch = "off"
@@ -41,18 +34,17 @@ class ParticipantWindow(SceneView):
         self.setWindowTitle("esea-host")
         self.setMouseTracking(True)
         self.resize(900, 900)
-        self._timer = QTimer(self)
-        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
-        self._timer.timeout.connect(self.turn)
-        self._timer.start(max(1, int(1000 / self.frames.refresh_Hz)))
+        self.timer = QTimer(self)
+        self.timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self.timer.timeout.connect(self.turn)
+        self.timer.start(max(1, int(1000 / self.frames.refresh_Hz)))
 
     def place(self) -> None:
-        """Where it belongs, and on the screen."""
         primary = QGuiApplication.primaryScreen()
         others = [s for s in QGuiApplication.screens() if s is not primary]
         if others:
             self.frames.refresh_Hz = others[0].refreshRate() or self.frames.refresh_Hz
-            self._timer.setInterval(max(1, int(1000 / self.frames.refresh_Hz)))
+            self.timer.setInterval(max(1, int(1000 / self.frames.refresh_Hz)))
             self.setGeometry(others[0].geometry())
             self.showFullScreen()
             self.setCursor(Qt.CursorShape.BlankCursor)
@@ -61,12 +53,7 @@ class ParticipantWindow(SceneView):
         size_px = [self.width(), self.height()]
         self.frames.facts = {"patch": self.patch, "language": self.language, "size_px": size_px}
 
-    def toggle_full_screen(self) -> None:
-        """Full screen, or a window."""
-        self.setWindowState(self.windowState() ^ Qt.WindowState.WindowFullScreen)
-
     def turn(self) -> None:
-        """The scene of now, painted with the next frame."""
         self._now = self.conductor.screen()
         self.show_scene(self._now.scene)
 
@@ -89,6 +76,6 @@ class ParticipantWindow(SceneView):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """A participant's window that has gone ends the session."""
-        self._timer.stop()
+        self.timer.stop()
         self.conductor.stop("the participant's window was closed")
         super().closeEvent(event)

@@ -9,9 +9,7 @@ from PySide6.QtGui import QColor, QFont, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
 from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape, said
-from esea_host.windows.counting import take_many
 
-take_many()
 LEAST_PX = 2.0
 LETTERS = 0.04  # height of letters over that of the picture
 EDGE = 0.01  # of rings, over half of it
@@ -80,12 +78,6 @@ def _paint_shape(
 
 
 class SceneView(QWidget):
-    """Shows one scene after another.
-
-    language: of the texts.
-    dark: light shapes on dark, or the other way round.
-    """
-
     def __init__(self, language: str = "en", dark: bool = True) -> None:
         super().__init__()
         self.language, self.scene = language, Scene()
@@ -93,17 +85,14 @@ class SceneView(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
 
     def show_scene(self, scene: Scene) -> None:
-        """Paint it with the next frame."""
         self.scene = scene
         self.update()
 
     def set_dark(self, dark: bool) -> None:
-        """Dark or light."""
         self.colours = COLOURS if dark else ON_WHITE
         self.update()
 
     def paintEvent(self, _: QPaintEvent) -> None:
-        """As it is now."""
         painter = QPainter(self)
         try:
             given = self.scene, self.language, self.colours
@@ -113,5 +102,4 @@ class SceneView(QWidget):
             painter.end()
 
     def painted(self, painter: QPainter) -> None:
-        """The scene is there: room for what is painted over it."""
         return

@@ -1,0 +1,1 @@
+"""What runs the C: images, emulators, the simulated board, models of chips, bounds of time."""

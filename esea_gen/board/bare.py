@@ -1,0 +1,271 @@
+"""A task on emulated boards without an operating system: bits, instructions, flash, RAM, stack."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.board.emulator import qemu_command
+from esea_gen.cache import cache_folder
+from esea_gen.device import Device
+from esea_gen.emit.build import format_hash
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.formats.base import Format
+from esea_gen.emit.render import Renderer
+from esea_gen.hostlib.compiler import compile_sources, find_compiler
+from esea_gen.hostlib.library import HostLibrary, compile_device
+from esea_gen.targets import (
+    ARM_GCC,
+    BARE_LINK,
+    EXACT_FLAGS,
+    SECTION_FLAGS,
+    Board,
+    boards_for,
+    firmware_folder,
+)
+
+Array = np.ndarray[Any, np.dtype[Any]]
+TIMEOUT_S = 300
+
+
+BARE_BOARDS = {b.processor.name.removeprefix("cortex-"): b for b in boards_for("bits")}
+
+
+@dataclass(frozen=True)
+class BareResult:
+    """What a board did."""
+
+    board: str
+    core: str
+    real: str
+    task: str
+    steps: int
+    identical: bool
+    first_difference: str
+    instructions: dict[str, float]
+    flash_bytes: int
+    ram_bytes: int
+    stack_bytes: int
+
+
+def _plugin() -> Path:
+    source = firmware_folder() / "tools" / "count_instructions.c"
+    return compile_sources({source.name: source.read_text(encoding="utf-8")})
+
+
+def _symbols(image: Path) -> dict[str, tuple[int, int]]:
+    nm = find_compiler(*ARM_GCC.tool("nm"))
+    text = _said([nm, "-S", str(image)])
+    found = {}
+    for row in re.findall(r"^([0-9a-f]+) (?:([0-9a-f]+) )?\w (\S+)$", text, re.MULTILINE):
+        found[row[2]] = (int(row[0], 16), int(row[1] or "0", 16))
+    return found
+
+
+def _said(command: list[str]) -> str:
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIMEOUT_S,
+        stdin=subprocess.DEVNULL,
+    )
+    if done.returncode != 0:
+        raise RuntimeError(f"{Path(command[0]).name} failed:\n{done.stderr[-3000:]}")
+    return done.stdout + done.stderr
+
+
+@dataclass(frozen=True)
+class Emulation:
+    """What a program said on an emulated board."""
+
+    rows: list[list[str]]
+    instructions: dict[str, float]
+    flash_bytes: int
+
+
+def emulate(files: Mapping[str, str], board: Board) -> Emulation:
+    """Compile a program with ``-O2`` and run it on an emulated board."""
+    gcc = find_compiler(*board.processor.toolchain.gcc)
+    with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
+        folder = Path(scratch)
+        for name, content in files.items():
+            (folder / name).write_text(content, encoding="utf-8")
+        sources = [str(folder / n) for n in sorted(files) if n.endswith(".c")]
+        image = folder / "bare.elf"
+        flags = [*board.compile_flags, *EXACT_FLAGS, *SECTION_FLAGS]
+        link = [*BARE_LINK, "--specs=nosys.specs", f"-T{folder}/bare.ld"]
+        _said([gcc, *flags, f"-I{folder}", *sources, *link, "-o", str(image)])
+        symbols = _symbols(image)
+        start, end = symbols["counted_step"][0], symbols["harness"][0]
+        count = f"{_plugin()},entry={start:#x},low=0x0,high={end:#x}"
+        said = _said(
+            [
+                *qemu_command(board, semihosting=True),
+                *("-d", "plugin", "-plugin", count),
+                *("-kernel", str(image)),
+            ]
+        )
+    own = {"entry", "counted_step", "stream", "hex", "line", "call", "vectors"}
+    flash = sum(
+        size
+        for name, (at, size) in symbols.items()
+        if at < 0x20000000 and name not in own and not name.endswith("_stream")
+    )
+    rows = [line.split() for line in said.splitlines() if re.fullmatch(r"([0-9a-f]{8} )+ *", line)]
+    counted = re.search(r"entries (\d+) instructions (\d+) min (\d+) max (\d+)", said)
+    if counted is None:
+        raise RuntimeError(f"the plugin did not count:\n{said[-2000:]}")
+    entries, total, least, most = map(int, counted.groups())
+    means = {"min": float(least), "mean": total / entries, "max": float(most)}
+    return Emulation(rows, means, flash)
+
+
+def _rows(packed: Array, fmt: Format) -> list[list[str]]:
+    names = packed.dtype.names or ()
+    return [[fmt.literal(v) for n in names for v in np.atleast_1d(row[n])] for row in packed]
+
+
+def _judged(
+    renderer: Renderer,
+    board: str,
+    what: str,
+    words: list[dict[str, Any]],
+    expected: Array,
+    **own: Any,
+) -> BareResult:
+    # Run the harness ``own["harness"]``; ``expected``: bits of every output word, by step.
+    chosen, steps = BARE_BOARDS[board], len(expected)
+    context = {
+        "words": words,
+        "stack_top": chosen.ram + chosen.ram_bytes,
+        "has_fpu": chosen.processor.fpu,
+        "board": chosen.machine,
+        "flash_bytes": chosen.code_bytes,
+        "ram_bytes": chosen.ram_bytes,
+        **own,
+    }
+    files = {n: t for n, t in renderer.files().items() if n != "main.c" and "/" not in n}
+    files["bare.c"] = renderer.render(context.pop("harness"), **context)
+    files["bare.ld"] = renderer.render("verify/bare_task.ld.j2", **context)
+    done = emulate(files, chosen)
+    if len(done.rows) != steps + 1:
+        raise RuntimeError(f"the emulated board did not finish: {len(done.rows)} rows")
+    got = np.array([[int(w, 16) for w in r] for r in done.rows[:-1]], dtype=np.uint32)
+    wrong = np.argwhere(got != expected)
+    difference = ""
+    if len(wrong):
+        k, j = (int(v) for v in wrong[0])
+        difference = (
+            f"{words[j]['name']} at step {k}: {got[k, j]:08x} instead of {expected[k, j]:08x}"
+        )
+    return BareResult(
+        board,
+        chosen.core,
+        renderer.fmt.name,
+        what,
+        steps,
+        not difference,
+        difference,
+        done.instructions,
+        done.flash_bytes,
+        int(done.rows[-1][1], 16),
+        int(done.rows[-1][0], 16),
+    )
+
+
+def run_bare(
+    device: Device, real: str, board: str, inputs: Mapping[str, Array], task: str | None = None
+) -> BareResult:
+    """Run a task of a device on an emulated board."""
+    fmt, system = FORMATS[real], device.system
+    what = system.tasks[0] if task is None else system.task(task)
+    renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
+    runner = compile_device(device, real).task(what.name)
+    packed = runner.pack(inputs)
+    host, _ = runner.run(inputs, trace=False, raw=True)
+    words, columns = [], []
+    for x in system.task_outputs(what):
+        column = np.ascontiguousarray(host[x.name]).view(np.uint32).reshape(len(packed), -1)
+        columns.append(column)
+        for i in range(x.port.size):
+            index = "" if x.port.size == 1 else f"[{i}]"
+            name = f"{x.name}{index}"
+            words.append({"name": name, "word": bool(x.port.flags)})
+    return _judged(
+        renderer,
+        board,
+        what.name,
+        words,
+        np.hstack(columns),
+        harness="verify/bare_task.c.j2",
+        task=what,
+        steps=len(packed),
+        rows=_rows(packed, fmt),
+    )
+
+
+def run_bare_system(
+    device: Device, real: str, board: str, inputs: Mapping[str, Mapping[str, Array]]
+) -> BareResult:
+    """Run all tasks of a device on an emulated board, each at its own ticks, latches released."""
+    fmt, system = FORMATS[real], device.system
+    renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
+    library = compile_device(device, real)
+    ticks = min(
+        len(next(iter(inputs[t.name].values()))) * t.every for t in system.tasks if inputs[t.name]
+    )
+    rows = {
+        t.name: _rows(library.task(t.name).pack(inputs[t.name]), fmt)
+        if inputs[t.name]
+        else [["0"]] * (-(-ticks // t.every))
+        for t in system.tasks
+    }
+    words, expected = _scheduled(device, library, inputs, ticks, renderer)
+    harness = "verify/bare_system.c.j2"
+    return _judged(
+        renderer, board, "all tasks", words, expected, harness=harness, ticks=ticks, rows=rows
+    )
+
+
+def _scheduled(
+    device: Device,
+    library: HostLibrary,
+    inputs: Mapping[str, Mapping[str, Array]],
+    ticks: int,
+    renderer: Renderer,
+) -> tuple[list[dict[str, Any]], Array]:
+    # Every output word of the host's board at every tick; a task's outputs are held in between.
+    system, naming = device.system, renderer.naming
+    board = library.board()
+    words: list[dict[str, Any]] = []
+    for task in system.tasks:
+        for x in system.task_outputs(task):
+            for i in range(x.port.size):
+                index = "" if x.port.size == 1 else f"[{i}]"
+                name = f"{task.name}_out.{x.name}{index}"
+                words.append({"name": name, "word": bool(x.port.flags), "from": (task, x, i)})
+    expected = np.zeros((ticks, len(words)), dtype=np.uint32)
+    held: dict[str, dict[str, Any]] = {}
+    for tick in range(ticks):
+        board.release(tick)
+        for task in system.tasks:
+            k, late = divmod(tick - task.phase, task.every)
+            if not late and k >= 0:
+                given = {n: a[k] for n, a in inputs[task.name].items()}
+                held[task.name] = board.step(task.name, **given)
+        for j, w in enumerate(words):
+            task, x, i = w["from"]
+            if task.name not in held:
+                continue
+            value = np.atleast_1d(held[task.name][x.name])[i]
+            expected[tick, j] = naming.stored(x, value).view(np.uint32)
+    return words, expected

@@ -1,0 +1,352 @@
+"""A bound on the instructions of one step that holds for every input, from the object code.
+
+How often basic blocks can run at most, together, is a linear program (implicit path enumeration, Li
+and Malik, DAC 1995). A loop that cannot be attributed, a jump through a table or a register, or
+recursion, is an error, never a guess.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csr_array
+
+from esea_gen.emit.program_c import LoopBound
+
+_CONDITIONS = "eq|ne|cs|hs|cc|lo|mi|pl|vs|vc|hi|ls|ge|lt|gt|le"
+_BRANCH = re.compile(rf"b({_CONDITIONS})?(\.n|\.w)?$")
+_CALL = re.compile(rf"blx?({_CONDITIONS})?(\.n|\.w)?$")
+_CONDITIONAL = re.compile(rf".*({_CONDITIONS})(\.n|\.w)?$")
+
+
+class BoundError(Exception):
+    """The object code holds something that no bound can be given for."""
+
+
+@dataclass(frozen=True)
+class Instruction:
+    """One instruction."""
+
+    address: int
+    name: str
+    operands: str
+    file: str
+    line: int
+
+
+@dataclass
+class CodeBlock:
+    """A basic block."""
+
+    code: list[Instruction]
+    to: list[int] = field(default_factory=list)
+    calls: list[str] = field(default_factory=list)
+    returns: bool = False
+
+
+@dataclass(frozen=True)
+class InstructionBound:
+    """The bound and where it comes from."""
+
+    instructions: int
+    by_function: dict[str, tuple[int, int]]
+    stack_bytes: int
+
+
+def disassemble(elf: Path, objdump: str = "arm-none-eabi-objdump") -> dict[str, list[Instruction]]:
+    """Every function of a linked program."""
+    said = subprocess.run(
+        [objdump, "-dl", "--no-show-raw-insn", str(elf)], capture_output=True, text=True, check=True
+    ).stdout
+    functions: dict[str, list[Instruction]] = {}
+    code: list[Instruction] = []
+    file, line = "", 0
+    for text in said.splitlines():
+        if head := re.match(r"[0-9a-f]+ <(.+)>:$", text):
+            code = functions.setdefault(head[1], [])
+            file, line = "", 0
+        elif place := re.match(r"(/?\S.*):(\d+)( \(discriminator \d+\))?$", text):
+            file, line = Path(place[1]).name, int(place[2])
+        elif (found := re.match(r"\s+([0-9a-f]+):\t(\S+)\s*(.*)$", text)) and not found[
+            2
+        ].startswith("."):
+            operands = found[3].split(";")[0].split("@")[0].strip()
+            code.append(Instruction(int(found[1], 16), found[2], operands, file, line))
+    return functions
+
+
+def _is_return(i: Instruction) -> bool:
+    if i.name.startswith("bx") and "lr" in i.operands:
+        return True
+    if i.name.startswith(("pop", "ldm")) and re.search(r"\bpc\b", i.operands):
+        return True
+    return i.name.startswith(("mov", "ldr")) and i.operands.startswith("pc,")
+
+
+def blocks_of(name: str, functions: Mapping[str, list[Instruction]]) -> dict[int, CodeBlock]:
+    """Control-flow graph of a function."""
+    code = functions[name]
+    starts_of = {c[0].address: n for n, c in functions.items() if c}
+    inside = {i.address for i in code}
+    leaders = {code[0].address}
+    target: dict[int, int] = {}
+    for k, i in enumerate(code):
+        is_branch = _BRANCH.match(i.name) or i.name in ("cbz", "cbnz")
+        if i.name.startswith(("tbb", "tbh")) or (
+            i.name.startswith(("mov", "ldr", "add")) and re.match(r"pc,(?!.*\[sp)", i.operands)
+        ):
+            raise BoundError(f"{name}: jump through a table or register at {i.address:#x}")
+        if i.name.startswith("bx") and "lr" not in i.operands:
+            raise BoundError(f"{name}: jump through a register at {i.address:#x}")
+        if _CALL.match(i.name) and not re.search(r"[0-9a-f]+ <", i.operands):
+            raise BoundError(f"{name}: call through a register at {i.address:#x}")
+        if is_branch:
+            found = re.search(r"\b([0-9a-f]+) <", i.operands)
+            if found is None:
+                raise BoundError(f"{name}: no target for {i.name} {i.operands}")
+            target[i.address] = int(found[1], 16)
+            if target[i.address] in inside:
+                leaders.add(target[i.address])
+        if (is_branch or _is_return(i)) and k + 1 < len(code):
+            leaders.add(code[k + 1].address)
+    blocks: dict[int, CodeBlock] = {}
+    block = CodeBlock([])
+    for k, i in enumerate(code):
+        if i.address in leaders:
+            block = blocks.setdefault(i.address, CodeBlock([]))
+        block.code.append(i)
+        following = code[k + 1].address if k + 1 < len(code) else None
+        ends = following is None or following in leaders
+        if _CALL.match(i.name):
+            to = int(re.search(r"([0-9a-f]+) <", i.operands)[1], 16)  # type: ignore[index]
+            if to not in starts_of:
+                raise BoundError(f"{name}: call of an unknown function at {i.address:#x}")
+            block.calls.append(starts_of[to])
+        if i.address in target:
+            goal = target[i.address]
+            conditional = i.name.startswith("cb") or _CONDITIONAL.match(i.name.split(".")[0][1:])
+            if goal in inside:
+                block.to.append(goal)
+            elif goal in starts_of:  # a tail call
+                block.calls.append(starts_of[goal])
+                block.returns = True
+            else:
+                raise BoundError(f"{name}: branch into the middle of a function")
+            if conditional and following is not None:
+                block.to.append(following)
+        elif _is_return(i):
+            block.returns = True
+            if _CONDITIONAL.match(i.name.split(".")[0]) and following is not None:
+                block.to.append(following)
+        elif ends and following is not None:
+            block.to.append(following)
+    return blocks
+
+
+def _loops(blocks: Mapping[int, CodeBlock], entry: int) -> dict[int, set[int]]:
+    # Natural loops by header.  Dominators by iteration; an edge back to a block that does not
+    # dominate its source makes the graph irreducible.
+    order: list[int] = []
+    seen: set[int] = set()
+    stack: list[tuple[int, int]] = [(entry, 0)]
+    seen.add(entry)
+    while stack:
+        node, k = stack.pop()
+        if k < len(blocks[node].to):
+            stack.append((node, k + 1))
+            nxt = blocks[node].to[k]
+            if nxt not in seen:
+                seen.add(nxt)
+                stack.append((nxt, 0))
+        else:
+            order.append(node)
+    order.reverse()
+    before: dict[int, list[int]] = {n: [] for n in order}
+    for n in order:
+        for m in blocks[n].to:
+            before[m].append(n)
+    number = {n: i for i, n in enumerate(order)}
+    everything = set(order)
+    dominators = {n: {n} if n == entry else everything for n in order}
+    changed = True
+    while changed:
+        changed = False
+        for n in order:
+            if n == entry:
+                continue
+            new = set.intersection(*(dominators[m] for m in before[n])) | {n}
+            if new != dominators[n]:
+                dominators[n], changed = new, True
+    loops: dict[int, set[int]] = {}
+    for n in order:
+        for m in blocks[n].to:
+            if number[m] <= number[n]:
+                if m not in dominators[n]:
+                    raise BoundError(f"a loop with two entries at {m:#x}")
+                body, todo = loops.setdefault(m, {m}), [n]
+                while todo:
+                    x = todo.pop()
+                    if x not in body:
+                        body.add(x)
+                        todo += before[x]
+    return loops
+
+
+def _attribute(
+    loops: Mapping[int, set[int]],
+    blocks: Mapping[int, CodeBlock],
+    source: str,
+    ranges: Mapping[str, tuple[int, int]],
+    limits: Mapping[str, LoopBound],
+    elsewhere: Mapping[str, str],
+) -> dict[int, str]:
+    # The smallest source loop that holds every line of a machine loop; where a loop inside has
+    # taken that one already, the next larger.  A compiler may turn one loop into two, one in the
+    # other, or share code between loops: then the machine loop gets, of the source loops that any
+    # of its lines is in, the one with the most passes, which can only be too many.
+    found: dict[int, str] = {}
+    for header in sorted(loops, key=lambda h: len(loops[h])):
+        code = [i for b in loops[header] for i in blocks[b].code if i.line]
+        known = {source, *elsewhere.values()}
+        lines = {(i.file, i.line) for i in code if i.file in known}
+
+        def inside(var: str, place: tuple[str, int]) -> bool:
+            first, last = ranges[var]
+            return place[0] == elsewhere.get(var, source) and first <= place[1] <= last
+
+        taken = {found[h] for h in found if loops[h] < loops[header]}
+        fits = [
+            (last - first, var)
+            for var, (first, last) in ranges.items()
+            if lines and all(inside(var, x) for x in lines) and var not in taken
+        ]
+        touched = [
+            (limits[var].passes, var) for var in ranges if any(inside(var, x) for x in lines)
+        ]
+        if not touched:
+            raise BoundError(
+                f"the loop at {header:#x} (lines {sorted(lines)}) is none of the Program's loops"
+            )
+        found[header] = min(fits)[1] if fits else max(touched)[1]
+    return found
+
+
+def step_bound(
+    elf: Path,
+    function: str,
+    source: str,
+    ranges: Mapping[str, tuple[int, int]],
+    loops: Sequence[LoopBound],
+    objdump: str = "arm-none-eabi-objdump",
+    elsewhere: Mapping[str, str] | None = None,
+) -> InstructionBound:
+    """Largest number of instructions from entry to return of a step."""
+    functions = disassemble(elf, objdump)
+    graphs: dict[str, dict[int, CodeBlock]] = {}
+    todo = [function]
+    while todo:
+        name = todo.pop()
+        if name not in graphs:
+            graphs[name] = blocks_of(name, functions)
+            todo += [c for b in graphs[name].values() for c in b.calls]
+    stack = _stack(function, graphs)
+
+    limits = {x.var: x for x in loops}
+    nodes = [(f, a) for f, g in graphs.items() for a in g]
+    index = {n: i for i, n in enumerate(nodes)}
+    edges = [(f, a, b) for f, g in graphs.items() for a in g for b in g[a].to]
+    ends = [(f, a) for f, g in graphs.items() for a in g if g[a].returns]
+    count = len(nodes) + len(edges) + len(ends)
+    equal: list[tuple[dict[int, float], float]] = []
+    most: list[tuple[dict[int, float], float]] = []
+    for (f, a), i in index.items():
+        into: dict[int, float] = {i: -1.0}
+        out: dict[int, float] = {i: -1.0}
+        for k, (ef, ea, eb) in enumerate(edges):
+            if ef == f and eb == a:
+                into[len(nodes) + k] = into.get(len(nodes) + k, 0) + 1
+            if ef == f and ea == a:
+                out[len(nodes) + k] = out.get(len(nodes) + k, 0) + 1
+        for k, end in enumerate(ends):
+            if end == (f, a):
+                out[len(nodes) + len(edges) + k] = 1.0
+        enters = 0.0
+        if a == next(iter(graphs[f])):
+            enters = -1.0 if f == function else 0.0
+            for (cf, ca), c in index.items():
+                calls = graphs[cf][ca].calls.count(f)
+                if calls:
+                    into[c] = into.get(c, 0) + calls
+        equal += [(into, enters), (out, 0.0)]
+    for f, g in graphs.items():
+        machine = _loops(g, next(iter(g)))
+        for header, var in _attribute(machine, g, source, ranges, limits, elsewhere or {}).items():
+            # Where the head can leave the loop it runs once more than the body, unless it is the
+            # whole loop.
+            leaves = any(b not in machine[header] for b in g[header].to)
+            more = limits[var].entries if leaves and header not in g[header].to else 0
+            most.append(({index[(f, header)]: 1.0}, float(limits[var].passes + more)))
+    cost = np.zeros(count)
+    for (f, a), i in index.items():
+        cost[i] = len(graphs[f][a].code)
+    solved = linprog(
+        -cost,
+        A_ub=_sparse(most, count),
+        b_ub=[r for _, r in most] or None,
+        A_eq=_sparse(equal, count),
+        b_eq=[r for _, r in equal],
+        method="highs",
+    )
+    if solved.status != 0:
+        raise BoundError(f"no bound: {solved.message}")
+    by_function = {
+        f: (
+            round(sum(cost[index[(f, a)]] * solved.x[index[(f, a)]] for a in g)),
+            round(solved.x[index[(f, next(iter(g)))]]),
+        )
+        for f, g in graphs.items()
+    }
+    return InstructionBound(int(np.ceil(-solved.fun - 1e-6)), by_function, stack)
+
+
+def _sparse(rows: Sequence[tuple[dict[int, float], float]], count: int) -> csr_array | None:
+    if not rows:
+        return None
+    i = [k for k, (row, _) in enumerate(rows) for _ in row]
+    j = [c for row, _ in rows for c in row]
+    v = [x for row, _ in rows for x in row.values()]
+    return csr_array((v, (i, j)), shape=(len(rows), count))
+
+
+def _stack(name: str, graphs: Mapping[str, dict[int, CodeBlock]], depth: int = 0) -> int:
+    if depth > 50:
+        raise BoundError("recursion")
+    own = deepest = 0
+    for block in graphs[name].values():
+        for i in block.code:
+            if i.name.startswith(("push", "stmdb", "stmfd")) and "}" in i.operands:
+                if i.name.startswith("push") or i.operands.startswith("sp!"):
+                    own += 4 * _registers(i.operands)
+            elif i.name.startswith("vpush"):
+                wide = 8 if "{d" in i.operands else 4
+                own += wide * _registers(i.operands)
+            elif i.name.startswith("sub") and (m := re.match(r"sp, (?:sp, )?#(\d+)", i.operands)):
+                own += int(m[1])
+        for c in block.calls:
+            deepest = max(deepest, _stack(c, graphs, depth + 1))
+    return own + deepest
+
+
+def _registers(operands: str) -> int:
+    inside = operands[operands.index("{") + 1 : operands.index("}")]
+    total = 0
+    for item in inside.split(","):
+        ends = re.findall(r"\d+", item) if "-" in item else []
+        total += int(ends[1]) - int(ends[0]) + 1 if ends else 1
+    return total

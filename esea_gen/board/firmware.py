@@ -1,0 +1,281 @@
+"""Build a firmware image: the generated C, unmodified, below a hand-written application."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from esea_gen.board.stack import CallGraph, deepest_stack, stack_by_priority
+from esea_gen.cache import cache_folder
+from esea_gen.device import Device
+from esea_gen.emit.build import render_device
+from esea_gen.emit.dialect import render_dialect
+from esea_gen.emit.formats import FORMATS
+from esea_gen.errors import UserError
+from esea_gen.files import write_whole
+from esea_gen.hostlib.compiler import compiler_version, find_compiler
+from esea_gen.model.sensing import measures_counts
+from esea_gen.targets import (
+    APP_FLAGS,
+    ARM_GCC,
+    CONTROL_FLAGS,
+    HOST_GCC,
+    SECTION_FLAGS,
+    Board,
+    Toolchain,
+    find_board,
+    firmware_boards,
+    firmware_folder,
+)
+
+# What control code may ask of the compiler's own library: moving memory and dividing integers.
+_ALLOWED = re.compile(
+    r"mem(cpy|move|set)|__aeabi_(mem\w+|u?idiv(mod)?|u?ldivmod|lmul|ll?s[lr]|lasr)"
+    r"|__(asan|ubsan)_\w+"
+)
+# Helpers of double arithmetic, in a linked image: __aeabi_dadd, __aeabi_f2d, __adddf3 ...
+DOUBLE_HELPER = re.compile(r"__aeabi_(d\w+|cd\w+|[a-z]+2d)|__\w*df\w*")
+
+
+@dataclass(frozen=True)
+class FirmwareImage:
+    """A built image."""
+
+    elf: Path
+    board: str
+    real: str
+    device: str
+    content_hash: str
+    flash_bytes: int
+    ram_bytes: int
+    noinit_bytes: int
+    stack_bytes: int
+    step_stack_bytes: dict[str, int]
+    stack_bounds_bytes: dict[str, int]
+    compiler: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """The figures, for a JSON report; the image by its file name."""
+        return asdict(self) | {"elf": self.elf.name}
+
+
+def symbols(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[tuple[str, str, str]]:
+    """What stands in the symbol tables of objects or an image, by one call of ``nm`` for all."""
+    tool = find_compiler(*toolchain.tool("nm"))
+    done = subprocess.run([tool, "-A", "-P", *objects], capture_output=True, text=True, check=True)
+    found = []
+    for line in done.stdout.splitlines():
+        file, _, rest = line.rpartition(": ")
+        symbol, kind, *_ = rest.split()
+        found.append((Path(file).name, symbol, kind))
+    return found
+
+
+def double_arithmetic(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[str]:
+    """What float-only objects ask for and must not: double arithmetic, libm, heap, stdio."""
+    found = symbols(objects, toolchain)
+    defined = {symbol for _, symbol, kind in found if kind not in "Uw"}
+    wanted = [(o, s) for o, s, kind in found if kind in "Uw"]
+    return [f"{o}: {s}" for o, s in wanted if s not in defined and not _ALLOWED.fullmatch(s)]
+
+
+def double_helpers(elf: Path, toolchain: Toolchain = ARM_GCC) -> list[str]:
+    """Helpers of double arithmetic that have been linked into an image."""
+    return sorted({n for _, n, _ in symbols([elf], toolchain) if DOUBLE_HELPER.fullmatch(n)})
+
+
+def _run(command: Sequence[str | Path], folder: Path, what: str) -> None:
+    done = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise RuntimeError(f"{what} does not build:\n{done.stderr}")
+
+
+def _sections(elf: Path, size: str) -> dict[str, int]:
+    done = subprocess.run([size, "-A", elf], capture_output=True, text=True, check=True)
+    rows = (line.split() for line in done.stdout.splitlines())
+    return {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
+
+
+def build_firmware(
+    device: Device,
+    board: str,
+    out: Path,
+    control: Mapping[str, str] | None = None,
+    drivers: str | None = None,
+    needs_Hz: float | None = None,
+) -> FirmwareImage:
+    """Build a device's firmware image."""
+    chosen = find_board(board)
+    if drivers is None and measures_counts(device):
+        _can_be_read(device, chosen)
+    toolchain = chosen.processor.toolchain
+    gcc = find_compiler(*toolchain.gcc)
+    prefix = f"esea_{device.name}"
+    real = chosen.real
+    files = dict(control if control is not None else render_device(device, [real])[0].files)
+    with tempfile.TemporaryDirectory(prefix="esea-firmware-") as scratch:
+        folder = Path(scratch)
+        texts = {f"{real}/{n}": t for n, t in files.items()}
+        texts |= {f"dialect/{n}": t for n, t in render_dialect(device).files.items()}
+        for part in ("app", "drivers", "port", chosen.folder):
+            shutil.copytree(firmware_folder() / part, folder / part)
+        if drivers is not None:
+            texts[f"{chosen.folder}/drivers.c"] = drivers
+        for name, text in texts.items():
+            target = folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(text, encoding="utf-8")
+        sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
+        objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
+        objects += _compile_app(folder, chosen, _defined(device, chosen, needs_Hz))
+        script = f"{chosen.folder}/link.ld"
+        bare = (folder / script).is_file()
+        link = [*chosen.link, *(["-T", script] if bare else [])]
+        built = folder / f"{prefix}_{board}.elf"
+        _run([gcc, *chosen.compile_flags, *objects, *link, "-o", built], folder, "the image")
+        helpers = double_helpers(built, toolchain) if chosen.machine else []
+        if helpers:
+            raise RuntimeError("the image holds double arithmetic: " + ", ".join(helpers))
+
+        sections = _sections(built, find_compiler(*toolchain.tool("size")))
+        graphs = sorted((folder / real).glob("*.ci"))
+        entries = {t: f"{prefix}_{t.name}_step" for t in device.system.tasks}
+        step_stack = {t.name: deepest_stack(graphs, entry) for t, entry in entries.items()}
+        bounds: dict[str, int] = {}
+        if bare:
+            graph = CallGraph.read(sorted(folder.rglob("*.ci")))
+            fast = [entry for t, entry in entries.items() if t.every == 1]
+            slow = [entry for t, entry in entries.items() if t.every > 1]
+            bounds = stack_by_priority(graph, fast, slow, chosen.processor.fpu)
+        stack_bytes = sections.get(".stack", 0)
+        if bare and sum(bounds.values()) > stack_bytes:
+            raise UserError(
+                f"{device.origin} on {board}: the stack may need {sum(bounds.values())} bytes "
+                f"({bounds}), the image has {stack_bytes}.",
+                "Ask for less in one task; with a [family] take a member of fewer terms.",
+            )
+        target = _place(built, out)
+    return FirmwareImage(
+        elf=target,
+        board=board,
+        real=real,
+        device=device.name,
+        content_hash=_hash_in(files[f"{prefix}.h"]),
+        flash_bytes=sections.get(".text", 0) + sections.get(".data", 0),
+        ram_bytes=sections.get(".data", 0) + sections.get(".bss", 0),
+        noinit_bytes=sections.get(".noinit", 0),
+        stack_bytes=stack_bytes,
+        step_stack_bytes=step_stack,
+        stack_bounds_bytes=bounds,
+        compiler=compiler_version(gcc),
+    )
+
+
+def _can_be_read(device: Device, board: Board) -> None:
+    # The board's encoders send at least the bits that the device counts with.
+    numbers = dict(device.quantities())
+    for key, most in board.most_bits:
+        if key in numbers and numbers[key].value > most:
+            others = (b for b in firmware_boards().values() if b.machine and not b.most_bits)
+            bare = next(b for b in others if b.real == board.real)
+            raise UserError(
+                f"{device.origin}: {key} = {numbers[key].value:g}, and the encoders that the "
+                f"drivers of {board.name} read send {most} bits at most.",
+                f"Give {most} or fewer, or a board without drivers: --board {bare.name} emulates "
+                "one, whose counts come over the link.",
+            )
+
+
+def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list[Path]:
+    # Objects of the control code; with call graphs, and nothing in them but its own arithmetic.
+    toolchain = board.processor.toolchain
+    flags = (*board.compile_flags, *SECTION_FLAGS, *CONTROL_FLAGS, "-fcallgraph-info=su")
+    made = compile_objects(folder, toolchain, flags, sources)
+    foreign = board.processor.toolchain is not HOST_GCC
+    found = double_arithmetic(made, toolchain) if foreign else []
+    if found:
+        raise RuntimeError(f"the control code is not {board.real} only: " + ", ".join(found))
+    return made
+
+
+def compile_objects(
+    folder: Path, toolchain: Toolchain, flags: Sequence[str], sources: Sequence[str]
+) -> list[Path]:
+    """Compile the C files of a folder, each once for a given content of it and of all headers."""
+    gcc = find_compiler(*toolchain.gcc)
+    common = hashlib.sha256("\0".join([compiler_version(gcc), *flags]).encode())
+    for header in sorted(folder.rglob("*.h")):
+        common.update(f"\0{header.relative_to(folder)}\0".encode() + header.read_bytes())
+    made = []
+    for name in sources:
+        key = common.copy()
+        key.update(f"\0{name}\0".encode() + (folder / name).read_bytes())
+        kept = cache_folder() / "objects" / key.hexdigest()[:32]
+        item = (folder / name).with_suffix(".o")
+        made.append(item)
+        if kept.with_suffix(".o").is_file():
+            for suffix in (".ci", ".o"):
+                if kept.with_suffix(suffix).is_file():
+                    shutil.copyfile(kept.with_suffix(suffix), item.with_suffix(suffix))
+            continue
+        _run([gcc, *flags, "-c", name, "-o", item], folder, name)
+        for suffix in (".ci", ".o"):  # the object last: where it stands, all does
+            if item.with_suffix(suffix).is_file():
+                with suppress(UserError):  # a full disk costs time, no image
+                    write_whole(kept.with_suffix(suffix), item.with_suffix(suffix).read_bytes())
+    return made
+
+
+def _defined(device: Device, board: Board, needs_Hz: float | None) -> list[str]:
+    # Macros that give the hand-written code its device and its clock.
+    link_header = FORMATS[board.real].link_header(f"esea_{device.name}")
+    bits = int(device.file.encoder.resolution_bits.value)
+    defined = [f'-DESEA_LINK_HEADER="{link_header}"', f"-DESEA_ENCODER_BITS={bits}u"]
+    defined += [*board.clock_defines, f"-DESEA_NEEDS_HZ={math.ceil(needs_Hz or board.clock_Hz)}u"]
+    if device.file.actuator is not None:
+        defined.append(f"-DESEA_GEAR_BITS={int(device.file.actuator.encoder_bits.value)}u")
+    return defined
+
+
+def _compile_app(folder: Path, board: Board, defined: Sequence[str]) -> list[Path]:
+    # Objects of the hand-written code.
+    includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{board.real}", "-Iport"]
+    includes += ["-Iapp", "-Idrivers"]
+    bare = (folder / board.folder / "link.ld").is_file()
+    named = f'-DESEA_BOARD_NAME="{board.name}"'
+    flags = [*board.compile_flags, *SECTION_FLAGS, *APP_FLAGS, *board.app_flags, *includes]
+    flags += [*defined, named, *(["-fcallgraph-info=su"] if bare else [])]
+    parts = ("app", "drivers", board.folder, *(["port"] if bare else []))
+    sources = (p for part in parts for p in sorted((folder / part).glob("*.c")))
+    names = [p.relative_to(folder).as_posix() for p in sources]
+    return compile_objects(folder, board.processor.toolchain, flags, names)
+
+
+def _hash_in(header: str) -> str:
+    found = re.search(r'_CONTENT_HASH "(\w+)"', header)
+    return found.group(1) if found else ""
+
+
+def _place(built: Path, out: Path) -> Path:
+    target = out / built.name
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        # Copy beside the target, then rename: a reader sees a whole image or none.
+        partial = out / f".{built.name}.tmp"
+        shutil.copyfile(built, partial)
+        partial.chmod(0o755)
+        partial.replace(target)
+    except OSError as error:
+        raise UserError(
+            f"{out}: cannot be written ({error.strerror or error}).", "Give another --out folder."
+        ) from error
+    return target

@@ -1,0 +1,174 @@
+"""An emulated processor that is held and looked into: breakpoints, registers, memory."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import subprocess
+import tempfile
+from types import TracebackType
+from typing import Self
+
+from esea_gen.board.emulator import qemu_command
+from esea_gen.board.firmware import FirmwareImage
+from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.link.transport import LinkError, Process
+from esea_gen.targets import ARM_GCC, find_board
+
+TIMEOUT_S = 30.0
+PC, XPSR = 15, 25
+_IF_THEN = 0x0600FC00  # state of a conditional block, in xPSR
+_STORE_R1_AT_R0 = bytes.fromhex("0160")  # str r1, [r0]
+
+
+class HeldProcessor:
+    """QEMU with an image, held at its first instruction.  Use it as a context manager."""
+
+    def __init__(self, image: FirmwareImage) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="esea-")
+        path = f"{self._folder.name}/gdb"
+        with socket.socket(socket.AF_UNIX) as server:
+            server.bind(path)
+            server.listen(1)
+            server.settimeout(TIMEOUT_S)
+            self._process = Process(
+                [
+                    *qemu_command(find_board(image.board)),
+                    *("-serial", "null", "-S", "-icount", "shift=0,sleep=off"),
+                    *("-kernel", str(image.elf)),
+                    *("-chardev", f"socket,path={path},server=off,id=held", "-gdb", "chardev:held"),
+                ]
+            )
+            try:
+                self._link = server.accept()[0]
+            except TimeoutError:
+                said = self._process.said()
+                self.close()
+                raise LinkError(
+                    "the emulator did not open its debugger's line", said=said
+                ) from None
+        self._link.settimeout(TIMEOUT_S)
+        self._read = b""
+        self._breaks: set[int] = set()
+        self.at = 0  # where it stands
+        # QEMU gives single registers only to who has asked what there are.
+        self._ask("qXfer:features:read:target.xml:0,ffb")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._link.close()
+        self.close()
+
+    def close(self) -> None:
+        """End the emulator."""
+        self._process.stop()
+        self._folder.cleanup()
+
+    def _send(self, text: str) -> None:
+        data = text.encode()
+        self._link.sendall(b"$" + data + b"#%02x" % (sum(data) % 256))
+
+    def _answer(self) -> str:
+        while True:
+            start, end = self._read.find(b"$"), self._read.find(b"#")
+            if 0 <= start < end and len(self._read) >= end + 3:
+                body, self._read = self._read[start + 1 : end], self._read[end + 3 :]
+                self._link.sendall(b"+")
+                return body.decode()
+            data = self._link.recv(1 << 16)
+            if not data:
+                raise LinkError("the emulator has stopped", said=self._process.said())
+            # Acknowledgements stand between packets.
+            self._read = (self._read + data).lstrip(b"+")
+
+    def _ask(self, text: str) -> str:
+        self._send(text)
+        answer = self._answer()
+        if answer.startswith("E"):
+            raise LinkError(f"the emulator refuses {text[:20]}: {answer}")
+        return answer
+
+    def run(self) -> int:
+        """Let it run to the next breakpoint; its address."""
+        if self.at in self._breaks:
+            self._ask("s")
+        self._ask("c")
+        self.at = self.register(PC)
+        return self.at
+
+    def steps_to(self, *addresses: int) -> int:
+        """How many instructions it takes to any of some addresses, no interrupt between them."""
+        count = 0
+        while count == 0 or self.at not in addresses:
+            self._ask("s")
+            self.at = self.register(PC)
+            count += 1
+        return count
+
+    def register(self, number: int) -> int:
+        """A core register."""
+        return int(struct.unpack("<I", bytes.fromhex(self._ask(f"p{number:x}"))[:4])[0])
+
+    def read(self, address: int, count: int) -> bytes:
+        """Memory, or registers of the hardware."""
+        found = b""
+        while len(found) < count:
+            piece = min(1024, count - len(found))
+            found += bytes.fromhex(self._ask(f"m{address + len(found):x},{piece:x}"))
+        return found
+
+    def write(self, address: int, data: bytes) -> None:
+        """Memory; registers of the hardware do not hear of it."""
+        for at in range(0, len(data), 1024):
+            piece = data[at : at + 1024]
+            self._ask(f"M{address + at:x},{len(piece):x}:{piece.hex()}")
+
+    def read_word(self, address: int) -> int:
+        """A word."""
+        return int(struct.unpack("<I", self.read(address, 4))[0])
+
+    def set_register(self, number: int, value: int) -> None:
+        """A core register."""
+        self._ask(f"P{number:x}={struct.pack('<I', value).hex()}")
+
+    def store(self, address: int, value: int, scratch: int) -> None:
+        """A word into a register of the hardware, by the processor itself."""
+        used = (0, 1, PC, XPSR)
+        kept = [self.register(n) for n in used]
+        self.write(scratch, _STORE_R1_AT_R0)
+        # Where it stands may be conditional (an IT block); the store is not.
+        given = (address, value, scratch, kept[-1] & ~_IF_THEN)
+        for number, held in zip(used, given, strict=True):
+            self.set_register(number, held)
+        self._ask("s")
+        for number, held in zip(used, kept, strict=True):
+            self.set_register(number, held)
+
+    def hold_at(self, address: int) -> None:
+        """Set a breakpoint."""
+        self._ask(f"Z1,{address:x},2")
+        self._breaks.add(address)
+
+    def no_more_at(self, address: int) -> None:
+        """Take it away."""
+        if address not in self._breaks:
+            return
+        self._ask(f"z1,{address:x},2")
+        self._breaks.discard(address)
+
+
+def addresses(image: FirmwareImage) -> dict[str, int]:
+    """Where an image's functions and objects stand."""
+    tool = find_compiler(*ARM_GCC.tool("nm"))
+    said = subprocess.run(
+        [tool, "-P", image.elf], capture_output=True, text=True, check=True
+    ).stdout
+    rows = [line.split() for line in said.splitlines()]
+    return {r[0]: int(r[2], 16) & ~1 if r[1] in "tT" else int(r[2], 16) for r in rows if len(r) > 2}

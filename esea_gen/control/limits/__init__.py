@@ -1,0 +1,1 @@
+"""Limits before the motor: checks, latch, faults, redundancy."""

@@ -1,0 +1,173 @@
+"""Redundancy of what is measured: encoders and motor torque must not contradict one another.
+
+The motor's own encoder, through the cable, is compared with the motor-side one; the torque that the
+coupling shows with what the motor must be giving, which finds a wrong load-side encoder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+import sympy as sp
+
+from esea_gen.errors import UserError
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Array, Flag, Port, around, status_port
+from esea_gen.model.symbolic import equation
+from esea_gen.observe import drive_of
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+
+
+# A zero between the angles is set in the first run that finds both encoders usable: angles that
+# part stay parted until one encoder has failed and come back, or init.  Torques may agree again.
+def redundancy(device: DeviceData) -> Block:
+    """Whether encoders and motor torque agree."""
+    law = _Redundancy(device)
+    return Block.of(
+        law,
+        "redundancy",
+        "Whether encoders and motor torque contradict one another",
+        constants=(*device.constants("redundancy"), *law.inertia()),
+        state=(
+            around("zero_rad", law.angle_lim, "drive's angle less the motor side's, at rest"),
+            Port("zeroed", 0.0, 1.0, "1 once that is set"),
+        ),
+        equations=_equations(),
+    )
+
+
+class _Redundancy:
+    def __init__(self, device: DeviceData) -> None:
+        found = device.file.redundancy
+        if found is None:
+            raise UserError(f"{device.origin}: section [redundancy] is missing.", "Add it.")
+        self.device, self.drive, self.own = device, drive_of(device), found
+        self.h = self.drive.control_period_s
+        self.J = self.drive.actuator.J_kgm2.value
+        self.stiffness = found.cable_Nm_rad.value
+        self.softer = 1 / found.cable_least_Nm_rad.value - 1 / self.stiffness
+        span = self.drive.theta_high_rad - self.drive.theta_low_rad
+        self.gear_lim = span * 1.01
+        self.side_lim = max(abs(self.drive.theta_high_rad), abs(self.drive.theta_low_rad))
+        self.angle_lim = (self.gear_lim + self.side_lim + self.drive.tau_Nm / self.stiffness) * 1.01
+        self.apart_lim = 2 * self.angle_lim
+        self.torque_lim = self.J * self.drive.d4_rad_s2 * 1.001
+        self.room_lim = 1.001 * (
+            found.torque_Nm.value
+            + found.torque_share.value * self.drive.tau_Nm
+            + found.inertia_share.value * self.J * 4 * self.drive.d4_rad_s2
+        )
+
+    def inertia(self) -> tuple[Any, ...]:
+        return tuple(c for c in self.device.constants("actuator") if c.name == "J_kgm2")
+
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
+        both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
+        # A repaired memory has no zero: the limits latch, and the person who rearms takes it anew.
+        sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
+        ready = label("ready", ca.logic_and(sound, both), "both angles can be compared")
+        zeroed = s.zeroed > 0.5
+        found = label(
+            "found_rad",
+            u.theta_gear_rad - u.theta_motor_rad - u.tau_Nm * (1 / self.stiffness),
+            "[red 1] what the cable's torque leaves",
+        )
+        apart = label("apart_rad", ca.if_else(zeroed, found - s.zero_rad, 0.0), "[red 1]")
+        room = label(
+            "room_rad",
+            self.own.apart_rad.value + self.softer * ca.fabs(u.tau_Nm),
+            "[red 2] backlash, and a softer cable",
+        )
+        angles = label("angles_part", ca.logic_and(ready, ca.fabs(apart) > room))
+        torque = label("apart_Nm", self.J * u.d_gear_rad_s2, "[red 3] what nothing explains")
+        most = label(
+            "room_Nm",
+            self.own.torque_Nm.value
+            + self.own.torque_share.value * ca.fabs(u.tau_Nm)
+            + self.own.inertia_share.value * self.J * u.moves_rad_s2,
+            "[red 4] friction, the gear's disturbance, the models of elastomer and drive",
+        )
+        torques = label("torques_part", ca.logic_and(ready, ca.fabs(torque) > most))
+        agree = label("agree", ca.logic_and(ready, ca.logic_not(ca.logic_or(angles, torques))))
+        keep = ca.logic_or(zeroed, ca.logic_not(ready))
+        next_state = {"zero_rad": ca.if_else(keep, s.zero_rad, found), "zeroed": ready}
+        outputs = {
+            "agree": agree,
+            "apart_rad": ca.if_else(ready, apart, 0.0),
+            "apart_Nm": torque,
+            "room_Nm": most,
+            "status": guard.status(ca.logic_not(ready), angles, torques),
+        }
+        return next_state, outputs
+
+    def inputs(self) -> tuple[Port, ...]:
+        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
+        return (
+            Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
+            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
+            around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
+            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
+            around("d_gear_rad_s2", self.drive.d4_rad_s2, "acceleration that (5.2) leaves over"),
+            around("tau_Nm", self.drive.tau_Nm, "interaction torque that the coupling shows"),
+            Port("moves_rad_s2", 0.0, 4 * self.drive.d4_rad_s2, "how hard the drive was moved"),
+        )
+
+    def outputs(self) -> tuple[Port, ...]:
+        return (
+            Port("agree", 0.0, 1.0, "1 when nothing that can be compared parts"),
+            around("apart_rad", self.apart_lim, "drive's angle less the motor side's"),
+            around("apart_Nm", self.torque_lim, "torque at the drive that nothing explains"),
+            Port("room_Nm", 0.0, self.room_lim, "how large that may be now"),
+            status_port(
+                "what is known of this sample",
+                "an input was NaN or outside its range",
+                "the state was corrupt, the zero is lost: the limits latch",
+                Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
+                Flag(
+                    "ANGLES_PART",
+                    "the motor's encoder and the motor-side one contradict each other",
+                ),
+                Flag(
+                    "TORQUES_PART",
+                    "the drive moves otherwise than motor and coupling would move it",
+                ),
+            ),
+        )
+
+
+def shares_of_room(device: DeviceData, shown: Mapping[str, Array]) -> tuple[Array, Array]:
+    """How near a run came to an alarm."""
+    law = _Redundancy(device)
+    tau = np.abs(shown["tau_Nm"])
+    angle = np.abs(shown["apart_rad"]) / (law.own.apart_rad.value + law.softer * tau)
+    room_Nm = np.maximum(shown["room_Nm"], law.own.torque_Nm.value)  # 0 before the first run
+    return np.asarray(angle), np.asarray(np.abs(shown["apart_Nm"]) / room_Nm)
+
+
+def _equations() -> tuple[Any, ...]:
+    g, m, tau, zero = sp.symbols("theta_g theta_m tau_e theta_0")
+    k, least, room, share = sp.symbols("k_c k_min theta_a c_tau")
+    return (
+        equation("[red 1]", "a_theta", g - m - tau / k - zero, "how far the two angles are apart"),
+        equation(
+            "[red 2]",
+            sp.Abs(sp.Symbol("a_theta")),
+            room + (1 / least - 1 / k) * sp.Abs(tau),
+            "room",
+        ),
+        equation("[red 3]", "a_tau", sp.Symbol("J") * sp.Symbol("d_g"), "torque left unexplained"),
+        equation(
+            "[red 4]",
+            sp.Abs(sp.Symbol("a_tau")),
+            sp.Symbol("tau_a") + share * sp.Abs(tau) + sp.Symbol("c_J") * sp.Symbol("J a_g"),
+            "its room",
+        ),
+    )
+
+
+__all__ = ["redundancy", "shares_of_room"]

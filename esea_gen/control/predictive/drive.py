@@ -1,0 +1,338 @@
+"""The predictive torque and impedance controller of a device (thesis chapter 5)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, Literal
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.control.predictive.cable_model import CableModel
+from esea_gen.control.predictive.horizon import Horizon, Model, Tape
+from esea_gen.control.predictive.program import predictive_program
+from esea_gen.control.predictive.rubber_ahead import rubber_ahead
+from esea_gen.devices.fields import field_facts
+from esea_gen.errors import UserError
+from esea_gen.language.ports import Constant, Port, Tunable, around, clip
+from esea_gen.language.program import Program
+from esea_gen.model.symbolic import equation
+from esea_gen.observe import drive_of
+
+if TYPE_CHECKING:
+    from esea_gen.devices.file import DeviceData
+
+Q_BEST, R_BEST = 500.0, 1.0
+# R counts as this share of Q at least.
+LEAST_SHARE = 1e-4
+PATH = {"theta_d": "theta_d_rad", "omega_d": "omega_d_rad_s"}
+GAINS = {"Kp_Nm_rad": "stiffness to the path", "Kd_Nms_rad": "damping to the path"}
+
+# Who tells of the person's torque and of the rates: the extended-state observer with the tracking
+# observer of the deflection; or as published, (5.10) with a parabola, and filtered differences.
+Person = Literal["extended_state", "parabola"]
+# Whether gear and motor side are one inertia or have the cable between them.
+DriveTrain = Literal["rigid", "cable"]
+
+
+# A substep: the motor's lag exactly (5.1); half a kick by motor, coupling and person; friction by a
+# linearly implicit midpoint step; drift; the coupling at the new deflection; half a kick with the
+# new torque.  The sign of Kp and Kd is that of a stiffness; (5.24) prints the other one.
+def drive_model(
+    device: DeviceData,
+    horizon: Horizon,
+    *,
+    preview: bool = False,
+    impedance: bool = False,
+    person: Person = "extended_state",
+    weights: tuple[float, float] = (Q_BEST, R_BEST),
+    train: DriveTrain = "rigid",
+) -> Model:
+    """Plant (5.1 to 5.3), elastomer and cost of a device."""
+    plant = _Drive(device, impedance, person, train)
+    tunables, coefficients = _weights(weights, plant.rubber.temperature)
+    gains = tuple(GAINS) if impedance else ()
+    gap = ("gap_rad", "give_rad_Nm") if plant.cable else ()
+    wanted, references = plant.wanted(horizon, preview)
+    return Model(
+        states=plant.states(),
+        start=plant.start,
+        substep=plant.substep,
+        error=plant.error,
+        effort=plant.effort,
+        inputs=(*plant.measured(), *wanted),
+        in_force="u_in_force_Nm",
+        enable="mode",
+        u_max=plant.u_max,
+        references=references,
+        forecasts={"tau_h": plant.human},
+        shape=plant.reach,
+        parameters=("d4_rad_s2", *(c.name for c in coefficients), *gains, *gap),
+        **plant.rubber.stop_operators,
+        constants=plant.constants(),
+        tunables=tunables,
+        coefficients=coefficients,
+        prepare=plant.prepare,
+        equations=_equations(impedance, train),
+    )
+
+
+class _Drive:
+    def __init__(
+        self, device: DeviceData, impedance: bool, person: Person, train: DriveTrain
+    ) -> None:
+        self.device, drive = device, drive_of(device)
+        self.drive = drive
+        self.impedance, self.published = impedance, person == "parabola"
+        a = drive.actuator
+        self.ratio, self.inertia = a.gear_ratio.value, a.J_kgm2.value
+        self.fv, self.fc = a.fv_Nms_rad.value, a.fc_Nm.value
+        self.width = a.coulomb_width_rad_s.value
+        self.tau_c, self.u_max = a.tau_c_s.value, drive.u_Nm
+        self.rubber = rubber_ahead(device)
+        self.cable: CableModel | None = None
+        if train == "cable":
+            if self.published:
+                raise UserError(
+                    f'{device.origin}: predictive.drive = "cable" takes the rate of the motor\'s '
+                    'own encoder, person = "parabola" filtered differences, as published.',
+                    'Write person = "extended_state" or drive = "rigid".',
+                )
+            self.cable = CableModel(device, self.rubber.soft_Nm_rad)
+
+    def constants(self) -> tuple[Constant, ...]:
+        return (
+            *(c for section in ("actuator", "joint") for c in self.device.constants(section)),
+            *self.rubber.constants(),
+            *(self.cable.constants(self.device) if self.cable else ()),
+            *self.rubber.choices,
+        )
+
+    def states(self) -> tuple[str, ...]:
+        angle, turned = ("theta_l",) * self.impedance, ("turned",) * (self.cable is not None)
+        moving = ("omega_m", "omega_l", "u_a")
+        return (*angle, "delta", *turned, *moving, *self.rubber.states, "tau_e")
+
+    def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
+        angle = {"theta_l": u.theta_l_rad} if self.impedance else {}
+        if self.cable:
+            omega_m = u.omega_gear_rad_s
+        else:
+            omega_m = u.omega_m_rad_s if self.published else u.omega_l_rad_s + u.omega_rad_s
+        return angle | {
+            "delta": u.delta_rad,
+            **({"turned": u.delta_rad + u.wound_rad} if self.cable else {}),
+            "omega_m": omega_m,
+            "omega_l": u.omega_l_rad_s,
+            "u_a": u.u_a_Nm,
+            **self.rubber.start(u, tau_memory),
+        }
+
+    def substep(
+        self, t: Tape, h: float, x: SimpleNamespace, u: Any, p: SimpleNamespace, w: SimpleNamespace
+    ) -> dict[str, Any]:
+        """Lag (5.1), half a kick, friction, drift, the coupling, half a kick (5.2, 5.3)."""
+        keep = math.exp(-h / self.tau_c)
+        mean = (1 - keep) * self.tau_c / h
+        half = 0.5 * h
+        push = t.let(
+            "push", half * (self.ratio / self.inertia * (u + mean * (x.u_a - u)) + p.d4_rad_s2)
+        )
+        omega_1 = t.let("omega_1", x.omega_m + push - half / self.inertia * x.tau_e)
+        pull = half * p.load_1_kgm2
+        load_1 = t.let("load_1", x.omega_l + pull * (x.tau_e + w.tau_h))
+        omega_2 = self.friction(t, h, omega_1, x.tau_e)
+        moved = half * (omega_1 + omega_2) - h * load_1
+        turned = {}
+        if self.cable:
+            turned["turned"] = t.let("turned_next", x.turned + moved)
+            delta = self.cable.follow(t, x, turned["turned"], p)
+        else:
+            moved = t.let("moved", moved)
+            delta = t.let("delta_next", x.delta + moved)
+        rubber = self.rubber.step(t, h, x, delta, None if self.cable else moved, p)
+        angle = {"theta_l": x.theta_l + h * load_1} if self.impedance else {}
+        return angle | {
+            "delta": delta,
+            **turned,
+            "omega_m": omega_2 + push - half / self.inertia * rubber["tau_e"],
+            "omega_l": load_1 + pull * (rubber["tau_e"] + w.tau_h),
+            "u_a": u + keep * (x.u_a - u),
+            **rubber,
+        }
+
+    def friction(self, t: Tape, h: float, omega_1: Any, tau_e: Any) -> Any:
+        """Friction's part of (5.2): one linearly implicit midpoint step of omega_m."""
+        half = 0.5 * h
+        coulomb = self.cable.coulomb(t, self.fc, tau_e) if self.cable else self.fc
+        sig = t.keep(
+            "sig",
+            ca.tanh(omega_1 * (1 / self.width)),
+            {omega_1: lambda y: (1 - y * y) * (1 / self.width)},
+        )
+        damping = 1 + half / self.inertia * (self.fv + coulomb / self.width * (1 - sig * sig))
+        eased = t.keep("eased", 1 / damping)
+        loss = h / self.inertia
+
+        def lost_by(lost: Any) -> Any:
+            by_sig = loss * (coulomb + lost * (coulomb / self.width) * sig)
+            return eased * (loss * self.fv + by_sig * ((1 - sig * sig) * (1 / self.width)))
+
+        slopes = {omega_1: lost_by}
+        if self.cable:
+            slopes[coulomb] = lambda lost: (
+                eased * (loss * sig - lost * (half / self.inertia / self.width) * (1 - sig * sig))
+            )
+        lost = t.keep("lost", loss * (self.fv * omega_1 + coulomb * sig) * eased, slopes)
+        return t.let("omega_2", omega_1 - lost)
+
+    def error(self, x: SimpleNamespace, p: SimpleNamespace, ref: SimpleNamespace) -> list[Any]:
+        e_tau = x.tau_e - ref.tau_d
+        if self.impedance:
+            e_tau = e_tau + p.Kp_Nm_rad * (x.theta_l - ref.theta_d)
+            e_tau = e_tau + p.Kd_Nms_rad * (x.omega_l - ref.omega_d)
+        return [p.root_q * e_tau]
+
+    def effort(self, x: SimpleNamespace, u: Any, p: SimpleNamespace) -> list[Any]:
+        """The motor torque's rate, by (5.1)."""
+        return [p.root_r * (u - x.u_a)]
+
+    def human(self, u: SimpleNamespace, p: SimpleNamespace, s: Any) -> Any:
+        if not self.published:
+            return u.tau_h_Nm + u.tau_h_rate_Nm_s * s
+        tau = u.tau_h_Nm + s * (u.tau_h_rate_Nm_s + 0.5 * s * u.tau_h_curve_Nm_s2)
+        # A parabola knows no end: a person does.
+        return clip(tau, -self.drive.tau_h_Nm, self.drive.tau_h_Nm)
+
+    def reach(self, t: float) -> float:
+        """What the forecast takes of the time since the measurement."""
+        fade = self.drive.disturbance.decay_s.value
+        # The extended-state observer's own model: the rate decays, the torque settles.
+        return t if self.published else fade * (1 - math.exp(-t / fade))
+
+    def prepare(self, c: SimpleNamespace) -> dict[str, Any]:
+        warm = self.rubber.temperature
+        return (warm["prepare"](c) if warm else {}) | {
+            "root_q": ca.sqrt(c.Q),
+            # In single precision the Hessian is not positive any more with much less: of steps over
+            # the inputs' whole ranges 1 % at a share of 1e-7, 80 % at 1e-9, none at 1e-4.
+            "root_r": ca.sqrt(ca.fmax(c.R, LEAST_SHARE * c.Q)) / self.tau_c,
+            "load_1_kgm2": c.load_free * (1 / self.drive.joint.Jh_kgm2.value),
+        }
+
+    def wanted(
+        self, horizon: Horizon, preview: bool
+    ) -> tuple[list[Port], dict[str, tuple[str, bool]]]:
+        """What is wanted: its ports, and the references read from them."""
+        drive = self.drive
+        many = horizon.intervals if preview else 1
+        turn = drive.theta_high_rad
+        wanted = [around("tau_d_Nm", drive.tau_Nm, "wanted torque on the load", many)]
+        references = {"tau_d": ("tau_d_Nm", preview)}
+        if self.impedance:
+            low = drive.theta_low_rad
+            wanted += [
+                Port("theta_d_rad", low, turn, "wanted angle of the joint", many),
+                around("omega_d_rad_s", drive.omega_rad_s, "its rate", many),
+            ]
+            references |= {k: (n, preview) for k, n in PATH.items()}
+            wanted += [
+                Port(name, 0.0, field_facts(f"impedance.{name}")["high"], meaning, 1, "(5.24)")
+                for name, meaning in GAINS.items()
+            ]
+        return wanted, references
+
+    def measured(self) -> tuple[Port, ...]:
+        drive, u_max = self.drive, self.u_max
+        angle = Port("theta_l_rad", drive.theta_low_rad, drive.theta_high_rad, "load side's angle")
+        rate = around("omega_rad_s", drive.rate_rad_s, "deflection's rate")
+        if self.published:
+            rate = around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
+        elif self.cable:
+            rate = around("omega_gear_rad_s", drive.omega_rad_s, "gear's rate, at the joint")
+        curve = around("tau_h_curve_Nm_s2", 1e5, "its second derivative")
+        return (
+            around("delta_rad", drive.delta_rad, "deflection"),
+            *(self.cable.ports() if self.cable else ()),
+            rate,
+            *((angle,) if self.impedance else ()),
+            around("omega_l_rad_s", drive.omega_rad_s, "load side's rate"),
+            around("u_a_Nm", u_max, "motor torque now, at the shaft", equation="(5.1)"),
+            around("u_in_force_Nm", u_max, "command until the new one takes effect"),
+            *self.rubber.ports(),
+            around("d4_rad_s2", drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
+            around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
+            around("tau_h_rate_Nm_s", 1e4, "its rate"),
+            *((curve,) if self.published else ()),
+            Port("mode", 0, 2, "0 off: the command is 0"),
+        )
+
+
+def _weights(
+    weights: tuple[float, float], temperature: Mapping[str, Any]
+) -> tuple[tuple[Tunable, ...], tuple[Port, ...]]:
+    rated = "weight of the motor torque's rate; less than Q/10000 counts as that"
+    tunables = (
+        Tunable("Q", weights[0], 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
+        Tunable("R", weights[1], 1e-4, 1e4, rated, "thesis: 1"),
+        Tunable("load_free", 1.0, 0.0, 1.0, "1 free load side, 0 held fast", "the rig"),
+        *temperature.get("tunables", ()),
+    )
+    coefficients = (
+        Port("root_q", 0.0, 1e3, "root of Q"),
+        Port("root_r", 0.0, 1e6, "root of R over the motor's lag"),
+        Port("load_1_kgm2", 0.0, 1e4, "1 / Jh, 0 when held fast"),
+        *temperature.get("coefficients", ()),
+    )
+    return tunables, coefficients
+
+
+def predictive_controller(
+    device: DeviceData,
+    *,
+    horizon: Horizon | None = None,
+    preview: bool = False,
+    impedance: bool = False,
+    person: Person = "extended_state",
+    weights: tuple[float, float] = (Q_BEST, R_BEST),
+    period_s: float | None = None,
+    cap: int | None = None,
+    train: DriveTrain = "rigid",
+) -> Program:
+    drive = drive_of(device)
+    period = drive.control_period_s if period_s is None else period_s
+    if horizon is None:
+        release = device.file.timing.control_release_s
+        horizon = Horizon(delay_s=period if release is None else release.value)
+    title = f"Predictive {'impedance' if impedance else 'torque'} control"
+    model = drive_model(
+        device,
+        horizon,
+        preview=preview,
+        impedance=impedance,
+        person=person,
+        weights=weights,
+        train=train,
+    )
+    return predictive_program(model, horizon, period_s=period, title=title, cap=cap)
+
+
+def _equations(impedance: bool, train: DriveTrain) -> tuple[Any, ...]:
+    n, u, ua, tau_c, om, tau_e, j, d4 = sp.symbols("n u_c u_a tau_c omega_m tau_e J d_4")
+    fv, fc, jh, tau_h, tau_d = sp.symbols("f_v f_c J_h tau_h tau_d")
+    q, r, e = sp.symbols("Q R e")
+    w = sp.Symbol("omega_w")
+    friction = fv * om + fc * sp.tanh(om / w)
+    error: sp.Expr = tau_e - tau_d
+    if impedance:
+        kp, kd, th, thd, ol, od = sp.symbols("K_p K_d theta_l theta_d omega_l omega_d")
+        error = error + kp * (th - thd) + kd * (ol - od)
+    return (
+        equation("(5.1)", "u_a'", (u - ua) / tau_c, "lag of the motor"),
+        equation("(5.2)", "omega_m'", (n * ua - friction - tau_e) / j + d4, "motor side"),
+        equation("(5.3)", "omega_l'", (tau_e + tau_h) / jh, "load side"),
+        equation("(5.24)" if impedance else "[error]", "e", error, "what the cost weighs"),
+        equation("[cost]", "c_k", q * e**2 + r * ((u - ua) / tau_c) ** 2, "summed over k"),
+    )

@@ -1,0 +1,1 @@
+"""Sliding mode control: surface, law, softening, governor, and its linear loop."""

@@ -1,0 +1,102 @@
+"""Softer gains of a law while its error swings: of a drive lighter or later than its model.
+
+With such gains at all times the drive that the model knows would be followed less well, and a limp
+hand would be left moving.
+"""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import sympy as sp
+
+from esea_gen.language.block import Labels
+from esea_gen.language.ports import Equation, Flag, Port, Tunable, around, clip
+from esea_gen.model.symbolic import equation
+
+FROM_HZ = 4.0
+"""Two high-passes of first order: wanted torques and what people do is mostly slower."""
+MOST_RAD = 0.0065
+"""What counts of a swing: a step of the wanted torque is large, but it is over soon."""
+WINDOW_S, BACK_S = 0.5, 60.0
+SEEN_RAD, FULL_RAD = 3.5e-3, 3.9e-3
+"""RMS from which on the gains soften, and from which on they are all soft.  The shipped drive has
+1 to 2 mrad with a person, up to 4 following a torque; a swing of 0.15 Nm 6 mrad and more."""
+SLOPE_FALLS, LEAD_RISES = 0.5, 0.6
+"""Shares: lambda from 15 to 7.5 1/s, the lead from 2.5 to 4."""
+
+
+class SwingSoftening:
+    """What softens the gains of the sliding mode."""
+
+    def __init__(self, h: float, error_lim: float, lead_high: float) -> None:
+        self.h, self.error_lim, self.lead_high = h, error_lim, lead_high
+        self.follow = 1 - math.exp(-2 * math.pi * FROM_HZ * h)
+        self.gain = 1 - math.exp(-h / WINDOW_S)
+        self.keep = math.exp(-h / BACK_S)
+
+    def step(
+        self, c: Any, s: Any, e: ca.SX, on: ca.SX, entering: ca.SX, label: Labels
+    ) -> tuple[SimpleNamespace, dict[str, Any]]:
+        """The gains of this step, with ``soft``, and the state after it."""
+        last = ca.if_else(entering, e, s.slow_rad)
+        slow = last + self.follow * (e - last)
+        middle = s.middle_rad + self.follow * (e - slow - s.middle_rad)
+        # In shares of the most that counts: its square in rad^2 has few digits in fixed point.
+        swing = clip((e - slow - middle) * (1 / MOST_RAD), -1, 1)
+        swing = label("swing", swing, "fast part of e, 1 is the most that counts")
+        square = (1 - self.gain) * s.square + self.gain * (swing * swing)
+        square = label("square", square, "its mean square")
+        seen, full = (SEEN_RAD / MOST_RAD) ** 2, (FULL_RAD / MOST_RAD) ** 2
+        asked = (square - seen) * (1 / (full - seen))
+        now = ca.fmax(c.softening * clip(asked, 0, 1), s.soft * self.keep)
+        # The gains take what the run before found: in fixed point the fast part of the error, a
+        # difference times 125, must not reach the command in the same step.
+        soft = label("soft", s.soft, "1: all soft")
+        slope = label("slope_1_s", c.lambda_1_s * (1 - SLOPE_FALLS * soft), "lambda now")
+        slope2 = label("slope2_1_s2", slope * slope)
+        lead = c.lead + LEAD_RISES * soft * (c.lead + 1)
+        gains = vars(c) | {
+            "lambda_1_s": slope,
+            "lambda2_1_s2": slope2,
+            "integral_gain_1_s": self.h * slope2,
+            "lead": label("lead_now", ca.fmin(lead, self.lead_high - 1), "less 1"),
+            "soft": soft,
+        }
+        kept = {"slow_rad": slow, "middle_rad": middle, "square": square, "soft": now}
+        return SimpleNamespace(**gains), {n: ca.if_else(on, x, 0) for n, x in kept.items()}
+
+    def state(self) -> tuple[Port, ...]:
+        return (
+            around("slow_rad", 1.01 * self.error_lim, "slow part of the error"),
+            around("middle_rad", 2.02 * self.error_lim, "slow part of what is left"),
+            Port("square", 0.0, 1.001, "mean square of the fast part, 1 is the most that counts"),
+            Port("soft", 0.0, 1.0, "how soft the gains are"),
+        )
+
+    def tunable(self) -> Tunable:
+        text = "how soft a swing of the error makes the gains; 0: they stay as they are"
+        return Tunable("softening", 1.0, 0.0, 1.0, text, "docs/control.md")
+
+    def coefficient(self) -> Port:
+        return Port("softening", 0.0, 1.0, "how soft a swing makes the gains")
+
+    def flag(self) -> Flag:
+        return Flag("SOFTENED", "the error swings, or did so lately: the gains are softer")
+
+    def equations(self) -> tuple[Equation, ...]:
+        slope, kappa = sp.symbols("lambda_0 kappa_0")
+        square, seen, full, share = sp.symbols("q_2 q_seen q_full sigma_1")
+        wanted = share * sp.Max(0, sp.Min(1, (square - seen**2) / (full**2 - seen**2)))
+        last, back, h = sp.symbols("sigma_k-1 T_s h")
+        return (
+            equation("[soft 1]", "sigma", sp.Max(wanted, last * sp.exp(-h / back)), "softness"),
+            equation("[soft 2]", "lambda", slope * (1 - SLOPE_FALLS * last), "slope, softened"),
+            equation("[soft 3]", "kappa", kappa * (1 + LEAD_RISES * last), "lead, at most 4"),
+        )
+
+
+__all__ = ["SwingSoftening"]

@@ -1,1 +1,0 @@
-"""Judging a drive that is brought up: what ``esea-host commission`` and ``friction`` share."""

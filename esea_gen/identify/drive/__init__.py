@@ -1,0 +1,1 @@
+"""Numbers of a drive from its recordings: friction, encoder tables, bring-up."""

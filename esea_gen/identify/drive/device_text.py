@@ -1,0 +1,79 @@
+"""Identified numbers of a drive as a device file, each with its interval."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+
+from esea_gen.device import Device, parse_device
+from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import shipped_devices
+from esea_gen.devices.numbers import Quantity
+from esea_gen.errors import UserError
+from esea_gen.identify.drive.regression import CONFIDENCE, Estimate
+
+LONGEST_NAME = 15
+
+
+def updated_name(device: Device) -> str:
+    """Name of the device with what was found."""
+    return device.name if device.name.endswith("_id") else f"{device.name[: LONGEST_NAME - 3]}_id"
+
+
+def _quantity(e: Estimate, source: str, key: str) -> Quantity:
+    facts = field_facts(f"actuator.{key}")
+    value = float(f"{e.value:.6g}")
+    # A gap or a ripple that is none is found a little to either side of 0.
+    value = 0.0 if e.low <= 0 <= e.high and facts["low"] == 0 else value
+    if not facts["low"] <= value <= facts["high"]:
+        raise UserError(
+            f"The recording gives actuator.{key} = {value:g}, outside {facts['low']:g} to "
+            f"{facts['high']:g}.",
+            "Look at the machine: a drive cannot be like that.",
+        )
+    text = f"{source}; {100 * CONFIDENCE:.0f} % interval {e.low:.4g} to {e.high:.4g}"
+    return Quantity(value=value, status="identified", source=text)
+
+
+def with_actuator(device: Device, found: Mapping[str, Estimate], source: str, title: str) -> Device:
+    """The device with these numbers in ``[actuator]``."""
+    a = device.file.actuator
+    assert a is not None
+    numbers = {k: _quantity(e, source, k) for k, e in found.items()}
+    file = device.file.model_copy(
+        update={
+            "name": updated_name(device),
+            "title": f"{device.title}, {title}"[:200],
+            "actuator": a.model_copy(update=numbers),
+        }
+    )
+    return Device(file, f"{file.name}.toml")
+
+
+def actuator_text(base: Device, updated: Device, head: Sequence[str]) -> str:
+    """A device file: as ``extends`` where the base is a shipped one, else whole."""
+    file, before = updated.file, base.file.actuator
+    if base.given[0] in shipped_devices():
+        assert file.actuator is not None
+        lines = [
+            "schema = 1",
+            f"extends = {json.dumps(base.given[0])}",
+            f"name = {json.dumps(file.name)}",
+            f"title = {json.dumps(file.title, ensure_ascii=False)}",
+            "",
+            "[actuator]",
+        ]
+        for key in type(file.actuator).model_fields:
+            q = getattr(file.actuator, key)
+            if q == getattr(before, key):
+                continue
+            lines.append(
+                f'{key} = {{ value = {q.value!r}, status = "{q.status}", '
+                f"source = {json.dumps(q.source, ensure_ascii=False)} }}"
+            )
+        text = "\n".join([*head, *lines]) + "\n"
+    else:
+        text = "\n".join(head) + "\n" + updated.toml()
+    if parse_device(text, updated.origin).canonical() != updated.canonical():
+        raise RuntimeError(f"{updated.origin} does not read back to what was found")
+    return text

@@ -1,0 +1,1 @@
+"""Members of the elastomer family: fitted, compared, written as a device file."""

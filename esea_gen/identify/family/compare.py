@@ -1,0 +1,255 @@
+"""Models against each other, by conditions left out of their training; the simplest good one.
+
+Every model is fitted anew for every split.  Of those that are as good as the best - whose excess
+over it, condition by condition, is on average within one standard error of that excess - the one
+that costs the board least is chosen [1]_.  The excess is taken condition by condition because some
+conditions are hard for every model, and that says nothing of which is better.
+
+References
+----------
+.. [1] T. Hastie, R. Tibshirani, J. Friedman, "The Elements of Statistical Learning", Springer,
+   2009, section 7.10.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.files import plain
+from esea_gen.identify.drafting import draft, grid_rate
+from esea_gen.identify.family.file import drafted_member
+from esea_gen.identify.family.fit import UnitTerms, fit_member, misfits_of, term_rows
+from esea_gen.identify.family.members import members
+from esea_gen.identify.family.peers import PEERS, fit_peer
+from esea_gen.identify.identification import fit_split
+from esea_gen.identify.notes import temperature_notes
+from esea_gen.identify.published.fit import Progress
+from esea_gen.identify.published.search_problem import Searching
+from esea_gen.identify.recording.conditions import Split, splits_of
+from esea_gen.identify.recording.mapping import MappingFile, load_mapping
+from esea_gen.identify.recording.misfit import Misfits
+from esea_gen.identify.recording.quality_gate import excused_of, gate_notes
+from esea_gen.identify.recording.reading import load_recordings
+from esea_gen.identify.recording.recorded import Recording, recording_rows
+from esea_gen.language.ports import Array
+from esea_gen.model.family import Member
+from esea_gen.model.rubber import fitted_of
+
+THESIS = "published"
+Cost = Callable[[Device], float]
+
+
+@dataclass(frozen=True)
+class CompareRow:
+    """Errors of one model on one split, % of full scale: mean over data sets of the RMS error."""
+
+    model: str
+    condition: str
+    training: float
+    held_out: float
+    instructions: float | None  # of a step on the Cortex-M4F, where counted
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """What :func:`compare` found."""
+
+    source: MappingFile
+    full_scale_Nm: float  # 100 % of errors
+    rows: tuple[CompareRow, ...]  # model by model, split by split
+    chosen: str  # the cheapest model within one standard error of the best
+    best: str  # the one of least mean error over the conditions left out
+    standard_error: float  # of the chosen one's mean excess over the best one, %
+    devices: dict[str, Device]  # by model: the device fitted on the file's own division
+    notes: tuple[str, ...]
+    recordings: tuple[Recording, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Report, JSON-ready and the same for the same input."""
+        return {
+            "mapping": self.source.origin,
+            "recordings": recording_rows(self.recordings),
+            "full_scale_Nm": self.full_scale_Nm,
+            "compare": plain(self.rows),
+            "chosen": self.chosen,
+            "best": self.best,
+            "standard_error": self.standard_error,
+            "terms": self._terms(),
+            "notes": list(self.notes),
+        }
+
+    def _terms(self) -> list[dict[str, Any]]:
+        device = self.devices[self.chosen]
+        return [] if device.file.family is None else term_rows(fitted_of(device))
+
+    def table(self) -> list[str]:
+        """Lines for the terminal: a model a line, its errors by condition."""
+        models = list(dict.fromkeys(r.model for r in self.rows))
+        conditions = list(dict.fromkeys(r.condition for r in self.rows))
+        cells = {(r.model, r.condition): r for r in self.rows}
+        first = max(len(m) for m in models) + 2
+        width = max(16, *(len(c) + 2 for c in conditions))
+        lines = [
+            f"{self.source.mapping.device.title}: held out / training, RMS in % of full scale "
+            f"({self.full_scale_Nm:g} Nm)",
+            " " * first + "".join(f"{c:>{width}}" for c in conditions) + "  instructions",
+        ]
+        for m in models:
+            found = [cells[m, c] for c in conditions]
+            errors = "".join(f"{f'{r.held_out:.2f} / {r.training:.2f}':>{width}}" for r in found)
+            count = "-" if found[0].instructions is None else f"{found[0].instructions:.0f}"
+            mark = "* " if m == self.chosen else "  "
+            lines.append(f"{mark}{m:{first - 2}}{errors}{count:>14}")
+        chosen = "* chosen: the best; no cheaper one is as good within one standard error"
+        if self.chosen != self.best:
+            chosen = (
+                f"* chosen: the cheapest that is as good as the best ({self.best}) within one "
+                f"standard error of the difference ({self.standard_error:.2f} %)"
+            )
+        lines.append(chosen)
+        return lines + [f"note: {n}" for n in self.notes]
+
+
+def compare(
+    mapping_path: str | Path,
+    data_folder: str | Path | None = None,
+    cost: Cost | None = None,
+    progress: Progress | None = None,
+    *,
+    peers: bool = True,
+    how: Searching | None = None,
+) -> ModelComparison:
+    """Compare the thesis' model, the members of the family and the peers on recordings."""
+    source = load_mapping(mapping_path, data_folder)
+    recordings = load_recordings(source)
+    splits = splits_of(recordings)
+    timed = all(r.timed for r in recordings)
+    able = [m for m in members() if timed or not m.timed]
+    others = list(PEERS) if peers else []
+    run = _Run(source, recordings, splits, cost, progress or (lambda share, text: None))
+    run.total = len(splits) * (1 + len(able) + len(others))
+    run.thesis(how)
+    for member in able:
+        run.member(member)
+    for name in others:
+        run.peer(name)
+    whole = {s.condition for s in splits if s.whole}
+    chosen, best, spread = choose(run.rows, whole, run.costs)
+    return ModelComparison(
+        source,
+        run.full_scale_Nm,
+        tuple(run.rows),
+        chosen,
+        best,
+        spread,
+        run.devices,
+        (
+            *gate_notes(recordings, excused_of(run.devices[chosen])),
+            *_notes(timed, splits, able),
+            *temperature_notes(recordings),
+        ),
+        tuple(recordings),
+    )
+
+
+class _Run:
+    """One comparison under way: its rows so far."""
+
+    def __init__(
+        self,
+        source: MappingFile,
+        recordings: list[Recording],
+        splits: Sequence[Split],
+        cost: Cost | None,
+        tell: Progress,
+    ) -> None:
+        self.source, self.recordings, self.cost, self.tell = source, recordings, cost, tell
+        # The file's own division first: what its fit costs stands for the model.
+        self.splits = sorted(splits, key=lambda s: not s.declared)
+        self.full_scale_Nm = draft(source, recordings, False).tau_full_scale_Nm
+        self.total = 0
+        self.rows: list[CompareRow] = []
+        self.devices: dict[str, Device] = {}
+        self.costs: dict[str, float] = {}
+        self.instructions: dict[str, float] = {}
+
+    def price(self, name: str, device: Device) -> None:
+        self.devices[name] = device
+        if self.cost is not None:
+            self.instructions[name] = self.cost(device)
+        self.costs[name] = self.instructions.get(name, float(device.sensor.step.n_instructions()))
+
+    def add(self, name: str, split: Split, errors: Misfits) -> None:
+        trained, held_out = (
+            100 * errors.mean_rms(held) / self.full_scale_Nm for held in (False, True)
+        )
+        counted = self.instructions.get(name)
+        self.rows.append(CompareRow(name, split.condition, trained, held_out, counted))
+        self.tell(len(self.rows) / self.total, f"{name}, {split.condition}")
+
+    def thesis(self, how: Searching | None) -> None:
+        for split in self.splits:
+            recordings = list(split.recordings)
+            template = draft(self.source, recordings, self.source.mapping.device.rate_terms)
+            _, _, device, verdict = fit_split(
+                self.source, recordings, template, lambda share, text: None, how
+            )
+            if split.declared:
+                self.price(THESIS, device)
+            self.add(THESIS, split, verdict.misfits)
+
+    def member(self, member: Member) -> None:
+        terms = UnitTerms(member, self.recordings, grid_rate(self.source))
+        for split in self.splits:
+            fitted = fit_member(terms, split.recordings, self.full_scale_Nm)
+            if split.declared:
+                self.price(member.name, drafted_member(self.source, list(split.recordings), fitted))
+            self.add(member.name, split, misfits_of(terms, split.recordings, fitted))
+
+    def peer(self, name: str) -> None:
+        for split in self.splits:
+            torque = fit_peer(name, split.recordings, self.source.mapping.search.seed)
+            pairs = zip(split.recordings, torque, strict=True)
+            self.add(name, split, Misfits.of("Nm", ((r, y - r.tau_Nm) for r, y in pairs)))
+
+
+def choose(
+    rows: Sequence[CompareRow], whole: set[str], costs: Mapping[str, float]
+) -> tuple[str, str, float]:
+    """The cheapest model that is within one standard error as good as the best."""
+    left_out = [r for r in rows if r.condition in whole] or list(rows)
+    errors: dict[str, list[float]] = {}
+    for r in left_out:
+        if r.model in costs:
+            errors.setdefault(r.model, []).append(r.held_out)
+    mean = {m: float(np.mean(e)) for m, e in errors.items()}
+    best = min(mean, key=lambda m: mean[m])
+    excess = {m: np.array(e) - np.array(errors[best]) for m, e in errors.items()}
+    good = [m for m, e in excess.items() if e.mean() <= _standard_error(e)]
+    chosen = min(good, key=lambda m: (costs[m], mean[m]))
+    return chosen, best, _standard_error(excess[chosen])
+
+
+def _standard_error(values: Array) -> float:
+    return float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
+
+
+def _notes(timed: bool, splits: Sequence[Split], able: Sequence[Any]) -> tuple[str, ...]:
+    notes = [
+        f"{len(able)} members of the family were tried with fixed outer numbers; the best of "
+        "several carries selection."
+    ]
+    if not timed:
+        notes.append("Time was not recorded: members with Maxwell branches are left out.")
+    if not any(s.whole for s in splits):
+        notes.append(
+            "There is one condition only: nothing could be left out as a whole. Give conditions."
+        )
+    return tuple(notes)

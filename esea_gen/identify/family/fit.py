@@ -1,0 +1,309 @@
+"""Fit of a member of the elastomer family: its weights are solved, not searched.
+
+The Block of unit terms is compiled and run over the recordings, so that what is fitted is what the
+board computes.  The torque is linear in the weights; of the recordings' mean square error over data
+sets these are then the solution of one least-squares problem with weights of 0 or above [1]_.  What
+contributes next to nothing is left out, and the rest solved again.  Where recordings differ in
+temperature, the change a kelvin is searched outside, the weights solved inside.
+
+References
+----------
+.. [1] C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", Prentice-Hall, 1974.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from esea_gen.hostlib.library import compile_system
+from esea_gen.identify.published.plant import equal_weights
+from esea_gen.identify.published.search_problem import solve_linear
+from esea_gen.identify.recording.misfit import Misfits
+from esea_gen.identify.recording.reading import resample
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.resampling import (
+    FitRows,
+    LeftOut,
+    resampled,
+    rests_on_one,
+    rows_of,
+    whole_conditions,
+)
+from esea_gen.identify.recording.temperatures import (
+    at_temperature,
+    scaled_terms,
+    searched_factor,
+    tells_none,
+)
+from esea_gen.language.ports import Array
+from esea_gen.language.system import System, Task
+from esea_gen.model.family import FittedMember, Member
+from esea_gen.model.family_sensor import unit_terms
+
+# A term whose RMS torque is below this share of full scale is left out.
+LEAST_SHARE = 1e-3
+# Of the secant stiffness that the linear spring keeps at least, so that the inverse is unique.
+LEAST_STIFFNESS = 0.01
+
+
+class UnitTerms:
+    """A member's terms over recordings, each with weight 1."""
+
+    def __init__(self, member: Member, recordings: Sequence[Recording], rate_Hz: float) -> None:
+        self.member, self.recordings = member, tuple(recordings)
+        self.rate_Hz = rate_Hz
+        block = unit_terms(member, 1 / rate_Hz)
+        system = System(
+            "terms",
+            block.period_s,
+            {"terms": block},
+            (Task("run", ("terms",)),),
+            {},
+            {"theta_rad": ("terms.theta_rad",)},
+            {"terms_Nm": "terms.terms_Nm"},
+        )
+        self._runner = compile_system(system, "f64").block("terms")
+        self._known: dict[float, list[Array]] = {}
+
+    def over(self, scale_rad: float) -> list[Array]:
+        """Terms at each recording's samples, shape (samples, terms)."""
+        if scale_rad not in self._known:
+            self._known[scale_rad] = [self._run(r, scale_rad) for r in self.recordings]
+        return self._known[scale_rad]
+
+    def having(self, recordings: Sequence[Recording]) -> UnitTerms:
+        """The same terms over other recordings."""
+        other = copy.copy(self)
+        other.recordings, other._known = tuple(recordings), {}
+        return other
+
+    def _run(self, r: Recording, scale_rad: float) -> Array:
+        x, grid = r.theta_rad, None
+        if self.member.timed:
+            grid = np.arange(math.ceil(r.time_s[-1] * self.rate_Hz) + 1) / self.rate_Hz
+            x = resample(r.time_s, r.theta_rad, grid)
+        self._runner.reset()
+        terms = self._runner.run({"theta_rad": x / scale_rad}, trace=False)[0]["terms_Nm"]
+        terms = np.asarray(terms, dtype=np.float64).reshape(len(x), -1)
+        if grid is None:
+            return terms
+        return np.stack([resample(grid, c, r.time_s) for c in terms.T], axis=1)
+
+
+def trained_scale(recordings: Sequence[Recording]) -> float:
+    """Largest deflection in training."""
+    return max(
+        float(np.abs(r.theta_rad[s.training]).max())
+        for r in recordings
+        for s in r.sets
+        if len(s.training)
+    )
+
+
+def solve_weights(basis: Array, target: Array, free: Sequence[bool], floor: Array) -> Array:
+    """Weights of least square error, each at its floor or above, a free one of either sign."""
+    both = np.flatnonzero(free)
+    low = np.where(free, 0.0, floor)
+    wide = np.concatenate([basis, -basis[:, both]], axis=1)
+    high = np.full(wide.shape[1], np.inf)
+    found = solve_linear(wide, target - basis @ low, np.zeros(wide.shape[1]), high)
+    weights = low + found[: basis.shape[1]]
+    weights[both] -= found[basis.shape[1] :]
+    return np.asarray(weights)
+
+
+def fit_member(
+    terms: UnitTerms,
+    recordings: Sequence[Recording],
+    full_scale_Nm: float,
+    least_share: float = LEAST_SHARE,
+) -> FittedMember:
+    """Solve a member's weights on the training samples of recordings."""
+    member, scale = terms.member, trained_scale(recordings)
+    basis, target = _weighted(terms, recordings, scale)
+    free = [t.kind == "offset" for t in member.terms]
+    twins = list(alike(member, basis))
+    basis[:, twins] = 0.0
+    floor = np.array([_floor(member, i, full_scale_Nm) for i in range(len(member.terms))])
+    at_C = _temperatures(recordings)
+
+    def solve(b: Array, y: Array) -> Array:
+        return solve_weights(b, y, free, floor)
+
+    factor = searched_factor(member, recordings, at_C, basis, target, solve)
+    basis = at_temperature(member, factor, at_C, basis)
+    weights = solve(basis, target)
+    # The rows' squares sum to 1: these are root mean squares over the data sets.
+    size = np.abs(weights) * np.sqrt(np.einsum("ij,ij->j", basis, basis))
+    kept = (size >= least_share * full_scale_Nm) | (floor > 0)
+    final = np.zeros(len(weights))
+    where = np.flatnonzero(kept)
+    final[where] = solve_weights(basis[:, where], target, [free[i] for i in where], floor[where])
+    return FittedMember(member, scale, tuple(float(w) for w in final), factor)
+
+
+def _weighted(
+    terms: UnitTerms, recordings: Sequence[Recording], scale_rad: float
+) -> tuple[Array, Array]:
+    # Terms and torque of the rows that train, such that every data set counts the same.
+    sets = [
+        (c[s.training], r.tau_Nm[s.training])
+        for r, c in zip(recordings, terms.over(scale_rad), strict=True)
+        for s in r.sets
+        if len(s.training)
+    ]
+    rows = equal_weights([y for _, y in sets])
+    target = np.concatenate([y for _, y in sets]) * rows
+    return np.concatenate([b for b, _ in sets]) * rows[:, None], target
+
+
+def alike(member: Member, basis: Array) -> dict[int, int]:
+    """Terms that rows do not tell from simpler ones, with what stands for each, by place."""
+    # Any split between two such terms is as good a fit, and says something else elsewhere: so the
+    # simpler one carries the torque, an unsoftened one and a spring before others. Alike are
+    # columns that, once scaled to each other, differ by less than :data:`LEAST_SHARE`: with all of
+    # full scale on one of them, the difference would still be a torque that is left out as too
+    # small.
+    size = np.sqrt(np.einsum("ij,ij->j", basis, basis))
+    scaled = basis / np.where(size > 0, size, 1.0)
+    near = scaled.T @ scaled
+    kept: list[int] = []
+    out: dict[int, int] = {}
+    plain = sorted(
+        np.flatnonzero(size).tolist(),
+        key=lambda i: (member.terms[i].softening is not None, member.terms[i].kind != "spring"),
+    )
+    for i in plain:
+        # The same to the sign too, as no weight is below 0.
+        same = [k for k in kept if near[i, k] > 0 and 1 - near[i, k] ** 2 < LEAST_SHARE**2]
+        if same:
+            out[i] = same[0]
+        else:
+            kept.append(i)
+    return out
+
+
+def not_seen(
+    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
+) -> dict[int, int]:
+    """As :func:`alike`, of those whose stand-in carries torque."""
+    basis, _ = _weighted(terms, recordings, fitted.scale_rad)
+    found = alike(fitted.member, basis)
+    return {i: k for i, k in found.items() if fitted.weights_Nm[k]}
+
+
+def _temperatures(recordings: Sequence[Recording]) -> Array:
+    # Of each row that trains; NaN where it is not known.
+    known = [(r, s) for r in recordings for s in r.sets if len(s.training)]
+    at_C = [math.nan if r.temperature_C is None else r.temperature_C for r, _ in known]
+    return np.repeat(at_C, [len(s.training) for _, s in known])
+
+
+def member_spread(
+    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
+) -> tuple[dict[int, float], LeftOut]:
+    """Standard deviations of the weights above 0, by place among the terms."""
+    # Which terms carry torque is taken as it was found. With a factor of temperature its ``per_K``
+    # is the last parameter of what leaving out says.
+    used, basis, residual, weight, rows = _fitted_rows(terms, recordings, fitted)
+    # An offset may change its sign, and the change a kelvin; no other weight.
+    low = np.full(basis.shape[1], -np.inf)
+    for place, i in enumerate(used):
+        if fitted.member.terms[i].kind != "offset":
+            low[place] = -fitted.weights_Nm[i]
+    room = low, np.full(len(low), np.inf)
+    found = resampled(basis, residual, weight, rows, whole_conditions(recordings), room)
+    return dict(zip(used, found.sigma[: len(used)].tolist(), strict=True)), found
+
+
+def _fitted_rows(
+    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
+) -> tuple[list[int], Array, Array, Array, FitRows]:
+    # Terms that carry torque, their torque at weight 1 and where there is a factor of temperature
+    # what a change of it by 1/K gives, residuals, weights, and the rows' blocks.
+    columns = terms.over(fitted.scale_rad)
+    used = [i for i, w in enumerate(fitted.weights_Nm) if w]
+    pairs = zip(recordings, columns, strict=True)
+    sets = [(r, s, c) for r, c in pairs for s in r.sets if len(s.training)]
+    ways = [np.sign(np.gradient(r.theta_rad))[s.training] for r, s, _ in sets]
+    every = np.concatenate([c[s.training] for _, s, c in sets])
+    at_C, weights = _temperatures(recordings), np.array(fitted.weights_Nm)
+    basis = at_temperature(fitted.member, fitted.temperature, at_C, every)[:, used]
+    target = np.concatenate([r.tau_Nm[s.training] for r, s, _ in sets])
+    weight = equal_weights(ways) * np.sqrt(len(target))
+    residual = target - basis @ weights[used]
+    rows = rows_of([(r, s) for r, s, _ in sets], ways)
+    if fitted.temperature is not None:
+        if rests_on_one(recordings, tells_none):
+            rows = rows.cycles_alone
+        warmed = every @ (weights * scaled_terms(fitted.member))
+        basis = np.column_stack([basis, warmed * (at_C - fitted.temperature.reference_C)])
+    return used, basis, residual, weight, rows
+
+
+class MemberChannels:
+    """A member as a ``ChannelModel`` of ``recording.channels``: nothing in it is searched."""
+
+    def __init__(self, terms: UnitTerms, full_scale_Nm: float) -> None:
+        self.terms, self.full_scale_Nm = terms, full_scale_Nm
+        self._fitted: FittedMember
+
+    def start(self, recordings: list[Recording]) -> None:
+        """Nothing: weights have one best solution."""
+
+    def solve(self, recordings: list[Recording]) -> float:
+        """Solve the weights, small ones too: what comes and goes would make the cost jump."""
+        self.terms = self.terms.having(recordings)
+        self._fitted = fit_member(self.terms, recordings, self.full_scale_Nm, 0.0)
+        _, _, residual, weight, _ = _fitted_rows(self.terms, recordings, self._fitted)
+        return float(np.mean((residual * weight) ** 2))
+
+    def torque_Nm(self, recordings: list[Recording]) -> Array:
+        """With the weights of the last solution."""
+        terms = self.terms.having(recordings)
+        used, basis, _, _, _ = _fitted_rows(terms, recordings, self._fitted)
+        weights = np.array([self._fitted.weights_Nm[i] for i in used])
+        return np.asarray(basis[:, : len(used)] @ weights)
+
+    def linearised(self) -> tuple[Array, Array, Array, FitRows]:
+        """In the weights above 0, and the change a kelvin."""
+        return _fitted_rows(self.terms, self.terms.recordings, self._fitted)[1:]
+
+
+def misfits_of(terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember) -> Misfits:
+    """Errors of a fitted member on the recordings that its terms were run over."""
+    weights = np.array(fitted.weights_Nm)
+    pairs = zip(recordings, terms.over(fitted.scale_rad), strict=True)
+    warmed = (
+        (r, at_temperature(fitted.member, fitted.temperature, r.temperature_C, c)) for r, c in pairs
+    )
+    errors = ((r, c @ weights - r.tau_Nm) for r, c in warmed)
+    return Misfits.of("Nm", errors)
+
+
+def term_rows(fitted: FittedMember) -> list[dict[str, Any]]:
+    """Terms that carry torque, JSON-ready."""
+    return [
+        {
+            "term": t.text,
+            "kind": t.kind,
+            "rise": [t.rise.kind, t.rise.number, t.rise.side],
+            "numbers": list(t.numbers),
+            "exponent": t.exponent,
+            "softening": None if t.softening is None else [t.softening.kind, t.softening.number],
+            "weight_Nm": w,
+        }
+        for w, t in fitted.used
+    ]
+
+
+def _floor(member: Member, i: int, full_scale_Nm: float) -> float:
+    # The unsoftened linear spring of a member keeps a little.
+    term = member.terms[i]
+    linear = term.kind == "spring" and term.softening is None and term.rise.least_slope(1.0) == 1.0
+    return LEAST_STIFFNESS * full_scale_Nm if linear else 0.0

@@ -1,0 +1,161 @@
+"""Fit of the torque model, by running the emitted C over populations of parameters.
+
+Given the stops' thresholds and decay and the viscosity's shape, the torque is linear in k1, k3,
+alpha and kv (the viscosity being written over kv).  So only the former are searched - two numbers
+without the Maxwell element, seven with it - and the latter follow from a bounded linear
+least-squares problem (variable projection [1]).
+
+References
+----------
+.. [1] G. H. Golub and V. Pereyra, "Separable nonlinear least squares: the variable projection
+   method and its applications", Inverse Problems 19, 2003.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.identify.published.plant import ROWS_REFINE, ROWS_SEARCH, FittedPlant
+from esea_gen.identify.published.population import runner_up
+from esea_gen.identify.published.search_memo import SearchMemo
+from esea_gen.identify.published.search_problem import Searching, SearchProblem
+from esea_gen.identify.published.searches import POPULATION, best_of, search_named
+from esea_gen.identify.published.space import Space, edges_of, parameters_of
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.resampling import FitRows
+from esea_gen.language.ports import Array
+
+Progress = Callable[[float, str], None]
+FINE_STEPS = 4
+SOLVE_STEPS = 30
+AT_EDGE = 1e-4
+# Of the evaluations that a search takes, for its progress alone.
+USUAL = {False: 550, True: 650}
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model."""
+
+    values: dict[str, float]  # elastomer parameters by key; without rate terms only the first five
+    cost: float  # mean over data sets of the mean square error, Nm^2, training data
+    population: int  # size of the starting population; runs of the C over all training data
+    evaluations: int
+    runner_up: float  # second finalist's cost over the best's
+    rate_dropped: bool = False  # the fit gave the Maxwell element no stiffness: it is left out
+    edges: tuple[str, ...] = ()  # what ended at the edge of the searched space, and what that means
+    method: str = "multi-start"
+
+
+def search(
+    device: Device,
+    recordings: list[Recording],
+    space: Space,
+    fit_rate_Hz: float | None,
+    progress: Progress,
+    seed: int,
+    population_size: int | None = None,
+    how: Searching | None = None,
+) -> Fit:
+    """Global search by a method of that name, then refinement at the device's rate."""
+    how = how or Searching()
+    method, memo = search_named(how.method), SearchMemo(how.resume)
+    count = population_size or POPULATION
+
+    def tell(evaluations: int, best: float) -> None:
+        share = 1 - math.exp(-1.5 * evaluations / USUAL[space.rate_terms])
+        progress(0.86 * share, f"{how.method}: {evaluations} runs, best {math.sqrt(best):.4g} Nm")
+
+    coarse = FittedPlant(device, recordings, fit_rate_Hz, ROWS_SEARCH)
+    problem = SearchProblem(coarse, space, memo, how, tell)
+    ends = sorted(method(problem, seed, count), key=lambda e: e[0])
+    problem.over()
+    evaluations, best = problem.evaluations, ends[0]
+    fine = device.file.timing.sense_rate_Hz.value
+    if fit_rate_Hz is not None and fit_rate_Hz < fine:
+        progress(0.87, "refinement at the device's rate")
+        plant = FittedPlant(device, recordings, fine, ROWS_REFINE)
+        problem = SearchProblem(plant, space, memo, how, lambda _count, _best: None)
+        best = best_of(problem.refined([best[1]], FINE_STEPS))
+        evaluations += problem.evaluations
+    values, dropped = _parameters(problem, best[1])
+    return Fit(
+        values=values,
+        cost=best[0],
+        population=count,
+        evaluations=evaluations,
+        runner_up=runner_up([e[0] for e in ends]),
+        rate_dropped=dropped,
+        edges=() if dropped else edges_of(space, best[1]),
+        method=how.method,
+    )
+
+
+class PublishedChannels:
+    """The published model as :class:`esea_gen.identify.recording.channels.ChannelModel`."""
+
+    def __init__(
+        self,
+        device: Device,
+        space: Space,
+        rate_Hz: float | None,
+        seed: int,
+        population_size: int | None,
+        how: Searching | None,
+    ) -> None:
+        self.device, self.space, self.rate_Hz = device, space, rate_Hz
+        self.seed, self.count = seed, population_size or POPULATION
+        self.how = replace(how or Searching(), resume=None, watch=None)
+        self._problem: SearchProblem | None = None
+        self._begun = self._x = space.low
+
+    def _plant(self, recordings: list[Recording]) -> FittedPlant:
+        if self._problem is None:
+            return FittedPlant(self.device, recordings, self.rate_Hz, ROWS_SEARCH)
+        return self._problem.plant.having(recordings, ROWS_SEARCH)
+
+    def _over(self, recordings: list[Recording]) -> SearchProblem:
+        plant = self._plant(recordings)
+        return SearchProblem(plant, self.space, SearchMemo(), self.how, lambda _count, _best: None)
+
+    def start(self, recordings: list[Recording]) -> None:
+        """A global search."""
+        method = search_named(self.how.method)
+        self._problem = self._over(recordings)
+        self._begun = best_of(method(self._problem, self.seed, self.count))[1]
+
+    def solve(self, recordings: list[Recording]) -> float:
+        """The minimum next to the one that :meth:`start` found."""
+        self._problem = self._over(recordings)
+        cost, self._x = best_of(self._problem.refined([self._begun], SOLVE_STEPS))
+        return cost
+
+    def torque_Nm(self, recordings: list[Recording]) -> Array:
+        """With the numbers of the last :meth:`solve`."""
+        assert self._problem is not None
+        linear = self._problem.weighted(self._x)[2]
+        return np.asarray(self._plant(recordings).basis(self.space.shape(self._x)) @ linear)
+
+    def linearised(self) -> tuple[Array, Array, Array, FitRows]:
+        """In the linear numbers above 0 and the searched ones inside their bounds."""
+        assert self._problem is not None
+        plant, space, x = self._problem.plant, self.space, self._x
+        basis, target, linear = self._problem.weighted(x)
+        inside = np.minimum(x - space.low, space.high - x) > AT_EDGE * (space.high - space.low)
+        moves = self._problem.jacobian(x, basis, linear)[:, inside]
+        jacobian = np.column_stack([basis[:, linear > 0], moves]) / plant.weight[:, None]
+        residual = (target - basis @ linear) / plant.weight
+        return jacobian, residual, plant.weight * math.sqrt(len(target)), plant.rows
+
+
+def _parameters(problem: SearchProblem, x: Array) -> tuple[dict[str, float], bool]:
+    basis, target, linear = problem.weighted(x)
+    share = 0.0
+    if problem.space.rate_terms:
+        share = float(np.linalg.norm(linear[3] * basis[:, 3]) / np.linalg.norm(target))
+    return parameters_of(problem.space, x, linear, share)

@@ -1,0 +1,261 @@
+"""The emitted C of the torque sensor over recordings, its parameters tunable."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import math
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.device import Device
+from esea_gen.hostlib.library import HostLibrary, compile_system
+from esea_gen.hostlib.runner import CRunner
+from esea_gen.identify.published.parameters import with_values
+from esea_gen.identify.recording.reading import beyond_rad, resample
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.resampling import FitRows, rows_of, whole_conditions
+from esea_gen.language.ports import Array
+from esea_gen.language.system import System, Task
+from esea_gen.model.elastomer import torque_sensor
+from esea_gen.model.slopes import sloped
+
+# Neighbouring samples say the same: the search compares at most so many a data set, evenly spread.
+ROWS_SEARCH, ROWS_REFINE = 4000, 20000
+# What shapes the basis; the torque's derivatives by these are exact.
+STOP_SHAPE = ("omega_rad", "beta_1_rad")
+RATE_SHAPE = ("A_Nms_rad", "m", "eps1_Nms_rad", "B", "n")
+
+
+def tunable_system(device: Device) -> System:
+    """Velocity estimate and torque sensor with the elastomer's parameters as tunables."""
+    return System(
+        device.name,
+        device.period_s,
+        {"velocity": device.velocity, "sensor": torque_sensor(device, tunable=True)},
+        (Task("sense", ("velocity", "sensor")),),
+        wires={"sensor.omega_rad_s": "velocity.omega_mid_rad_s"},
+        inputs={"theta_rad": ("velocity.theta_rad", "sensor.theta_rad")},
+        outputs={"tau_Nm": "sensor.tau_Nm"},
+    )
+
+
+def thinned(rows: npt.NDArray[np.intp], most: int | None) -> npt.NDArray[np.intp]:
+    """At most so many, evenly spread; all when not given."""
+    return rows if most is None else rows[:: math.ceil(len(rows) / most)]
+
+
+def equal_weights(sets: Sequence[Array]) -> Array:
+    """Weights of residuals under which every data set counts the same, however long it is."""
+    w = np.concatenate([np.full(len(x), 1.0 / len(x)) for x in sets])
+    return np.asarray(np.sqrt(w / w.sum()))
+
+
+@dataclass(frozen=True)
+class FitStream:
+    """A recording on the grid on which the C runs."""
+
+    theta_rad: Array  # inputs of the sensor, shape (n,)
+    omega_rad_s: Array
+    tau_Nm: Array  # measured torque, shape (n,)
+    training: tuple[npt.NDArray[np.intp], ...]  # grid samples of each data set that trains
+
+
+class FittedPlant:
+    """The compiled sensor over all recordings at one rate."""
+
+    def __init__(
+        self,
+        device: Device,
+        recordings: list[Recording],
+        rate_Hz: float | None = None,
+        rows: int | None = None,
+    ) -> None:
+        self.rate_terms = device.elastomer.maxwell is not None
+        self.rate_Hz = rate_Hz
+        fine = device.file.timing.sense_rate_Hz.value
+        # The bases below have unit stiffness; nothing in them may clip.
+        timing = {"sense_rate_Hz": rate_Hz or fine}
+        velocity = {
+            "bandwidth_Hz": min(
+                device.file.velocity.bandwidth_Hz.value, 0.1 * timing["sense_rate_Hz"]
+            )
+        }
+        wide = {"tau_Nm": 2000.0}
+        built = with_values(device, {}, timing=timing, velocity=velocity, limits=wide)
+        self.built = built
+        self.library = compile_system(tunable_system(built), "f64")
+        self._zone = device.elastomer.dead_zone_rad
+        self._fine_Hz = fine
+        self._estimate: CRunner | None = None
+        if rate_Hz is not None:
+            self._estimate = compile_system(
+                tunable_system(with_values(device, {}, limits=wide)), "f64"
+            ).block("velocity")
+        self._take(recordings, rows)
+
+    def having(self, recordings: list[Recording], rows: int | None = None) -> FittedPlant:
+        """The same C over other recordings."""
+        other = copy.copy(self)
+        vars(other).pop("digest", None)
+        other._take(recordings, rows)
+        return other
+
+    def _take(self, recordings: list[Recording], rows: int | None) -> None:
+        self._of_thread = threading.local()
+        self.streams: list[FitStream] = []
+        self.evaluations = 0
+        for r in recordings:
+            if not any(len(s.training) for s in r.sets):
+                continue
+            if self._estimate is None or self.rate_Hz is None:
+                stream = FitStream(
+                    r.theta_rad,
+                    np.zeros_like(r.theta_rad),
+                    r.tau_Nm,
+                    tuple(s.training for s in r.sets if len(s.training)),
+                )
+            else:
+                stream = _on_grid(r, self._estimate, self._fine_Hz, self.rate_Hz)
+            training = tuple(thinned(x, rows) for x in stream.training)
+            self.streams.append(replace(stream, training=training))
+        self.rows, self.whole = self._rows(recordings), whole_conditions(recordings)
+        measured = [s.tau_Nm[at] for s in self.streams for at in s.training]
+        self.weight = equal_weights(measured)
+        self.measured = np.concatenate(measured)
+        beyond = [
+            beyond_rad(s.theta_rad, self._zone.value if self._zone else 0.0) for s in self.streams
+        ]
+        self._spring = self._collect([(x, x**3) for x in beyond])
+
+    @property
+    def judged(self) -> tuple[Array, Array] | None:
+        """Measured torque and rate at the training rows; None where these are the samples."""
+        if self.rate_Hz is None:
+            return None
+        return self.measured, self._collect([(s.omega_rad_s,) for s in self.streams])[:, 0]
+
+    def _rows(self, recordings: Sequence[Recording]) -> FitRows:
+        ways = [np.sign(np.gradient(s.theta_rad))[at] for s in self.streams for at in s.training]
+        sets = [(r, s) for r in recordings for s in r.sets if len(s.training)]
+        if len(ways) != len(sets):  # a coarse grid lost a data set of very few samples
+            return FitRows.of([(i, 1, way) for i, way in enumerate(ways)])
+        return rows_of(sets, ways)
+
+    def _collect(self, per_stream: list[tuple[Array, ...]]) -> Array:
+        """Training rows of some signals, shape (rows, signals)."""
+        parts = [
+            np.stack([x[rows] for x in signals], axis=1)
+            for signals, stream in zip(per_stream, self.streams, strict=True)
+            for rows in stream.training
+        ]
+        return np.concatenate(parts)
+
+    @property
+    def shape_keys(self) -> tuple[str, ...]:
+        """Parameters that shape the basis, in the order of :meth:`tangent`."""
+        return STOP_SHAPE + (RATE_SHAPE if self.rate_terms else ())
+
+    @cached_property
+    def digest(self) -> str:
+        """Of the C and of all that it is run on and compared with."""
+        of = hashlib.sha256(self.library.path.stem.encode())
+        arrays = [a for s in self.streams for a in (s.theta_rad, s.omega_rad_s, *s.training)]
+        for a in (*arrays, self.measured, self.weight):
+            of.update(np.ascontiguousarray(a).tobytes())
+        return of.hexdigest()
+
+    @cached_property
+    def _sloped(self) -> HostLibrary:
+        sensor = torque_sensor(self.built, tunable=True)
+        outputs = ("tau_hysteresis_Nm", "tau_rate_Nm")[: 2 if self.rate_terms else 1]
+        block = sloped(sensor, outputs, self.shape_keys)
+        inputs = {p.name: (f"slopes.{p.name}",) for p in block.inputs}
+        results = {p.name: f"slopes.{p.name}" for p in block.outputs}
+        task = Task("run", ("slopes",))
+        name = f"{self.built.name}_slopes"
+        return compile_system(
+            System(name, block.period_s, {"slopes": block}, (task,), {}, inputs, results), "f64"
+        )
+
+    def _runner(self, name: str) -> CRunner:
+        # A runner has a state: each thread has its own.
+        runners = vars(self._of_thread)
+        if name not in runners:
+            runners[name] = (self._sloped if name == "slopes" else self.library).block(name)
+        found: CRunner = runners[name]
+        return found
+
+    def run(self, values: Mapping[str, float], name: str = "sensor") -> list[dict[str, Array]]:
+        """Run the C over every stream; several threads may do so at once."""
+        self.evaluations += 1
+        runner, out = self._runner(name), []
+        for s in self.streams:
+            runner.prepare(values)
+            y, _ = runner.run({"theta_rad": s.theta_rad, "omega_rad_s": s.omega_rad_s}, trace=False)
+            out.append(y)
+        return out
+
+    def torque(self, values: Mapping[str, float]) -> Array:
+        """Model torque at the training rows."""
+        torque: Array = self._collect([(y["tau_Nm"],) for y in self.run(values)])[:, 0]
+        return torque
+
+    def basis(self, shape: Mapping[str, float]) -> Array:
+        """Torque per unit of k1, k3, alpha (and kv) at the training rows."""
+        outputs = self.run({**shape, **self._unit})
+        names = ["tau_hysteresis_Nm"] + (["tau_rate_Nm"] if self.rate_terms else [])
+        rest = self._collect([tuple(y[n] for n in names) for y in outputs])
+        return np.concatenate([self._spring, rest], axis=1)
+
+    @property
+    def _unit(self) -> dict[str, float]:
+        rate = {"kv_Nm_rad": 1.0} if self.rate_terms else {}
+        return {"k1_Nm_rad": 0.0, "k3_Nm_rad3": 0.0, "alpha_Nm_rad": 1.0} | rate
+
+    def tangent(self, shape: Mapping[str, float], linear: Array) -> Array:
+        """Derivative of the torque by the shape's parameters, at the training rows."""
+        outputs = self.run({**shape, **self._unit}, "slopes")
+        stiffness, keys = linear[2:], len(self.shape_keys)
+        parts = []
+        for y, stream in zip(outputs, self.streams, strict=True):
+            slopes = y["slopes"].reshape(len(y["slopes"]), len(stiffness), keys)
+            parts += [stiffness @ slopes[rows] for rows in stream.training]
+        return np.concatenate(parts)
+
+
+def _on_grid(r: Recording, estimate: CRunner, fine_Hz: float, rate_Hz: float) -> FitStream:
+    """Interpolate a recording; its rate from the firmware's own estimate at the device's rate."""
+    every = max(1, round(fine_Hz / rate_Hz))
+    steps = int(r.time_s[-1] * fine_Hz) // every
+    grid = np.arange(steps * every + 1) / fine_Hz
+    theta = resample(r.time_s, r.theta_rad, grid)
+    estimate.prepare({})
+    omega = estimate.run({"theta_rad": theta}, trace=False)[0]["omega_mid_rad_s"]
+    # A coarse step takes the mean of the fine steps' rates that it stands for.
+    coarse = np.concatenate([[0.0], omega[1:].reshape(steps, every).mean(axis=1)])
+    times = grid[::every]
+    role = np.full(len(r.time_s), -1)
+    held_out = np.zeros(len(r.time_s), dtype=bool)
+    count = 0
+    for s in r.sets:
+        held_out[s.held_out] = True
+        if len(s.training):
+            role[s.training] = count
+            count += 1
+    at = np.clip(np.searchsorted(r.time_s, times), 0, len(role) - 1)
+    # Between two samples both have a part in the torque: a held-out one must have none.
+    leaking = held_out[np.maximum(at - 1, 0)] & (times < r.time_s[at])
+    role_at = np.where(leaking, -1, role[at])
+    rows = tuple(np.flatnonzero(role_at == n).astype(np.intp) for n in range(count))
+    return FitStream(
+        theta[::every],
+        coarse,
+        resample(r.time_s, r.tau_Nm, times),
+        tuple(x for x in rows if len(x)),
+    )

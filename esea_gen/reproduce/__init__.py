@@ -1,0 +1,1 @@
+"""Published tables and figures, computed anew: one file each, which registers itself."""

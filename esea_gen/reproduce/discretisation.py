@@ -1,0 +1,331 @@
+"""How the Maxwell element is stepped, and what feeds its viscosity: the two tables that decide.
+
+Ideal encoders tell the integrators apart; real ones tell the sources of the rate apart, and the
+second table decides the defaults.  Every step and every observer in them is emitted C.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from esea_gen.device import Device, load_device, with_numbers
+from esea_gen.hostlib.library import compile_device, compile_system
+from esea_gen.hostlib.runner import CRunner
+from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.ports import Array, Port
+from esea_gen.language.system import System, Task
+from esea_gen.model.elastomer import EPS1, EPS2, ETA, RATE, THETA, A, B, M, N
+from esea_gen.model.symbolic import to_casadi
+from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.uncertainty.signals import LOAD_HZ, LOAD_RAD, SENSE_RATE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+REFINE_HZ = 20_000.0
+RATES_HZ = (1000.0, 500.0)
+BITS = (14, 12)
+BANDWIDTHS_HZ = (10.0, 12.0, 15.0, 20.0, 30.0)
+CHUNK = 200_000
+
+
+def _rational(terms: int) -> Callable[[ca.SX], tuple[ca.SX, ca.SX]]:
+    def step(x: ca.SX) -> tuple[ca.SX, ca.SX]:
+        series = 1 + x / 2 + (x * x / 6 if terms > 2 else 0)
+        decay = 1 / (1 + x * series)
+        return decay, series * decay
+
+    return step
+
+
+# Per scheme: what x = h kv / eta makes of the last torque, and of kv times the move.
+SCHEMES: dict[str, Callable[[ca.SX], tuple[ca.SX, ca.SX]]] = {
+    "exponential": lambda x: (ca.exp(-x), (1 - ca.exp(-x)) / x),
+    "third order (the sensor's)": _rational(3),
+    "second order": _rational(2),
+    "trapezoidal": lambda x: ((1 - x / 2) / (1 + x / 2), 1 / (1 + x / 2)),
+    "backward Euler": lambda x: (1 / (1 + x), 1 / (1 + x)),
+    "explicit Euler": lambda x: (1 - x, ca.SX(1)),
+}
+OURS = "third order (the sensor's)"
+
+
+def maxwell_block(device: Device, scheme: str) -> Block:
+    """The Maxwell element alone (3.3, 3.4), stepped by one scheme."""
+    v = {c.name: c.value for c in device.constants("elastomer.maxwell")}
+    h, kv = device.period_s, v["kv_Nm_rad"]
+    limits = device.file.limits
+    theta, omega, tau = limits.theta_rad.value, limits.omega_rad_s.value, limits.tau_Nm.value
+
+    def step(
+        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        middle = s.theta_prev_rad + 0.5 * h * u.omega_rad_s
+        eta = to_casadi(
+            ETA,
+            {
+                THETA: middle,
+                RATE: u.omega_rad_s,
+                A: v["A_Nms_rad"],
+                M: v["m"],
+                EPS1: v["eps1_Nms_rad"],
+                B: v["B"],
+                N: v["n"],
+                EPS2: v["eps2"],
+            },
+        )
+        decay, weight = SCHEMES[scheme](label("x", h * kv / eta))
+        tau_r = decay * s.tau_r_Nm + kv * (u.theta_rad - s.theta_prev_rad) * weight
+        return {"theta_prev_rad": u.theta_rad, "tau_r_Nm": tau_r}, {"tau_rate_Nm": tau_r}
+
+    return Block.define(
+        "maxwell_" + scheme.lower().replace(" ", "_"),
+        f"Maxwell element alone, {scheme}",
+        period_s=h,
+        state=(
+            Port("theta_prev_rad", -theta, theta, "deflection of the last step"),
+            Port("tau_r_Nm", -1e6, 1e6, "its torque"),
+        ),
+        inputs=(
+            Port("theta_rad", -theta, theta, "deflection"),
+            Port("omega_rad_s", -omega, omega, "rate in the middle of the step"),
+        ),
+        outputs=(Port("tau_rate_Nm", -tau, tau, "rate torque"),),
+        step=step,
+    )
+
+
+def _compiled(device: Device, block: Block) -> CRunner:
+    system = System(
+        device.name,
+        device.period_s,
+        {block.name: block},
+        (Task("run", (block.name,)),),
+        {},
+        {p.name: (f"{block.name}.{p.name}",) for p in block.inputs},
+        {p.name: f"{block.name}.{p.name}" for p in block.outputs},
+    )
+    return compile_system(system, "f64").block(block.name)
+
+
+@dataclass(frozen=True)
+class EncodedMotion:
+    """A sine sweep of deflection inside the identified domain."""
+
+    amplitude_deg: float
+    top_Hz: float
+    duration_s: float
+
+    @property
+    def name(self) -> str:
+        return f"{self.amplitude_deg:g} deg, 0 to {self.top_Hz:g} Hz in {self.duration_s:g} s"
+
+    def theta(self, t: npt.NDArray[Any]) -> Array:
+        sweep = self.top_Hz / self.duration_s
+        return np.asarray(np.deg2rad(self.amplitude_deg) * np.sin(np.pi * sweep * t * t))
+
+    def omega(self, t: npt.NDArray[Any]) -> Array:
+        sweep = self.top_Hz / self.duration_s
+        size = np.deg2rad(self.amplitude_deg) * 2 * np.pi * sweep
+        return np.asarray(size * t * np.cos(np.pi * sweep * t * t))
+
+
+# The published training sweeps, and one that reaches deflection and rate limits together.
+MOTIONS = (
+    EncodedMotion(10.0, 1.0, 120.0),
+    EncodedMotion(5.0, 1.5, 180.0),
+    EncodedMotion(11.5, 0.85, 60.0),
+)
+
+
+def continuous_torque(device: Device, motion: EncodedMotion) -> Array:
+    """Rate torque of the continuous model, on a grid of ``REFINE_HZ``."""
+    fine = with_numbers(device, {SENSE_RATE: REFINE_HZ})
+    runner = _compiled(fine, maxwell_block(fine, "exponential"))
+    count = round(motion.duration_s * REFINE_HZ)
+    out = np.empty(count)
+    for first in range(0, count, CHUNK):
+        k = np.arange(first, min(first + CHUNK, count))
+        inputs = {
+            "theta_rad": motion.theta(k / REFINE_HZ),
+            "omega_rad_s": motion.omega((k - 0.5) / REFINE_HZ),
+        }
+        y, _ = runner.run(inputs, trace=False)
+        out[k] = y["tau_rate_Nm"]
+    return out
+
+
+@dataclass(frozen=True)
+class SchemeRow:
+    scheme: str
+    largest_pct: dict[float, float]
+    rms_pct: dict[float, float]
+    stable: bool
+    monotone: bool
+
+
+@dataclass(frozen=True)
+class RateRow:
+    source: str
+    rms_pct: dict[int, float]
+    largest_pct: dict[int, float]
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    device: str
+    ideal: list[SchemeRow]
+    real: list[RateRow]
+
+    def to_dict(self) -> dict[str, Any]:
+        def named(rows: list[Any], key: str) -> dict[str, Any]:
+            return {
+                getattr(r, key): {
+                    k: {f"{x:g}": y for x, y in v.items()} if isinstance(v, dict) else v
+                    for k, v in vars(r).items()
+                    if k != key
+                }
+                for r in rows
+            }
+
+        tables = {"ideal": named(self.ideal, "scheme"), "real": named(self.real, "source")}
+        return {"device": self.device} | tables
+
+    def table(self) -> list[str]:
+        yes = {True: "yes", False: "no"}
+        heads = "".join(f"{f'{r:g} Hz':>22}" for r in RATES_HZ)
+        lines = [
+            "Ideal encoders: error of the rate torque in % of full scale, RMS / max",
+            f"{'':30}{heads}{'stable':>8}{'monotone':>10}",
+        ]
+        for s in self.ideal:
+            pairs = [f"{s.rms_pct[r]:.2g} / {s.largest_pct[r]:.2g}" for r in RATES_HZ]
+            cells = "".join(f"{p:>22}" for p in pairs)
+            lines.append(f"{s.scheme:30}{cells}{yes[s.stable]:>8}{yes[s.monotone]:>10}")
+        lines += [
+            "",
+            "Real encoders, 1 kHz, moving load side: the same, by what feeds the viscosity",
+            f"{'':46}" + "".join(f"{f'{b} bit':>18}" for b in BITS),
+        ]
+        for q in self.real:
+            pairs = [f"{q.rms_pct[b]:.3g} / {q.largest_pct[b]:.2g}" for b in BITS]
+            lines.append(f"{q.source:46}" + "".join(f"{p:>18}" for p in pairs))
+        return lines
+
+    def figure(self) -> Figure:
+        from esea_gen.analysis.plots import Panel, panels
+
+        dots = {"marker": "o"}
+        ideal = [(RATES_HZ, [s.rms_pct[r] for r in RATES_HZ], s.scheme, dots) for s in self.ideal]
+        real = [(BITS, [q.rms_pct[b] for b in BITS], q.source, dots) for q in self.real]
+        error, logs = "RMS error of the rate torque / % of full scale", {"yscale": "log"}
+        rows = [
+            Panel(ideal, "rate / Hz, ideal encoders", error, logs | {"xscale": "log"}),
+            Panel(real, "encoder / bit, 1 kHz", "", logs | {"xticks": BITS}),
+        ]
+        return panels(rows, 11, 4.5, sharey=True)
+
+
+def _growth(scheme: str) -> tuple[bool, bool]:
+    x = ca.SX.sym("x")
+    decay, weight = ca.Function("step", [x], list(SCHEMES[scheme](x)))(np.logspace(-9, 6, 2000).T)
+    d, w = np.asarray(decay).ravel(), np.asarray(weight).ravel()
+    return bool(np.all(np.abs(d) <= 1)), bool(np.all(d >= 0) and np.all(w > 0))
+
+
+def _ideal(
+    device: Device, exact: dict[EncodedMotion, Array], say: Callable[[str], None]
+) -> list[SchemeRow]:
+    full = device.tau_full_scale_Nm
+    rows = []
+    for scheme in SCHEMES:
+        largest, rms = dict.fromkeys(RATES_HZ, 0.0), dict.fromkeys(RATES_HZ, 0.0)
+        for rate in RATES_HZ:
+            say(f"ideal encoders, {scheme}, {rate:g} Hz")
+            coarse = with_numbers(device, {SENSE_RATE: rate})
+            runner = (
+                compile_device(coarse, "f64").block("sensor")
+                if scheme == OURS
+                else _compiled(coarse, maxwell_block(coarse, scheme))
+            )
+            for motion, fine in exact.items():
+                t = np.arange(round(motion.duration_s * rate)) / rate
+                runner.reset()
+                omega = motion.omega(t - 0.5 / rate)
+                y, _ = runner.run({"theta_rad": motion.theta(t), "omega_rad_s": omega}, trace=False)
+                error = y["tau_rate_Nm"] - fine[:: round(REFINE_HZ / rate)][: len(t)]
+                error = 100 * error / full
+                largest[rate] = max(largest[rate], float(np.max(np.abs(error))))
+                rms[rate] = max(rms[rate], float(np.sqrt(np.mean(error**2))))
+        rows.append(SchemeRow(scheme, largest, rms, *_growth(scheme)))
+    return rows
+
+
+def _real(device: Device, motion: EncodedMotion, fine: Array) -> list[RateRow]:
+    from scipy.signal import butter, sosfilt
+
+    rate_Hz = 1.0 / device.period_s
+    t = np.arange(round(motion.duration_s * rate_Hz)) / rate_Hz
+    true = fine[:: round(REFINE_HZ / rate_Hz)][: len(t)]
+    load = LOAD_RAD * (1 - np.cos(2 * np.pi * LOAD_HZ * t))
+    library = compile_device(device, "f64")
+    sensor, velocity = library.block("sensor"), library.block("velocity")
+    low_pass = butter(2, 60, fs=rate_Hz, output="sos")
+    out: dict[str, RateRow] = {}
+
+    def add(source: str, bits: int, theta: Array, omega: Array) -> None:
+        sensor.reset()
+        y, _ = sensor.run({"theta_rad": theta, "omega_rad_s": omega}, trace=False)
+        error = 100 * (y["tau_rate_Nm"] - true) / device.tau_full_scale_Nm
+        row = out.setdefault(source, RateRow(source, {}, {}))
+        row.rms_pct[bits] = float(np.sqrt(np.mean(error**2)))
+        row.largest_pct[bits] = float(np.max(np.abs(error)))
+
+    for bits in BITS:
+        count = 2 * np.pi / 2**bits
+        motor = np.round((load + motion.theta(t)) / count) * count
+        theta = motor - np.round(load / count) * count
+        raw = np.diff(theta, prepend=theta[:1]) * rate_Hz
+        past = np.concatenate([[0.0, 0.0], 2 * raw[1:-1] - raw[:-2]])
+        add("the true rate", bits, theta, motion.omega(t - 0.5 / rate_Hz))
+        add("raw differences, extrapolated", bits, theta, past)
+        add("difference, 60 Hz second-order low-pass", bits, theta, sosfilt(low_pass, raw))
+        for bandwidth in BANDWIDTHS_HZ:
+            velocity.prepare({"bandwidth_Hz": bandwidth})
+            rates, _ = velocity.run({"theta_rad": theta}, trace=False)
+            chosen = bandwidth == device.file.velocity.bandwidth_Hz.value
+            mark = " (the device's)" if chosen else ""
+            source = f"observer, {bandwidth:g} Hz{mark}"
+            add(source, bits, theta, rates["omega_mid_rad_s"])
+    return list(out.values())
+
+
+def discretisation(progress: Callable[[str], None] | None = None) -> Discretisation:
+    """Make both tables with the emitted C of the elbow."""
+    device, say = load_device("elbow"), progress or (lambda _: None)
+    exact = {}
+    for motion in MOTIONS:
+        say(f"continuous model: {motion.name}")
+        exact[motion] = continuous_torque(device, motion)
+    ideal = _ideal(device, exact, say)
+    say("real encoders")
+    coarse = with_numbers(device, {SENSE_RATE: RATES_HZ[0]})
+    return Discretisation(device.name, ideal, _real(coarse, MOTIONS[0], exact[MOTIONS[0]]))
+
+
+class SensorDiscretisation(Reproduction[Discretisation]):
+    """The sensor's discretisation: ideal encoders, and real ones with velocity filters."""
+
+    name = "discretisation"
+    title = "The sensor's discretisation"
+
+    def run(self, say: Callable[[str], None], folder: Path | None) -> Discretisation:
+        return discretisation(say)

@@ -1,0 +1,163 @@
+"""Instructions of a Block's step on emulated processors, counted by a plugin of the emulator.
+
+Counted is what runs from one entry of the step to the next, the functions that it calls included,
+the loop around it not.  The emulator counts instructions, not cycles.  Each run also gives a
+checksum of its results, which must be the host's.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from esea_gen.board.emulator import find_qemu, qemu_command
+from esea_gen.cache import cache_folder
+from esea_gen.device import Device
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.render import Renderer
+from esea_gen.errors import UserError
+from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.library import compile_system
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
+from esea_gen.language.stream import Stream
+from esea_gen.targets import (
+    ARM_GCC,
+    BARE_LINK,
+    BOARDS,
+    EXACT_FLAGS,
+    HOST_GCC,
+    SECTION_FLAGS,
+    Board,
+    firmware_folder,
+)
+from esea_gen.verify.streams import domain_chirp, recorded_stream
+
+STEPS = 400
+CORTEX_M4F = BOARDS["netduinoplus2"]
+
+
+@dataclass(frozen=True)
+class Count:
+    """Instructions of a step, and the checksum of all outputs."""
+
+    mean: float
+    least: int
+    most: int
+    checksum: int
+
+
+def checksum(results: Array) -> int:
+    """FNV-1a of outputs as float64, shape (steps, outputs), as the board's program has it."""
+    total = 2166136261
+    for byte in np.ascontiguousarray(results, dtype="<f8").tobytes():
+        total = ((total ^ byte) * 16777619) & 0xFFFFFFFF
+    return total
+
+
+def call_tool(command: list[Any]) -> str:
+    """Run a tool of the toolchain; return all its output."""
+    done = subprocess.run(
+        [str(c) for c in command],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        stdin=subprocess.DEVNULL,
+    )
+    if done.returncode != 0:
+        raise RuntimeError(f"{Path(str(command[0])).name} failed:\n{done.stderr}")
+    return done.stdout + done.stderr
+
+
+def stream_program(renderer: Renderer, block: Block, stream: Stream) -> dict[str, str]:
+    """The C of a Block's step as it ships, and a loop that runs a stream through it."""
+    renderer.env.filters["number17"] = repr
+    columns = [stream.inputs[p.name].reshape(stream.steps, -1) for p in block.inputs]
+    context = {
+        "block": block,
+        "sizes": {
+            "inputs": sum(p.size for p in block.inputs),
+            "outputs": sum(p.size for p in block.outputs),
+        },
+        "steps": stream.steps,
+        "rows": np.hstack(columns).tolist(),
+    }
+    names = ("bench.h", "stream.h", "struct.c")
+    own = {n: text for n, text in renderer.files().items() if "/" not in n}
+    return own | {n: renderer.render(f"bench/{n}.j2", **context) for n in names}
+
+
+@cache
+def _plugin() -> Path:
+    gcc = find_compiler(*HOST_GCC.gcc)
+    source = firmware_folder() / "tools" / "count_instructions.c"
+    with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
+        built = Path(scratch) / "count.so"
+        call_tool([gcc, "-O2", "-shared", "-fPIC", source, "-o", built])
+        return built.rename(cache_folder() / "count_instructions.so")
+
+
+def count_step(
+    board: Board, files: dict[str, str], renderer: Renderer, step: str, libm: bool = False
+) -> Count:
+    """Count the instructions of a step on an emulated board.
+
+    files: of :func:`stream_program`, or with the same three functions.
+    libm: whether the program needs the compiler's math library.
+    """
+    gcc = find_compiler(*board.processor.toolchain.gcc)
+    qemu = qemu_command(board, semihosting=True)
+    context = {"board": board, "double": libm}
+    extra = {n: renderer.render(f"bench/{n}.j2", **context) for n in ("board.c", "board.ld")}
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        for name, text in (files | extra).items():
+            (folder / name).write_text(text, encoding="utf-8")
+        image, log = folder / "board.elf", folder / "log"
+        flags = [*board.compile_flags, *EXACT_FLAGS, *SECTION_FLAGS, f"-I{folder}"]
+        link = [*BARE_LINK, "--specs=nosys.specs", f"-T{folder}/board.ld"]
+        call_tool([gcc, *flags, *sorted(folder.glob("*.c")), *link, "-o", image, "-lm"])
+        listed = call_tool([f"{gcc.removesuffix('gcc')}nm", image]).splitlines()
+        at = {parts[2]: parts[0] for line in listed if len(parts := line.split()) == 3}
+        named = {"entry": step, "low": "counted_low", "high": "counted_high"}
+        plugin = ",".join([str(_plugin()), *(f"{k}=0x{at[s]}" for k, s in named.items())])
+        answer = call_tool([*qemu, "-d", "plugin", "-D", log, "-plugin", plugin, "-kernel", image])
+        counted = [int(n) for n in re.findall(r"\d+", log.read_text())]
+    found = re.search(r"^([0-9a-f]{8})$", answer, re.MULTILINE)
+    if found is None or len(counted) != 4:
+        raise RuntimeError(f"{board.title} did not answer: {answer}\n{counted}")
+    return Count(counted[1] / counted[0], counted[2], counted[3], int(found.group(1), 16))
+
+
+def missing_tool() -> str:
+    """What is not installed that counting needs, and how to get it; empty where all is there."""
+    try:
+        find_qemu()
+        find_compiler(*ARM_GCC.gcc)
+    except UserError as error:
+        return str(error)
+    return ""
+
+
+def sensor_instructions(device: Device) -> float:
+    """Mean instructions of a sensor's f32 step on the Cortex-M4F, on a sweep inside the domain."""
+    block = device.sensor
+    theta = domain_chirp(device, STEPS * device.period_s)[:STEPS]
+    stream = recorded_stream(device, theta, "sweep in the domain")[block.name]
+    renderer = Renderer(device.system, FORMATS["f32"], "-", "-", device.title)
+    program = stream_program(renderer, block, stream)
+    step = f"esea_{device.name}_{block.name}_step"
+    found = count_step(CORTEX_M4F, program, renderer, step)
+    outputs, _ = compile_system(device.system, "f32").block(block.name).run(stream.inputs)
+    here = np.column_stack([outputs[p.name] for p in block.outputs])
+    if found.checksum != checksum(here):
+        raise RuntimeError(f"{device.name}: {CORTEX_M4F.core} computes other bits than this host")
+    return found.mean

@@ -1,1 +1,0 @@
-"""Our numbers against their peers, in the same run."""

@@ -1,0 +1,193 @@
+"""Peers: programs that take the same stream through the same step, timed in turns.
+
+A compiled peer is a library with a loop of its own in C; all are compiled with the same flags.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import cffi
+import jinja2
+import numpy as np
+
+from esea_gen.device import Device
+from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.formats.f64 import casadi_c
+from esea_gen.emit.render import Renderer
+from esea_gen.hostlib.compiler import compile_sources
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Array
+from esea_gen.language.stream import Stream
+from esea_gen.language.system import System
+from esea_gen.model.elastomer import stop_grid
+from esea_gen.verify.step_count import stream_program
+
+# A call from one file to another is direct, as in a program, not through a loader's table.
+LIBRARY_FLAGS = ("-fvisibility=hidden",)
+CASADI, CASADI_FLOAT = "CasADi C (f64)", "CasADi C (casadi_real=float)"
+MEASURE_S = 0.0015  # one measurement; long against the clock, short against what else runs
+
+
+def with_templates(renderer: Any) -> Any:
+    """A renderer that finds the benchmarks' own templates too."""
+    own = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
+    renderer.env.loader = jinja2.ChoiceLoader([renderer.env.loader, own])
+    return renderer
+
+
+def renderer_of(device: Device, system: System, real: str) -> Renderer:
+    return with_templates(Renderer(system, FORMATS[real], "-", "-", device.title))
+
+
+def peer_programs(
+    device: Device, block: Block, stream: Stream, system: System
+) -> dict[str, dict[str, str]]:
+    """The C of every compiled peer: generated in both formats, and CasADi's own in both."""
+    simulator = block.simulator()
+    programs = {}
+    for real in ("f64", "f32"):
+        renderer = renderer_of(device, system, real)
+        generated = stream_program(renderer, block, stream)
+        clock = {"clock.c": renderer.render("bench/clock.c.j2")}
+        programs[f"generated {real}"] = generated | clock
+        loop = renderer.render(
+            "bench/casadi.c.j2",
+            block=block,
+            sizes={"state": sum(p.size for p in block.state)},
+            coefficients=[x for c in simulator.coefficients.values() for x in c.tolist()],
+            initial=[x for s in simulator.state.values() for x in s.tolist()],
+            work=(block.step.sz_iw(), block.step.sz_w()),
+        )
+        # CasADi's text refers to nothing of ours but the number it computes in.
+        real_t = "" if real == "f64" else "#define casadi_real float\n"
+        named = {n.removeprefix("reference/"): t for n, t in casadi_c(system).items()}
+        own = {n: t for n, t in named.items() if n.endswith(".c")} | {"loop.c": loop}
+        common = {n: generated[n] for n in ("bench.h", "stream.h")} | clock
+        name = CASADI if real == "f64" else CASADI_FLOAT
+        programs[name] = common | {n: real_t + t for n, t in own.items()}
+    return programs
+
+
+class CompiledPeer:
+    """A peer in C, called through cffi once a measurement."""
+
+    def __init__(self, name: str, files: dict[str, str], block: Block, stream: Stream) -> None:
+        self.name = name
+        ffi = self._ffi = cffi.FFI()
+        ffi.cdef(
+            "void esea_bench_load(const double *); void esea_bench_results(double *);"
+            "double esea_bench_run(int);"
+        )
+        self._lib: Any = ffi.dlopen(str(compile_sources(files, LIBRARY_FLAGS, ("-lm",))))
+        self._shape = (stream.steps, sum(p.size for p in block.outputs))
+        rows = np.hstack([stream.inputs[p.name].reshape(stream.steps, -1) for p in block.inputs])
+        self._lib.esea_bench_load(ffi.cast("double *", np.ascontiguousarray(rows).ctypes.data))
+
+    def run(self, passes: int) -> float:
+        """Seconds for a number of passes through the whole stream."""
+        return float(self._lib.esea_bench_run(passes))
+
+    def results(self) -> Array:
+        """Outputs of the last pass, shape (steps, outputs)."""
+        out = np.empty(self._shape)
+        self._lib.esea_bench_results(self._ffi.cast("double *", out.ctypes.data))
+        return out
+
+
+class _PythonPeer:
+    def run(self, passes: int) -> float:
+        start = time.thread_time()
+        for _ in range(passes):
+            self._out = self._pass()
+        return time.thread_time() - start
+
+    def results(self) -> Array:
+        return self._out
+
+
+class EvaluatorPeer(_PythonPeer):
+    """CasADi's evaluator, ``Function.mapaccum``: one call a stream, so no Python in the loop."""
+
+    name = "CasADi evaluator, one call a stream"
+
+    def __init__(self, block: Block, stream: Stream) -> None:
+        simulator, states = block.simulator(), len(block.state)
+        groups = (block.coefficients, block.state, block.inputs)
+        c, s, u = ([ca.SX.sym(p.name, p.size) for p in group] for group in groups)
+        results = block.step.call([*c, *s, *u])
+        one = ca.Function(
+            "one",
+            [ca.veccat(*s), ca.veccat(*u), ca.veccat(*c)],
+            [ca.veccat(*results[:states]), ca.veccat(*results[states:])],
+        )
+        self._loop = one.mapaccum("loop", stream.steps)
+        rows = np.hstack([stream.inputs[p.name].reshape(stream.steps, -1) for p in block.inputs])
+        start = ca.DM(np.concatenate([*simulator.state.values()]))
+        fixed = ca.DM(np.concatenate([np.zeros(0), *simulator.coefficients.values()]))
+        self._arguments = [start, ca.DM(rows.T), ca.repmat(fixed, 1, stream.steps)]
+
+    def _pass(self) -> Array:
+        return np.asarray(self._loop.call(self._arguments)[1]).T
+
+
+class NumpyPeer(_PythonPeer):
+    """The torque model as one writes it in NumPy: a loop over time, vectors over stop operators.
+
+    Torque only, of a device with rate terms and without a dead zone: no guards, no status.
+    """
+
+    name = "NumPy loop (torque only, no guards)"
+
+    def __init__(self, device: Device, stream: Stream) -> None:
+        self._h = device.period_s
+        names = {c.name: c.value for c in device.constants("elastomer")}
+        self._p = SimpleNamespace(**names)
+        radii, weights = stop_grid(names, int(names["stops"]))
+        self._r, self._w = np.array(radii, dtype=float), np.array(weights, dtype=float)
+        self._theta, self._omega = stream.inputs["theta_rad"], stream.inputs["omega_rad_s"]
+
+    def _pass(self) -> Array:
+        p, h, r, w = self._p, self._h, self._r, self._w
+        out = np.zeros((len(self._theta), 1))
+        play = np.full(len(r), self._theta[0])
+        last, tau_r = self._theta[0], 0.0
+        for k, (theta, omega) in enumerate(zip(self._theta, self._omega, strict=True)):
+            play = np.clip(play, theta - r, theta + r)
+            tau_h = w @ (theta - play)
+            eta = (p.A_Nms_rad * abs(last + 0.5 * h * omega) ** p.m + p.eps1_Nms_rad) / (
+                p.B * abs(omega) ** p.n + p.eps2
+            )
+            x = h * p.kv_Nm_rad / eta
+            series = 1 + x / 2 + x * x / 6
+            tau_r = (tau_r + p.kv_Nm_rad * (theta - last) * series) / (1 + x * series)
+            last = theta
+            out[k] = p.k3_Nm_rad3 * theta**3 + p.k1_Nm_rad * theta + tau_r + tau_h
+        return out
+
+
+def in_turns(ours: Any, peer: Any, per_pass: float, pairs: int) -> dict[str, float]:
+    """Time two programs in turns, so that what runs beside them falls on both alike.
+
+    return: ns of each over ``per_pass``, and the quartiles of the pairs' ratios.
+    """
+    passes = []
+    for p in (ours, peer):
+        p.run(1)
+        passes.append(max(1, int(MEASURE_S / max(p.run(1), 1e-9))))
+    times = np.empty((pairs, 2))
+    for k in range(pairs):
+        for i in (0, 1) if k % 2 == 0 else (1, 0):
+            times[k, i] = 1e9 * (ours, peer)[i].run(passes[i]) / (passes[i] * per_pass)
+    low, ratio, high = np.quantile(times[:, 1] / times[:, 0], [0.25, 0.5, 0.75]).tolist()
+    a, b = np.median(times, axis=0).tolist()
+    return {"ours": a, "peer": b, "ratio": ratio, "low": low, "high": high, "unit": "ns"}
+
+
+def exact(ours: float, peer: float, unit: str) -> dict[str, Any]:
+    """Two figures that do not scatter."""
+    return {"ours": ours, "peer": peer, "ratio": peer / ours, "unit": unit}
