@@ -6,13 +6,13 @@ import binascii
 import json
 import re
 import struct
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.telemetry import stream_costs
-from esea_gen.link.streams import gaps
 from esea_gen.link.transport import LinkError
 
 from .sim_drive import ANGLES, active, powered_on, texts, zeroed
@@ -39,6 +39,12 @@ def board(powered):
 def samples_of(board, stream):
     found = [s for m in board.pending() if (s := board.samples(m)) is not None]
     return [s for s in found if s.names == stream.names]
+
+
+def gaps(samples, interval):
+    """Samples that are missing between those that came."""
+    times = [t for s in samples for t in s.times]
+    return sum((b - a) // interval - 1 for a, b in pairwise(times))
 
 
 # -- streams ---------------------------------------------------------------------------------------
