@@ -7,6 +7,7 @@ import threading
 import time
 from pathlib import Path
 
+from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.conductor import Conductor
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
@@ -16,6 +17,7 @@ from esea_host.study.source import SimulatedSource
 
 from .conftest import ROOT
 
+know_shipped_tasks()
 EXAMPLE = ROOT / "examples" / "steady_hold.toml"
 TRACKING = (
     'task = "interaction.tracking"\ntrials = [{ repeat = 3, parameters = { seconds = 1.0 } }]'
