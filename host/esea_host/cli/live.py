@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,7 +31,7 @@ from esea_host.cli.options import (
     StreamOption,
     output_file,
 )
-from esea_host.connection import ConnectedDevice, Subscription, listen_named, open_device
+from esea_host.connection import ConnectedDevice, Subscription, open_device
 from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet, Outlet
 from esea_host.connection.receiver import KEY
 
@@ -84,7 +85,7 @@ def _lines(queue: Subscription, seconds: float | None) -> None:
     for _ in _until(seconds, 0.0):
         for batch in queue.take(0.1):
             for gap in batch.gaps:
-                print(json.dumps({"gap": gap.to_dict()}))
+                print(json.dumps({"gap": asdict(gap)}))
             names = batch.rows.dtype.names or ()
             for row in batch.rows:
                 values = {n: _plain(row[n].tolist()) for n in names}
@@ -160,7 +161,7 @@ def record(
         raise UserError("--rate is of --signal.", "Name signals, such as --signal tau_Nm.")
     with open_device(address, device, key) as board:
         if signal:
-            stream = [*(stream or ()), *listen_named(board, signal, rate)]
+            stream = [*(stream or ()), *board.listen_named(signal, rate)]
         with board.record(path, stream, compress) as recording:
             if note:
                 recording.note(note)

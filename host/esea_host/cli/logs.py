@@ -81,7 +81,7 @@ def replay(
         return
     with open_log(path) as log:
         if not verify:
-            from esea_host.recording.playing import play
+            from esea_host.recording.export import play
 
             warn_unless_complete(path, log.integrity)
             for line in play(log, stream or log.first_output, speed):
