@@ -30,6 +30,7 @@ from esea_gen.model.sensing import counting_system, measures_counts, sensing_sys
 from esea_gen.observe import Drive, drive_of, has_drive
 
 Made = TypeVar("Made")
+Data = TypeVar("Data", bound=DeviceData)
 _FIRST: WeakValueDictionary[tuple[object, ...], Device] = WeakValueDictionary()
 
 
@@ -247,7 +248,7 @@ def parse_device(text: str, origin: str) -> Device:
     return Device(parse_file(text, origin), origin)
 
 
-def with_numbers(device: Device, values: Mapping[str, float]) -> Device:
+def with_numbers(device: Data, values: Mapping[str, float]) -> Data:
     """A device with other numbers, which are not validated again.
 
     Parameters
