@@ -29,9 +29,9 @@ _TURN = 2 * math.pi
 
 @dataclass(frozen=True)
 class Deviation:
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)  # tunables of plant and encoders
     delay_ticks: int = 0
-    missed_share: float = 0.0
+    missed_share: float = 0.0  # probability that a control run is left out
 
     def missed(self, ticks: int, seed: int) -> Array | None:
         """Ticks in which a control run would be left out; None where none is."""
