@@ -77,12 +77,6 @@ class ClosedLoop:
     from_signals : sequence of str
         Controller inputs that come from signals although the plant has them: what a fault campaign
         puts its thumb on.
-
-    Raises
-    ------
-    UserError
-        When the controller has no output ``u_Nm``, its base tick is no multiple of the plant's
-        step, it has the plant's name, or ``from_signals`` names no input of it.
     """
 
     def __init__(
@@ -379,11 +373,6 @@ class ClosedLoop:
             For how many ticks a command is under way to the motor.
         missed : array_like of bool, optional
             One value a tick: where true, the controller's last task is due, but does not run.
-
-        Returns
-        -------
-        ClosedLoopRun
-            Everything recorded.
 
         Raises
         ------
