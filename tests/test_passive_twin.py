@@ -11,7 +11,7 @@ import esea_gen
 from esea_gen.hostlib.library import compile_system
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.twin.parameters import STEP_S
-from esea_gen.twin.passive import ENCODER_NOISE_RAD, HAND_Nms_rad, PassiveTwin
+from esea_gen.twin.passive import ENCODER_NOISE_RAD, HAND_Nms_rad, PassiveTwin, passive_system
 
 from .conftest import require_tool
 

@@ -140,7 +140,7 @@ class ClosedLoop:
     def _read(self, task: str, x: External) -> list[str]:
         # C expressions of an output's elements, in its unit.
         naming = self._control.naming
-        places = [f"{task}_out.{e}" for e in _elements(x, naming.external(x))]
+        places = [f"{task}_out.{e}" for e in _elements(x, x.name)]
         return [naming.to_units(x, p) for p in places]
 
     def _given(self, x: External, source: str) -> str:
@@ -172,11 +172,11 @@ class ClosedLoop:
                             "Rename it.",
                         )
                     value = self._given(x, sources[x.name][0])
-                    feeds[task.name].append((self._control.naming.external(x), value))
+                    feeds[task.name].append((x.name, value))
                     continue
                 place = places.setdefault(x.name, sum(signals.values()))
                 signals[x.name] = x.port.size
-                for i, e in enumerate(_elements(x, self._control.naming.external(x))):
+                for i, e in enumerate(_elements(x, x.name)):
                     feeds[task.name].append((e, self._given(x, f"signals[{place + i}]")))
         return feeds, signals
 
@@ -268,13 +268,13 @@ class ClosedLoop:
                 raise UserError(f"{system.name} has no tunables.", "Give none.")
             return ()
 
-        def named(instance: str, key: str, number: float) -> tuple[str, Any]:
+        def converted(instance: str, key: str, number: float) -> float:
             return self._control.naming.tunable(system.blocks[instance], key, number)
 
         def function(name: str) -> Any:
             return getattr(self._lib, name)
 
-        own = named if system is self.controller else None
+        own = converted if system is self.controller else None
         return (prepared(self.ffi, function, prefix, system, values, own),)
 
     def _table(self, signals: Mapping[str, Any], ticks: int) -> Array:

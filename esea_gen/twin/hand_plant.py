@@ -301,11 +301,11 @@ def prepared(
     prefix: str,
     system: System,
     values: Mapping[str, Mapping[str, float]],
-    named: Callable[[str, str, float], tuple[str, Any]] | None = None,
+    converted: Callable[[str, str, float], float] | None = None,
 ) -> Any:
     """Coefficients of a compiled System with these tunables, and the defaults of the others.
 
-    ``named`` gives the C's name and number of a tunable where they are others.
+    ``converted`` gives the number in the C's format.
     """
     params, coeffs = ffi.new(f"{prefix}_params_t *"), ffi.new(f"{prefix}_coeffs_t *")
     function(f"{prefix}_default_params")(params)
@@ -317,10 +317,10 @@ def prepared(
                 raise UserError(
                     f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
                 )
-            field, number = key, known[instance, key].taken(float(value))
-            if named is not None:
-                field, number = named(instance, key, number)
-            setattr(getattr(params, instance), field, number)
+            number = known[instance, key].taken(float(value))
+            if converted is not None:
+                number = converted(instance, key, number)
+            setattr(getattr(params, instance), key, number)
     refused = int(function(f"{prefix}_prepare")(params, coeffs))
     if refused:
         instance, tunable = system.tunables[refused - 1]
