@@ -141,19 +141,17 @@ def line(metric, unit, first, second):
 @pytest.fixture
 def host_files(tmp_path):
     """What the host's commands write, cut down: from its own types where it has them."""
-    from esea_host.wrist.analysis import LEARNED, RMS_PUBLISHED, TRACKED
+    from esea_host.wrist.analysis import TABLES
 
-    sides = dict.fromkeys([*RMS_PUBLISHED, "7.4 states"], ("healthy", "constrained"))
-    tables = {t: [line(m, u, 1.0, 2.0) for m, u, *_ in TRACKED] for t in RMS_PUBLISHED}
-    for t in RMS_PUBLISHED:
-        tables[t].append(line("RMS speed error of the peak", "%", None, 30.0))
-    for t in ("7.3 sessions", "7.4 states"):
-        tables[t] = [line(m, u, 3.0, 4.0) for m, u, _ in LEARNED]
+    tables = {t: [line(c.metric, c.unit, 1.0, 2.0) for c in s.lines] for t, s in TABLES.items()}
+    for t, study in TABLES.items():
+        if study.rms is not None:
+            tables[t].append(line("RMS speed error of the peak", "%", None, 30.0))
     wrist = {
         "simulated": True,
         "participants": 10,
         "tables": tables,
-        "sides": sides | {"7.3 sessions": ("session 1", "session 2")},
+        "sides": {t: study.sides for t, study in TABLES.items()},
     }
     medians = {"spring": 5.0, "elastomer": 6.0, "block_1": 7.0, "block_2": 8.0}
     both = {
