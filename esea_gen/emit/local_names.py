@@ -137,6 +137,3 @@ def _guarded(
                 if inverse.op == "not" and inverse.args == kernel.nodes[arms[0]].args[:1]:
                     found[i] = found.pop(arms[0])
     return found
-
-
-__all__ = ["LocalNames", "meanings", "unused"]

@@ -7,10 +7,9 @@ over every bit pattern of the inputs and states, so that nothing can overflow, c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
 
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.elementary import Elementary
@@ -37,17 +36,18 @@ class Kept:
     marks: dict[Hashable, int] = field(default_factory=dict)
 
 
+@dataclass(eq=False)
 class Lowering(Elementary):
-    kept: Kept | None = None
+    """The lowering of one kernel to whole numbers."""
 
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
-        self.marks: list[int] = []
+    # Of earlier ones that differ from this one in ``wide`` alone.
+    kept: Kept | None = None
+    marks: list[int] = field(default_factory=list)
 
     def _lower(self, i: int) -> Value | None:
         n = self.kernel.nodes[i]
-        if i in self.words:
-            bits = tuple((self._condition(c), k) for c, k in self.words[i].flags)
+        if i in self.status:
+            bits = tuple((self._condition(c), k) for c, k in self.status[i].flags)
             return Value(ex.flags(bits), 0)
         if n.op == "const" or i in self.parts:
             return None
@@ -124,7 +124,7 @@ class Lowering(Elementary):
         # A search lowers one kernel again and again.  What a node was lowered to comes out the same
         # while it and all that it is made of have the same width and the same name.
         n = self.kernel.nodes[i]
-        if self.kept is None or i in self.words or n.op in ("input", "const") or i in self.parts:
+        if self.kept is None or i in self.status or n.op in ("input", "const") or i in self.parts:
             v = self._named(i, self._lower(i))
             held = self.unchecked.get(i)
             key: Hashable = (i, v and v.expr, held and held.expr)
@@ -162,7 +162,7 @@ class Lowering(Elementary):
             name, comment = self.source(*n.source).name, ""
         else:
             name, comment = label or (self.others.get(i, f"v{i}"), "")
-        if not boolean and i not in self.words:
+        if not boolean and i not in self.status:
             name = local_name(name, v.fraction)
         name = self._unused(name)
         self.steps.append(LoweredStep(name, v.expr, comment, i))
@@ -225,23 +225,3 @@ def rewrite(kernel: Kernel) -> Kernel:
             place.append(add(Node(n.op, args, n.value, n.source)))
     results = tuple(tuple(place[i] for i in r) for r in kernel.results)
     return Kernel(kernel.name, tuple(nodes), results)
-
-
-def lower(
-    kernel: Kernel,
-    source: Callable[[int, int], Source],
-    targets: Sequence[Sequence[Target]],
-    *,
-    labels: Mapping[int, tuple[str, str]] | None = None,
-    facts: Mapping[int, tuple[float, float]] | None = None,
-    wide: Collection[int] = (),
-    words: Sequence[int] = (),
-    checks: Collection[int] = (),
-    block: str = "",
-    others: Mapping[int, str] | None = None,
-    kept: Kept | None = None,
-) -> LoweredKernel:
-    known = labels or {}, facts or {}
-    lowering = Lowering(kernel, source, *known, wide, words, checks, block, others or {})
-    lowering.kept = kept
-    return lowering.run(targets)
