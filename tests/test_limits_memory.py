@@ -11,6 +11,7 @@ import pytest
 from esea_gen.control.limits.block import limits
 from esea_gen.control.limits.faults import Fault
 from esea_gen.control.limits.latch import RELEASED_KEY
+from esea_gen.hostlib.codec import block_field
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
@@ -282,7 +283,7 @@ class Memory:
         library, (held,) = runner.library, runner._coeffs
         self.bytes = library.ffi.buffer(held)
         self.fields = {
-            p.name: library.block_field(runner.owner, "coeffs", p)
+            p.name: block_field(library.naming, runner.owner, "coeffs", p)
             for p in runner.owner.coefficients
         }
         kind = {"f64": "f8", "f32": "f4", "q31": "i4"}[library.real]

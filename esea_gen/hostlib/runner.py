@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.hostlib.codec import Array, Field
-from esea_gen.hostlib.loaded import LoadedC
+from esea_gen.hostlib.codec import Array, Field, external_field
 from esea_gen.language.block import Block
 from esea_gen.language.system import System, SystemSimulator
+
+if TYPE_CHECKING:
+    from esea_gen.hostlib.library import HostLibrary
 
 
 class CRunner:
@@ -18,7 +20,7 @@ class CRunner:
 
     Parameters
     ----------
-    library : LoadedC
+    library : HostLibrary
         Where it lives.
     name : str
         The Block's or task's.
@@ -30,7 +32,7 @@ class CRunner:
 
     def __init__(
         self,
-        library: LoadedC,
+        library: HostLibrary,
         name: str,
         owner: Block | System,
         inputs: Sequence[Field],
@@ -180,7 +182,7 @@ class CBoard:
 
     Parameters
     ----------
-    library : LoadedC
+    library : HostLibrary
         Where it lives.
     tunables : mapping, optional
         ``{instance: {tunable: value}}`` other than the defaults.
@@ -192,14 +194,14 @@ class CBoard:
     """
 
     def __init__(
-        self, library: LoadedC, tunables: Mapping[str, Mapping[str, float]] | None = None
+        self, library: HostLibrary, tunables: Mapping[str, Mapping[str, float]] | None = None
     ) -> None:
         self.library, self.system = library, library.system
         system = library.system
         self._fields = {
             t.name: (
-                [library.external_field(x) for x in system.task_inputs(t)],
-                [library.external_field(x) for x in system.task_outputs(t)],
+                [external_field(library.naming, x) for x in system.task_inputs(t)],
+                [external_field(library.naming, x) for x in system.task_outputs(t)],
             )
             for t in system.tasks
         }
