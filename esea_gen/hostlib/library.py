@@ -29,9 +29,7 @@ class HostLibrary:
     Parameters
     ----------
     system : System
-        What was rendered.
     renderer : Renderer
-        Its renderer.
     flags : sequence of str
         Compiler flags beside the project's own (sanitizers, coverage).
     """
@@ -88,7 +86,6 @@ class HostLibrary:
         Parameters
         ----------
         name : str
-            The Block's name.
         """
         block: Block = next(b for b in self.system.kinds if b.name == name)
         groups = ("in", block.inputs), ("out", block.outputs), ("state", block.state)
@@ -101,7 +98,6 @@ class HostLibrary:
         Parameters
         ----------
         name : str
-            The task's name.
         """
         system, task = self.system, self.system.task(name)
         groups = (system.task_inputs(task), system.task_outputs(task))
@@ -115,9 +111,7 @@ def compile_system(system: System, real: str, flags: Sequence[str] = ()) -> Host
     Parameters
     ----------
     system : System
-        Any System.
     real : str
-        Number format.
     flags : sequence of str
         Compiler flags beside the project's own.
     """
@@ -130,9 +124,7 @@ def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> Host
     Parameters
     ----------
     device : Device
-        The device.
     real : str
-        Number format.
     flags : sequence of str
         Compiler flags beside the project's own.
     """

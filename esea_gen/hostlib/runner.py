@@ -23,7 +23,6 @@ class CRunner:
     library : HostLibrary
         Where it lives.
     name : str
-        The Block's or task's.
     owner : Block or System
         Whose params, coefficients and state it has: the Block's own, or the System's for a task.
     inputs, outputs, state : sequence of Field
@@ -240,7 +239,6 @@ class CBoard:
         Parameters
         ----------
         tick : int
-            The base tick.
         """
         if self.system.latches:
             self._call("release", self._state, tick)
@@ -251,7 +249,6 @@ class CBoard:
         Parameters
         ----------
         task_name : str
-            Which.
         **inputs : float or sequence of float
             Its external inputs, in units; in q31, NaN and what does not fit is invalid.
         """
