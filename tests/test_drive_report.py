@@ -7,18 +7,15 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-from typer.testing import CliRunner
 
 from esea_gen import load_device
 from esea_gen.board.emulator import Difference
-from esea_gen.cli import app
 from esea_gen.plotting import svg
 from esea_gen.report import builder, drive
 from esea_gen.report.board import BoardRun, run_board
-from esea_gen.report.builder import Report, gather
+from esea_gen.report.builder import gather
 from esea_gen.studies.simulation import simulate
 from esea_gen.twin.case import Setting
 from esea_gen.verify import equivalence
@@ -27,7 +24,7 @@ from esea_gen.verify.streams import streams
 from .browser import browser, readable
 from .conftest import ROOT, require_tool
 from .html_tables import figure, table_of
-from .test_report import Page, _shorten
+from .test_report import Page, shorten
 
 pytestmark = pytest.mark.ci
 
@@ -43,7 +40,7 @@ def findings(elbow_drive):
     """The shipped drive, one compared experiment, its board left out."""
     require_tool("gcc")
     with pytest.MonkeyPatch.context() as patch:
-        _shorten(patch)
+        shorten(patch)
         # Shorter still: a drive has many Blocks.
         patch.setattr(equivalence, "streams", lambda block, seed: streams(block, seed, 200))
         patch.setattr(drive, "COMPARED", ("tuning",))
@@ -204,37 +201,6 @@ def test_a_failure_turns_the_banner(findings, how):
     assert "FAILED" in failed.summary()[0]
 
 
-@pytest.mark.parametrize(("count", "more"), [(0, []), (10, []), (13, ["3 more"])])
-def test_ten_problems_are_told_and_how_many_more_there_are(count, more):
-    found = SimpleNamespace(
-        device=SimpleNamespace(title="Elbow"),
-        verification=SimpleNamespace(content_hash="abc"),
-        problems=[f"problem {k}" for k in range(count)],
-        passed=not count,
-        kind=SimpleNamespace(summary=lambda report: ["of its kind"]),
-    )
-    first, *rest, last = Report.summary(found)
-    assert first == f"Elbow: {'FAILED' if count else 'passed'} (content abc)"
-    assert rest[:10] == found.problems[:10]
-    assert rest[10:] == [f"... {n} problems, see the page" for n in more]
-    assert last == "of its kind"
-
-
-def test_a_recording_is_refused_for_a_drive(tmp_path: Path):
-    arguments = [
-        "report",
-        "elbow_drive",
-        "--recording",
-        "x.toml",
-        "--out",
-        str(tmp_path / "r.html"),
-    ]
-    done = CliRunner().invoke(app, arguments)
-    assert done.exit_code != 0
-    assert "takes no recording" in str(done.exception)
-    assert not (tmp_path / "r.html").exists()
-
-
 def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, findings, monkeypatch):
     # A stiffer coupling; the yardstick in a second way: the same device under that controller.
     head = 'schema = 1\nextends = "elbow_drive"\nname = "stiff"\ntitle = "Stiff"\n'
@@ -261,12 +227,12 @@ def test_nothing_stands_beside_where_the_published_law_does_not_go(tmp_path, fin
     assert "2000 Hz" in drive.no_yardstick(load_device(own))
     assert drive.no_yardstick(load_device("elbow_drive")) == ""
     alone = replace(findings, yardsticks={}, device=load_device(own))
-    (row, *_) = drive._experiments(alone)["experiments"]
+    (row, *_) = alone.to_dict()["experiments"]
     assert row["rms_true_Nm"] is not None
     assert row["printed_rms_true_Nm"] is row["thesis_rms_Nm"] is row["ratio"] is None
     assert "as published" not in " ".join(drive.summary(alone)[:1])
-    assert any("2000 Hz" in note for note in drive._notes(alone)["notes"])
-    (row, *_) = drive._experiments(findings)["experiments"]
+    assert any("2000 Hz" in note for note in alone.to_dict()["notes"])
+    (row, *_) = findings.to_dict()["experiments"]
     assert row["thesis_rms_Nm"] is not None
 
 
@@ -276,7 +242,7 @@ def test_a_predictive_controller_has_a_page(findings, monkeypatch):
     board = run_board(device, "host", {}, lambda _: None, ticks=40)
     assert board.passed
     assert set(board.results) == {"sense", "control"}
-    _shorten(monkeypatch)
+    shorten(monkeypatch)
     monkeypatch.setattr(builder, "run_board", lambda *_: board)
     simulated = findings.simulations, findings.yardsticks
     monkeypatch.setattr(drive, "close_loop", lambda *_: simulated)

@@ -23,9 +23,9 @@ from tests.benchmarks.predictive import (
     AIM_TYPICAL,
     CORES,
     FLAGS,
-    _build,
-    _entry,
+    build_program,
     cost_on,
+    entry_files,
     seen_on_m4f,
     stress_rows,
 )
@@ -117,7 +117,7 @@ def test_a_box_qp_never_exceeds_its_bound():
 def test_what_cannot_be_bounded_is_an_error(tmp_path):
     require_tool("arm-none-eabi-gcc")
     renderer = render_program(box_qp(3), "f32")
-    elf = _build(renderer, tmp_path, "Cortex-M4F", _entry(renderer))
+    elf = build_program(renderer, tmp_path, "Cortex-M4F", entry_files(renderer))
     functions = disassemble(elf)
     name = "esea_program_box_qp_step"
     assert blocks_of(name, functions)

@@ -28,7 +28,7 @@ from esea_gen.model.slopes import sloped
 from esea_gen.report.pictures import search_picture
 from tests.benchmarks.identification import KEYS, NumpyPopulation
 
-from .test_quality import rig, written
+from .rigs import rig, written
 
 # Slopes of a Block.
 

@@ -25,10 +25,7 @@ _LINK = ("-shared", "-Wl,--gc-sections", "-Wl,--build-id=none", "-Wl,--no-undefi
 
 
 def build_flat_library(device: Device, board: str, out: Path) -> tuple[Path, dict[str, str]]:
-    """Compile a device's flat calls for a board.
-
-    return: the shared library, and the files that it was made of.
-    """
+    """Compile a device's flat calls for a board."""
     chosen = find_board(board)
     gcc = find_compiler(*chosen.processor.toolchain.gcc)
     _, bundle = library_files(device, FORMS["labview"], chosen.real)
@@ -53,10 +50,7 @@ def build_flat_library(device: Device, board: str, out: Path) -> tuple[Path, dic
 
 
 def build_package(device: Device, image: FirmwareImage, out: Path) -> list[Path]:
-    """Library, table of its calls, and a package of them and of the daemon.
-
-    image: the daemon, built for a board that takes packages.
-    """
+    """Library, table of its calls, and a package of them and of the daemon."""
     board = find_board(image.board)
     if not board.package:
         raise UserError(f"{board.name} takes no packages.", "Choose a board with Linux: myrio.")

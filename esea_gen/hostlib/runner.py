@@ -103,6 +103,11 @@ class CRunner:
     def state(self, value: Array) -> None:
         self._state[:] = value
 
+    @property
+    def coefficient_memory(self) -> Any:
+        """The coefficients' bytes as the C reads them: writing there is a fault of memory."""
+        return self.library.ffi.buffer(self._coeffs[0])
+
     def put_state(self, values: Mapping[str, Any]) -> None:
         """Overwrite part of the state.
 
@@ -243,6 +248,12 @@ class CBoard:
         if self.system.latches:
             self._call("release", self._state, tick)
 
+    @property
+    def memory(self) -> dict[str, Any]:
+        """Bytes of ``coeffs`` and ``state`` as the C has them."""
+        held = {"state": self._state} | ({"coeffs": self._coeffs[0]} if self._coeffs else {})
+        return {name: self.library.ffi.buffer(struct) for name, struct in held.items()}
+
     def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
         """One run of a task.
 
@@ -252,16 +263,29 @@ class CBoard:
         **inputs : float or sequence of float
             Its external inputs, in units; in q31, NaN and what does not fit is invalid.
         """
-        taken, given_back = self._fields[task_name]
+        out = self.raw_step(task_name, inputs)
+        return {
+            f.name: f.decode(held if f.port.size == 1 else np.array(list(held)))
+            for f in self._fields[task_name][1]
+            for held in [getattr(out, f.name)]
+        }
+
+    def raw_step(self, task_name: str, inputs: Mapping[str, Any]) -> Any:
+        """One run of a task, its outputs as the C's struct.
+
+        Parameters
+        ----------
+        task_name : str
+            Which.
+        inputs : mapping
+            As for :meth:`step`.
+        """
+        taken, _ = self._fields[task_name]
         given = {f.name: _held(f, inputs[f.name]) for f in taken}
         out = self._new(f"{task_name}_out")
         values = self._new(f"{task_name}_in", given)
         self._call(f"{task_name}_step", *self._coeffs, self._state, values, out)
-        found = {}
-        for f in given_back:
-            held = getattr(out, f.name)
-            found[f.name] = f.decode(held if f.port.size == 1 else np.array(list(held)))
-        return found
+        return out
 
 
 def _held(f: Field, value: Any) -> Any:

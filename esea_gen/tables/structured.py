@@ -87,6 +87,7 @@ def read_mat(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:
     if raw.startswith((b"MATLAB 7.3 MAT-file", b"\x89HDF")):
         return read_hdf5(raw, name, wanted)
     with _damage_named(name, "a MATLAB"):
+        _unpacked(raw, name)
         return _apart(raw, name)
 
 
@@ -137,7 +138,6 @@ def send_mat(name: str) -> None:
 
 def _mat(raw: bytes, name: str) -> Content:
     with _damage_named(name, "a MATLAB"):
-        _unpacked(raw, name)
         kinds = scipy.io.whosmat(io.BytesIO(raw))
         check_unique(name, "", (k for k, *_ in kinds), "Give every variable a name of its own.")
         _bounded(name, len(kinds), sum(np.prod(shape, dtype=float) for _, shape, _ in kinds))
