@@ -7,7 +7,7 @@ over every bit pattern of the inputs and states, so that nothing can overflow, c
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -53,37 +53,9 @@ class Lowering(Elementary):
             return None
         if n.op == "input":
             return self._read(i, self.source(*n.source))
-        if n.op in ("and", "or", "not"):
-            return Value(ex.logic(n.op, *(self._condition(a) for a in n.args)), 0)
-        if n.op in COMPARES:
-            return self._comparison(i, n)
-        if n.op in ("add", "sub"):
-            return self._sum(i, n)
-        if n.op in ("mul", "sq"):
-            return self._product(i, n)
-        if n.op == "twice":
-            return self._shifted(n.args[0], Fraction(2))
-        if n.op == "neg":
-            return self._shifted(n.args[0], Fraction(-1))
-        if n.op == "div":
-            c = self._constant(n.args[1])
-            if c is not None:
-                return self._by_constant(i, n, c)
-            return self._quotient(i, n)
-        if n.op == "inv":
-            raise self._fail(i, "1 / x reached the lowering", "This is a fault of the generator.")
-        if n.op == "fabs":
-            return self._magnitude(i, n)
-        if n.op in ("fmin", "fmax"):
-            return self._extreme(i, n)
-        if n.op in ("select", "if_else_zero"):
-            return self._select(i, n)
-        if n.op == "sign":
-            v = self._value(n.args[0])
-            return Value(Expr("sign", (v.expr,), 32, -1, 1), 0)
-        if n.op in ("pow", "exp", "log", "sqrt", "tanh"):
-            return self._function(i, n)
-        raise self._fail(i, "there is no rule for it", "Express it with the walker's operations.")
+        if n.op not in _RULES:
+            raise self._fail(i, "no rule has it", "Express it with the walker's operations.")
+        return _RULES[n.op](self, i, n)
 
     def _read(self, i: int, s: Source) -> Value:
         if not s.checked:
@@ -187,6 +159,22 @@ class Lowering(Elementary):
             e = ex.minimum(e, ex.literal(target.high, e.bits), e.bits)
             e = ex.maximum(e, ex.literal(target.low, e.bits), e.bits)
         return ex.cast(ex.clamp(e, *ex.INT32), 32), rounding + constant
+
+
+_RULES: dict[str, Callable[[Lowering, int, Node], Value]] = {
+    **dict.fromkeys(COMPARES, Lowering.comparison),
+    **dict.fromkeys(("and", "or", "not"), Lowering.logic),
+    **dict.fromkeys(("add", "sub"), Lowering.sum),
+    **dict.fromkeys(("mul", "sq"), Lowering.product),
+    **dict.fromkeys(("fmin", "fmax"), Lowering.extreme),
+    **dict.fromkeys(("select", "if_else_zero"), Lowering.select),
+    **dict.fromkeys(("pow", "exp", "log", "sqrt", "tanh"), Lowering.function),
+    "div": Lowering.quotient,
+    "fabs": Lowering.magnitude,
+    "twice": lambda lowering, i, n: lowering.shifted(n.args[0], Fraction(2)),
+    "neg": lambda lowering, i, n: lowering.shifted(n.args[0], Fraction(-1)),
+    "sign": Lowering.sign,
+}
 
 
 def _needed(
