@@ -24,14 +24,11 @@ BARE_LINK = ("-nostartfiles", "-Wl,--gc-sections")
 
 @dataclass(frozen=True)
 class Toolchain:
-    """A compiler, and the Debian package that has it."""
-
     compiler: str
     package: str
 
     @property
     def gcc(self) -> tuple[str, str]:
-        """The compiler's command and package."""
         return self.compiler, self.package
 
     def tool(self, name: str) -> tuple[str, str]:
@@ -47,8 +44,6 @@ ARM_LINUX_GCC = Toolchain("arm-linux-gnueabi-gcc", "gcc-arm-linux-gnueabi libc6-
 
 @dataclass(frozen=True)
 class Processor:
-    """A processor that C is compiled for."""
-
     name: str
     title: str
     note: str
@@ -65,7 +60,6 @@ class Processor:
 
     @property
     def full_title(self) -> str:
-        """Title with what tells it from its like."""
         return f"{self.title}, {self.note}" if self.note else self.title
 
 
@@ -130,8 +124,6 @@ _MB = 1 << 20
 
 @dataclass(frozen=True)
 class Board:
-    """A board, or machine, that an image can be built for."""
-
     name: str
     title: str
     processor: Processor
@@ -155,17 +147,14 @@ class Board:
 
     @property
     def folder(self) -> str:
-        """Of its firmware, below ``firmware``."""
         return f"boards/{self.family or self.name}"
 
     @property
     def core(self) -> str:
-        """Title of its processor."""
         return self.processor.title
 
     @property
     def compile_flags(self) -> tuple[str, ...]:
-        """Flags of every file that is compiled for it."""
         return (*self.processor.flags, *self.flags)
 
     @property
@@ -301,7 +290,6 @@ DEFAULT_BOARD = "netduinoplus2"
 
 
 def boards_for(use: Use) -> tuple[Board, ...]:
-    """Boards that serve a use, in the table's order."""
     return tuple(b for b in BOARDS.values() if use in b.uses)
 
 

@@ -137,7 +137,7 @@ def test_keep_repeat_and_the_warning_in_the_window(opened, qtbot, monkeypatch):
     beeps: list[int] = []
     monkeypatch.setattr(QApplication, "beep", lambda: beeps.append(1))
     window = AssessWindow(desk)
-    window._timer.stop()
+    window.timer.stop()
     qtbot.addWidget(window)
     panel = window.panel
 

@@ -55,7 +55,7 @@ from esea_host.assess.validation import (
     ramp_torque,
 )
 from esea_host.cli.app import app
-from esea_host.recording.gaps import Gap, GapError
+from esea_host.recording.integrity import Gap, GapError
 from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
 

@@ -23,11 +23,11 @@ from esea_host.assess.tasks import (
     leg_scene,
 )
 from esea_host.cli.options import know_shipped_tasks
-from esea_host.study.acting import SimulatedSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.protocol import load_protocol, parse_protocol
 from esea_host.study.scene import said
 from esea_host.study.session import read_session, replay
+from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Situation
 
 from .conftest import ROOT, require_tool

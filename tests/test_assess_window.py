@@ -34,7 +34,7 @@ def opened(qtbot, data, tmp_path):
     file = tmp_path / "session.json"
     desk = ClinicDesk(Assessment(data), Comfort(0, 120 * DEG), file=file)
     window = AssessWindow(desk, "P01", dark=False)
-    window._timer.stop()
+    window.timer.stop()
     qtbot.addWidget(window)
     return window
 
@@ -72,7 +72,7 @@ def test_the_clinician_judges_and_takes_back_and_the_steps_tell(opened):
     c.name.setCurrentIndex(opened.desk.session.names.index("D2"))
     c.percent.setValue(70)
     c.why.setText("history")
-    c._judge()
+    c.judge()
     assert opened.desk.session.by_name()["D2"] == pytest.approx(0.7)
     assert "mild dystonic-like 70% (history)" in opened.trail.item(1).text()
     opened.undo()
@@ -93,16 +93,16 @@ def test_limits_are_shown_and_kept_and_impossible_ones_refused(opened):
     c = opened.controls
     c.high.setValue(80)
     c.fastest.setValue(60)
-    c._limit()
+    c.limit()
     assert opened.desk.comfort.high_rad == pytest.approx(80 * DEG)
     assert max(opened.desk.proposed.start_rad, opened.desk.proposed.end_rad) <= 80 * DEG + 1e-9
-    lines = [line.value() for line in opened.map._limits]
+    lines = [line.value() for line in opened.map.limits]
     assert lines == pytest.approx([0, 80, -60, 60])
     # Cells that no comfortable movement passes are empty, the others are not.
     seen = opened.map.image.image[..., 3] > 0
     assert np.array_equal(seen.ravel(), np.isfinite(opened.desk.value))
     c.high.setValue(5)
-    c._limit()
+    c.limit()
     assert "reach" in opened.said.text()
     assert opened.desk.comfort.high_rad == pytest.approx(80 * DEG)
     assert c.high.value() == 80
@@ -118,7 +118,7 @@ def test_a_typed_number_is_the_same_in_every_locale(qtbot, data, locale):
     QLocale.setDefault(QLocale(locale))
     try:
         window = AssessWindow(ClinicDesk(Assessment(data), Comfort(0, 120 * DEG)))
-        window._timer.stop()
+        window.timer.stop()
         qtbot.addWidget(window)
         c = window.controls
         for text, taken in (("62.5", True), ("412,5", False), ("1.062,5", False), ("62,5", True)):
@@ -188,7 +188,7 @@ def test_a_simulated_patient_is_driven_from_it_and_never_taken_for_a_person(driv
     from esea_host.windows.assess import AssessWindow
 
     window = AssessWindow(driven, "")
-    window._timer.stop()
+    window.timer.stop()
     qtbot.addWidget(window)
     assert "SIMULATED PATIENT" in window.windowTitle()
     assert "SIMULATED PATIENT" in window.now.text()
@@ -208,7 +208,7 @@ def test_pictures_for_the_manual(driven, qtbot, dark, tmp_path):
     from esea_host.windows.assess import AssessWindow
 
     window = AssessWindow(driven, "", dark)
-    window._timer.stop()
+    window.timer.stop()
     qtbot.addWidget(window)
     window.resize(1280, 860)
     window.show()
@@ -234,7 +234,7 @@ def test_what_a_movement_would_tell_has_the_unit_of_its_measure(qtbot, data, ope
 
     assert "nats" in opened.map.item.titleLabel.text
     window = AssessWindow(ClinicDesk(Assessment(data), measure="thesis"))
-    window._timer.stop()
+    window.timer.stop()
     qtbot.addWidget(window)
     assert " Nm;" in window.map.item.titleLabel.text
     spread = np.nanmax(window.desk.value)

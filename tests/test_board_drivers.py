@@ -493,19 +493,6 @@ def test_where_pins_are_no_memory_there_are_no_drivers(built):
     assert Mcu(built).lib.has_drivers()
 
 
-def test_buses_timer_converter_supply(mcu):
-    # MSTR, clock / 16 and / 8, SSI and SSM, SPE; AS5048A: CPHA; BiSS: CPOL.
-    assert mcu[SPI1] == 0x0004 | 0x0018 | 0x0300 | 0x0040 | 0x0001
-    assert mcu[SPI2] == 0x0004 | 0x0010 | 0x0300 | 0x0040 | 0x0002
-    # 84 MHz / 16800 = 5 kHz, PWM mode 1 with preload on channel 1.
-    assert (mcu[0x40000428], mcu[0x4000042C], mcu[0x40000418]) == (0, 16799, 0x68)
-    assert (mcu[0x40000420], mcu[0x40000400], mcu[TIM3_CCR1]) == (1, 0x81, 8400)
-    assert mcu[ADC + 0x08] == 1
-    assert mcu[PWR] == 0x10 | 0x7 << 5
-    # Pins of both buses: 25 MHz, for the slowest of four speeds ends at 4.
-    assert (mcu[A + 8], mcu[B + 8]) == (0b010101 << 10, 0b0101 << 26)
-
-
 def test_counts_come_from_the_chips(mcu):
     first = mcu.sample()
     assert first[1] == first[3] == 32  # not told yet that they are ready
@@ -570,46 +557,12 @@ def test_a_watchdog_s_reset_is_told_once_and_forgotten(built):
     assert (mcu.lib.trouble(), mcu.lib.trouble()) == (FAULTS["WATCHDOG"], 0)
 
 
-@pytest.mark.parametrize("cause", [25, 26, 27, 28, 30, 31])
-def test_other_resets_are_no_fault(built, cause):
-    assert Mcu(built, {RCC + 0x74: 1 << cause}).lib.trouble() == 0
-
-
 def test_a_supply_that_is_too_low_is_told_as_long_as_it_is(mcu):
     assert mcu.lib.trouble() == 0
     mcu[PWR + 4] = 4
     assert (mcu.lib.trouble(), mcu.lib.trouble()) == (FAULTS["BROWN_OUT"],) * 2
     mcu[PWR + 4] = 0
     assert mcu.lib.trouble() == 0
-
-
-@pytest.mark.parametrize("counts", [0, 4095, None])
-def test_a_converter_at_its_end_or_dead_is_a_fault_after_20_ticks(mcu, counts):
-    mcu.lib.motor_to(0.0, 0.0, True)
-    for _ in range(50):
-        assert mcu.lib.trouble() == 0
-    assert mcu[ADC + 0x34] == 10
-    if counts is None:
-        mcu.dead.add(ADC)
-    else:
-        mcu.counts[10] = counts
-    told = [mcu.lib.trouble() for _ in range(20)]
-    assert told == [0] * 19 + [FAULTS["MOTOR_CURRENT"]]
-    # Off, it is not asked any more.
-    mcu.lib.motor_to(0.0, 0.0, False)
-    assert mcu.lib.trouble() == 0
-
-
-def test_a_current_of_what_was_set_is_none(mcu):
-    """0.1 Nm are 2 A, 400 counts; set at once, it comes with the lag that is let pass."""
-    current_A = 0.0
-    for _ in range(300):
-        mcu.lib.motor_to(0.1, 0.0, True)
-        current_A += 0.03 * (2.0 - current_A)
-        mcu.counts[10] = round(2048 + current_A / 0.005)
-        assert mcu.lib.trouble() == 0
-    mcu.counts[10] = 2048
-    assert FAULTS["MOTOR_CURRENT"] in [mcu.lib.trouble() for _ in range(25)]
 
 
 # -- two axes, and none ----------------------------------------------------------------------------
@@ -717,12 +670,6 @@ def test_a_sector_is_erased_while_the_watchdog_waits(mcu, area):
     short = [(IWDG, 0x5555), (IWDG + 4, 2), (IWDG + 8, 200), (IWDG, 0xAAAA)]
     assert [x for x in told[starts:] if x[0] != FLASH_CR] == short
     assert mcu[FLASH_CR] == 0x80000000
-
-
-def test_an_erasure_starts_no_watchdog(mcu):
-    assert mcu.lib.flash_erase(0)
-    mcu.settle()
-    assert not [a for a, _ in mcu.log if IWDG <= a < IWDG + 0x400]
 
 
 def test_a_flash_that_refuses_is_told(mcu):

@@ -224,7 +224,7 @@ def test_a_wrong_length_costs_one_piece(tmp_path, compress):
         ]
 
 
-@pytest.mark.parametrize("limit_bytes", [7000, 40_000, 100_001, 262_144])
+@pytest.mark.parametrize("limit_bytes", [7000, 100_001])
 def test_a_full_disk_leaves_what_was_written(tmp_path, limit_bytes):
     """A limit on the file's size, as a full disk: in any piece, and in the closing index."""
     path = tmp_path / "a.mcap"
@@ -346,19 +346,10 @@ def lost_by_kill(folder: Path, moment_s: float) -> tuple[int, int]:
 
 
 RANDOM = Random(16)
-MOMENTS_S = [RANDOM.uniform(0.02, 2.5) for _ in range(50)]
 
 
-@pytest.mark.parametrize("moment_s", MOMENTS_S[:2])
+@pytest.mark.parametrize("moment_s", [RANDOM.uniform(0.02, 2.5) for _ in range(2)])
 def test_after_kill_nine_at_most_a_second_is_gone(tmp_path, moment_s):
     handed, left = lost_by_kill(tmp_path, moment_s)
     assert left <= handed + 100  # said a moment later than written
-    assert handed - left <= 1000
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("moment_s", MOMENTS_S[2:])
-def test_after_kill_nine_at_fifty_moments(tmp_path, moment_s):
-    handed, left = lost_by_kill(tmp_path, moment_s)
-    assert left <= handed + 100
     assert handed - left <= 1000

@@ -11,19 +11,19 @@ import pytest
 from esea_gen.control.limits.block import limits
 from esea_gen.control.limits.faults import Fault
 from esea_gen.control.limits.streams import STREAMS as OF_LIMITS
+from esea_gen.control.reference import STREAMS as OF_REFERENCE
 from esea_gen.control.reference import reference
-from esea_gen.control.reference_streams import STREAMS as OF_REFERENCE
+from esea_gen.control.sliding_mode.controller import STREAMS as OF_SLIDING_MODE
 from esea_gen.control.sliding_mode.controller import sliding_mode
-from esea_gen.control.sliding_mode.streams import STREAMS as OF_SLIDING_MODE
 from esea_gen.language.block import Block
 from esea_gen.language.stream import Stream
+from esea_gen.model.encoder import STREAMS as OF_ENCODER
 from esea_gen.model.encoder import encoder
-from esea_gen.model.encoder_streams import STREAMS as OF_ENCODER
 from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.plays import STREAMS as OF_PLAYS
+from esea_gen.observe.human import STREAMS as OF_PERSON
 from esea_gen.observe.human import extended_state
-from esea_gen.observe.human_streams import STREAMS as OF_PERSON
 
 from .limits_model import SHIPPED
 

@@ -17,13 +17,13 @@ from esea_gen.control.predictive.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive.program import FLAGS, predictive_program
 from esea_gen.control.predictive.rubber_ahead import SMOOTH_RAD, SMOOTH_RAD_S
 from esea_gen.device import load_device, parse_device
-from esea_gen.emit.program_render import render_program
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.ports import Port, Tunable
 
 from .conftest import require_tool
+from .rendered_program import render_program
 
 BIT = {f.name: 1 << i for i, f in enumerate(FLAGS)}
 

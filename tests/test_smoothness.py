@@ -591,10 +591,8 @@ def test_the_benchmark_races_a_file_that_is_given(tmp_path):
     path = tmp_path / "smoothness.py"
     path.write_text(REFERENCE.format("-1.5"))
     rows = race(load_reference(path), movements=3)
-    assert [r.metric for r in rows] == ["SPARC", "LDLJ"]
-    # Armed: a package that says something else is seen to disagree.
-    assert all(r.worst > 0.01 for r in rows)
-    assert all(r.ours_s > 0 and r.theirs_s > 0 for r in rows)
+    # Armed: a package with other values is seen to disagree.
+    assert all(worst > 0.01 for _, _, worst in rows.values())
 
 
 # Of the published package on tests/data/reaches, at 100 Hz: SPARC, LDLJ; numpy 2.

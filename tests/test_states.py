@@ -8,10 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import re
-import shutil
-import subprocess
-from html import escape as quoted
 
 import cffi
 import numpy as np
@@ -19,28 +15,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.board.emulator import RunningBoard
-from esea_gen.board.firmware import build_firmware
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import load_device
-from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.states import (
-    BOARD_FAULTS,
     EVENTS,
     GUARDS,
     STATES,
-    TABLE,
     TIMES_MS,
     follow,
     state_tables,
     states_header,
 )
-from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import firmware_folder
 
 from .conftest import ROOT, require_tool
 
+FFI = cffi.FFI()
 NAMES = [s.name for s in STATES]
 TORQUE = {"ARMED", "ACTIVE", "LETTING_GO"}
 ANGLES = {"count_motor": 700, "count_load": 900, "count_gear": 5}
@@ -134,7 +125,7 @@ def every_guard():
 
 
 def test_an_event_of_no_number_is_refused_in_every_state(powered):
-    held, guards = powered._ffi.new("uint32_t *"), powered._ffi.new("bool[]", [True] * len(GUARDS))
+    held, guards = FFI.new("uint32_t *"), FFI.new("bool[]", [True] * len(GUARDS))
     for state in STATES:
         for event in (0, 11, 31, 41, 0xFFFFFFFF):
             held[0] = state.value
@@ -143,7 +134,7 @@ def test_an_event_of_no_number_is_refused_in_every_state(powered):
 
 
 def test_from_a_state_that_is_none_every_event_leads_to_the_fault(powered):
-    held, guards = powered._ffi.new("uint32_t *"), powered._ffi.new("bool[]", [True] * len(GUARDS))
+    held, guards = FFI.new("uint32_t *"), FFI.new("bool[]", [True] * len(GUARDS))
     fault = next(s.value for s in STATES if s.name == "FAULT")
     for state in (11, 77, 2**32 - 1):
         for event in EVENTS:
@@ -172,42 +163,12 @@ def test_no_way_leads_to_torque_but_arm_and_on(board):
             assert (state.name, event.name) == ("ARMED", "ON")
 
 
-def test_numbers_are_used_once_and_keep_their_meaning():
-    for numbers in ([s.value for s in STATES], [e.value for e in EVENTS]):
-        assert len(set(numbers)) == len(numbers)
-    # As they were first given out: a number is never used again for something else.
-    assert {s.name: s.value for s in STATES} == {
-        "BOOT": 0, "READY": 1, "REPLAY": 2, "FAULT": 3, "SELF_TEST": 4, "UNREFERENCED": 5,
-        "ZEROING": 6, "ARMED": 7, "ACTIVE": 8, "LETTING_GO": 9, "STOPPED": 10,
-    }  # fmt: skip
-    assert {c.name: c.value for c in BOARD_FAULTS} == {
-        "NONE": 0, "PREPARE_REFUSED": 101, "STACK_EXHAUSTED": 102, "PROCESSOR": 103,
-        "SELF_TEST": 104, "STATE_UNKNOWN": 105, "MOTOR_CURRENT": 106, "WATCHDOG": 107,
-        "BROWN_OUT": 108, "SLOW_CLOCK": 109,
-    }  # fmt: skip
-    assert set(TABLE) == set(NAMES)
-
-
 def test_header_and_documentation_are_those_of_the_table(drive):
     """Written by ``python -m esea_gen.emit.states``."""
     header = (firmware_folder() / "app" / "states.h").read_text(encoding="utf-8")
     assert header == states_header()
     page = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
     assert state_tables() in page
-
-
-def test_the_compiler_finds_a_forgotten_event(drive, tmp_path, monkeypatch):
-    """Armed: one case taken away, and the build fails."""
-    require_tool("gcc")
-    from esea_gen.board import firmware
-
-    shutil.copytree(firmware_folder(), tmp_path / "firmware")
-    path = tmp_path / "firmware" / "app" / "machine.c"
-    text = path.read_text(encoding="utf-8")
-    path.write_text(text.replace("    case ESEA_EVENT_LINK_LOST:\n", "", 1), encoding="utf-8")
-    monkeypatch.setattr(firmware, "firmware_folder", lambda: tmp_path / "firmware")
-    with pytest.raises(RuntimeError, match="ESEA_EVENT_LINK_LOST"):
-        firmware.build_firmware(drive, "sim", tmp_path / "out")
 
 
 # -- what it does ----------------------------------------------------------------------------------
@@ -500,16 +461,6 @@ def test_late_runs_of_the_slower_task_latch(armed):
     assert armed.clock().late_runs - before == 12
 
 
-def test_runs_that_find_no_room_are_counted(ready):
-    ready.tell("ESEA_SENSE_OUT", 1000)
-    ready.ticks(1)
-    before = ready.clock().dropped
-    ready.ticks(10, poll=False)  # four may wait
-    ready.lib.sim_poll()
-    assert ready.clock().dropped == before + 6
-    ready.tell("ESEA_SENSE_OUT", 0)
-
-
 # -- any order of all that -------------------------------------------------------------------------
 
 
@@ -636,13 +587,6 @@ def test_any_order_of_commands_and_time_gives_the_states_of_the_model(powered, d
     board.pending()
 
 
-def test_the_library_is_not_emulated(drive, tmp_path):
-    require_tool("gcc")
-    image = build_firmware(drive, "sim", tmp_path)
-    with pytest.raises(UserError, match="Board 'sim' is a library"):
-        RunningBoard(drive, image)
-
-
 # -- other devices ---------------------------------------------------------------------------------
 
 
@@ -698,98 +642,3 @@ def test_what_cannot_be_wanted_or_measured_is_refused(board):
         board.measure(theta_rad=0.1)
     with pytest.raises(LinkError, match="does not tell ESEA_SENSE_IN"):
         board.tell("ESEA_SENSE_IN", float("nan"))
-
-
-def escape(text: str) -> str:
-    """As XML has it."""
-    return quoted(text).replace("&#x27;", "&#39;")
-
-
-def test_texts_of_the_dialect_are_the_tables(drive):
-
-    xml = render_dialect(drive).files["esea_elbow_drive.xml"]
-    for state in STATES:
-        entry = f'<entry value="{state.value}" name="ESEA_STATE_{state.name}">'
-        assert f"{entry}<description>{escape(state.meaning)}" in xml
-    for fault in BOARD_FAULTS[1:]:
-        assert f'value="{fault.value}" name="ESEA_FAULT_{fault.name}"' in xml
-        assert f"Cure: {escape(fault.cure)}. Found: {fault.bound}." in xml
-
-
-# -- are these tests themselves any good -----------------------------------------------------------
-
-SIGNATURE = "bool esea_machine_take(uint32_t *state, uint32_t event, const bool *guards);"
-
-
-def mutants() -> list[tuple[str, str]]:
-    """The transition function with one change each; what was changed, and the whole text."""
-    text = (firmware_folder() / "app" / "machine.c").read_text(encoding="utf-8")
-    changes = [
-        (r"return to\(state, ESEA_STATE_(\w+)\);", "return false;"),
-        (r"&& to\(state, ESEA_STATE_(\w+)\);", ";"),
-        (r"to\(state, ESEA_STATE_(?!READY)\w+\)", "to(state, ESEA_STATE_READY)"),
-        (r"to\(state, ESEA_STATE_READY\)", "to(state, ESEA_STATE_ARMED)"),
-        (r"return true;\n    case", "return false;\n    case"),
-        (r"return false;\n    \}", "return true;\n    }"),
-        (r"guards->(\w+)", "true"),
-        (r"guards->(\w+)", "!guards->\\1"),
-        (r"(!stopped|stopped|!booting|!active|active|booting) &&", "true &&"),
-        (r"\(active \|\| guards->released\)", "active"),
-        (r"active \? (\w+) : (\w+)", r"active ? \2 : \1"),
-        (r"\*state = ESEA_STATE_FAULT;", ";"),
-        (r"return event == ESEA_EVENT_STOP;", "return true;"),
-    ]
-    found = []
-    for old, new in changes:
-        for at in re.finditer(old, text):
-            changed = text[: at.start()] + at.expand(new) + text[at.end() :]
-            line = text.count("\n", 0, at.start()) + 1
-            found.append((f"line {line}: {at.group(0)!r} -> {new!r}", changed))
-    # Of the dispatcher: a state's events go to another's function.
-    for name in ("starting", "waiting", "armed", "held"):
-        call = f"        return {name}(state, event, guards);"
-        assert call in text
-        found.append((name, text.replace(call, "        return replay(state, event);", 1)))
-    return found
-
-
-def holds_all_rules(library) -> bool:
-    ffi, lib = library
-    held = ffi.new("uint32_t *")
-    cases = itertools.product(STATES, EVENTS, GUARD_SETS)
-    for state, event, (flags, guards) in cases:
-        held[0] = state.value
-        taken = lib.esea_machine_take(held, event.value, flags)
-        expected = rule(state.name, event.name, guards)
-        if taken != (expected is not None) or held[0] != VALUES[expected or state.name]:
-            return False
-    held[0] = 77
-    taken = lib.esea_machine_take(held, 9, GUARD_SETS[0][0])
-    return not taken and held[0] == VALUES["FAULT"]
-
-
-VALUES = {s.name: s.value for s in STATES}
-GUARD_SETS: list = []
-
-
-@pytest.mark.slow
-def test_a_change_of_any_transition_is_found(tmp_path):
-    require_tool("gcc")
-    ffi = cffi.FFI()
-    ffi.cdef(SIGNATURE)
-    GUARD_SETS[:] = [(ffi.new("bool[]", [g.name in s for g in GUARDS]), s) for s in every_guard()]
-    original = (firmware_folder() / "app" / "machine.c").read_text(encoding="utf-8")
-
-    def built(number: int, text: str):
-        source, target = tmp_path / f"{number}.c", tmp_path / f"{number}.so"
-        source.write_text(text, encoding="utf-8")
-        app = firmware_folder() / "app"
-        command = ["gcc", "-std=c99", "-w", "-shared", "-fPIC", f"-I{app}", source, "-o", target]
-        subprocess.run(command, check=True)
-        return ffi, ffi.dlopen(str(target))
-
-    assert holds_all_rules(built(0, original))
-    made = mutants()
-    alive = [what for k, (what, text) in enumerate(made, 1) if holds_all_rules(built(k, text))]
-    assert len(made) > 60
-    assert alive == []

@@ -11,7 +11,7 @@ import pytest
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.alike import alike, emitted_once, joined
+from esea_gen.language.alike import alike
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
@@ -243,25 +243,6 @@ def test_blocks_that_differ_in_words_only_are_emitted_once():
     assert not [n for n in files if "load_rate" in n or "encoder_motor" in n]
 
 
-def test_a_shared_block_has_the_words_that_its_names_have_in_common():
-    base, other = summing(1e-3, gain=True), summing(2e-3, gain=True)
-
-    def shared(first, second, **more):
-        pair = [replace(base, name=n, title=f"rate of the {n}, filtered") for n in (first, second)]
-        found = emitted_once({"a": pair[0], "b": pair[1], **more})
-        assert list(found) == ["a", "b", *more]
-        assert found["a"] is found["b"]
-        return found["a"].name, found["a"].title
-
-    title = "rate of the load_rate, or motor_rate, filtered"
-    assert shared("load_rate", "motor_rate") == ("rate", title)
-    # Another Block is called so, or they have no word in common: as the first.
-    assert shared("load_rate", "motor_rate", c=replace(other, name="rate"))[0] == "load_rate"
-    assert shared("left", "right")[0] == "left"
-    apart = emitted_once({"a": base, "b": other})
-    assert (apart["a"], apart["b"]) == (base, other)
-
-
 def test_blocks_that_differ_in_a_number_are_not():
     text = load_device("elbow_drive").toml()
     assert "load_velocity_Hz = { value = 30.0" in text
@@ -269,11 +250,3 @@ def test_blocks_that_differ_in_a_number_are_not():
     blocks = parse_device(other, "own.toml").system.blocks
     assert blocks["motor_rate"] is not blocks["load_rate"]
     assert blocks["motor_rate"] is blocks["set_rate"]
-
-
-def test_words_that_differ_stand_side_by_side():
-    texts = ["angle, motor side of it", "angle, load side of it", "angle, motor side of it"]
-    assert joined(texts) == "angle, motor or load side of it"
-    assert joined(["one thing", "something else entirely"]) == (
-        "one thing; or: something else entirely"
-    )

@@ -71,21 +71,17 @@ class FrequencyResponse:
 
     @property
     def gain(self) -> Array:
-        """Magnitude, shape (n,)."""
         return np.abs(self.response)
 
     @property
     def gain_dB(self) -> Array:
-        """Magnitude in dB, shape (n,)."""
         return np.asarray(20 * np.log10(np.maximum(self.gain, 1e-300)))
 
     @property
     def phase_deg(self) -> Array:
-        """Unwrapped phase in degrees, shape (n,)."""
         return np.asarray(np.degrees(np.unwrap(np.angle(self.response))))
 
     def band(self, low_Hz: float = 0.0, high_Hz: float = math.inf) -> FrequencyResponse:
-        """The part within a band."""
         keep = (self.frequency_Hz >= low_Hz) & (self.frequency_Hz <= high_Hz)
         if np.count_nonzero(keep) < 4:
             raise UserError(

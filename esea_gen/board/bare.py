@@ -1,8 +1,4 @@
-"""A task on emulated boards without an operating system: bits, instructions, flash, RAM, stack.
-
-Every output word of every step is held against the host's library.  QEMU counts instructions, which
-are not cycles.
-"""
+"""A task on emulated boards without an operating system: bits, instructions, flash, RAM, stack."""
 
 from __future__ import annotations
 
@@ -44,14 +40,7 @@ BARE_BOARDS = {b.processor.name.removeprefix("cortex-"): b for b in boards_for("
 
 @dataclass(frozen=True)
 class BareResult:
-    """What a board did.
-
-    identical: whether every output word equals the host's.
-    instructions: ``min``, ``mean``, ``max`` a step.
-    flash_bytes: code and constants of the emitted files and of the compiler's helpers that they
-        call.
-    stack_bytes: deepest stack of a step, the call included.
-    """
+    """What a board did."""
 
     board: str
     core: str
@@ -96,11 +85,7 @@ def _said(command: list[str]) -> str:
 
 @dataclass(frozen=True)
 class Emulation:
-    """What a program said on an emulated board.
-
-    instructions: ``min``, ``mean``, ``max`` from one entry of ``counted_step`` to the next.
-    flash_bytes: code and constants, the harness left out.
-    """
+    """What a program said on an emulated board."""
 
     rows: list[list[str]]
     instructions: dict[str, float]
@@ -200,10 +185,7 @@ def _judged(
 def run_bare(
     device: Device, real: str, board: str, inputs: Mapping[str, Array], task: str | None = None
 ) -> BareResult:
-    """Run a task of a device on an emulated board.
-
-    inputs: the task's inputs, in units, shape (steps,).
-    """
+    """Run a task of a device on an emulated board."""
     fmt, system = FORMATS[real], device.system
     what = system.tasks[0] if task is None else system.task(task)
     renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
@@ -216,7 +198,7 @@ def run_bare(
         columns.append(column)
         for i in range(x.port.size):
             index = "" if x.port.size == 1 else f"[{i}]"
-            name = f"{renderer.naming.external(x)}{index}"
+            name = f"{x.name}{index}"
             words.append({"name": name, "word": bool(x.port.flags)})
     return _judged(
         renderer,
@@ -234,11 +216,7 @@ def run_bare(
 def run_bare_system(
     device: Device, real: str, board: str, inputs: Mapping[str, Mapping[str, Array]]
 ) -> BareResult:
-    """Run all tasks of a device on an emulated board, each at its own ticks, latches released.
-
-    inputs: per task, its inputs in units, one element a run; nothing for a task without inputs.
-    return: bits and figures; the instructions are those of a base tick with all tasks that are due.
-    """
+    """Run all tasks of a device on an emulated board, each at its own ticks, latches released."""
     fmt, system = FORMATS[real], device.system
     renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
     library = compile_device(device, real)
@@ -273,7 +251,7 @@ def _scheduled(
         for x in system.task_outputs(task):
             for i in range(x.port.size):
                 index = "" if x.port.size == 1 else f"[{i}]"
-                name = f"{task.name}_out.{naming.external(x)}{index}"
+                name = f"{task.name}_out.{x.name}{index}"
                 words.append({"name": name, "word": bool(x.port.flags), "from": (task, x, i)})
     expected = np.zeros((ticks, len(words)), dtype=np.uint32)
     held: dict[str, dict[str, Any]] = {}
@@ -291,13 +269,3 @@ def _scheduled(
             value = np.atleast_1d(held[task.name][x.name])[i]
             expected[tick, j] = naming.stored(x, value).view(np.uint32)
     return words, expected
-
-
-__all__ = [
-    "BARE_BOARDS",
-    "BareResult",
-    "Emulation",
-    "emulate",
-    "run_bare",
-    "run_bare_system",
-]

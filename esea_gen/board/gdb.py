@@ -1,8 +1,4 @@
-"""An emulated processor that is held and looked into: breakpoints, registers, memory.
-
-It speaks the remote protocol of GDB with QEMU, of which it needs a dozen words; no debugger is
-installed.
-"""
+"""An emulated processor that is held and looked into: breakpoints, registers, memory."""
 
 from __future__ import annotations
 
@@ -100,10 +96,7 @@ class HeldProcessor:
         return answer
 
     def run(self) -> int:
-        """Let it run to the next breakpoint; its address.
-
-        From a breakpoint it first takes one instruction, during which no interrupt comes.
-        """
+        """Let it run to the next breakpoint; its address."""
         if self.at in self._breaks:
             self._ask("s")
         self._ask("c")
@@ -146,11 +139,7 @@ class HeldProcessor:
         self._ask(f"P{number:x}={struct.pack('<I', value).hex()}")
 
     def store(self, address: int, value: int, scratch: int) -> None:
-        """A word into a register of the hardware, by the processor itself.
-
-        scratch: memory that nobody uses, for the one instruction that does it; no interrupt comes
-            meanwhile.
-        """
+        """A word into a register of the hardware, by the processor itself."""
         used = (0, 1, PC, XPSR)
         kept = [self.register(n) for n in used]
         self.write(scratch, _STORE_R1_AT_R0)

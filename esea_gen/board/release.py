@@ -1,8 +1,4 @@
-"""When a device's control task has surely ended on a board, and its command may be released.
-
-The bound of every task is that of its object code (:mod:`esea_gen.board.bound`), latches included.
-Cycles an instruction are assumed: nobody has measured them (:data:`esea_gen.targets.Processor`).
-"""
+"""When a device's control task has surely ended on a board, and its command may be released."""
 
 from __future__ import annotations
 
@@ -29,14 +25,7 @@ CHECKSUM = "coefficients_checksum"
 
 @dataclass(frozen=True)
 class TaskTimes:
-    """What the tasks of a device take on a board, at most.
-
-    instructions: by task, for every input.
-    ended_s: by task, from the start of its run to its end; every faster task runs meanwhile.
-    release_s: by task, as the device has it.
-    cycles: assumed cycles an instruction.
-    least_Hz: slowest clock at which every task has ended before its release.
-    """
+    """What the tasks of a device take on a board, at most."""
 
     device: str
     board: Board
@@ -79,11 +68,7 @@ class TaskTimes:
 
 
 def task_times(device: Device, board: Board, cycles: float | None = None) -> TaskTimes:
-    """Bounds of a device's tasks on a board, and when they end.
-
-    cycles: an instruction's; the processor's assumed ones when not given.
-    return: a task's end with those that run as often or more in between, as often as they can.
-    """
+    """Bounds of a device's tasks on a board, and when they end."""
     each = board.processor.cycles_per_instruction if cycles is None else cycles
     if not (math.isfinite(each) and each > 0):
         raise UserError(f"--cycles {each:g} is not above 0.", "Give cycles an instruction.")

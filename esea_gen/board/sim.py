@@ -1,8 +1,4 @@
-"""The firmware's application as a board inside this process: clocked tick by tick, no hardware.
-
-It is the same application as on a board; its clock, drivers and serial line are moved from here, so
-that a run repeats to the last bit.
-"""
+"""The firmware's application as a board inside this process: clocked tick by tick, no hardware."""
 
 from __future__ import annotations
 
@@ -67,13 +63,7 @@ def _built(
 
 
 class SimBoard(Session):
-    """A board in this process, powered on.
-
-    measured: what its drivers give, by the device's input names; frames are bad until it is set.
-    board: ``sim``, or ``sim-q31`` with the control in whole numbers.
-    drivers, values: for :meth:`step`: what the drivers give, in the order of ``inputs``; then what
-        the tasks of every tick were given and made, each at its place in ``places``.
-    """
+    """A board in this process, powered on."""
 
     def __init__(
         self, device: Device, control: Mapping[str, str] | None = None, board: str = "sim"
@@ -119,10 +109,7 @@ class SimBoard(Session):
         return [self._ffi.buffer(self.lib.sim_flash(k), size) for k in range(2)]
 
     def restart(self, *, blank: bool = False) -> None:
-        """Power off and on.
-
-        blank: also forget what outlasts the power.
-        """
+        """Power off and on."""
         for area in self.flash if blank else ():
             area[:] = b"\xff" * len(area)
         self._ffi.buffer(self.drivers)[:] = bytes(self._ffi.sizeof(self.drivers))
@@ -163,10 +150,7 @@ class SimBoard(Session):
         self.lib.sim_step(self.drivers, self._words)
 
     def ticks(self, count: int = 1, *, poll: bool = True) -> None:
-        """Let so many base ticks pass.
-
-        poll: whether the main loop gets the processor after each.
-        """
+        """Let so many base ticks pass."""
         for _ in range(count):
             self.lib.sim_tick(1, True)
             if poll:

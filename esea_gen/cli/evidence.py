@@ -1,7 +1,4 @@
-"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``.
-
-``mutate-python`` asks the same of the tests of this program itself.
-"""
+"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``."""
 
 from __future__ import annotations
 
@@ -225,60 +222,6 @@ def mutate(
     formats = {name: r.to_dict() for name, r in reports.items()}
     write_json(json_file, "mutate", {"formats": formats})
     exit_unless(all(r.score >= REQUIRED_SCORE for r in reports.values()))
-
-
-@app.command("mutate-python")
-def mutate_python_command(
-    whats: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="ROOM|FILE[:N]", help="Rooms of esea_gen, or files; N faults of this one."
-        ),
-    ],
-    sample: Annotated[
-        int | None, option("--sample", "Number of faults of each, drawn; default: all.", min=1)
-    ] = None,
-    seed: SeedOption = 0,
-    tests: Annotated[
-        list[str] | None, option("--tests", "Test file; default: the nearest by import.")
-    ] = None,
-    independent: Annotated[
-        bool,
-        option(
-            "--independent/--all-tests", "Leave out tests that only compare with committed output."
-        ),
-    ] = True,
-    widen: Annotated[
-        int, option("--widen", "Test files more for what the nearest do not notice.", min=0)
-    ] = 0,
-    limit_s: Annotated[
-        float | None,
-        option("--limit-s", "Time of one test file; default: 3 times its own.", min=1.0),
-    ] = None,
-    entered: Annotated[
-        Path | None, option("--entered DIR", "Keep here which functions a test enters.")
-    ] = None,
-    jobs: Annotated[int, option("--jobs", "So many faults at a time.", min=1)] = 1,
-    json_file: JsonOption = None,
-) -> None:
-    """Put one fault at a time into Python sources of this checkout and run its tests."""
-    from esea_gen.verify.mutation.python import mutate_python
-
-    with progress_line() as say:
-        result = mutate_python(
-            Path.cwd(),
-            whats,
-            sample=sample,
-            seed=seed,
-            tests=tests or (),
-            independent=independent,
-            widen=widen,
-            limit_s=limit_s,
-            entered=entered,
-            jobs=jobs,
-            progress=say,
-        )
-    show(result, json_file, "mutate-python")
 
 
 traces = typer.Typer(help="Committed traces: how every shipped System behaves.")

@@ -162,9 +162,6 @@ class Renderer:
             "late": {"step": LATE_STEP, "most": LATE_MOST, "full": LATE_FULL},
             "command": command,
             "field": self.field,
-            "cname": self.naming.field,
-            "xname": self.naming.external,
-            "lname": self.naming.latch,
             "external_scale": self.naming.external_scale,
             "scales": self.naming,
             "literal": self.literal,
@@ -179,12 +176,11 @@ class Renderer:
         """What the device's ``init`` is called in the object code."""
         return f"{self.prefix}_init_{self.identity[len(self.prefix) + 1 :]}"
 
-    def field(self, port: Any, block: Block, group: str) -> str:
-        name = self.naming.field(block, group, port)
+    def field(self, port: Any) -> str:
         if getattr(port, "flags", ()):
-            return f"uint32_t {name};"
+            return f"uint32_t {port.name};"
         size = getattr(port, "size", 1)
-        return f"{self.fmt.c_type} {name}{'' if size == 1 else f'[{size}]'};"
+        return f"{self.fmt.c_type} {port.name}{'' if size == 1 else f'[{size}]'};"
 
     def counter(self, block: Block, port: Port, flag: Flag, form: str = COUNTER) -> str:
         bit = f"{self.prefix}_{block.name}_{flag.name}".upper()
@@ -200,17 +196,17 @@ class Renderer:
         source = self.system.feed(Signal(instance, port.name))
         sink = self.system.blocks[instance], port
         if isinstance(source, External):
-            text, made = f"in->{self.naming.external(source)}", None
+            text, made = f"in->{source.name}", None
         elif isinstance(source, Watched):
             text = f"state->{self.system.task_of(instance).name}_held.{source.port.name}"
             return self.naming.watched(text, *sink)
         elif isinstance(source, Latch):
             held = f"state->{self.system.task_of(instance).name}_held"
-            text, made = f"{held}.{self.naming.latch(source)}", source.source
+            text, made = f"{held}.{source.name}", source.source
         else:
             block = self.system.blocks[source.instance]
             made_port = next(p for p in block.outputs if p.name == source.port)
-            text = f"{source.instance}_out.{self.naming.field(block, 'out', made_port)}"
+            text = f"{source.instance}_out.{made_port.name}"
             made = source
         return self.naming.convert(f"{text}{at}", made, *sink)
 

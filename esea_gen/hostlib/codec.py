@@ -8,10 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.emit.naming import Naming
-from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
-from esea_gen.language.system import External
 
 Array = npt.NDArray[Any]
 
@@ -43,7 +40,6 @@ def from_raw(raw: Array, fraction: int) -> Array:
 @dataclass(frozen=True)
 class Field:
     name: str
-    c_name: str
     port: Port
     fraction: int | None = None  # of its raw numbers; None where the C holds numbers in units
 
@@ -61,19 +57,3 @@ class Field:
         if self.fraction is None or self.port.flags:
             return held
         return held * 2.0**-self.fraction
-
-
-class Codec:
-    def __init__(self, naming: Naming) -> None:
-        self.naming = naming
-
-    def field(self, block: Block, group: str, port: Port) -> Field:
-        fraction = self.naming.fraction(block, group, port.name)
-        return Field(port.name, self.naming.field(block, group, port), port, fraction)
-
-    def external(self, external: External) -> Field:
-        fraction = self.naming.external_fraction(external)
-        return Field(external.name, self.naming.external(external), external.port, fraction)
-
-    def tunable(self, block: Block, name: str, value: Any) -> tuple[str, Any]:
-        return self.naming.tunable(block, name, value)

@@ -28,7 +28,7 @@ def find_compiler(name: str, package: str) -> str:
     path = shutil.which(name)
     if path is None:
         raise UserError(
-            f"The compiler '{name}' is not installed.",
+            f"The program '{name}' is not installed.",
             f"Install it with: apt-get install --no-install-recommends {package}",
         )
     return path

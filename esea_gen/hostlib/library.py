@@ -51,7 +51,7 @@ class HostLibrary(LoadedC):
         """
         block: Block = next(b for b in self.system.kinds if b.name == name)
         groups = ("in", block.inputs), ("out", block.outputs), ("state", block.state)
-        fields = ([self.codec.field(block, g, p) for p in ports] for g, ports in groups)
+        fields = ([self.block_field(block, g, p) for p in ports] for g, ports in groups)
         return CRunner(self, name, block, *fields)
 
     def task(self, name: str) -> CRunner:
@@ -64,7 +64,7 @@ class HostLibrary(LoadedC):
         """
         system, task = self.system, self.system.task(name)
         groups = (system.task_inputs(task), system.task_outputs(task))
-        inputs, outputs = ([self.codec.external(x) for x in group] for group in groups)
+        inputs, outputs = ([self.external_field(x) for x in group] for group in groups)
         return CRunner(self, name, system, inputs, outputs, ())
 
 

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from esea_gen.emit.render import Renderer
-from esea_gen.hostlib.codec import Codec
+from esea_gen.hostlib.codec import Field
 from esea_gen.hostlib.compiler import compile_sources, declared
-from esea_gen.language.system import System
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
+from esea_gen.language.system import External, System
 
 
 class LoadedC:
@@ -21,7 +23,7 @@ class LoadedC:
         self.system = system
         self.real = renderer.fmt.name
         self.prefix = renderer.prefix
-        self.codec = Codec(renderer.naming)
+        self.naming = renderer.naming
         self.files = renderer.files()
         driver = renderer.render("hostlib/driver.c.j2")
         files = {n: t for n, t in self.files.items() if not n.startswith("reference/")}
@@ -33,6 +35,14 @@ class LoadedC:
         self.lib: Any = self.ffi.dlopen(str(self.path))
         self._dtypes: dict[str, np.dtype[Any]] = {}
         self._init = renderer.init_name
+
+    def block_field(self, block: Block, group: str, port: Port) -> Field:
+        """A field of a Block's own struct: ``in``, ``out`` or ``state``."""
+        return Field(port.name, port, self.naming.fraction(block, group, port.name))
+
+    def external_field(self, external: External) -> Field:
+        """A field of a task's struct."""
+        return Field(external.name, external.port, self.naming.external_fraction(external))
 
     def function(self, name: str) -> Any:
         """A function of the C by the name that its header gives it."""

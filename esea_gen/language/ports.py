@@ -222,6 +222,28 @@ def around(name: str, limit: float, meaning: str, *more: Any, **named: Any) -> P
     return Port(name, -limit, limit, meaning, *more, **named)
 
 
+def status_port(meaning: str, invalid: str, repaired: str, *more: Flag) -> Port:
+    """A status word that begins with the guard's two flags (``guard.status`` fills it).
+
+    Parameters
+    ----------
+    meaning : str
+        As in :class:`Port`.
+    invalid, repaired : str
+        What an invalid input and a corrupt state mean for the Block.
+    *more : Flag
+        The Block's own flags.
+
+    Returns
+    -------
+    Port
+        The port ``status``.
+    """
+    guarded = Flag("INPUT_INVALID", invalid, True), Flag("STATE_REPAIRED", repaired, True)
+    flags = (*guarded, *more)
+    return Port("status", 0, 2 ** len(flags) - 1, meaning, flags=flags)
+
+
 @dataclass(frozen=True)
 class Tunable:
     """A value that may be changed while the board runs.

@@ -263,9 +263,9 @@ class Session(Messenger):
         key = signing.new_key()
         signing.write_key(path, key)
         self.send(self.message("SETUP_SIGNING", *self.board, list(key), 0))
-        self._sign(key)
+        self.sign_with(key)
         if not self.traffic().paired:
-            self._sign(None)
+            self.sign_with(None)
             path.unlink()
             raise self._refused("pair")
 
@@ -274,11 +274,11 @@ class Session(Messenger):
         self.send(self.message("SETUP_SIGNING", *self.board, [0] * signing.KEY_BYTES, 0))
         if self.traffic().paired:
             raise self._refused("forget its key")
-        self._sign(None)
+        self.sign_with(None)
 
     def use_key(self, path: Path) -> None:
         """Sign from now on, with the key of a board that is paired."""
-        self._sign(signing.read_key(path))
+        self.sign_with(signing.read_key(path))
 
     def traffic(self) -> Any:
         """Counters of the link: streams dropped, signatures refused, whether it is paired."""

@@ -43,12 +43,12 @@ class Transport(Protocol):
 
 class SocketTransport:
     def __init__(self, link: socket.socket) -> None:
-        self._link = link
+        self.link = link
 
     def read(self, timeout_s: float) -> bytes:
         try:
-            self._link.settimeout(timeout_s)
-            data = self._link.recv(RECEIVE_CHUNK_BYTES)
+            self.link.settimeout(timeout_s)
+            data = self.link.recv(RECEIVE_CHUNK_BYTES)
         except (TimeoutError, BlockingIOError):
             return b""
         except OSError as error:
@@ -59,14 +59,14 @@ class SocketTransport:
 
     def write(self, data: bytes, timeout_s: float) -> None:
         try:
-            self._link.settimeout(timeout_s)  # closed meanwhile: an error as well
-            self._link.sendall(data)
+            self.link.settimeout(timeout_s)  # closed meanwhile: an error as well
+            self.link.sendall(data)
         except OSError as error:
             what = f"the board does not take data ({error})"
             raise LinkError(what, said=self.said()) from None
 
     def close(self) -> None:
-        self._link.close()
+        self.link.close()
 
     def said(self) -> str:
         return ""

@@ -12,8 +12,6 @@ OFF, TORQUE, IMPEDANCE = 0, 1, 2
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a study."""
-
     name: str
     trajectory: Trajectory
     mode: int = TORQUE
@@ -23,8 +21,6 @@ class Case:
 
 @dataclass(frozen=True)
 class Setting:
-    """What a study runs with."""
-
     controller: str = "smc"
     plant: str = "real"
     person: str = "none"

@@ -146,7 +146,7 @@ class ClosedLoop:
     def _read(self, task: str, x: External) -> list[str]:
         # C expressions of an output's elements, in its unit.
         naming = self._control.naming
-        places = [f"{task}_out.{e}" for e in _elements(x, naming.external(x))]
+        places = [f"{task}_out.{e}" for e in _elements(x, x.name)]
         return [naming.to_units(x, p) for p in places]
 
     def _given(self, x: External, source: str) -> str:
@@ -178,11 +178,11 @@ class ClosedLoop:
                             "Rename it.",
                         )
                     value = self._given(x, sources[x.name][0])
-                    feeds[task.name].append((self._control.naming.external(x), value))
+                    feeds[task.name].append((x.name, value))
                     continue
                 place = places.setdefault(x.name, sum(signals.values()))
                 signals[x.name] = x.port.size
-                for i, e in enumerate(_elements(x, self._control.naming.external(x))):
+                for i, e in enumerate(_elements(x, x.name)):
                     feeds[task.name].append((e, self._given(x, f"signals[{place + i}]")))
         return feeds, signals
 
@@ -284,11 +284,11 @@ class ClosedLoop:
                     raise UserError(
                         f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
                     )
-                field, number = key, known[instance, key].taken(float(value))
+                number = known[instance, key].taken(float(value))
                 if system is self.controller:
                     naming = self._control.naming
-                    field, number = naming.tunable(system.blocks[instance], key, number)
-                setattr(getattr(params, instance), field, number)
+                    number = naming.tunable(system.blocks[instance], key, number)
+                setattr(getattr(params, instance), key, number)
         refused = int(getattr(self._lib, f"{prefix}_prepare")(params, coeffs))
         if refused:
             instance, tunable = system.tunables[refused - 1]

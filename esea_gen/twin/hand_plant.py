@@ -93,8 +93,6 @@ Parts = tuple[SimpleNamespace, SimpleNamespace, SimpleNamespace]  # c, s and u o
 
 @dataclass(frozen=True)
 class _HandStep:
-    """One step of the plant, symbolically."""
-
     axes: tuple[str, str]
     axis: AxisStep
     names: Mapping[str, tuple[str, ...]]  # of coefficients, states and inputs of an axis
@@ -249,7 +247,6 @@ def _port(t: Tunable) -> Port:
 def hand_system(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> System:
-    """The plant of a device with two axes as a System."""
     every = steps_a_tick(step_s, tick_s)
     plant, encoders = hand_block(device, cable, step_s, tick_s), encoder_block(device, tick_s)
     by_axis = {f"encoders_{a}": a for a in device.axes}
@@ -271,7 +268,6 @@ def hand_system(
 
 
 def twin_system(device: DeviceData, cable: bool, step_s: float, tick_s: float) -> System:
-    """The plant of a device, of one axis or of two."""
     made = plant_system if len(device.axes) == 1 else hand_system
     return made(device, cable, step_s, tick_s)
 

@@ -29,8 +29,6 @@ _TURN = 2 * math.pi
 
 @dataclass(frozen=True)
 class Deviation:
-    """What is off in one run."""
-
     values: Mapping[str, float] = field(default_factory=dict)
     delay_ticks: int = 0
     missed_share: float = 0.0
@@ -49,8 +47,6 @@ Draw = Callable[[Device, np.random.Generator], Deviation]
 
 @dataclass(frozen=True)
 class OffFamily:
-    """One way to be off: a row of the table."""
-
     name: str
     group: str
     meaning: str
@@ -216,15 +212,3 @@ def refuse_unknown(name: str, off: Deviation, known: Collection[str]) -> None:
             f"--off {name}: the plant has no {missing[0]}: its cable is rigid.",
             "Give --plant real or random, or another family.",
         )
-
-
-__all__ = [
-    "ALL",
-    "NOTHING",
-    "Deviation",
-    "OffFamily",
-    "chosen_families",
-    "deviation",
-    "off_families",
-    "refuse_unknown",
-]

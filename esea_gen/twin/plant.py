@@ -212,8 +212,6 @@ class AxisStep:
 
 @dataclass(frozen=True)
 class _PlantStep:
-    """One step of the plant, symbolically."""
-
     axis: AxisStep
 
     def __call__(
@@ -232,12 +230,10 @@ class _PlantStep:
 
 
 def plant_status(guard: Guard) -> Any:
-    """Status word of one step of a plant."""
     return flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)])
 
 
 def axis_step(device: DeviceData, cable: bool, step_s: float) -> AxisStep:
-    """Step of one axis of a device."""
     assert device.file.actuator is not None
     ratio = device.file.actuator.gear_ratio.value
     return AxisStep(cable, step_s, ratio, true_sensor(device, step_s))
@@ -371,7 +367,6 @@ def steps_a_tick(step_s: float, tick_s: float) -> int:
 def plant_system(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> System:
-    """The virtual exoskeleton as a System."""
     every = steps_a_tick(step_s, tick_s)
     plant, encoders = plant_block(device, cable, step_s, tick_s), encoder_block(device, tick_s)
     return System(

@@ -21,12 +21,7 @@ _LONGEST_S = 60.0
 
 @dataclass(frozen=True)
 class ExampleRun:
-    """What the example program said.
-
-    agree, checked: of its samples.
-    held, asked: of what the latch promises; 0 of a device without one.
-    problems: why it does not pass; empty when it does.
-    """
+    """What the example program said."""
 
     agree: int
     checked: int
@@ -37,11 +32,7 @@ class ExampleRun:
 
 
 def run_example(files: Mapping[str, str], real: str, quick: bool = False) -> ExampleRun:
-    """Compile an output folder's C into its example program, by its header's line, and run it.
-
-    files: the folder's files by name; tests put a fault into one.
-    quick: each file by itself, once for a given content and not optimised: the bits are the same.
-    """
+    """Compile an output folder's C into its example program, by its header's line, and run it."""
     fmt = FORMATS[real]
     gcc = find_compiler(*HOST_GCC.gcc)
     flags = ["-std=c99", "-O0" if quick else "-O2", *fmt.compiler_flags.split()]
@@ -94,6 +85,3 @@ def judged(said: str, code: int) -> ExampleRun:
 def _count(pattern: re.Pattern[str], said: str) -> tuple[int, int]:
     found = pattern.search(said)
     return (int(found[1]), int(found[2])) if found else (0, 0)
-
-
-__all__ = ["ExampleRun", "judged", "run_example"]

@@ -1,9 +1,4 @@
-"""Gates on object files: what the emitted C may hold and ask for, on every target.
-
-No double arithmetic in f32, no libm, no heap, no writable data, no export without the prefix, a
-bounded stack; and no warning from any compiler.  Every gate reads what the compiler made, not the
-C text.  On the host the example program runs, too: it must compare something, and agree.
-"""
+"""What the compiler made of the C: no double in f32, no libm, no heap, a bounded stack."""
 
 from __future__ import annotations
 
@@ -23,7 +18,7 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError, nearest
 from esea_gen.hostlib.compiler import compiler_version, find_compiler
-from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
+from esea_gen.targets import CONTROL_FLAGS, PROCESSORS, Processor
 from esea_gen.verify.example import run_example
 
 # Single-precision helpers of a processor without an FPU: the compiler's, not libm's.
@@ -44,7 +39,6 @@ _X86_DOUBLE = re.compile(
 )
 _A64_DOUBLE = re.compile(r"\bf\w+\s+[^\n]*\bd\d+[^\n]*")
 
-
 _HOST_DOUBLE = _A64_DOUBLE if platform.machine() in ("aarch64", "arm64") else _X86_DOUBLE
 
 # Of 8 kB on the smallest board, of which the rest of the firmware has taken 1.8 kB at most.  A
@@ -55,23 +49,10 @@ PROGRAM_STACK_BYTES = 448
 
 TARGETS = {p.name: p for p in PROCESSORS.values() if p.stack_limit_bytes is not None}
 
-STRICT_FLAGS = (
-    *EXACT_FLAGS,
-    *("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"),
-)
-# These see a slip to double where -Wconversion does not look.
-STRICT_F32 = ("-Wdouble-promotion", "-Wfloat-conversion")
-
 
 @dataclass(frozen=True)
 class GateReport:
-    """What the gates found on one target.
-
-    compiler: first line of the compiler's version.
-    problems: each with the file, what was found and which rule it breaks; empty when all gates
-        hold.
-    stack_bytes: largest stack use below each task's step.
-    """
+    """What the gates found on one target."""
 
     device: str
     real: str
@@ -186,12 +167,7 @@ def _stack(
 def check_objects(
     device: Device, target: str, real: str = "f32", files: Mapping[str, str] | None = None
 ) -> GateReport:
-    """Compile a device's C for a target and hold its object files against the rules.
-
-    real: number format. The rules on double and libm, and the stack limit, are those of f32; f64 is
-        what the host computes with.
-    files: files to compile in place of the device's own; tests break a rule in one.
-    """
+    """Compile a device's C for a target and hold its object files against the rules."""
     chosen = find_target(target)
     gcc = find_compiler(*chosen.toolchain.gcc)
     texts = dict(files if files is not None else render_device(device, [real])[0].files)
@@ -234,34 +210,3 @@ def check_objects(
         _stack_limit(device, chosen),
         sum(int(line.split()[0]) for line in sizes),
     )
-
-
-def compiler_warnings(
-    device: Device, real: str, compiler: str = "gcc", files: Mapping[str, str] | None = None
-) -> str:
-    """What a strict compiler says of a device's C."""
-    tool = find_compiler(*(HOST_GCC.gcc if compiler == "gcc" else (compiler, compiler)))
-    texts = dict(files if files is not None else render_device(device, [real])[0].files)
-    flags = [*STRICT_FLAGS, *(() if FORMATS[real].needs_libm else STRICT_F32)]
-    if "gcc" in compiler and not FORMATS[real].needs_libm:
-        flags.append("-Wunsuffixed-float-constants")
-    said = []
-    with tempfile.TemporaryDirectory(prefix="esea-strict-") as scratch:
-        folder = Path(scratch)
-        for name, text in texts.items():
-            if "/" not in name:
-                (folder / name).write_text(text, encoding="utf-8")
-        for name in sorted(n for n in texts if n.endswith(".c") and "/" not in n):
-            # The example program prints, and so promotes to double: not part of what ships.
-            own = [f for f in flags if name != "main.c" or f not in STRICT_F32]
-            own = [f for f in own if name != "main.c" or "unsuffixed" not in f]
-            done = subprocess.run(
-                [tool, *own, "-c", name, "-o", "x.o"],
-                cwd=folder,
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-            if done.returncode != 0 or done.stderr:
-                said.append(done.stderr)
-    return "".join(said)

@@ -1,7 +1,7 @@
-"""What a tick costs a board with link and drivers: ``python -m tests.benchmarks.whole_tick``.
+"""Cost of a tick with link and drivers: ``python -m tests.benchmarks.whole_tick DEVICE``.
 
-The image is the STM32F405's, its drivers by registers included, in the emulator; what it counts are
-instructions.  Waiting for a bus is time, not instructions: it is left out, and told apart.
+The image is the STM32F405's, with its drivers, in the emulator, which counts instructions.  Waiting
+for a bus is time, not instructions: it is reported separately.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +19,6 @@ from esea_gen.board.gdb import HeldProcessor, addresses
 from esea_gen.board.scripted import TapedBoard
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device, load_device
-from esea_gen.errors import UserError
-from esea_gen.files import write_json
 from esea_gen.targets import find_board, firmware_folder
 
 BOARD = "netduinoplus2"
@@ -152,7 +150,7 @@ def _counted(held: HeldProcessor, entry: int, handlers: Sequence[int]) -> int:
     return held.steps_to(back & ~1, *handlers)
 
 
-def _latency(device: Device) -> tuple[tuple[int, ...], int]:
+def latency(device: Device) -> tuple[tuple[int, ...], int]:
     # The first tick whose motor command differs when one reading does; by the phase of control.
     board = SimBoard(device)
     every = max(t.every for t in device.system.tasks)
@@ -192,8 +190,6 @@ def _latency(device: Device) -> tuple[tuple[int, ...], int]:
 
 def whole_tick(device: Device, runs: int = RUNS) -> WholeTick:
     """Count a drive's tick on the STM32F405."""
-    if not device.laws:
-        raise UserError(f"{device.origin}: has no drive.", "Give one, such as elbow_drive.")
     with tempfile.TemporaryDirectory(prefix="esea-tick-") as scratch:
         counted = build_firmware(
             device, BOARD, Path(scratch) / "counted", drivers=_drivers(device), needs_Hz=1.0
@@ -215,7 +211,7 @@ def whole_tick(device: Device, runs: int = RUNS) -> WholeTick:
     # All values of sensing fill a message a run; control's are a fifth as often, and may share one.
     messages = 1 + 1 / per_control
     most = max(tick) + max(control) / per_control + messages * max(message)
-    latency, limits = _latency(device)
+    latencies, limits = latency(device)
     clock_Hz = find_board(BOARD).clock_Hz
     return WholeTick(
         device.name,
@@ -229,26 +225,16 @@ def whole_tick(device: Device, runs: int = RUNS) -> WholeTick:
         shipped.noinit_bytes,
         shipped.stack_bytes,
         sum(shipped.stack_bounds_bytes.values()),
-        latency,
+        latencies,
         limits,
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table."""
+def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.whole_tick")
     parser.add_argument("device", nargs="?", default="elbow_drive")
-    parser.add_argument("--json", type=Path)
-    chosen = parser.parse_args(arguments)
-    try:
-        found = whole_tick(load_device(chosen.device))
-    except UserError as error:
-        print(f"esea-gen: {error}")
-        return 2
-    print("\n".join(found.table()))
-    write_json(chosen.json, "bench-whole-tick", asdict(found))
-    return 0
+    print("\n".join(whole_tick(load_device(parser.parse_args().device)).table()))
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -1,12 +1,4 @@
-"""Reads emitted C and says, as formulas, what one call of a function computes.
-
-The text is run through the preprocessor, parsed, and executed on symbols: every field of the
-structs that are passed may hold any bits.  Understood is what a Block's kernel is printed as:
-constants and stores, integers of 32 and 64 bits, truth values, single-precision numbers, choices,
-calls of small functions.  Anything else, a loop or a double, is refused: nothing is guessed.
-
-The meaning is C's (``c_values``).  The structs do not overlap.
-"""
+"""Reads emitted C and says, as formulas, what one call of a function computes."""
 
 from __future__ import annotations
 
@@ -19,7 +11,7 @@ from typing import Any
 
 from pycparser import c_ast, c_parser
 
-from esea_gen.verify.tools import tool
+from esea_gen.hostlib.compiler import find_compiler
 
 from .c_values import (
     BASIC,
@@ -54,7 +46,7 @@ def preprocessed(path: Path, defines: Sequence[str] = ()) -> str:
     done = subprocess.run(
         # Its own <stdint.h>, which has types and no more.
         [
-            *(tool("gcc", "gcc"), "-E", "-std=c99", "-ffreestanding", f"-I{path.parent}"),
+            *(find_compiler("gcc", "gcc"), "-E", "-std=c99", "-ffreestanding", f"-I{path.parent}"),
             *(f"-D{name}" for name in defines),
             str(path),
         ],
@@ -68,11 +60,7 @@ def preprocessed(path: Path, defines: Sequence[str] = ()) -> str:
 
 
 class Reader(COperators):
-    """One emitted file.
-
-    free: see :class:`COperators`; none: exact.
-    defines: macros that are set.
-    """
+    """One emitted file."""
 
     def __init__(
         self, path: Path, script: Script, free: str = "", defines: Sequence[str] = ()
@@ -322,12 +310,7 @@ class Reader(COperators):
             raise RefusedError(node, f"a {type(node).__name__}")
 
     def call(self, name: str, free: frozenset[str], memory: Memory | None = None) -> Memory:
-        """Run a function whose parameters are pointers to structs, each named as the parameter.
-
-        free: parameters whose structs may hold any bits; of the others nothing may be read before
-            it is written.
-        return: what was read or written, by place.
-        """
+        """Run a function whose parameters are pointers to structs, each named as the parameter."""
         if name not in self.functions:
             raise RefusedError(None, f"the function '{name}' is not in the text")
         function, held = self.functions[name], dict(memory or {})
@@ -342,11 +325,7 @@ class Reader(COperators):
         return held
 
     def result(self, name: str) -> tuple[dict[str, str], dict[str, CValue]]:
-        """Run a function of numbers on any numbers.
-
-        return: its parameters, and what it makes: ``return`` and, by name, what a pointer among
-            its parameters points to.
-        """
+        """Run a function of numbers on any numbers."""
         if name not in self.functions:
             raise RefusedError(None, f"the function '{name}' is not in the text")
         memory: Memory = {}
@@ -369,6 +348,3 @@ class Reader(COperators):
     def terms(self, memory: Mapping[str, CValue]) -> dict[str, str]:
         """Values as terms, by place."""
         return {place: self.term(value) for place, value in memory.items() if "#" not in place}
-
-
-__all__ = ["Memory", "Reader", "preprocessed"]

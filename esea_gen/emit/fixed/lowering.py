@@ -16,7 +16,6 @@ from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.elementary import Elementary
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
 from esea_gen.emit.fixed.values import (
-    COMPARES,
     LoweredKernel,
     LoweredStep,
     LoweringError,
@@ -26,6 +25,7 @@ from esea_gen.emit.fixed.values import (
     local_name,
 )
 from esea_gen.emit.local_names import unused
+from esea_gen.emit.spans import COMPARES
 from esea_gen.emit.walker import Kernel, Node
 
 

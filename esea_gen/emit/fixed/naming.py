@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.emit.fixed.kept import plan_block, raw_tunable
+from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import FieldPlan
 from esea_gen.emit.fixed.render import field_text, format_text
 from esea_gen.emit.naming import Naming
@@ -92,8 +93,10 @@ class FixedNaming(Naming):
     def number(self, block: Block, group: str, name: str, value: float) -> float:
         return plan_block(block).field(group, name).raw(value)
 
-    def tunable(self, block: Block, name: str, value: float) -> tuple[str, float]:
-        return raw_tunable(block, name, value)
+    def tunable(self, block: Block, name: str, value: float) -> float:
+        # NaN and what does not fit becomes INT32_MIN, which prepare refuses.
+        scaled = value * 2.0 ** plan_block(block).field("params", name).fraction
+        return math.floor(scaled + 0.5) if -(2.0**31) < scaled < 2.0**31 - 1 else -(2**31)
 
     def fraction(self, block: Block, group: str, name: str) -> int | None:
         return plan_block(block).field(group, name).fraction

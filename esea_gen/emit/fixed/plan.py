@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from esea_gen.emit.checks import coefficient_checks
-from esea_gen.emit.error_bounds import BEYOND
 from esea_gen.emit.fixed import expression as ex
-from esea_gen.emit.fixed.bound import Known
 from esea_gen.emit.fixed.lowering import Kept, lower, rewrite
 from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
 from esea_gen.emit.local_names import meanings
+from esea_gen.emit.spans import Known
+from esea_gen.emit.step_errors import BEYOND
 from esea_gen.emit.walker import Kernel, fuse_selects, labelled_kernel, walk
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable

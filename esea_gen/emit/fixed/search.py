@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from esea_gen.emit.error_bounds import BEYOND, Errors, linear_bound
 from esea_gen.emit.fixed.errors import Propagation, any_bound
 from esea_gen.emit.fixed.plan import (
     BlockPlan,
@@ -26,7 +25,8 @@ from esea_gen.emit.fixed.plan import (
     run_lowered,
 )
 from esea_gen.emit.fixed.values import LoweringError, best_fraction
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import RangeError
+from esea_gen.emit.step_errors import BEYOND, Errors, linear_bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.language.block import Block
 
@@ -89,7 +89,7 @@ def _still_bounded(
         plan = planner.plan(wide, wide)
         room = 0.0 if forgets else BEYOND
         step = Propagation(plan, {}, {}, room, planner.known[room])
-        result = step.once(errors)
+        result, _ = step.once(errors)
     except (LoweringError, RangeError):
         return None
     pairs = zip(step.state_errors(result), errors, strict=True)
@@ -123,11 +123,11 @@ def _narrowed(planner: Planner, plan: BlockPlan, ceiling: float) -> BlockPlan:
         try:
             tried = planner.plan(fewer, fewer)
             step = Propagation(tried, {}, {}, known=planner.known[0.0])
-            own = [x for row in step.state_errors(step.once(step.zero)) for x in row]
+            own = [x for row in step.state_errors(step.once(step.zero)[0]) for x in row]
             total = [
                 sum(o * m[k] for o, m in zip(own, memory, strict=True)) for k in range(len(own))
             ]
-            result = step.once(_split(total, sizes))
+            result, _ = step.once(_split(total, sizes))
         except (LoweringError, RangeError):
             continue
         if _shortfall(planner.block, step.outputs(result)) <= ceiling:

@@ -10,13 +10,13 @@ from functools import cache, cached_property
 
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
+from esea_gen.emit.spans import COMPARES
 from esea_gen.emit.walker import Kernel, UnsupportedOperationError, status_words
 from esea_gen.language.ports import UNIT_SUFFIXES
 
 NARROW_LIMIT = 2**31 - 1
 WIDE_LIMIT = 2**61 - 1  # leaves room for rounding and for the sum of two
 MOST_FRACTION_BITS = 90
-COMPARES = frozenset({"lt", "le", "eq", "ne"})
 ZERO = -1  # stands for the missing arm of a select with zero
 EXACT = frozenset({"add", "sub", "neg", "fabs", "fmin", "fmax", "twice"})
 

@@ -57,13 +57,12 @@ class Q31(Format):
     def emit(self, block: Block) -> EmittedBlock:
         plan = plan_block(block)
         step = print_lowered(plan.step)
-        names = {f.port.name: f.name for f in plan.fields["state"]}
         return EmittedBlock(
             block,
             print_lowered(plan.prepare) if plan.prepare else None,
             print_lowered(plan.init),
             step,
-            early_stores(block, step, names),
+            early_stores(block, step),
         )
 
     def naming(self, system: System) -> FixedNaming:

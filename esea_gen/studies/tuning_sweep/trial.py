@@ -24,8 +24,6 @@ SOFTENING = "smc.softening"
 
 @dataclass(frozen=True)
 class Trial:
-    """One value of a parameter."""
-
     value: float
     rms_Nm: float
     overshoot_percent: float

@@ -109,8 +109,12 @@ class _Asked:
     lever: float | None
 
 
+@study_app.command(
+    "resume", help="Show what an interrupted session holds, and go on with it in the planned order."
+)
 @study_app.command("run")
 def run(
+    context: typer.Context,
     folder: FolderArgument,
     code: CodeArgument,
     session: SessionOption = 1,
@@ -132,46 +136,26 @@ def run(
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
     study = opened(folder, trust)
-    if study.log_of(code, session - 1).exists():
+    path, begun = study.log_of(code, session - 1), context.info_name == "resume"
+    if begun and not path.exists():
+        raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
+    if path.exists() and not begun:
         raise UserError(
             f"{code} has begun session {session} already.",
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",
         )
-    asked = _Asked(
-        device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
-        mass, lever,
-    )  # fmt: skip
-    _run(study, code, session, asked)
+    if not begun or _remains(path):
+        asked = _Asked(
+            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
+            mass, lever,
+        )  # fmt: skip
+        _run(study, code, session, asked)
 
 
-@study_app.command("resume")
-def resume(
-    folder: FolderArgument,
-    code: CodeArgument,
-    session: SessionOption = 1,
-    device: DeviceOption = SIMULATED,
-    key: KeyOption = None,
-    arm: ArmOption = False,
-    headless: HeadlessOption = False,
-    seed: SeedOption = 1,
-    speed: SpeedOption = 1.0,
-    language: LanguageOption = "en",
-    patch: PatchOption = PatchMode.off,
-    dark: DarkOption = None,
-    close: CloseOption = False,
-    hold: HoldOption = False,
-    early: EarlyOption = "",
-    mass: MassOption = None,
-    lever: LeverOption = None,
-    trust: TrustOption = None,
-) -> None:
-    """Show what an interrupted session holds, and go on with it in the planned order."""
+def _remains(path: Path) -> bool:
+    # What an interrupted session holds, and whether anything is to do.
     from esea_host.study.session import read_session
 
-    study = opened(folder, trust)
-    path = study.log_of(code, session - 1)
-    if not path.exists():
-        raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
     state = read_session(path)
     done = len(state.plan.trials) - len(state.remaining)
     out.print(f"{path}: {done} of {len(state.plan.trials)} trials are done.")
@@ -181,12 +165,7 @@ def resume(
         out.print(f"Trial {state.running} was running; it counts as aborted and is repeated.")
     order = ", ".join(str(t.number) for t in state.remaining[:12])
     out.print(f"Remaining, as planned: {order}{', ...' if len(state.remaining) > 12 else ''}")
-    if state.remaining:
-        asked = _Asked(
-            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
-            mass, lever,
-        )  # fmt: skip
-        _run(study, code, session, asked)
+    return bool(state.remaining)
 
 
 def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
@@ -283,7 +262,7 @@ def _name_recordings(study: StudyFolder) -> None:
 def _source(
     held: ExitStack, study: StudyFolder, code: str, number: int, asked: _Asked, pointer: Pointer
 ) -> tuple[InputSource, ConnectedDevice | None]:
-    from esea_host.study.acting import SimulatedSource
+    from esea_host.study.source import SimulatedSource
 
     if asked.device == SIMULATED:
         return SimulatedSource(asked.seed), None

@@ -6,8 +6,7 @@ torque mode.  The results are judged by :mod:`esea_gen.identify.bringup` and
 """
 
 from esea_host.commissioning.bench import CommissioningBench, CommissioningEndedError, HandAct
-from esea_host.commissioning.record import CommissioningRecord
-from esea_host.commissioning.result import StepResult
+from esea_host.commissioning.record import CommissioningRecord, StepResult
 from esea_host.commissioning.simulated import SimulatedHands, simulated_bench
 from esea_host.commissioning.steps import (
     STEPS,

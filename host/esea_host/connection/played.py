@@ -16,9 +16,9 @@ from esea_gen.link.transport import LinkError
 from esea_host.connection.device import ConnectedDevice
 from esea_host.connection.identity import Identity
 from esea_host.connection.receiver import Batch
-from esea_host.recording.gaps import Gap
+from esea_host.recording.export import LONGEST_S
+from esea_host.recording.integrity import Gap
 from esea_host.recording.log import Log
-from esea_host.recording.playing import LONGEST_S
 from esea_host.recording.replay import device_of
 
 STEP_S = 0.03  # of whoever watches

@@ -18,7 +18,7 @@ from esea_gen.link.frames import LinkHealth
 from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.decoder import TICK, Decoded, TelemetryDecoder
 from esea_host.connection.named import NamedStream, data_key, data_rows
-from esea_host.recording.gaps import Gap
+from esea_host.recording.integrity import Gap
 from esea_host.recording.layout import Array, StreamLayout
 
 MOST_ROWS = 60_000  # a minute at 1 kHz

@@ -26,9 +26,8 @@ from esea_host.study.board import WORKING, BoardSource
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.recorded import MIDDLE
 from esea_host.study.scene import Scene
-from esea_host.study.source import InputSource
+from esea_host.study.source import Gauge, InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask, TaskSignal, task_named
-from esea_host.study.watching import Gauge
 
 # Of a phase: so long it is still, and its mean is taken; nobody is waited for longer.
 STILL_S, LONGEST_S, SILENT_S = 1.5, 180.0, 120.0

@@ -25,8 +25,8 @@ from esea_host.study.many import code_of, run_everybody
 from esea_host.study.plan import group_of
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import COMPLETED
+from esea_host.study.source import Gauge
 from esea_host.study.task import Situation, StudyTask
-from esea_host.study.watching import Gauge
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
 PREFIX = "interaction."

@@ -13,8 +13,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from esea_gen.control.limits.faults import FAULT_CODES
-from esea_gen.emit.states import BOARD_FAULTS, STATES
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
@@ -22,17 +20,13 @@ from esea_host.connection.recording import LiveRecording
 from esea_host.study.fitting import ACTS, CONSTRAINED, DEG, TORQUE, DeviceSignals, Tap
 from esea_host.study.rows import LatestRows
 from esea_host.study.scene import Scene
-from esea_host.study.source import InputSource
+from esea_host.study.source import Gauge, InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
-from esea_host.study.watching import Gauge
 
 TORQUE_MODE, DEADLINE_MS = 1.0, 500
 FRAME_S, SILENT_S, READY_S, SETTLE_S = 0.01, 1.0, 8.0, 0.2
 AWAY_S, SWITCH_S = 60.0, 30.0
 WORKING = ("ARMED", "ACTIVE")  # who lets go does not come back, and is armed again
-STATE_NAMES = {s.value: s.name for s in STATES}
-FAULTS = [c for c in (*FAULT_CODES, *BOARD_FAULTS) if c.value]
-FAULT_NAMES = {c.value: f"{c.name.lower().replace('_', ' ')} (fault {c.value})" for c in FAULTS}
 REST_SHARE = 0.1  # of the largest torque: more at rest is a zero that is not one; assumed
 
 
@@ -166,11 +160,17 @@ class BoardSource(InputSource):
 
     def _state_now(self) -> str:
         # Asked: the last that was told may be of before a pause, or a broken link.
-        return STATE_NAMES.get(self.device.clock()["state"], "UNKNOWN")
+        return self._named("ESEA_STATE", self.device.clock()["state"]) or "UNKNOWN"
+
+    def _named(self, enum: str, value: int) -> str:
+        # As the device's dialect has it.
+        entry = self.device.session.dialect.enums[enum].get(value)
+        return "" if entry is None else str(entry.name).removeprefix(f"{enum}_")
 
     def _trouble(self, state: str) -> str:
-        fault = FAULT_NAMES.get(self.device.fault(), "")
-        return f"the board is in {state}" + (f": {fault}" if fault else "")
+        number = self.device.fault()
+        name = self._named("ESEA_FAULT", number).lower().replace("_", " ") if number else ""
+        return f"the board is in {state}" + (f": {name} (fault {number})" if name else "")
 
     # -- time --------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from esea_host.study.edge import checked_step, finite, of_task
 from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log, well_formed
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
 from esea_host.study.scene import Scene
-from esea_host.study.source import InputSource
+from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
 from esea_host.study.task import (
     Inputs,
     Situation,
@@ -21,14 +21,6 @@ from esea_host.study.task import (
     TaskBrokenError,
     TaskStep,
     task_named,
-)
-from esea_host.study.watching import (
-    SessionWatcher,
-    Show,
-    Stop,
-    TrialOnly,
-    not_stopped,
-    shown_nowhere,
 )
 
 PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
@@ -158,8 +150,8 @@ class StudySession:
 
     def run(
         self,
-        show: Show = shown_nowhere,
-        stop: Stop = not_stopped,
+        show: Callable[[Scene], object] = lambda _: None,
+        stop: Callable[[], str] = lambda: "",
         watcher: SessionWatcher | None = None,
     ) -> str:
         watcher = watcher or SessionWatcher(show, stop)
@@ -202,8 +194,7 @@ class StudySession:
             trial = todo[0]
             if trial.rest_before_s:
                 self.say("rest", seconds=trial.rest_before_s)
-                watcher.rests(trial.rest_before_s)
-                self.source.rest(trial.rest_before_s)
+                watcher.rests(trial.rest_before_s, self.source.rest)
                 if why := watcher.turn() or self._mended(watcher):
                     return why
             # By the session's own clock: a break between start and resume counts as no time.
@@ -246,7 +237,11 @@ class StudySession:
                 reason = watcher.turn()
                 if reason:
                     break
+                pressed = {k: v for k, v in watcher.pressed().items() if k in task.switches}
+                self.source.paused = "pause" in pressed
                 time_s, inputs = actor.react(scene, requests)
+                watcher.paces(time_s)
+                inputs = {**inputs, **pressed}
                 lost = [n for n, x in inputs.items() if not finite(x)]
                 if lost:
                     ended, reason = FAILED, f"no number comes from: {', '.join(lost)}"

@@ -8,7 +8,7 @@ from PySide6.QtCore import QRectF, QSize
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QWidget
 
-from esea_host.study.watching import Gauge
+from esea_host.study.source import Gauge
 from esea_host.windows.theme import Theme
 
 NEAR = 0.85  # of the way to a limit
