@@ -155,7 +155,7 @@ class CommissioningBench:
         return found
 
     def recording(self, c: Capture) -> DriveRecording:
-        """A capture as :mod:`esea_gen.identify.bringup` takes it."""
+        """A capture as :mod:`esea_gen.identify.drive` takes it."""
         motor, load = c["theta_motor_rad"], c["theta_load_rad"]
         if not self.drives:
             return DriveRecording(c.tick_s, np.zeros(len(c)), motor, motor, load)

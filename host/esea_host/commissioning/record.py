@@ -12,12 +12,12 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from esea_gen.identify.bringup.checks import StartupCheck
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
+from esea_gen.identify.drive.startup import StartupCheck
 from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, RULE, STYLE
 from esea_gen.studies.torque_check.check import TorqueCheck
 from esea_host.connection.identity import Identity
