@@ -13,7 +13,7 @@ from esea_gen.control.reference import reference
 from esea_gen.device import parse_device
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import load_study
-from esea_gen.studies.simulation import ClosedLoopStudy, simulate, simulate_case
+from esea_gen.studies.simulation import ClosedLoopStudy, simulate_case
 from esea_gen.twin.case import Setting
 from esea_gen.twin.run import run_case
 
@@ -77,36 +77,6 @@ def test_a_spring_off_by_its_scale_is_found(block):
         assert y["offset_Nm"][-1] == pytest.approx(offset, abs=0.01)
         assert np.max(np.abs(y["missed_Nm"][-4000:])) < 0.04
         assert int(y["status"][-1]) == flags(block)["LEARNS"]
-
-
-def test_the_first_steps_are_the_gradients(block):
-    """Against the line and its gradient in NumPy, with lag and memory from their definitions."""
-    angle, rate = swung(2.0)
-    shown = 1.1 * MASS_NM * np.sin(angle - HANGS_RAD) + 0.05
-    told = {**HUNG, "mass_kgm2": 0.3, "mass_Nms_rad": 0.1}
-    y, _ = run(block, shown, angle, rate, told)
-    follow, mean = 1 - math.exp(-2 * math.pi * 2 * H), 1 - math.exp(-H / 5)
-    weight = MASS_NM * np.sin(angle - HANGS_RAD)
-    lags = [weight[0], rate[0], shown[0]]
-    a, c, o, middle, square, play = 1.0, 0.0, 0.0, weight[0], 0.0, weight[0]
-    for k in range(len(angle)):
-        alpha = 0.0 if k == 0 else (rate[k] - lags[1]) * follow / H
-        lags = [
-            p + follow * (v - p) for p, v in zip(lags, (weight[k], rate[k], shown[k]), strict=True)
-        ]
-        x = lags[0] + 0.3 * alpha + 0.1 * lags[1]
-        if k == 0:
-            middle = play = x
-        play = min(max(play, x - 0.8), x + 0.8)
-        square += mean * ((x - middle) ** 2 - square)
-        middle += mean * (x - middle)
-        missed = lags[2] - (a * x + c * (x - play) + o)
-        assert y["missed_Nm"][k] == pytest.approx(missed, abs=2e-4), k
-        assert (y["gain"][k], y["loss"][k]) == pytest.approx((a, c), abs=2e-4), k
-        if square > 0.05:
-            step = 0.5 * H * missed
-            a, c, o = a + 0.5 * step * x, c + step * (x - play), o + 0.5 * step
-    assert a != 1
 
 
 def test_nothing_is_learnt_without_information(block):
@@ -221,20 +191,14 @@ def test_it_goes_with_a_drive_and_names_what_it_may_not():
         parse_device(own("elbow_drive", f"[adaptation]\n{scale}\n"), "own.toml")
 
 
-def test_without_the_section_nothing_is_adapted_and_it_says_so(bare, tmp_path):
-    path = tmp_path / "bare.toml"
-    path.write_text(bare, encoding="utf-8")
-    with pytest.raises(UserError, match=r"no section \[adaptation\]"):
-        simulate("tuning", Setting(str(path), "ideal", adapted=True))
+REAL = {"plant": "real", "person": "none", "real": "f32"}
 
 
 def test_a_rubber_that_is_off_is_adapted_to():
     """Ten per cent soft: 0.12 Nm without, 0.04 with, which is what a true rubber has."""
     require_tool("gcc")
     plain, adapted = (
-        simulate_case(
-            "tuning", CASE, 0, "smc", "real", "none", "f32", off="rubber-10", adapted=adapted
-        )
+        simulate_case("tuning", CASE, 0, controller="smc", off="rubber-10", adapted=adapted, **REAL)
         for adapted in (False, True)
     )
     assert plain["rms_true_Nm"] > 0.10
@@ -271,7 +235,5 @@ def test_off_the_drive_gives_the_bits_of_one_without_the_section(bare, tmp_path,
 )
 def test_each_way_for_a_rubber_to_be_off(controller, off, most_Nm):
     require_tool("gcc")
-    found = simulate_case(
-        "tuning", CASE, 0, controller, "real", "none", "f32", off=off, adapted=True
-    )
+    found = simulate_case("tuning", CASE, 0, controller=controller, off=off, adapted=True, **REAL)
     assert found["rms_true_Nm"] < most_Nm

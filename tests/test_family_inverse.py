@@ -13,7 +13,6 @@ from esea_gen.device import Device, parse_device
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner
-from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import to_raw
 from esea_gen.hostlib.library import compile_system
@@ -210,22 +209,6 @@ def test_without_a_least_slope_no_error_is_claimed(devices):
     assert "linear spring" in caught.value.fix
 
 
-def test_no_fact_cuts_anything_that_can_be(devices):
-    """Labelled values in float64, from requests and memories over their whole ranges."""
-    block = family_inverse(devices["every"], fitted_of(devices["every"]))
-    names, rng = block.labelled_step.name_out(), np.random.default_rng(2)
-    reached = dict.fromkeys(block.facts, 0.0)
-    for _ in range(300):
-        given = [rng.uniform(1.2 * p.low, 1.2 * p.high, p.size) for p in block.state]
-        given += [rng.uniform(p.low, p.high, p.size) for p in block.inputs]
-        found = dict(zip(names, block.labelled_step.call(given), strict=True))
-        for name, (low, high) in block.facts.items():
-            value = float(found[f"label_{name}"])
-            assert low <= value <= high, name
-            reached[name] = max(reached[name], abs(value) / high)
-    assert reached["move_1_rad"] > 0.9  # the longest step is taken, and would be longer
-
-
 # In whole numbers.
 
 
@@ -309,14 +292,6 @@ def test_a_wrong_constant_is_felt(fixed):
     found, _ = block.simulator().run(stream.inputs)
     said, felt = forward_residual(device, block, stream, found)
     assert said < good < felt
-
-
-def test_a_clip_left_out_cannot_be_planned(devices, monkeypatch):
-    """The divisor of a slip is of a step that is clipped."""
-    monkeypatch.setattr(FamilyStep, "clip", lambda self, x, low, high: x)
-    device = devices["bearing"]
-    with pytest.raises(LoweringError, match="holds zero"):
-        Planner(family_inverse(device, fitted_of(device))).plan()
 
 
 @pytest.mark.ci

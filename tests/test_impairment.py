@@ -92,31 +92,6 @@ def constrained(block, **tunables):
     return simulator
 
 
-@pytest.mark.parametrize(
-    ("theta_deg", "omega_deg_s", "wanted_Nm"),
-    [
-        (0.0, 30.0, -0.02 * 30),
-        (0.0, -30.0, 0.02 * 30),
-        (4.9, 100.0, -0.02 * 100),
-        (6.0, 0.0, -2.0),
-        (6.0, 10.0, -(2.0 + 0.1 * 10 + 0.02 * 10)),
-        (6.0, -10.0, -(2.0 - 0.1 * 10) + 0.02 * 10),
-        (6.0, -25.0, 0.02 * 25),  # leaving fast: the wall lets go, it never pulls
-        (12.0, 0.0, -4.47),  # held at the allowed torque
-        (40.0, -50.0, -4.47),
-        (-30.0, -300.0, 4.47),
-    ],
-)
-def test_published_gains_by_hand(block, theta_deg, omega_deg_s, wanted_Nm):
-    y = constrained(block).step(
-        theta_rad=theta_deg * DEG, omega_rad_s=omega_deg_s * DEG, constrained=1.0
-    )
-    assert y["tau_set_Nm"] == pytest.approx(wanted_Nm, abs=1e-6)
-    bits = int(y["status"])
-    assert bool(bits & 4) == (theta_deg > 5)
-    assert bool(bits & 8) == (abs(wanted_Nm) == 4.47)
-
-
 def test_it_is_switched_at_rest_outside_the_wall_only(block):
     s = block.simulator()
     assert s.step(theta_rad=0.0, omega_rad_s=0.5, constrained=1.0)["acts"] == 0

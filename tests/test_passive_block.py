@@ -15,8 +15,6 @@ from esea_gen.control.limits.block import limits
 from esea_gen.control.passivity import passivity
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.observe.rates import filter_delay_s
-from esea_gen.twin.controllers import controller_device
 from esea_gen.verify.tools import tool
 
 from .conftest import require_tool
@@ -86,10 +84,6 @@ def test_the_damping_settles_where_the_hand_feels_the_least(drive, size_rad):
     added = swing(drive, 0.1, size_rad, 8.0)
     assert added[0] == pytest.approx(DAMPING, rel=1e-2)
     assert np.mean(added[-1000:]) == pytest.approx(0.11, abs=0.01)
-
-
-def test_a_law_that_damps_by_itself_gets_none(drive):
-    assert np.max(swing(drive, -0.1, 0.2, 8.0)[-1000:]) < 1e-3
 
 
 def test_what_the_law_is_more_active_than_all_damping_leaves_all_of_it(drive):
@@ -285,23 +279,6 @@ def test_what_a_tick_gives_and_what_the_lag_still_holds_make_the_command():
     assert sp.simplify(work + tau * (after - v) - h * m) == 0
     rest = late * (after - v)
     assert sp.simplify(rest - late * (1 - a) * (m - v)) == 0
-
-
-def test_the_numbers_of_the_proof_are_the_devices(drive):
-    """Typed by hand above: another drive in the file, and the proof would be of no drive at all."""
-    f = drive.file
-    a, safety, own = f.actuator, f.safety, f.passivity
-    assert (drive.period_s, a.J_kgm2.value, a.gear_ratio.value) == (H, J, RATIO)
-    assert (a.tau_c_s.value, safety.u_max_Nm.value) == (LAG_S, U_MAX)
-    assert safety.u_rate_Nm_s.value * drive.period_s == pytest.approx(U_STEP)
-    assert (own.energy_J.value, own.damping_Nms_rad.value) == (ENERGY_J, DAMPING)
-    # Second order, and half a difference.
-    cutoff = f.joint.motor_velocity_Hz.value
-    assert pytest.approx(LATE_S, rel=1e-2) == filter_delay_s(cutoff) + 0.5 * H
-    # The shipped predictive controller stands on the same drive.
-    assert controller_device("mpc").file.passivity == own
-    assert controller_device("mpc").file.actuator == a
-    assert controller_device("mpc").file.safety == safety
 
 
 def proof(least_ticks: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from math import ceil, inf, nan, nextafter
 from types import SimpleNamespace
@@ -16,7 +15,6 @@ from esea_gen.control.predictive.box_qp import packed
 from esea_gen.control.predictive.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive.program import FLAGS, predictive_program
 from esea_gen.language.ports import Port, Tunable
-from esea_gen.language.statements import For
 
 BIT = {f.name: 1 << i for i, f in enumerate(FLAGS)}
 U_MAX = 1.5
@@ -210,41 +208,3 @@ def test_a_command_is_told_with_what_is_known_of_it():
     program = predictive_program(replace(plant(3), **flat), z, period_s=PERIOD_S)
     out = program.simulator().step(**situation(3))
     assert (out["u_Nm"], out["status"] & BIT["NOT_CONVEX"]) == (0, BIT["NOT_CONVEX"])
-
-
-def test_ports_of_the_program():
-    program = predictive_program(plant(3), Horizon(3, 0.07, 2, 0.02), period_s=PERIOD_S)
-    assert [(p.name, p.low, p.high, p.size) for p in program.outputs] == [
-        ("u_Nm", -1.5, 1.5, 1),
-        ("residual", 0.0, 2.0, 1),
-        ("iterations", 0, 1000, 1),
-        ("status", 0, 31, 1),
-    ]
-    assert (program.state[0].name, program.state[0].size) == ("plan", 3)
-    assert [p.name for p in program.inputs] == list(situation(3))
-    assert (program.name, program.period_s) == ("predictive", PERIOD_S)
-    assert list(BIT) == (
-        ["INPUT_INVALID", "STATE_REPAIRED", "NOT_CONVEX", "CAP_REACHED", "NOT_OPTIMAL"]
-    )
-    assert program.outputs[-1].flags == FLAGS
-
-
-def loops(body) -> Iterator[For]:
-    for s in body:
-        if isinstance(s, For):
-            yield s
-        for inner in ("body", "then", "otherwise"):
-            yield from loops(getattr(s, inner, []))
-
-
-@pytest.mark.parametrize(("n", "straight"), [(16, True), (17, False)])
-def test_up_to_sixteen_intervals_what_is_short_is_straight_code(n, straight):
-    program = predictive_program(plant(n), Horizon(n, 0.05, 1, 0.0), period_s=PERIOD_S)
-    gram = list(loops(program.parts["gram"].body))
-    assert len(gram) == 3 * 2 + 1 + 3 + 1 + 3
-    assert {s.unroll for s in gram} == {straight}
-    step = [s for s in loops(program.parts["step"].body) if s.most.constant >= n - 1]
-    kernels = {s.body[0].kernel.name() for s in step if s.unroll and hasattr(s.body[0], "kernel")}
-    short = {"plan_ok", "plan_used", "shift_plan", "fill_qp_low", "fill_qp_high"}
-    short |= {"plan_fine", "plan_next"}
-    assert {k for k in kernels if k in short} == (short if straight else set())
