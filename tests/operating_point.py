@@ -1,20 +1,7 @@
-"""How far float32 can take a Program's results from exact arithmetic at an operating point.
+"""What rounding does to a Program's result at one operating point, to first order.
 
-A Program's loops turn on comparisons, so no bound holds over all of its ranges at once.  At a given
-input and memory every decision is known: the body becomes a straight line of operations z_i, each
-rounded by at most u |z_i| (a function of ours by its stated accuracy, a constant by what storing it
-changes).  To first order in u a result y is then wrong by at most
-
-    sum_i |dy/dz_i| u |z_i|
-
-whatever the signs of the roundings, with all derivatives from one sweep backward along the line.
-Left out are terms of second order, and decisions that rounding turns: of those whose sides are
-closer than a stated distance a list is kept, and the bound takes them as they are.
-
-References
-----------
-.. [1] N. J. Higham, "Accuracy and Stability of Numerical Algorithms", 2nd ed., SIAM 2002, ch. 1.5,
-   3.3.
+With decisions known the body is a line of operations z_i: |dy| <= sum_i |dy/dz_i| u |z_i| (Higham,
+Accuracy and Stability of Numerical Algorithms, 2002, ch. 3.3).
 """
 
 from __future__ import annotations
@@ -41,13 +28,7 @@ NEAR = 1e-4
 
 @dataclass(frozen=True)
 class PointBound:
-    """Errors at one operating point, to first order.
-
-    exact: outputs, by port, as in exact arithmetic.
-    errors: largest difference of float32 from it, by output.
-    operations: length of the line.
-    near: how many comparisons of numbers that are not exact had sides within ``NEAR``.
-    """
+    """Errors at one operating point, to first order."""
 
     exact: dict[str, Any]
     errors: dict[str, float]
@@ -56,10 +37,7 @@ class PointBound:
 
 
 class PointAnalysis(ProgramSimulator):
-    """A Program's executor that keeps every operation of a step.
-
-    Exact arithmetic is float64 here: its own rounding, 2e-9 of float32's, is left out.
-    """
+    """A Program's executor that keeps every operation of a step."""
 
     def __init__(self, program: Program, tunables: Mapping[str, float] | None = None) -> None:
         self._kernels: dict[int, Kernel] = {}
@@ -69,10 +47,7 @@ class PointAnalysis(ProgramSimulator):
         self._values = program.taken_tunables(tunables)
 
     def bound(self, **inputs: Any) -> PointBound:
-        """One step and its error, from the state as it is set.
-
-        inputs: numbers that float32 holds; so must the state be.
-        """
+        """One step and its error, from the state as it is set."""
         out = self.step(**inputs)
         errors = {}
         for p in self.program.outputs:
@@ -255,5 +230,3 @@ _DECIDED: dict[str, Callable[..., bool | float]] = {
     "and": lambda x, y: bool(x) and bool(y),
     "or": lambda x, y: bool(x) or bool(y),
 }
-
-__all__ = ["NEAR", "PointAnalysis", "PointBound"]

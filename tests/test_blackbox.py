@@ -168,13 +168,6 @@ def test_a_reset_freezes_what_was_under_torque_or_came_by_the_watchdog(library, 
         assert again.ticks() == [50]
 
 
-def test_without_a_record_a_reset_freezes_nothing(library, box):
-    again = after_reset(library, box, FAULTS["WATCHDOG"])
-    again.add(3)
-    library[1].esea_blackbox_freeze(again.box, SENSING, 3)
-    assert (again.ticks(), again.box.fault) == ([3], SENSING)
-
-
 @pytest.mark.parametrize("frozen", [True, False])
 @pytest.mark.parametrize("ticks", [27, 65536 + 7])
 def test_any_bit_that_changed_costs_its_record_or_the_whole_box(library, box, frozen, ticks):
@@ -237,15 +230,6 @@ def test_memory_of_a_cold_start_is_no_record(library):
         assert box.ticks() == []
         box.add(9)
         assert after_reset(library, box, FAULTS["WATCHDOG"]).ticks() == [9]
-
-
-@pytest.mark.parametrize("byte", [0, 0xFF])
-def test_memory_that_is_all_alike_is_no_record(library, byte):
-    box = Box(library, bytes([byte]) * (36 + RECORDS * 28))
-    library[1].esea_blackbox_start(box.box, FAULTS["WATCHDOG"])
-    assert box.ticks() == []
-    box.add(9)
-    assert after_reset(library, box, FAULTS["WATCHDOG"]).ticks() == [9]
 
 
 def test_another_firmware_takes_nothing_from_it(library, box, tmp_path):

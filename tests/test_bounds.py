@@ -8,15 +8,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import esea_gen
-from esea_gen.emit.error_bounds import Bound, block_bound, linear_bound, step_bound
+from esea_gen.emit.error_bounds import block_bound, step_bound
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import RangeError
+from esea_gen.emit.step_errors import linear_bound
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable
-from esea_gen.verify.verdict import Verification
 
 PARTS = 1.5
 THIRD = 2 / 3
@@ -130,32 +129,7 @@ def test_what_does_not_forget_has_no_sum():
     assert linear_bound(linear(np.array([[-1.0]])), [[1e-7]]) is None
 
 
-@pytest.mark.parametrize("pole", [0.9, 0.99, 0.999])
-def test_the_bound_for_all_time_is_that_series_of_one_steps(pole):
-    # One step's own rounding is that of the largest number there is, in both.
-    block = linear(np.array([[pole]]))
-    one, all_time = (f(block, FORMATS["f32"]).states["s_rad"] for f in (step_bound, block_bound))
-    assert 1 <= all_time * (1 - pole) / one < 1.1
-
-
 # -- what a bound assumes --------------------------------------------------------------------------
-
-# The linear ones sum a matrix's powers: only while no state is cut.
-LINEAR = ("velocity", "rate", "setpoint_rates")
-# Counts and choices are whole numbers, or nothing that is compared with them is exact.
-WHOLE = {
-    "encoder": {"count", "frame_error"},
-    "reference": {"mode"},
-    "limits": {"control_beat", "mode", "rearm", "late_level"},
-    "sliding_mode": {"mode"},
-    "drive_observer": set(),
-    "sensor": set(),
-}
-
-
-@pytest.fixture(scope="module")
-def blocks():
-    return {b.name: b for b in esea_gen.load_device("elbow_drive").system.kinds}
 
 
 def float_bound(block: Block):
@@ -163,25 +137,6 @@ def float_bound(block: Block):
         return block_bound(block, FORMATS["f32"])
     except RangeError:
         return step_bound(block, FORMATS["f32"])
-
-
-@pytest.mark.parametrize("name", LINEAR)
-def test_a_linear_bound_says_that_no_state_is_cut(blocks, name):
-    for bound in (block_bound(blocks[name], FORMATS["f32"]), any_bound(plan_block(blocks[name]))):
-        assert bound.method == "linear"
-        assert f"{name}: no clip of a state acts" in bound.assumptions
-
-
-@pytest.mark.parametrize("name", sorted(WHOLE))
-def test_a_bound_says_what_it_takes_for_whole(blocks, name):
-    said = {a for a in float_bound(blocks[name]).assumptions if a.endswith("is a whole number")}
-    assert said == {f"{name}: {port} is a whole number" for port in WHOLE[name]}
-
-
-def test_the_inverses_bound_says_how_well_it_is_solved(blocks):
-    said = any_bound(plan_block(blocks["inverse"])).assumptions
-    # 0.1 mNm: what the flag NOT_CONVERGED lets pass.
-    assert "inverse: |residual_Nm| of set_point_rad is at most 0.0001" in said
 
 
 def test_a_states_error_is_that_of_its_worst_element():
@@ -224,19 +179,3 @@ def test_what_only_rounding_can_bring_past_a_threshold_is_no_decision_for_sure(s
             return {}, {"y_rad": ca.if_else(pair[0] < pair[1], u.x_rad, -u.x_rad)}
 
         assert bool(float_bound(made("edge", step)).assumptions) is unsure
-
-
-def test_a_bound_as_wide_as_its_output_tells_nothing_and_says_so():
-    def bound(**outputs: float) -> Bound:
-        return Bound("f32", 1, outputs, {}, "one step", ())
-
-    scales = {"trend": {"tau_Nm": 4.0, "curve": 10.0, "status": 0.0}}
-    # The narrower domain counts: an output that is told of in one is told of.
-    bounds = {"trend": {"a": bound(tau_Nm=5.0, curve=11.0), "b": bound(tau_Nm=0.1, curve=10.0)}}
-    found = Verification("x", "-", [], bounds, {}, scales)
-    assert found.telling_nothing("trend") == {"curve": 100.0}
-    assert found.to_dict()["bounds_that_tell_nothing_percent"] == {"trend": {"curve": 100.0}}
-    bounds["trend"]["b"].outputs["curve"] = 9.9
-    assert found.telling_nothing("trend") == {}
-    found.bounds.clear()  # judged by its residual
-    assert found.telling_nothing("trend") == {}

@@ -11,11 +11,8 @@ from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
-from esea_gen.language.wires import Signal
 from esea_gen.twin.trajectories import reaches
 from esea_gen.verify.chain import ChainError, ChainReport, search_chain
-
-from .observed import filtered
 
 H = 1e-3
 FINE = 5  # steps of the continuous model in a period
@@ -87,21 +84,6 @@ def test_counts_cost_the_torque_little(elbow_f64, sweep, bits, aim):
     assert of_full_scale(raw["tau_Nm"] - true) > 2 * aim
 
 
-def test_a_fine_encoder_with_a_faster_observer(elbow_f64):
-    ends, lasting = np.array([0.1, -0.15, 0.05]), np.array([0.4, 0.5, 0.3])
-    fine = reaches(ends, lasting, H / FINE)
-    theta, true = fine[::FINE], continuous(fine)[::FINE]
-    sensor = elbow_f64.block("sensor")
-    errors = []
-    for bandwidth in (15.0, 30.0):
-        sensor.reset()
-        # A count of nothing: the deflection itself.
-        seen = smoothed(elbow_f64, theta, bandwidth) | {"theta_rad": theta}
-        error = sensor.run(seen, trace=False)[0]["tau_Nm"] - true
-        errors.append(100 * float(np.sqrt(np.mean(error**2))) / FULL_NM)
-    assert errors[1] < 0.05 < errors[0]
-
-
 def test_the_bandwidth_that_suits_an_encoder_keeps_the_aims(elbow, sweep):
     """Sweep at 12 and 14 bits, reaches with a count of next to nothing."""
     theta, load, true = sweep
@@ -119,18 +101,6 @@ def test_the_bandwidth_that_suits_an_encoder_keeps_the_aims(elbow, sweep):
     assert 100 * float(np.sqrt(np.mean(error**2))) / FULL_NM < 0.05
     # By hand: five bits double it.
     assert [suited_bandwidth_Hz(b) for b in (9, 14, 19, 24)] == [7.5, 15.0, 30.0, 60.0]
-
-
-def test_the_deflection_is_never_more_than_a_count_behind(elbow_f64):
-    # Slow, fast, and a jump in one step: the same typed again.
-    t = np.arange(3000) * H
-    theta = 0.15 * np.sin(2 * np.pi * 3 * t**2)
-    theta[2000:] += 0.1
-    got = smoothed(elbow_f64, theta)["theta_rad"]
-    assert got == pytest.approx(filtered(theta, COUNT[12]), abs=1e-7)
-    apart = np.abs(got - theta)
-    assert np.max(apart) == pytest.approx(COUNT[12], rel=1e-6)  # the limit acts, and holds
-    assert 0 < np.median(apart[:200]) < 0.25 * COUNT[12]  # it is a filter, no copy
 
 
 def test_the_worst_of_a_search_is_found_again(elbow, elbow_f64, elbow_f32):
@@ -208,17 +178,3 @@ def test_an_invalid_sample_shows_in_the_sensors_own_status(elbow, real):
     # The sensor stands where it was: nothing but the Maxwell element moves.
     held = np.array(got["tau_spring_Nm"])[199:205]
     assert np.ptp(held) == 0
-
-
-@pytest.mark.parametrize(
-    ("name", "fed"),
-    [
-        ("elbow", "smoothing.theta_smooth_rad"),
-        ("knee", "smoothing.theta_smooth_rad"),
-        ("elbow_drive", "joint.theta_rad"),
-        ("elbow_mpc", "joint.theta_rad"),
-    ],
-)
-def test_where_a_loop_closes_the_sensor_is_given_the_counts(name, fed):
-    wires = load_device(name).system.wires
-    assert wires[Signal.parse("sensor.theta_rad")] == Signal.parse(fed)

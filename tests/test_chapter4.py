@@ -107,7 +107,7 @@ def tables():
 def test_continuous_torque_against_an_adaptive_integrator(elbow):
     require_tool("gcc")
     motion = EncodedMotion(10.0, 1.0, 4.0)
-    got = continuous_torque(elbow, motion, 4.0)
+    got = continuous_torque(elbow, motion)
 
     def slope(t, tau):
         theta, w = (float(f(np.array(t))) for f in (motion.theta, motion.omega))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.walker import Kernel, Node, walk
+from esea_gen.emit.walker import walk
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
@@ -23,7 +23,6 @@ from esea_gen.verify.executor import (
 )
 from esea_gen.verify.runs import CasadiOracle, run_c
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
-from esea_gen.verify.unreachable import imply
 
 from .conftest import require_tool
 from .proof.sanitize import GivenRenderer
@@ -105,26 +104,6 @@ def test_a_side_is_set_aside_only_with_a_proof(elbow):
     assert not any("tau_Nm:" in text for text in few.excluded)
 
 
-def test_what_follows_from_a_condition():
-    nodes = (
-        Node("input", source=(0, 0)),
-        Node("const", value=1.0),
-        Node("le", (0, 1)),
-        Node("input", source=(0, 1)),
-        Node("if_else_zero", (2, 3)),
-        Node("and", (4, 2)),
-        Node("not", (5,)),
-        Node("or", (6, 2)),
-    )
-    kernel = Kernel("k", nodes, ((7,),))
-    assert imply(kernel, 5, True)[2] == 1.0  # both operands, and through the select
-    assert imply(kernel, 6, False)[5] == 1.0
-    assert imply(kernel, 2, False)[4] == 0.0
-    assert imply(kernel, 2, False)[5] == 0.0
-    assert 5 not in imply(kernel, 2, True)
-    assert 4 not in imply(kernel, 2, False, without=4)
-
-
 @pytest.mark.parametrize("name", BLOCKS)
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_the_c_gives_every_bit(elbow, elbow_f64, elbow_f32, real, name):
@@ -175,14 +154,6 @@ def test_the_bits_show_a_fault(elbow, old, new):
         run = run_c(library.block("sensor"), stream)
         found.append(expected.first_difference(*run))
     assert any(found)
-
-
-def test_the_executor_refuses_a_promotion():
-    from esea_gen.verify.executor import evaluate
-
-    kernel = Kernel("k", (Node("input"), Node("not", (0,)), Node("fabs", (1,))), ((2,),))
-    values = evaluate(kernel, FORMATS["f32"], [np.zeros((3, 1), np.float32)])
-    assert [v.dtype for v in values] == [np.float32, np.bool_, np.float32]
 
 
 @pytest.mark.parametrize("real", ["f64", "f32"])

@@ -10,7 +10,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.block import Block
 from esea_gen.language.stream import SPECIAL
-from esea_gen.verify.coverage import SIDES, _masks, branch_coverage
+from esea_gen.verify.coverage import SIDES, branch_coverage, side_masks
 from esea_gen.verify.executor import (
     coefficients_of,
     emitted_kernel,
@@ -134,7 +134,9 @@ def test_what_is_proven_impossible_never_happens(drive, library, name, real):
     taken = 0
     for d in found.decisions:
         arguments = [values[a] for a in kernel.nodes[d.node].args]
-        for side, mask in zip(SIDES[d.op], _masks(d.op, arguments, values[d.node]), strict=True):
+        for side, mask in zip(
+            SIDES[d.op], side_masks(d.op, arguments, values[d.node]), strict=True
+        ):
             taken += int(np.any(mask))
             assert side not in d.proofs or not np.any(mask), (d.where, d.op, side, d.proofs[side])
     # And it tries: most of the other sides are taken.

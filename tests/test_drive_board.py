@@ -91,14 +91,15 @@ def test_one_task_of_two_runs_alone(device, native, drive):
 
 
 def test_a_difference_is_told(device, native, drive, monkeypatch):
-    host = emulator._host_outputs
+    host = emulator.run_schedule
 
     def other(*arguments):
         found = host(*arguments)
-        found["control"]["k_smc_Nm"][7] = np.nextafter(found["control"]["k_smc_Nm"][7], np.inf)
+        gain = found["control"]["k_smc_Nm"] = np.float32(found["control"]["k_smc_Nm"])
+        gain[7] = np.nextafter(gain[7], np.float32(np.inf))
         return found
 
-    monkeypatch.setattr(emulator, "_host_outputs", other)
+    monkeypatch.setattr(emulator, "run_schedule", other)
     results = run_tasks_in_emulator(device, native, drive.inputs)
     assert results["sense"].identical
     assert not results["control"].identical
@@ -145,7 +146,7 @@ def test_the_command_runs_both_tasks(native, monkeypatch, tmp_path):
 
 
 def test_the_command_fails_on_a_difference(native, drive, monkeypatch):
-    host = emulator._host_outputs
+    host = emulator.run_schedule
     monkeypatch.setattr("esea_gen.twin.recorded.record_drive", lambda *_: drive)
 
     def other(*arguments):
@@ -154,7 +155,7 @@ def test_the_command_fails_on_a_difference(native, drive, monkeypatch):
         return found
 
     monkeypatch.setattr("esea_gen.board.firmware.build_firmware", lambda *_: native)
-    monkeypatch.setattr(emulator, "_host_outputs", other)
+    monkeypatch.setattr(emulator, "run_schedule", other)
     done = run_cli("elbow_drive", "--board", "host", "--seconds", "0.05")
     assert done.exit_code == 1
     assert "DIFFER" in done.output

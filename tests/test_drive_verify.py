@@ -119,13 +119,6 @@ def test_a_fault_in_each_block_is_seen_in_f64(drive, monkeypatch):
     assert all(c.passed for c in found.comparisons if c.block in SOUND)
 
 
-def test_the_c_that_ships_passes(drive):
-    """The same Blocks without a fault; all of them, and both formats, under ``slow``."""
-    found = verify(drive, ["f32"], blocks=["sliding_mode", "limits", "reference", "joint"])
-    assert found.passed, [(c.block, c.stream, c.problems) for c in found.comparisons]
-    assert {c.block for c in found.comparisons} == {"sliding_mode", "limits", "reference", "joint"}
-
-
 @pytest.mark.slow
 def test_the_whole_drive_passes(drive):
     found = verify(drive)
@@ -144,56 +137,6 @@ def test_an_unknown_block_is_refused(drive):
 
 # -- sanitizers ------------------------------------------------------------------------------------
 
-STEP = r"(?m)^(    const float theta_rad = in->theta_rad;|    const float mode = in->mode;)$"
-UNDEFINED = {
-    "limits": (
-        r"state->slots_J\[9\];",
-        "state->slots_J[10 + (in->tau_Nm > 3.0f)];",
-        "out of bounds",
-    ),
-    "sliding_mode": (STEP, r"\1 volatile float z = 0.0f; z = 1.0f / z;", "division by zero"),
-    "reference": (STEP, r"\1 volatile int far = 40; far = 1 << far;", "shift exponent"),
-}
-
-
-def broken(drive, faults):
-    files = GivenRenderer(drive, "f32").files()
-    for block, (old, new, *_) in faults.items():
-        name = f"esea_elbow_drive_{block}.c"
-        assert re.search(old, files[name]), (block, old)
-        files[name] = re.sub(old, new, files[name], count=1)
-    return files
-
-
-def test_undefined_behaviour_is_seen_in_the_drives_blocks(drive):
-    files = broken(drive, UNDEFINED)
-    names = [*UNDEFINED, *SOUND]
-    found = undefined_behaviour(drive, "f32", files, steps=150, blocks=names)
-    for block, (_, _, said) in UNDEFINED.items():
-        file = f"esea_elbow_drive_{block}.c"
-        assert any(file in text and said in text for text in found.reports), (block, found.reports)
-    assert not any(f"{name}.c" in text for text in found.reports for name in SOUND)
-
-
-@pytest.mark.slow
-def test_memory_and_stray_accesses_are_seen_in_the_drives_blocks(drive):
-    """One harness: what is left unwritten shows in the bits, a stray access in a report."""
-    over = "((volatile uint32_t *)(void *)state)[sizeof *state / 4u] = 1u;"
-    files = broken(
-        drive,
-        {
-            "drive_observer": (r"    state->u_a_Nm = 0\.0f;\n", ""),  # init leaves one unwritten
-            "reference": (r"    out->mode = .*\n", ""),  # step leaves an output unwritten
-            "sliding_mode": (STEP, rf"\1 {over}"),
-        },
-    )
-    names = ["drive_observer", "reference", "sliding_mode", "joint"]
-    found = replay_device(drive, "f32", "address", files, steps=100, blocks=names)
-    told = {text.split(": ")[1].split(",")[0] for text in found.differences}
-    assert told == {"drive_observer", "reference"}
-    assert found.reports
-    assert all("sliding_mode" in x and "heap-buffer-overflow" in x for x in found.reports)
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize("real", ["f32", "f64"])
@@ -208,8 +151,8 @@ def test_sanitizers_on_every_block_and_task(drive, real):
 
 def test_a_sample_of_mutants_of_control_is_caught(drive):
     blocks = ["sliding_mode", "reference", "joint"]
-    report = run_mutation(drive, "f32", sample=36, seed=3, blocks=blocks)
-    assert report.tried == 36
+    report = run_mutation(drive, "f32", sample=18, seed=3, blocks=blocks)
+    assert report.tried == 18
     assert report.score >= REQUIRED_SCORE, [str(m) for m in report.survivors]
     assert report.contradicted == []
     with pytest.raises(UserError, match="no Block 'sensors'"):

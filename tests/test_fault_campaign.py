@@ -13,7 +13,7 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.verify.faults import campaign
 from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks
-from esea_gen.verify.faults.driven import DrivenRig, driven_rig_of, driver_faults
+from esea_gen.verify.faults.driven import DrivenRig, driven_rig_of
 from esea_gen.verify.faults.emulated import emulated_sample
 from esea_gen.verify.faults.kinds import (
     INPUT_KINDS,
@@ -79,16 +79,6 @@ def test_what_is_missing_and_what_is_no_number():
 
 
 @pytest.mark.ci
-def test_words_cover_every_byte_of_memory(drive):
-    library = compile_system(drive.system, "f32")
-    for kind in ("state", "coeffs"):
-        dtype = library.dtype(f"{library.prefix}_{kind}_t")
-        found = words(dtype)
-        assert [w.byte for w in found] == list(range(0, dtype.itemsize, 4))
-        assert len({w.name for w in found}) == len(found)
-
-
-@pytest.mark.ci
 def test_a_round_leaves_nothing_out(drive):
     library = compile_system(drive.system, "f32")
     memory = [words(library.dtype(f"{library.prefix}_{k}_t")) for k in ("state", "coeffs")]
@@ -139,16 +129,6 @@ def test_what_has_a_bound_is_found_within_it(rig, drive, fault, bound, reason):
         assert felt.found_ticks is not None
         assert felt.found_ticks <= bound
         assert felt.reason == reason
-
-
-def test_what_nothing_promises_has_no_bound(drive):
-    for fault in (
-        BoardFault("count_load", "freeze"),
-        BoardFault("clock", "control starved", 10),
-        BoardFault("frame_error_load", "jump", -0.3),
-        BoardFault("state", "bit flip", 1, "x", 4),
-    ):
-        assert bound_ticks(drive, fault) is None
 
 
 def test_a_run_is_the_same_after_any_other(rig):
@@ -258,15 +238,6 @@ def test_a_store_that_mixes_two_sets_is_seen(driven, monkeypatch):
     monkeypatch.setattr(driven.board, "parameter", lambda name: 15.0)
     with pytest.raises(UserError, match="mixes sets"):
         driven.run(SCENE, BoardFault("store", "power cut", 0.5), AT, 3)
-
-
-def test_a_round_has_every_driver_fault(drive):
-    found = all_faults(drive, [], [], seed=0, most=400, more=driver_faults())
-    assert set(driver_faults()) <= set(found)
-    kinds = {(f.place, f.kind) for f in driver_faults()}
-    assert {("encoder load", "swapped bytes"), ("current", "saturated low")} <= kinds
-    assert ("encoder motor", "magnet strong") in kinds
-    assert ("store", "power cut") in kinds
 
 
 def taped(drive, fault):

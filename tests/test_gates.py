@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 
 import pytest
 
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
-from esea_gen.verify.gates import TARGETS, check_objects, compiler_warnings
+from esea_gen.targets import EXACT_FLAGS
+from esea_gen.verify.gates import TARGETS, check_objects
 
 from .conftest import require_tool
 
@@ -102,16 +104,28 @@ def test_libm_and_double_are_seen_on_every_target(elbow, texts, target):
     assert any(wanted in p for p in report.problems), report.problems
 
 
-@pytest.mark.parametrize("real", ["f32", "f64"])
-def test_gcc_has_nothing_to_say(elbow, real):
-    require_tool("gcc")
-    assert compiler_warnings(elbow, real) == ""
+# The last two see a slip to double where -Wconversion does not look.
+STRICT = (*["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"], *EXACT_FLAGS)
+STRICT_F32 = ("-Wdouble-promotion", "-Wfloat-conversion")
+
+
+def warnings_of(files, real, compiler, folder) -> str:
+    """What a strict compiler says of the C, less the example program, which prints doubles."""
+    flags = [*STRICT, *(STRICT_F32 if real == "f32" else ())]
+    flags += ["-Wunsuffixed-float-constants"] if (compiler, real) == ("gcc", "f32") else []
+    for name, text in files.items():
+        if "/" not in name:
+            (folder / name).write_text(text)
+    sources = [n for n in files if n.endswith(".c") and "/" not in n and n != "main.c"]
+    command = [require_tool(compiler), *flags, "-c", *sources]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return done.stderr
 
 
 @pytest.mark.parametrize("real", ["f32", "f64"])
-def test_clang_has_nothing_to_say(elbow, real):
-    require_tool("clang")
-    assert compiler_warnings(elbow, real, "clang") == ""
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_a_strict_compiler_has_nothing_to_say(texts, real, compiler, tmp_path):
+    assert warnings_of(texts[real], real, compiler, tmp_path) == ""
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
@@ -124,9 +138,8 @@ def test_clang_has_nothing_to_say(elbow, real):
         (STEP, STEP + " out->status = in->theta_rad;"),
     ],
 )
-def test_the_warnings_are_armed(elbow, texts, compiler, old, new):
-    require_tool(compiler)
-    said = compiler_warnings(elbow, "f32", compiler, broken(texts["f32"], old, new))
+def test_the_warnings_are_armed(texts, compiler, old, new, tmp_path):
+    said = warnings_of(broken(texts["f32"], old, new), "f32", compiler, tmp_path)
     assert "esea_elbow_sensor.c" in said
 
 

@@ -27,7 +27,6 @@ from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import (
     FilterName,
     filter_taps,
-    play_parameters,
     published_inverse,
 )
 from esea_gen.reproduce.chapter4 import sensed_torque
@@ -64,38 +63,6 @@ def test_the_device_file_chooses(elbow):
         state = next(p for p in device.inverse.state if p.name == "difference_Nm")
         assert state.size == len(filter_taps(name))
     assert with_inverse(elbow, 'kind = "exact"', 'filter = "none"').inverse.name == "inverse"
-
-
-def test_parameters_come_from_the_file_and_else_from_table_4_2(elbow):
-    # The first play operator's share of the set-point after a small request: p_j gamma / sum.
-    assert [(c.value, c.status) for c in play_parameters(elbow)] == [
-        (0.106, "published"),
-        (4.84, "published"),
-        (0.00233, "published"),
-    ]
-    device = with_inverse(elbow, 'kind = "published"', f"kappa_rad = {{ value = 0.2, {SOURCE} }}")
-    found = {c.name: c for c in device.inverse.constants}
-    assert (found["kappa_rad"].value, found["kappa_rad"].status) == (0.2, "identified")
-    assert found["phi_1_rad"].value == 4.84
-    # The set-point is linear in kappa.
-    request = 3 * np.sin(np.arange(400) * 0.02)
-    one, two = (d.inverse.simulator().run({"tau_Nm": request})[0]["theta_rad"]
-                for d in (with_inverse(elbow, 'kind = "published"'), device))  # fmt: skip
-    free = np.abs(two) < 0.34
-    assert two[free] == pytest.approx(one[free] * 0.2 / 0.106, rel=1e-12)
-    # Arguments go before the file.
-    argued = {c.name: c for c in published_inverse(device, kappa=0.3).constants}
-    assert (argued["kappa_rad"].value, argued["kappa_rad"].status) == (0.3, "assumed")
-
-
-def test_tunables_compute_what_constants_do(elbow):
-    request = 4 * np.sin(np.arange(300) * 0.03)
-    for name in (None, "a"):
-        fixed = published_inverse(elbow, name, kappa=0.12, phi=3.0, chi=0.004).simulator()
-        values = {"kappa_rad": 0.12, "phi_1_rad": 3.0, "chi_rad": 0.004}
-        tuned = published_inverse(elbow, name, tunable=True).simulator(values)
-        a, b = (s.run({"tau_Nm": request})[0]["theta_rad"] for s in (fixed, tuned))
-        assert a == pytest.approx(b, abs=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -137,12 +104,6 @@ def test_what_cannot_be_is_refused(elbow, lines, old, new, said):
     assert said in str(caught.value)
     assert "mine.toml" in str(caught.value)
     assert caught.value.fix
-
-
-def test_published_inverse_needs_a_linear_stiffness(elbow):
-    soft = parse_device(elbow.toml().replace("value = 9.39", "value = 0.0"), "soft.toml")
-    with pytest.raises(UserError, match="no slope at zero torque"):
-        published_inverse(soft)
 
 
 # -- refit ----------------------------------------------------------------------------------------

@@ -11,13 +11,10 @@ from esea_gen.control.limits.block import command_stamp, limits
 from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import HostLibrary, compile_system
+from esea_gen.hostlib.library import compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import SPECIAL, single
 from esea_gen.language.system import System, Task
-from esea_gen.verify.compare import compare
-from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
-from esea_gen.verify.streams import at_the_limits, streams
 
 from .conftest import require_tool
 from .limits_model import (
@@ -68,27 +65,6 @@ def brisk_runners(brisk) -> dict[str, CRunner]:
 def test_any_stream_against_a_plain_state_machine(brisk_runners, real, events):
     x = stream_of(events)
     against_plain_limits(brisk_runners[real], x, BRISK, TIES[real], ERRORS[real])
-
-
-@settings(max_examples=100)
-@given(st.lists(EVENT, max_size=9))
-def test_formats_decide_alike(brisk_runners, events):
-    x = stream_of(events)
-    y = {}
-    for real, runner in brisk_runners.items():
-        runner.reset()
-        y[real], _ = runner.run(x)
-    # Two decisions are taken on computed numbers: the window's energy, the difference of angles.
-    apart = np.abs(x["theta_motor_rad"] - x["theta_load_rad"])
-    with np.errstate(invalid="ignore"):
-        tie = (np.abs(y["f64"]["energy_J"] - BRISK.energy) < 3e-5) | (
-            np.abs(apart - BRISK.theta) < 1e-7
-        )
-    end = int(np.argmax(tie)) if tie.any() else STEPS
-    assert np.array_equal(y["f64"]["fault"][:end], y["f32"]["fault"][:end])
-    exact = sum(BIT[k] for k in FLAGS[:12] + FLAGS[16:])
-    assert np.array_equal(y["f64"]["status"][:end] & exact, y["f32"]["status"][:end] & exact)
-    assert y["f32"]["u_Nm"][:end] == pytest.approx(y["f64"]["u_Nm"][:end], abs=1e-6)
 
 
 @settings(max_examples=60)
@@ -452,9 +428,7 @@ def test_every_flag_and_every_fault_is_reached(drive, brisk_runners):
     for disturbed, coefficient in ((state, None), (saved, np.nan)):
         runner.state = disturbed
         if coefficient is not None:
-            memory = np.frombuffer(
-                runner.library.ffi.buffer(runner._coeffs[0]), runner._state_type["key"]
-            )
+            memory = np.frombuffer(runner.coefficient_memory, saved.dtype["key"])
             memory[0] = coefficient
         y, _ = runner.run({k: v[AT:] for k, v in calm().items()})
         reached |= int(np.bitwise_or.reduce(y["status"]))
@@ -467,22 +441,6 @@ def test_every_flag_and_every_fault_is_reached(drive, brisk_runners):
 
 
 # -- the C is the symbols --------------------------------------------------------------------------
-
-
-def test_c_is_the_symbolic_block(drive):
-    require_tool("gcc")
-    for block in (limits(drive), command_stamp(drive)):
-        system = alone(drive, block)
-        double, one = (compile_system(system, real) for real in REALS)
-        oracle = CasadiOracle(system)
-        tried = [*streams(block, steps=600), at_the_limits(block, steps=600)]
-        for stream in tried:
-            result = compare(drive, block, double, stream, {}, oracle)
-            assert result.passed, (stream.name, result.problems)
-            assert result.bit_identical
-            y, s = run_c(one.block(block.name), stream)
-            assert all(np.all(np.isfinite(a)) for a in (*y.values(), *s.values()))
-            assert run_symbolic(block, stream)[0]["status"].shape == y["status"].shape
 
 
 # -- the stamp, and both through the latches -------------------------------------------------------
@@ -560,11 +518,3 @@ def test_devices_that_cannot_be_limited_are_refused(drive, elbow):
     ):
         with pytest.raises(UserError, match=message):
             limits(changed(drive, **safety))
-
-
-def test_library_of_both(drive):
-    require_tool("gcc")
-    library: HostLibrary = compile_system(two_tasks(drive), "f32")
-    runner = library.task("sense")
-    found, _ = runner.run({f.name: np.zeros(3) for f in runner.inputs})
-    assert set(found) == {"u_Nm", "fault", "status"}

@@ -10,7 +10,7 @@ import pytest
 
 from esea_gen.control.limits.block import limits
 from esea_gen.control.limits.faults import Fault
-from esea_gen.control.limits.latch import RELEASED_KEY
+from esea_gen.hostlib.codec import block_field
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
@@ -53,7 +53,7 @@ def quiet(steps: int) -> dict[str, np.ndarray]:
 
 def flips(runner: CRunner, prepared: np.ndarray):
     """The prepared state with each single bit of each state field flipped."""
-    for name in (f.c_name for f in runner.state_fields):
+    for name in (f.name for f in runner.state_fields):
         raw = prepared[name].tobytes()
         for bit in range(8 * len(raw)):
             data = bytearray(raw)
@@ -179,7 +179,7 @@ def test_a_flipped_sign_gives_no_energy_credit(runners, real):
     x["tau_Nm"][200:] = 7.5
     x["omega_load_rad_s"][200:] = 7.0
     ran(runner, {k: v[:400] for k, v in x.items()})
-    (slots,) = (f.c_name for f in runner.state_fields if f.name == "slots_J")
+    (slots,) = (f.name for f in runner.state_fields if f.name == "slots_J")
     state = runner.state
     state[slots] = -state[slots]
     runner.state = state
@@ -187,29 +187,7 @@ def test_a_flipped_sign_gives_no_energy_credit(runners, real):
     assert np.flatnonzero(y["fault"] == Fault.ENERGY)[0] == 85  # the 286th period at 52.5 mJ
 
 
-def test_the_key_is_far_from_latched():
-    for kind, bits in ((np.float32, np.uint32), (np.float64, np.uint64)):
-        assert bin(int(np.array(RELEASED_KEY, kind).view(bits))).count("1") == 16
-    assert bin(int(RELEASED_KEY * 2**8)).count("1") == 13  # q31 holds it in Q23.8
-
-
 # -- tunables --------------------------------------------------------------------------------------
-
-
-def test_tunables_only_narrow(drive):
-    block = limits(drive)
-    assert {t.name for t in block.tunables} == {
-        "u_max_Nm", "u_rate_Nm_s", "tau_max_Nm", "theta_max_rad", "rom_min_rad", "rom_max_rad",
-        "omega_max_rad_s", "energy_max_J",
-    }  # fmt: skip
-    safety = drive.file.safety
-    for t in block.tunables:
-        most = getattr(safety, "energy_J" if t.name == "energy_max_J" else t.name).value
-        assert t.default == pytest.approx(most, rel=1e-6)
-        assert t.default == (t.low if t.name == "rom_min_rad" else t.high)
-        assert (t.low >= most) if t.name == "rom_min_rad" else (t.high <= most)
-    with pytest.raises(ValueError, match="outside"):
-        block.simulator({"u_max_Nm": 0.222})
 
 
 @pytest.mark.parametrize("real", EVERY)
@@ -269,20 +247,21 @@ def test_corrupt_or_reversed_tunables_latch(runners, real):
 
 def flipped(memory: Any) -> Iterator[int]:
     """Flips each single bit in turn, and puts it back."""
-    for bit in range(8 * len(memory)):
-        memory[bit // 8] = bytes([memory[bit // 8][0] ^ 1 << bit % 8])
+    view = np.frombuffer(memory, np.uint8)
+    for bit in range(8 * len(view)):
+        view[bit // 8] ^= 1 << bit % 8
         yield bit
-        memory[bit // 8] = bytes([memory[bit // 8][0] ^ 1 << bit % 8])
+        view[bit // 8] ^= 1 << bit % 8
 
 
 class Memory:
     """The coefficients of a compiled Block, as they stand in memory."""
 
     def __init__(self, runner: CRunner) -> None:
-        library, (held,) = runner.library, runner._coeffs
-        self.bytes = library.ffi.buffer(held)
+        library = runner.library
+        self.bytes = runner.coefficient_memory
         self.fields = {
-            p.name: library.codec.field(runner.owner, "coeffs", p)
+            p.name: block_field(library.naming, runner.owner, "coeffs", p)
             for p in runner.owner.coefficients
         }
         kind = {"f64": "f8", "f32": "f4", "q31": "i4"}[library.real]
@@ -387,12 +366,9 @@ def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real
     require_tool("gcc")
     library = compile_device(drive, real, (*UNDEFINED, "-fsanitize-recover=all"))
     given, board = record_drive(drive, 1000).inputs, library.board()
-    (coefficients,) = board._coeffs
-    memory = library.ffi.buffer(board._state)
-    parts = {
-        name: library.ffi.buffer(library.ffi.addressof(coefficients, name))
-        for name in dir(coefficients)
-    }
+    memory, coefficients = board.memory["state"], memoryview(board.memory["coeffs"])
+    fields = library.dtype(f"{library.prefix}_coeffs_t").fields
+    parts = {n: coefficients[at : at + kind.itemsize] for n, (kind, at) in fields.items()}
 
     def run(first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
         rows = []

@@ -14,7 +14,6 @@ from esea_gen.control.limits.block import limits
 from esea_gen.device import load_device
 
 from .limits_model import (
-    BIT,
     ERRORS,
     EVENT,
     REALS,
@@ -25,8 +24,6 @@ from .limits_model import (
     calm,
     changed,
     compiled,
-    ran,
-    single,
     stream_of,
 )
 
@@ -76,41 +73,6 @@ def narrowed(runner, values):
 def test_any_narrowing_against_a_plain_state_machine(runners, real, values, events):
     numbers = narrowed(runners[real], values)
     against_plain_limits(runners[real], stream_of(events), numbers, TIES[real], ERRORS[real])
-
-
-@pytest.mark.parametrize("real", REALS)
-@pytest.mark.parametrize("most", [1.0, 4.0, 8.0])
-@pytest.mark.parametrize(("sign", "u"), [(1, SHIPPED.u), (-1, SHIPPED.u), (1, 0.125)])
-def test_a_push_fades_towards_the_narrowed_speed(runners, real, most, sign, u):
-    # min(U, max(0, U (0.9 W - omega) / (0.1 W))) for U and W that hold, not 0.221 Nm and 10 rad/s.
-    assert runners[real].prepare({"omega_max_rad_s": most, "u_max_Nm": u}) == 0
-    for share, left in ((0.75, 1.0), (0.825, 0.75), (0.875, 0.25), (0.9, 0.0), (0.99, 0.0)):
-        x = calm()
-        x["tau_Nm"][:] = 0
-        x["omega_load_rad_s"][:] = single(sign * share * most)
-        x["u_command_Nm"][6:] = single(sign * 0.221)
-        y = ran(runners[real], x)
-        assert y["fault"][-1] == 0
-        assert abs(y["u_Nm"][-1]) == pytest.approx(left * u, abs=3e-6)
-        assert bool(y["status"][-1] & BIT["SPEED_LIMITED"]) == (left < 1)
-
-
-@pytest.mark.parametrize("real", REALS)
-@pytest.mark.parametrize(
-    ("low", "high", "u"), [(0.25, 2.0, SHIPPED.u), (0.75, 1.25, SHIPPED.u), (0.25, 2.0, 0.125)]
-)
-def test_a_push_fades_towards_the_narrowed_ends(runners, real, low, high, u):
-    narrow = {"rom_min_rad": low, "rom_max_rad": high, "u_max_Nm": u}
-    assert runners[real].prepare(narrow) == 0
-    for end, sign in ((low, -1), (high, 1)):
-        for inside, left in ((0.2, 1.0), (0.15, 0.75), (0.05, 0.25), (0.0, 0.0), (-0.1, 0.0)):
-            x = calm()
-            x["theta_load_rad"][:] = single(end - sign * inside)
-            x["theta_motor_rad"][:] = x["theta_load_rad"]
-            x["u_command_Nm"][6:] = single(sign * 0.221)
-            y = ran(runners[real], x)
-            assert y["fault"][-1] == 0
-            assert abs(y["u_Nm"][-1]) == pytest.approx(left * u, abs=3e-6)
 
 
 @pytest.mark.parametrize("window_s", [0.05, 0.055, 0.0501, 0.033, 0.0105])

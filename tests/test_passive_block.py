@@ -15,7 +15,7 @@ from esea_gen.control.limits.block import limits
 from esea_gen.control.passivity import passivity
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.verify.tools import tool
+from esea_gen.hostlib.compiler import find_compiler
 
 from .conftest import require_tool
 
@@ -311,7 +311,7 @@ def proof(least_ticks: float) -> str:
         "(check-sat)",
     ]
     done = subprocess.run(
-        [tool("z3", "z3"), "-in"],
+        [find_compiler("z3", "z3"), "-in"],
         input="\n".join(lines),
         capture_output=True,
         text=True,

@@ -13,17 +13,16 @@ from scipy.optimize import lsq_linear
 
 from esea_gen.control.predictive.box_qp import packed
 from esea_gen.control.predictive.drive import predictive_controller
-from esea_gen.control.predictive.horizon import Horizon, Model, Stops, Tape
+from esea_gen.control.predictive.horizon import Horizon, Model, Tape
 from esea_gen.control.predictive.program import FLAGS, predictive_program
 from esea_gen.control.predictive.rubber_ahead import SMOOTH_RAD, SMOOTH_RAD_S
 from esea_gen.device import load_device, parse_device
-from esea_gen.emit.program_render import render_program
-from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.ports import Port, Tunable
 
 from .conftest import require_tool
+from .rendered_program import render_program
 
 BIT = {f.name: 1 << i for i, f in enumerate(FLAGS)}
 
@@ -297,7 +296,7 @@ def runners(program):
     return {real: compiled(program, real) for real in ("f64", "f32")}
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_sensitivities_and_command_against_a_second_derivation(drive, seed):
     smooth = check_linearisation(drive, Horizon(), seed)
     assert np.mean(smooth) > 0.9
@@ -446,7 +445,7 @@ def test_single_precision_changes_the_command_by_little(drive, program, runners)
     apart = []
     for real in runners:
         runners[real].reset()
-    for _ in range(300):
+    for _ in range(150):
         given = situation(rng, drive, program)
         a, b = (runners[real].step(**given) for real in ("f64", "f32"))
         assert a["status"] == b["status"] == 0
@@ -512,22 +511,6 @@ def test_off_means_no_command_and_no_plan(drive, program, runners):
         out = runner.step(**given | {"mode": 0.0})
         assert (out["u_Nm"], out["status"]) == (0.0, 0)
         assert not np.any(runner.state["plan"])
-
-
-def test_bad_horizons_are_refused(drive):
-    for wrong in (
-        {"intervals": 1},
-        {"intervals": 101},
-        {"substeps": 0},
-        {"interval_s": 0.0},
-        {"delay_s": 0.21},
-    ):
-        with pytest.raises(UserError, match=next(iter(wrong))):
-            Horizon(**wrong)
-    with pytest.raises(UserError, match="rise"):
-        Stops((0.1, 0.05), (1.0, 1.0))
-    with pytest.raises(UserError, match="no drive"):
-        predictive_controller(load_device("elbow"))
 
 
 def test_a_substep_that_breaks_the_rules_is_refused():

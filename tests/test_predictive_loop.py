@@ -10,7 +10,6 @@ from esea_gen.control.predictive.box_qp import packed
 from esea_gen.control.predictive.box_qp_program import box_qp
 from esea_gen.control.predictive.drive import drive_model, predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
-from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
@@ -23,9 +22,9 @@ from tests.benchmarks.predictive import (
     AIM_TYPICAL,
     CORES,
     FLAGS,
-    _build,
-    _entry,
+    build_program,
     cost_on,
+    entry_files,
     seen_on_m4f,
     stress_rows,
 )
@@ -33,6 +32,7 @@ from tests.benchmarks.predictive_loop import recorded_rows
 from tests.benchmarks.predictive_peer import flat_residuals
 
 from .conftest import require_tool
+from .rendered_program import render_program
 
 pytestmark = pytest.mark.ci
 
@@ -100,7 +100,7 @@ def test_the_bound_of_a_box_qp_on_every_core(core):
 def test_what_cannot_be_bounded_is_an_error(tmp_path):
     require_tool("arm-none-eabi-gcc")
     renderer = render_program(box_qp(3), "f32")
-    elf = _build(renderer, tmp_path, "Cortex-M4F", _entry(renderer))
+    elf = build_program(renderer, tmp_path, "Cortex-M4F", entry_files(renderer))
     functions = disassemble(elf)
     name = "esea_program_box_qp_step"
     assert blocks_of(name, functions)

@@ -20,12 +20,8 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.stream import SPECIAL
 from esea_gen.language.system import System, Task
-from esea_gen.model.inverse import exact_inverse
-from esea_gen.observe.disturbance import drive_observer
-from esea_gen.observe.rates import motor_rate
 
 from .conftest import require_tool
-from .test_elastomer import P as RUBBER
 
 H, TS = 1e-3, 5e-3
 N, J, FV, FC, WIDTH, TAU_C, JH, U_MAX = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.22, 0.221
@@ -58,11 +54,8 @@ def beside(*blocks) -> System:
 def libraries(drive):
     require_tool("gcc")
     fast = beside(reference(drive), setpoint_rates(drive))
-    return {
-        (kind, real): compile_system(system, real)
-        for real in ("f64", "f32")
-        for kind, system in (("fast", fast), ("slow", beside(sliding_mode(drive))))
-    }
+    slow = beside(sliding_mode(drive))
+    return {k: compile_system(s, "f32") for k, s in (("fast", fast), ("slow", slow))}
 
 
 def bits(block) -> SimpleNamespace:
@@ -115,7 +108,7 @@ def test_equivalent_control_and_gain_as_typed(drive, printed, which):
     lam, lead = GAINS[which]
     simulator = block.simulator({} if which == "printed" else {"softening": which == "softened"})
     left = clipped = 0
-    for _ in range(400):
+    for _ in range(150):
         u = random_inputs(rng, block)
         integral = rng.uniform(-4, 4)
         simulator.state = {"active": 1.0, "integral_rad_s": integral, "offset_Nm": 0.0}
@@ -138,8 +131,8 @@ def test_equivalent_control_and_gain_as_typed(drive, printed, which):
         assert bool(y["status"] & bits(block).SATURATED) == saturated
         assert bool(y["status"] & bits(block).LAYER_LEFT) == beyond
         left, clipped = left + beyond, clipped + saturated
-    assert 50 < left < 390
-    assert clipped > 5
+    assert 20 < left < 146
+    assert clipped > 2
 
 
 def test_printed_law_knows_no_acceleration_lag_or_person(printed):
@@ -230,7 +223,7 @@ def test_sliding_condition_holds_for_every_plant_inside_the_bounds(drive):
     # The condition is of the measured rate's friction.
     simulator = block.simulator({"friction_ahead": 0.0, "softening": 0.0})
     worst, broken = -np.inf, 0
-    for _ in range(3000):
+    for _ in range(1500):
         s, slope = slope_of_surface(rng, block, simulator, 1.0)
         if abs(s) > 1.5:
             worst = max(worst, slope * np.sign(s))
@@ -238,7 +231,7 @@ def test_sliding_condition_holds_for_every_plant_inside_the_bounds(drive):
         broken += bool(abs(s) > 1.5 and slope * s > 0)
     # J_true s' sign(s) <= -J_max eta, so that s s' <= -eta |s|.
     assert worst <= -0.001 * (J + 0.05) + 1e-12
-    assert broken > 30  # beyond the bounds it does not hold: the check can fail
+    assert broken > 15  # beyond the bounds it does not hold: the check can fail
 
 
 def test_off_asks_for_nothing_and_entry_is_bumpless(drive):
@@ -362,144 +355,14 @@ def test_a_released_set_point_never_comes_back(drive):
         assert simulator.step(**u) == fresh.step(**u)
 
 
-# -- closed loop ----------------------------------------------------------------------------------
-
-
-def loop_system(device: Device) -> System:
-    """Fixed output, true torque for the sensor: rates, set torque, inverse, control."""
-    rate = motor_rate(device)
-    blocks = {
-        "motor_rate": rate,
-        "reference": reference(device),
-        "inverse": exact_inverse(device),
-        "setpoint": setpoint_rates(device),
-        "set_rate": rate,
-        "drive": drive_observer(device),
-        "sliding": sliding_mode(device),
-    }
-    wires = {
-        "inverse.tau_Nm": "reference.tau_set_Nm",
-        "setpoint.theta_set_rad": "inverse.theta_rad",
-        "set_rate.theta_rad": "inverse.theta_rad",
-        "drive.omega_motor_rad_s": "motor_rate.omega_rad_s",
-        "drive.u_Nm": "sliding.u_command_Nm",
-        "sliding.delta_set_rad": "setpoint.delta_set_rad",
-        "sliding.delta_rate_rad_s": "set_rate.omega_rad_s",
-        "sliding.delta_acc_rad_s2": "setpoint.delta_acc_rad_s2",
-        "sliding.omega_motor_rad_s": "motor_rate.omega_rad_s",
-        "sliding.d4_rad_s2": "drive.d4_rad_s2",
-        "sliding.u_a_Nm": "drive.u_a_Nm",
-        "sliding.mode": "reference.mode",
-    }
-    inputs = {
-        "theta_motor_rad": ("motor_rate.theta_rad",),
-        "tau_Nm": ("reference.tau_Nm", "drive.tau_Nm"),
-        "tau_desired_Nm": ("reference.tau_desired_Nm",),
-        "wish_gain": ("reference.wish_gain",),
-        "wish_shift_Nm": ("reference.wish_shift_Nm",),
-        "mode": ("reference.mode",),
-        "theta_load_rad": ("reference.theta_load_rad",),
-        "omega_load_rad_s": ("reference.omega_load_rad_s",),
-        "theta_desired_rad": ("reference.theta_desired_rad",),
-        "omega_desired_rad_s": ("reference.omega_desired_rad_s",),
-        "theta_rad": ("sliding.theta_rad",),
-        "u_applied_Nm": ("sliding.u_applied_Nm",),
-        "rate_of_load_rad_s": ("sliding.omega_load_rad_s",),
-        "tau_e_Nm": ("sliding.tau_Nm",),
-        "tau_h_Nm": ("sliding.tau_h_Nm",),
-    }
-    sense = tuple(n for n in blocks if n != "sliding")
-    tasks = (Task("sense", sense), Task("control", ("sliding",), every=5, release=1))
-    return System("loop", H, blocks, tasks, wires, inputs, {"u_Nm": "sliding.u_command_Nm"})
-
-
-class Rubber:
-    """The elastomer of spec 3 in plain floats, at the plant's step."""
-
-    def __init__(self) -> None:
-        self.r = RUBBER["omega"] * np.arange(1, 11)
-        self.weight = RUBBER["alpha"] * np.exp(-RUBBER["beta"] * self.r)
-        self.play, self.tau_r = np.zeros(10), 0.0
-
-    def torque(self, theta: float, omega: float, h: float) -> float:
-        p = RUBBER
-        self.play = np.clip(self.play, theta - self.r, theta + self.r)
-        gain = p["A"] * abs(theta) ** p["m"] + p["eps1"]
-        x = h * p["kv"] * (p["B"] * abs(omega) ** p["n"] + p["eps2"]) / gain
-        self.tau_r = self.tau_r * math.exp(-x) + p["kv"] * omega * h * -math.expm1(-x) / x
-        hysteresis = float(self.weight @ (theta - self.play))
-        return p["k3"] * theta**3 + p["k1"] * theta + self.tau_r + hysteresis
-
-
-def closed_loop(device: Device, seconds: float, counts: int) -> tuple[np.ndarray, np.ndarray]:
-    """1.7 Nm at 0.6 Hz, output fixed, nominal plant at 0.1 ms: true torque error and command."""
-    system = loop_system(device)
-    controller = system.simulator()
-    rubber, lsb = Rubber(), 2 * math.pi / counts
-    theta = omega = u_a = tau = u = sent = 0.0
-    last = (0.0, 0.0)
-    error, command = [], []
-    for k in range(int(seconds / H)):
-        wanted = 1.7 * math.sin(2 * math.pi * 0.6 * k * H)
-        seen = math.floor(theta / lsb) * lsb
-        zero = dict.fromkeys(("theta_load_rad", "omega_load_rad_s"), 0.0)
-        zero |= dict.fromkeys(("theta_desired_rad", "omega_desired_rad_s"), 0.0)
-        zero |= {"wish_gain": 1.0, "wish_shift_Nm": 0.0}  # the rubber is its model
-        controller.release(k)
-        if k % 5 == 1:
-            u = sent
-        controller.step(
-            "sense", theta_motor_rad=seen, tau_Nm=tau, tau_desired_Nm=wanted, mode=1.0, **zero
-        )
-        if k % 5 == 0:
-            sent = controller.step(
-                "control",
-                theta_rad=last[0],
-                tau_e_Nm=last[1],
-                tau_h_Nm=-last[1],  # a fixed output holds against the coupling
-                u_applied_Nm=u,
-                rate_of_load_rad_s=0.0,
-            )["u_Nm"]
-        last = (seen, tau)
-        error.append(tau - wanted)
-        command.append(u)
-        for _ in range(10):
-            u_a += (u - u_a) * 1e-4 / TAU_C
-            friction = FV * omega + FC * math.tanh(omega / 0.02)
-            omega += 1e-4 * (N * u_a - friction - tau) / J
-            theta += 1e-4 * omega
-            tau = rubber.torque(theta, omega, 1e-4)
-    return np.array(error), np.array(command)
-
-
-def test_tuning_case_in_closed_loop(drive):
-    error, command = closed_loop(drive, 5.0, 4096)
-    settled = error[1667:]
-    assert np.sqrt(np.mean(settled**2)) < 0.1  # 0.07 measured; 0.2 is the limit asked for
-    assert np.max(np.abs(settled)) < 0.3
-    # No limit cycle: above 5 Hz there is less than the 12-bit counts alone make of it.
-    spectrum = np.abs(np.fft.rfft(settled * np.hanning(len(settled)))) / len(settled)
-    f = np.fft.rfftfreq(len(settled), H)
-    assert np.sqrt(np.sum(spectrum[f > 5] ** 2)) < 0.03
-    assert np.max(np.abs(command[1667:])) < 0.9 * U_MAX
-
-
-def test_as_printed_is_worse_in_the_same_loop(drive, printed):
-    ours, _ = closed_loop(drive, 3.4, 2**17)
-    theirs, _ = closed_loop(printed, 3.4, 2**17)
-    rms = [np.sqrt(np.mean(e[1667:] ** 2)) for e in (ours, theirs)]
-    assert rms[0] < 0.4 * rms[1]
-    assert 0.1 < rms[1] < 0.6
-
-
 # -- C --------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(data=st.data())
 @pytest.mark.parametrize("name", ["reference", "setpoint_rates", "sliding_mode"])
 def test_any_input_and_state_gives_numbers_in_range(libraries, name, data):
-    library = libraries["slow" if name == "sliding_mode" else "fast", "f32"]
+    library = libraries["slow" if name == "sliding_mode" else "fast"]
     block, runner = library.system.blocks[name], library.block(name)
     value = st.one_of(st.sampled_from(SPECIAL), st.floats(-30, 30, width=32))
     inputs = {p.name: data.draw(st.lists(value, min_size=5, max_size=5)) for p in block.inputs}

@@ -8,14 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.emit.error_bounds import Bound
+from esea_gen.emit.step_errors import Bound
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port
 from esea_gen.language.stream import Stream
 from esea_gen.verify.bounds import (
     forward_residual,
     full_scales,
-    operating_ranges,
     residual_flag,
 )
 from esea_gen.verify.runs import run_symbolic
@@ -70,16 +69,6 @@ def test_what_counts_as_all_of_it():
     # Of a torque at the motor the motor's largest, where that is less.
     assert full_scales(device(0.5), inverse()) == expected | {"u_motor_Nm": 0.5}
     assert full_scales(device(5.0), inverse()) == expected
-
-
-def test_the_domain_as_ranges_of_a_block():
-    both = (Port("theta_rad", -1, 1, "angle"), Port("omega_rad_s", -9, 9, "rate"))
-    states = {"s_theta_prev_rad": (-0.25, 0.25), "s_tau_r_Nm": (-4.0, 4.0)}
-    assert operating_ranges(device(), inverse()) == states
-    assert operating_ranges(device(), inverse(both)) == states | {
-        "u_theta_rad": (-0.25, 0.25),
-        "u_omega_rad_s": (-2.5, 2.5),
-    }
 
 
 def test_a_block_is_judged_by_its_residual_where_it_is_an_inverse():

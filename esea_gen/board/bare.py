@@ -1,15 +1,11 @@
-"""A task on emulated boards without an operating system: bits, instructions, flash, RAM, stack.
-
-Every output word of every step is held against the host's library.  QEMU counts instructions, which
-are not cycles.
-"""
+"""A task on emulated boards without an operating system: bits, instructions, flash, RAM, stack."""
 
 from __future__ import annotations
 
 import re
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +19,7 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.render import Renderer
-from esea_gen.hostlib.compiler import compile_sources, find_compiler
+from esea_gen.hostlib.compiler import compile_sources, find_compiler, run_tool
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.targets import (
     ARM_GCC,
@@ -44,14 +40,7 @@ BARE_BOARDS = {b.processor.name.removeprefix("cortex-"): b for b in boards_for("
 
 @dataclass(frozen=True)
 class BareResult:
-    """What a board did.
-
-    identical: whether every output word equals the host's.
-    instructions: ``min``, ``mean``, ``max`` a step.
-    flash_bytes: code and constants of the emitted files and of the compiler's helpers that they
-        call.
-    stack_bytes: deepest stack of a step, the call included.
-    """
+    """What a board did."""
 
     board: str
     core: str
@@ -66,41 +55,35 @@ class BareResult:
     stack_bytes: int
 
 
-def _plugin() -> Path:
+def counting_plugin() -> Path:
+    """The emulator's plugin that counts instructions from one entry of a step to the next."""
     source = firmware_folder() / "tools" / "count_instructions.c"
     return compile_sources({source.name: source.read_text(encoding="utf-8")})
 
 
 def _symbols(image: Path) -> dict[str, tuple[int, int]]:
     nm = find_compiler(*ARM_GCC.tool("nm"))
-    text = _said([nm, "-S", str(image)])
+    text = call_tool([nm, "-S", str(image)])
     found = {}
     for row in re.findall(r"^([0-9a-f]+) (?:([0-9a-f]+) )?\w (\S+)$", text, re.MULTILINE):
         found[row[2]] = (int(row[0], 16), int(row[1] or "0", 16))
     return found
 
 
-def _said(command: list[str]) -> str:
-    done = subprocess.run(
+def call_tool(command: Sequence[str | Path]) -> str:
+    """All that a tool of the toolchain says."""
+    done = run_tool(
         command,
-        capture_output=True,
-        text=True,
-        check=False,
+        failed=f"{Path(command[0]).name} failed",
         timeout=TIMEOUT_S,
         stdin=subprocess.DEVNULL,
     )
-    if done.returncode != 0:
-        raise RuntimeError(f"{Path(command[0]).name} failed:\n{done.stderr[-3000:]}")
     return done.stdout + done.stderr
 
 
 @dataclass(frozen=True)
 class Emulation:
-    """What a program said on an emulated board.
-
-    instructions: ``min``, ``mean``, ``max`` from one entry of ``counted_step`` to the next.
-    flash_bytes: code and constants, the harness left out.
-    """
+    """What a program said on an emulated board."""
 
     rows: list[list[str]]
     instructions: dict[str, float]
@@ -118,11 +101,11 @@ def emulate(files: Mapping[str, str], board: Board) -> Emulation:
         image = folder / "bare.elf"
         flags = [*board.compile_flags, *EXACT_FLAGS, *SECTION_FLAGS]
         link = [*BARE_LINK, "--specs=nosys.specs", f"-T{folder}/bare.ld"]
-        _said([gcc, *flags, f"-I{folder}", *sources, *link, "-o", str(image)])
+        call_tool([gcc, *flags, f"-I{folder}", *sources, *link, "-o", str(image)])
         symbols = _symbols(image)
         start, end = symbols["counted_step"][0], symbols["harness"][0]
-        count = f"{_plugin()},entry={start:#x},low=0x0,high={end:#x}"
-        said = _said(
+        count = f"{counting_plugin()},entry={start:#x},low=0x0,high={end:#x}"
+        said = call_tool(
             [
                 *qemu_command(board, semihosting=True),
                 *("-d", "plugin", "-plugin", count),
@@ -200,10 +183,7 @@ def _judged(
 def run_bare(
     device: Device, real: str, board: str, inputs: Mapping[str, Array], task: str | None = None
 ) -> BareResult:
-    """Run a task of a device on an emulated board.
-
-    inputs: the task's inputs, in units, shape (steps,).
-    """
+    """Run a task of a device on an emulated board."""
     fmt, system = FORMATS[real], device.system
     what = system.tasks[0] if task is None else system.task(task)
     renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
@@ -216,7 +196,7 @@ def run_bare(
         columns.append(column)
         for i in range(x.port.size):
             index = "" if x.port.size == 1 else f"[{i}]"
-            name = f"{renderer.naming.external(x)}{index}"
+            name = f"{x.name}{index}"
             words.append({"name": name, "word": bool(x.port.flags)})
     return _judged(
         renderer,
@@ -234,11 +214,7 @@ def run_bare(
 def run_bare_system(
     device: Device, real: str, board: str, inputs: Mapping[str, Mapping[str, Array]]
 ) -> BareResult:
-    """Run all tasks of a device on an emulated board, each at its own ticks, latches released.
-
-    inputs: per task, its inputs in units, one element a run; nothing for a task without inputs.
-    return: bits and figures; the instructions are those of a base tick with all tasks that are due.
-    """
+    """Run all tasks of a device on an emulated board, each at its own ticks, latches released."""
     fmt, system = FORMATS[real], device.system
     renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
     library = compile_device(device, real)
@@ -273,7 +249,7 @@ def _scheduled(
         for x in system.task_outputs(task):
             for i in range(x.port.size):
                 index = "" if x.port.size == 1 else f"[{i}]"
-                name = f"{task.name}_out.{naming.external(x)}{index}"
+                name = f"{task.name}_out.{x.name}{index}"
                 words.append({"name": name, "word": bool(x.port.flags), "from": (task, x, i)})
     expected = np.zeros((ticks, len(words)), dtype=np.uint32)
     held: dict[str, dict[str, Any]] = {}
@@ -291,13 +267,3 @@ def _scheduled(
             value = np.atleast_1d(held[task.name][x.name])[i]
             expected[tick, j] = naming.stored(x, value).view(np.uint32)
     return words, expected
-
-
-__all__ = [
-    "BARE_BOARDS",
-    "BareResult",
-    "Emulation",
-    "emulate",
-    "run_bare",
-    "run_bare_system",
-]

@@ -16,17 +16,7 @@ _PACKED = ("mode", "stop", "rearm")
 
 @dataclass(frozen=True)
 class BlackboxRecord:
-    """A tick as the board lived it.
-
-    tick: its lower 16 bits.
-    fault: number of the fault; 0 for none.
-    on: whether the motors were on.
-    stop_held: whether a stop was held, or the stop line open.
-    u_Nm, limits: what each motor was given, and the fault that its limits told, by the output's
-        name.
-    wanted: what the limits and the laws were given, by name; arrays as tuples.
-    measured: what the drivers gave, by name.
-    """
+    """A tick as the board lived it."""
 
     tick: int
     state: str

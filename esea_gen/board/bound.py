@@ -1,25 +1,13 @@
 """A bound on the instructions of one step that holds for every input, from the object code.
 
-The disassembly gives the control-flow graph of every function that the step calls.  How often the
-blocks can run at most, together, is a linear program (implicit path enumeration [1]_): what flows
-into a block flows out of it, a function is entered as often as it is called, and a loop is passed
-no more often than the Program says, all its entries together.  The largest sum of instructions is
-the bound: branches take the dearer side, conditional instructions count whether they act or not.
-
-Loops of the machine code are told apart by the source lines of their instructions: debug
-information changes no instruction.  A loop that cannot be attributed, a jump through a table or
-a register, or recursion, is an error, never a guess.
-
-References
-----------
-.. [1] Y.-T. S. Li, S. Malik, "Performance analysis of embedded software using implicit path
-   enumeration", Design Automation Conference 1995.
+How often basic blocks can run at most, together, is a linear program (implicit path enumeration, Li
+and Malik, DAC 1995). A loop that cannot be attributed, a jump through a table or a register, or
+recursion, is an error, never a guess.
 """
 
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +17,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
 from esea_gen.emit.program_c import LoopBound
+from esea_gen.hostlib.compiler import run_tool
 
 _CONDITIONS = "eq|ne|cs|hs|cc|lo|mi|pl|vs|vc|hi|ls|ge|lt|gt|le"
 _BRANCH = re.compile(rf"b({_CONDITIONS})?(\.n|\.w)?$")
@@ -42,10 +31,7 @@ class BoundError(Exception):
 
 @dataclass(frozen=True)
 class Instruction:
-    """One instruction.
-
-    name, operands: as the disassembler prints them.
-    """
+    """One instruction."""
 
     address: int
     name: str
@@ -56,11 +42,7 @@ class Instruction:
 
 @dataclass
 class CodeBlock:
-    """A basic block.
-
-    to: addresses of the blocks that may follow in the same function.
-    returns: whether the function may end with it.
-    """
+    """A basic block."""
 
     code: list[Instruction]
     to: list[int] = field(default_factory=list)
@@ -70,10 +52,7 @@ class CodeBlock:
 
 @dataclass(frozen=True)
 class InstructionBound:
-    """The bound and where it comes from.
-
-    by_function: instructions and entries of each function on the dearest path.
-    """
+    """The bound and where it comes from."""
 
     instructions: int
     by_function: dict[str, tuple[int, int]]
@@ -82,9 +61,8 @@ class InstructionBound:
 
 def disassemble(elf: Path, objdump: str = "arm-none-eabi-objdump") -> dict[str, list[Instruction]]:
     """Every function of a linked program."""
-    said = subprocess.run(
-        [objdump, "-dl", "--no-show-raw-insn", str(elf)], capture_output=True, text=True, check=True
-    ).stdout
+    command = [objdump, "-dl", "--no-show-raw-insn", elf]
+    said = run_tool(command, failed="the disassembler failed").stdout
     functions: dict[str, list[Instruction]] = {}
     code: list[Instruction] = []
     file, line = "", 0
@@ -111,10 +89,7 @@ def _is_return(i: Instruction) -> bool:
 
 
 def blocks_of(name: str, functions: Mapping[str, list[Instruction]]) -> dict[int, CodeBlock]:
-    """Control-flow graph of a function.
-
-    return: by address of the first instruction; the function's entry first.
-    """
+    """Control-flow graph of a function."""
     code = functions[name]
     starts_of = {c[0].address: n for n, c in functions.items() if c}
     inside = {i.address for i in code}
@@ -270,11 +245,7 @@ def step_bound(
     objdump: str = "arm-none-eabi-objdump",
     elsewhere: Mapping[str, str] | None = None,
 ) -> InstructionBound:
-    """Largest number of instructions from entry to return of a step.
-
-    ranges: first and last line of each loop (:func:`esea_gen.emit.program_c.loop_lines`).
-    elsewhere: the file of a loop that is not in ``source``.
-    """
+    """Largest number of instructions from entry to return of a step."""
     functions = disassemble(elf, objdump)
     graphs: dict[str, dict[int, CodeBlock]] = {}
     todo = [function]

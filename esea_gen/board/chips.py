@@ -1,14 +1,8 @@
-"""Chips on a board's buses, modelled by what their data sheets say of registers and frames.
-
-The hand-written drivers (``firmware/drivers``) run against them on this computer: compiled, with
-the processor's functions played by a :class:`Workbench`.  What no model shows is in the page on
-firmware.
-"""
+"""Chips on a board's buses, modelled by what their data sheets say of registers and frames."""
 
 from __future__ import annotations
 
 import re
-import subprocess
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -17,7 +11,7 @@ from typing import Any
 
 import cffi
 
-from esea_gen.hostlib import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.targets import APP_FLAGS, HOST_GCC, firmware_folder
 
 Frames = Callable[[bytes], bytes]
@@ -30,11 +24,7 @@ def even_parity(word: int) -> int:
 
 @dataclass
 class As5048a:
-    """AS5048A: 16-bit frames, each answer in the frame after its command.
-
-    angle, gain, magnitude: as in its registers, 14, 8 and 14 bits.
-    compensated, overflow, strong, weak: its diagnostics.
-    """
+    """AS5048A: 16-bit frames, each answer in the frame after its command."""
 
     angle: int = 0x1234
     gain: int = 0x60
@@ -81,10 +71,7 @@ class As5048a:
 
 @dataclass
 class BissEncoder:
-    """Encoder of the BiSS-C protocol.
-
-    waits: clocks that the line stays high and then low before the start bit.
-    """
+    """Encoder of the BiSS-C protocol."""
 
     position: int = 0x1A2B3
     bits: int = 17
@@ -110,11 +97,7 @@ class BissEncoder:
 
 @dataclass
 class Amplifier:
-    """ESCON 50/5 in current control, its motor, and the converter of its actual current.
-
-    lag: share of the way to its set-point that the current goes in a tick.
-    gain: of the current that flows to the one that was asked for.
-    """
+    """ESCON 50/5 in current control, its motor, and the converter of its actual current."""
 
     full_A: float = 5.0
     A_count: float = 0.005
@@ -148,14 +131,7 @@ WIRE_FAULTS: dict[str, Frames] = {
 
 @dataclass
 class Workbench:
-    """A processor's pins and buses, for the drivers; what is on them may break.
-
-    lines: what answers on each line of the bus.
-    wires: what is done to the bytes that come from a line, by line.
-    pins, duties: as they were put last.
-    contacts: what is read of a pin.
-    converter: channel to counts; None where the conversion does not end.
-    """
+    """A processor's pins and buses, for the drivers; what is on them may break."""
 
     lines: dict[int, Frames] = field(default_factory=dict)
     wires: dict[int, Frames] = field(default_factory=dict)
@@ -189,11 +165,7 @@ def declarations(*headers: Path) -> str:
 
 
 class Drivers:
-    """The hand-written drivers, compiled for this computer, on a bench.
-
-    lib, ffi: their functions and types, as the headers declare them.
-    hardware: the struct to give them.
-    """
+    """The hand-written drivers, compiled for this computer, on a bench."""
 
     def __init__(self, bench: Workbench, sources: Path | None = None) -> None:
         self.bench = bench
@@ -209,9 +181,7 @@ class Drivers:
             gcc = find_compiler(*HOST_GCC.gcc)
             command: list[str | Path] = [gcc, *flags, *checks, "-o", built]
             command += sorted(folder.glob("*.c"))
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            if done.returncode != 0:
-                raise RuntimeError(f"the drivers do not build:\n{done.stderr}")
+            run_tool(command, failed="the drivers do not build")
             self.lib: Any = self.ffi.dlopen(str(built))
         self.hardware = self._hardware()
 

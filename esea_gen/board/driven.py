@@ -115,10 +115,7 @@ class DrivenSensors:
         self.amplifier.tick()
 
     def break_(self, where: str, kind: str) -> None:
-        """One thing breaks, from now on.
-
-        where: ``encoder motor``, ``encoder load``, ``encoder gear`` or ``current``.
-        """
+        """One thing breaks, from now on."""
         if where == "current":
             self.amplifier.stuck_counts = CURRENT_FAULTS[kind]
         else:

@@ -1,16 +1,12 @@
-"""Processor in the loop: run a firmware image and hold every output against the host, bit for bit.
+"""Processor in the loop: every output of an image on an emulated board, bit for bit.
 
-The board steps when an input frame comes in.  The host keeps a window of frames on the way, as many
-as the board's receive buffer takes.  With ``-icount shift=0`` QEMU's clock moves 1 ns an
-instruction and the board's timer counts at 1 GHz, so that the timer counts instructions; they are
-instructions, not cycles, and say nothing of time on a real board.
+With ``-icount shift=0`` QEMU's clock moves 1 ns an instruction and the board's timer counts at 1
+GHz, so it counts instructions, which are not cycles.
 """
 
 from __future__ import annotations
 
-import shutil
 import socket
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,6 +22,7 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device, find_compiler
+from esea_gen.hostlib.compiler import compiler_version
 from esea_gen.hostlib.runner import run_schedule
 from esea_gen.language.system import Task
 from esea_gen.link.session import Session
@@ -40,20 +37,11 @@ POLL_S = 0.1
 
 def find_qemu() -> str:
     """Path of the emulator."""
-    path = shutil.which("qemu-system-arm")
-    if path is None:
-        raise UserError(
-            "The emulator 'qemu-system-arm' is not installed.",
-            "Install it with: apt-get install --no-install-recommends qemu-system-arm",
-        )
-    return path
+    return find_compiler("qemu-system-arm", "qemu-system-arm")
 
 
 def qemu_command(board: Board, semihosting: bool = False) -> list[str]:
-    """The emulator's command for a machine, without any window or device of its own choice.
-
-    semihosting: whether the image prints through the emulator.
-    """
+    """The emulator's command for a machine, without any window or device of its own choice."""
     command = [find_qemu(), "-M", board.machine, "-display", "none", "-monitor", "none"]
     more = ("-semihosting-config", "enable=on,target=native") if semihosting else ()
     return [*command, "-nodefaults", *more]
@@ -67,15 +55,11 @@ def program_command(image: FirmwareImage, board: Board) -> list[str]:
 
 def emulator_version() -> str:
     """First line of QEMU's version."""
-    done = subprocess.run([find_qemu(), "--version"], capture_output=True, text=True, check=True)
-    return done.stdout.splitlines()[0]
+    return compiler_version(find_qemu())
 
 
 def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] = ()) -> Transport:
-    """Start what an image runs on, QEMU or the host itself.
-
-    options: options for QEMU beside our own; for the host, arguments of the image.
-    """
+    """Start what an image runs on, QEMU or the host itself."""
     board = find_board(image.board)
     if "-shared" in board.link:
         raise UserError(
@@ -119,11 +103,7 @@ def _accept(server: socket.socket, process: Process, timeout_s: float) -> socket
 
 
 class RunningBoard(Session):
-    """A board that runs an image: QEMU, or the host itself.  Use it as a context manager.
-
-    timeout_s: longest silence; the first exchange with QEMU may take a second.
-    options: see :func:`start_board`.
-    """
+    """A board that runs an image: QEMU, or the host itself. Use it as a context manager."""
 
     def __init__(
         self,
@@ -139,23 +119,14 @@ class RunningBoard(Session):
     def run_task(
         self, task: str, inputs: Mapping[str, Array], progress: Progress | None = None
     ) -> tuple[dict[str, Array], Array]:
-        """Run a task over a stream, a window of frames on the way.
-
-        inputs: one float32 array per external input, shape (steps,) or (steps, size).
-        """
+        """Run a task over a stream, a window of frames on the way."""
         outputs, ticks = self.run_tasks({task: inputs}, progress)
         return outputs[task], ticks[task]
 
     def run_tasks(
         self, inputs: Mapping[str, Mapping[str, Array]], progress: Progress | None = None
     ) -> tuple[dict[str, dict[str, Array]], dict[str, Array]]:
-        """Run several tasks, each at its own ticks, a window of frames on the way.
-
-        inputs: per task, one float32 array per external input, shape (runs,) or (runs, size); for a
-            task without inputs ``{"": zeros}`` of as many elements as it has runs.
-        return: per task one array per external output, float32 or uint32.
-        return: per task the timer ticks of each run, measuring included.
-        """
+        """Run several tasks, each at its own ticks, a window of frames on the way."""
         system = self.device.system
         counts = {t: len(next(iter(columns.values()))) for t, columns in inputs.items()}
         outputs: dict[str, dict[str, Array]] = {}
@@ -210,21 +181,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class EmulatorResult:
-    """What a run in the emulator found.
-
-    identical: whether every bit of every output of every step, as it is sent, equals the host's
-        library in the image's number format.
-    expected_hash: hash of the device as it is now.
-    instructions: ``min``, ``median`` and ``max`` instructions of a step, call included; empty on
-        the host.
-    flash_bytes, ram_bytes: of the image; RAM without the stack.
-    stack_bytes, stack_peak_bytes: stack reserved, and the most that was in use since boot (whole
-        firmware, interrupts included).
-    step_stack_bytes: largest stack use of the task's step, by the compiler's call graph.
-    compiler: first line of the compiler's version.
-    outputs: what the board gave; not part of :meth:`to_dict`.
-    step_instructions: instructions of each step; not part of :meth:`to_dict`.
-    """
+    """What a run in the emulator found."""
 
     device: str
     board: str
@@ -265,10 +222,7 @@ class EmulatorResult:
 
 
 def first_difference(board: Mapping[str, Array], host: Mapping[str, Array]) -> Difference | None:
-    """The first step in which two streams of outputs differ in any bit.
-
-    board, host: 32-bit values, the same names and shapes.
-    """
+    """The first step in which two streams of outputs differ in any bit."""
     if set(board) != set(host) or not board:
         raise ValueError(f"outputs {sorted(board)} against {sorted(host)}")
     first: Difference | None = None
@@ -332,11 +286,7 @@ def run_in_emulator(
     timeout_s: float = 10.0,
     options: Sequence[str] = (),
 ) -> EmulatorResult:
-    """Run an image over a stream and compare it with the host's library, bit for bit.
-
-    inputs: one array per external input of the task, shape (steps,) or (steps, size); rounded to
-        float32.
-    """
+    """Run an image over a stream and compare it with the host's library, bit for bit."""
     name = device.system.tasks[0].name if task is None else task
     return run_tasks_in_emulator(device, image, {name: inputs}, progress, timeout_s, options)[name]
 
@@ -349,12 +299,7 @@ def run_tasks_in_emulator(
     timeout_s: float = 10.0,
     options: Sequence[str] = (),
 ) -> dict[str, EmulatorResult]:
-    """Run several tasks interleaved, each at its own ticks, and compare them with the host.
-
-    inputs: per task, one array per external input, shape (runs,) or (runs, size), rounded to
-        float32; for a task without inputs ``{"": zeros}`` of as many elements as it has runs.
-    return: by task. Sizes, counters and the deepest stack are the board's, the same in each.
-    """
+    """Run several tasks interleaved, each at its own ticks, and compare them with the host."""
     if not inputs:
         raise UserError("No task is given.", "Give the inputs of at least one.")
     arrays = {t: _float32(device, t, columns) for t, columns in inputs.items()}

@@ -6,7 +6,6 @@ import hashlib
 import math
 import re
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -22,7 +21,7 @@ from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
-from esea_gen.hostlib.compiler import compiler_version, find_compiler
+from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool
 from esea_gen.model.sensing import measures_counts
 from esea_gen.targets import (
     APP_FLAGS,
@@ -48,18 +47,7 @@ DOUBLE_HELPER = re.compile(r"__aeabi_(d\w+|cd\w+|[a-z]+2d)|__\w*df\w*")
 
 @dataclass(frozen=True)
 class FirmwareImage:
-    """A built image.
-
-    flash_bytes: code, constants and initial data.
-    ram_bytes: static data, without the stack and what a reset leaves.
-    noinit_bytes: what a reset leaves as it is: the black box; 0 on the host.
-    stack_bytes: size of the stack that the linker script reserves; 0 on the host.
-    step_stack_bytes: largest stack use below the entry of each task's step, by the compiler's call
-        graph.
-    stack_bounds_bytes: largest stack use of each priority, its interrupt's frame included; their
-        sum bounds the stack, whoever interrupts whom. Empty on the host.
-    compiler: first line of the compiler's version.
-    """
+    """A built image."""
 
     elf: Path
     board: str
@@ -80,12 +68,9 @@ class FirmwareImage:
 
 
 def symbols(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[tuple[str, str, str]]:
-    """What stands in the symbol tables of objects or an image, by one call of ``nm`` for all.
-
-    return: file name, symbol and kind, one letter as ``nm`` has it.
-    """
+    """What stands in the symbol tables of objects or an image, by one call of ``nm`` for all."""
     tool = find_compiler(*toolchain.tool("nm"))
-    done = subprocess.run([tool, "-A", "-P", *objects], capture_output=True, text=True, check=True)
+    done = run_tool([tool, "-A", "-P", *objects], failed="nm failed")
     found = []
     for line in done.stdout.splitlines():
         file, _, rest = line.rpartition(": ")
@@ -95,10 +80,7 @@ def symbols(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[tup
 
 
 def double_arithmetic(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[str]:
-    """What float-only objects ask for and must not: double arithmetic, libm, heap, stdio.
-
-    return: ``"esea_elbow_sensor.o: __aeabi_dmul"``; empty when the objects need only each other.
-    """
+    """What float-only objects ask for and must not: double arithmetic, libm, heap, stdio."""
     found = symbols(objects, toolchain)
     defined = {symbol for _, symbol, kind in found if kind not in "Uw"}
     wanted = [(o, s) for o, s, kind in found if kind in "Uw"]
@@ -110,14 +92,8 @@ def double_helpers(elf: Path, toolchain: Toolchain = ARM_GCC) -> list[str]:
     return sorted({n for _, n, _ in symbols([elf], toolchain) if DOUBLE_HELPER.fullmatch(n)})
 
 
-def _run(command: Sequence[str | Path], folder: Path, what: str) -> None:
-    done = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
-    if done.returncode != 0:
-        raise RuntimeError(f"{what} does not build:\n{done.stderr}")
-
-
 def _sections(elf: Path, size: str) -> dict[str, int]:
-    done = subprocess.run([size, "-A", elf], capture_output=True, text=True, check=True)
+    done = run_tool([size, "-A", elf], failed="size failed")
     rows = (line.split() for line in done.stdout.splitlines())
     return {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
 
@@ -130,14 +106,7 @@ def build_firmware(
     drivers: str | None = None,
     needs_Hz: float | None = None,
 ) -> FirmwareImage:
-    """Build a device's firmware image.
-
-    board: what it runs on; it also says the number format of the control code.
-    control: files of the format's folder to compile in place of the device's own; tests alter one
-        to prove that a comparison finds it.
-    drivers: text of a ``drivers.c`` in place of the board's.
-    needs_Hz: slowest clock that a drive fits at; slower, it is not armed. Default: the board's.
-    """
+    """Build a device's firmware image."""
     chosen = find_board(board)
     if drivers is None and measures_counts(device):
         _can_be_read(device, chosen)
@@ -165,7 +134,8 @@ def build_firmware(
         bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]
         built = folder / f"{prefix}_{board}.elf"
-        _run([gcc, *chosen.compile_flags, *objects, *link, "-o", built], folder, "the image")
+        command = [gcc, *chosen.compile_flags, *objects, *link, "-o", built]
+        run_tool(command, folder, "the image does not build")
         helpers = double_helpers(built, toolchain) if chosen.machine else []
         if helpers:
             raise RuntimeError("the image holds double arithmetic: " + ", ".join(helpers))
@@ -234,11 +204,7 @@ def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list
 def compile_objects(
     folder: Path, toolchain: Toolchain, flags: Sequence[str], sources: Sequence[str]
 ) -> list[Path]:
-    """Compile the C files of a folder, each once for a given content of it and of all headers.
-
-    sources: relative to the folder; what they include stands in it, or is the compiler's.
-    return: objects beside the sources; each with its call graph where the flags ask for it.
-    """
+    """Compile the C files of a folder, each once for a given content of it and of all headers."""
     gcc = find_compiler(*toolchain.gcc)
     common = hashlib.sha256("\0".join([compiler_version(gcc), *flags]).encode())
     for header in sorted(folder.rglob("*.h")):
@@ -255,7 +221,7 @@ def compile_objects(
                 if kept.with_suffix(suffix).is_file():
                     shutil.copyfile(kept.with_suffix(suffix), item.with_suffix(suffix))
             continue
-        _run([gcc, *flags, "-c", name, "-o", item], folder, name)
+        run_tool([gcc, *flags, "-c", name, "-o", item], folder, f"{name} does not build")
         for suffix in (".ci", ".o"):  # the object last: where it stands, all does
             if item.with_suffix(suffix).is_file():
                 with suppress(UserError):  # a full disk costs time, no image

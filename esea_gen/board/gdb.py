@@ -1,21 +1,16 @@
-"""An emulated processor that is held and looked into: breakpoints, registers, memory.
-
-It speaks the remote protocol of GDB with QEMU, of which it needs a dozen words; no debugger is
-installed.
-"""
+"""An emulated processor that is held and looked into: breakpoints, registers, memory."""
 
 from __future__ import annotations
 
 import socket
 import struct
-import subprocess
 import tempfile
 from types import TracebackType
 from typing import Self
 
 from esea_gen.board.emulator import qemu_command
 from esea_gen.board.firmware import FirmwareImage
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.link.transport import LinkError, Process
 from esea_gen.targets import ARM_GCC, find_board
 
@@ -100,10 +95,7 @@ class HeldProcessor:
         return answer
 
     def run(self) -> int:
-        """Let it run to the next breakpoint; its address.
-
-        From a breakpoint it first takes one instruction, during which no interrupt comes.
-        """
+        """Let it run to the next breakpoint; its address."""
         if self.at in self._breaks:
             self._ask("s")
         self._ask("c")
@@ -146,11 +138,7 @@ class HeldProcessor:
         self._ask(f"P{number:x}={struct.pack('<I', value).hex()}")
 
     def store(self, address: int, value: int, scratch: int) -> None:
-        """A word into a register of the hardware, by the processor itself.
-
-        scratch: memory that nobody uses, for the one instruction that does it; no interrupt comes
-            meanwhile.
-        """
+        """A word into a register of the hardware, by the processor itself."""
         used = (0, 1, PC, XPSR)
         kept = [self.register(n) for n in used]
         self.write(scratch, _STORE_R1_AT_R0)
@@ -178,8 +166,6 @@ class HeldProcessor:
 def addresses(image: FirmwareImage) -> dict[str, int]:
     """Where an image's functions and objects stand."""
     tool = find_compiler(*ARM_GCC.tool("nm"))
-    said = subprocess.run(
-        [tool, "-P", image.elf], capture_output=True, text=True, check=True
-    ).stdout
+    said = run_tool([tool, "-P", image.elf], failed="nm failed").stdout
     rows = [line.split() for line in said.splitlines()]
     return {r[0]: int(r[2], 16) & ~1 if r[1] in "tT" else int(r[2], 16) for r in rows if len(r) > 2}

@@ -1,13 +1,8 @@
-"""When a device's control task has surely ended on a board, and its command may be released.
-
-The bound of every task is that of its object code (:mod:`esea_gen.board.bound`), latches included.
-Cycles an instruction are assumed: nobody has measured them (:data:`esea_gen.targets.Processor`).
-"""
+"""When a device's control task has surely ended on a board, and its command may be released."""
 
 from __future__ import annotations
 
 import math
-import subprocess
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +13,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.program_c import LoopBound, loop_lines
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.language.system import Task
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, Board, Processor
 
@@ -29,14 +24,7 @@ CHECKSUM = "coefficients_checksum"
 
 @dataclass(frozen=True)
 class TaskTimes:
-    """What the tasks of a device take on a board, at most.
-
-    instructions: by task, for every input.
-    ended_s: by task, from the start of its run to its end; every faster task runs meanwhile.
-    release_s: by task, as the device has it.
-    cycles: assumed cycles an instruction.
-    least_Hz: slowest clock at which every task has ended before its release.
-    """
+    """What the tasks of a device take on a board, at most."""
 
     device: str
     board: Board
@@ -79,11 +67,7 @@ class TaskTimes:
 
 
 def task_times(device: Device, board: Board, cycles: float | None = None) -> TaskTimes:
-    """Bounds of a device's tasks on a board, and when they end.
-
-    cycles: an instruction's; the processor's assumed ones when not given.
-    return: a task's end with those that run as often or more in between, as often as they can.
-    """
+    """Bounds of a device's tasks on a board, and when they end."""
     each = board.processor.cycles_per_instruction if cycles is None else cycles
     if not (math.isfinite(each) and each > 0):
         raise UserError(f"--cycles {each:g} is not above 0.", "Give cycles an instruction.")
@@ -156,9 +140,7 @@ def task_bounds(device: Device, processor: Processor) -> dict[str, int]:
             *(str(folder / n) for n in files if n.endswith(".c")),
             *(*BARE_LINK, "--specs=nosys.specs", *keep, f"-T{folder / 'bare.ld'}", "-o", str(elf)),
         ]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise RuntimeError(f"the compiler refuses the device:\n{done.stderr}")
+        run_tool(command, failed="the compiler refuses the device")
         for task in device.system.tasks:
             bound = step_bound(
                 elf,

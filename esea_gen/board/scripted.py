@@ -1,8 +1,4 @@
-"""An emulated board that plays a script: what its drivers give, and the link, tick by tick.
-
-The script is compiled in as the board's drivers; application, control code and clock are those that
-ship.  So a run in ``sim`` can be run again on an emulated processor, tick for tick.
-"""
+"""An emulated board that plays a script: what its drivers give, and the link, tick by tick."""
 
 from __future__ import annotations
 
@@ -25,15 +21,7 @@ _MARK = 100
 
 @dataclass
 class BoardTape:
-    """A run, tick by tick.
-
-    measured: what the drivers gave, in the device's order.
-    frames: bytes that came over the link before a tick.
-    troubles: what the drivers found.
-    stop_from: tick from which on the stop line was open; None: never.
-    motor: whether the motor was on, and its torque as the four bytes of a float.
-    fault: latched at the end.
-    """
+    """A run, tick by tick."""
 
     measured: list[list[float]] = field(default_factory=list)
     frames: dict[int, bytes] = field(default_factory=dict)

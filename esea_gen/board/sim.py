@@ -1,8 +1,4 @@
-"""The firmware's application as a board inside this process: clocked tick by tick, no hardware.
-
-It is the same application as on a board; its clock, drivers and serial line are moved from here, so
-that a run repeats to the last bit.
-"""
+"""The firmware's application as a board inside this process: clocked tick by tick, no hardware."""
 
 from __future__ import annotations
 
@@ -22,13 +18,13 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.emit.roles import board_roles, every_tick
 from esea_gen.emit.states import EVENTS, GUARDS, STATES
 from esea_gen.link.session import Session
-from esea_gen.link.transport import LinkError
+from esea_gen.link.transport import LinkError, Transport
 from esea_gen.targets import firmware_folder
 
 _LINE_BYTES = 1 << 16
 
 
-class SimTransport:
+class SimTransport(Transport):
     """A serial line to a board in this process; it never waits, for nothing comes by itself."""
 
     def __init__(self, lib: Any, ffi: cffi.FFI) -> None:
@@ -48,13 +44,6 @@ class SimTransport:
         self._lib.sim_feed(data, len(data))
         self._lib.sim_poll()
 
-    def close(self) -> None:
-        """Nothing to let go of."""
-
-    def said(self) -> str:
-        """Nothing."""
-        return ""
-
 
 @lru_cache(maxsize=4)
 def _built(
@@ -67,13 +56,7 @@ def _built(
 
 
 class SimBoard(Session):
-    """A board in this process, powered on.
-
-    measured: what its drivers give, by the device's input names; frames are bad until it is set.
-    board: ``sim``, or ``sim-q31`` with the control in whole numbers.
-    drivers, values: for :meth:`step`: what the drivers give, in the order of ``inputs``; then what
-        the tasks of every tick were given and made, each at its place in ``places``.
-    """
+    """A board in this process, powered on."""
 
     def __init__(
         self, device: Device, control: Mapping[str, str] | None = None, board: str = "sim"
@@ -119,10 +102,7 @@ class SimBoard(Session):
         return [self._ffi.buffer(self.lib.sim_flash(k), size) for k in range(2)]
 
     def restart(self, *, blank: bool = False) -> None:
-        """Power off and on.
-
-        blank: also forget what outlasts the power.
-        """
+        """Power off and on."""
         for area in self.flash if blank else ():
             area[:] = b"\xff" * len(area)
         self._ffi.buffer(self.drivers)[:] = bytes(self._ffi.sizeof(self.drivers))
@@ -163,10 +143,7 @@ class SimBoard(Session):
         self.lib.sim_step(self.drivers, self._words)
 
     def ticks(self, count: int = 1, *, poll: bool = True) -> None:
-        """Let so many base ticks pass.
-
-        poll: whether the main loop gets the processor after each.
-        """
+        """Let so many base ticks pass."""
         for _ in range(count):
             self.lib.sim_tick(1, True)
             if poll:

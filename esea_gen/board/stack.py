@@ -16,10 +16,7 @@ _POINTER = "__indirect_call"
 
 @dataclass
 class CallGraph:
-    """Functions with their own use of the stack, and who calls whom.
-
-    own: bytes of each function; one that is missing has no graph.
-    """
+    """Functions with their own use of the stack, and who calls whom."""
 
     own: dict[str, int] = field(default_factory=dict)
     calls: dict[str, set[str]] = field(default_factory=dict)
@@ -48,10 +45,7 @@ class CallGraph:
         return pointed
 
     def deepest(self, entry: str, pointed: Sequence[str] = ()) -> int:
-        """Largest use below a function, its own included; of a function without graph, 0.
-
-        pointed: functions that a call by pointer may reach.
-        """
+        """Largest use below a function, its own included; of a function without graph, 0."""
 
         def depth(name: str, above: tuple[str, ...]) -> int:
             if name in above and name != _POINTER:
@@ -74,13 +68,7 @@ def deepest_stack(graphs: Sequence[Path], entry: str) -> int:
 def stack_by_priority(
     graph: CallGraph, fast: Sequence[str], slow: Sequence[str], fpu: bool
 ) -> dict[str, int]:
-    """Largest use of each priority of a Cortex-M image, the frame at its interrupt included.
-
-    The highest may interrupt all others at once: their sum bounds the stack.
-
-    fast, slow: steps that run in the tick's interrupt, and below it.
-    return: ``main``, ``slower``, ``tick``, ``receive``.
-    """
+    """Largest use of each priority of a Cortex-M image, the frame at its interrupt included."""
     frame = FRAME_FPU_BYTES if fpu else FRAME_BYTES
     port = [n for n in graph.own if re.search(r":port_\w+$", n) or n.startswith("esea_board_")]
     (receive,) = [n for n, below in graph.calls.items() if "esea_cortex_m_received" in below]

@@ -31,7 +31,6 @@ GROUPS = {
         "fixed": "evidence",
         "gates": "evidence",
         "mutate": "evidence",
-        "mutate-python": "evidence",
         "traces": "evidence",
     },
     "Virtual experiments": {

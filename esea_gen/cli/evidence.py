@@ -1,7 +1,4 @@
-"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``.
-
-``mutate-python`` asks the same of the tests of this program itself.
-"""
+"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``."""
 
 from __future__ import annotations
 
@@ -11,21 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import esea_gen
+from esea_gen.cli import options
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import (
-    BlockOption,
-    ControllerOption,
-    DataOption,
-    DeviceArgument,
-    FigureOption,
-    JsonOption,
-    RealOption,
-    RecordingOption,
-    SeedOption,
-    chosen_formats,
-    option,
-    recorded_streams,
-)
+from esea_gen.cli.options import chosen_formats, option, recorded_streams
 from esea_gen.cli.output import exit_unless, progress_line, show
 from esea_gen.files import write_json
 
@@ -45,14 +30,14 @@ SearchOption = Annotated[
 
 @app.command()
 def verify(
-    device: DeviceArgument,
-    real: RealOption = None,
-    recording: RecordingOption = None,
-    data: DataOption = None,
-    block: BlockOption = None,
-    controller: ControllerOption = None,
+    device: options.DeviceArgument,
+    real: options.RealOption = None,
+    recording: options.RecordingOption = None,
+    data: options.DataOption = None,
+    block: options.BlockOption = None,
+    controller: options.ControllerOption = None,
     search: SearchOption = 0,
-    json_file: JsonOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Compare the generated C, compiled for this machine, with the symbolic model."""
     from esea_gen.verify.chain import search_chain
@@ -145,10 +130,10 @@ def _print_verification(loaded: Device, result: Any) -> None:
 
 @app.command()
 def coverage(
-    device: DeviceArgument,
-    block: BlockOption = None,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    device: options.DeviceArgument,
+    block: options.BlockOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Which sides of every minimum, comparison and select the test streams take."""
     from esea_gen.verify.coverage import branch_coverage
@@ -179,10 +164,10 @@ def coverage(
 
 @app.command()
 def gates(
-    device: DeviceArgument,
+    device: options.DeviceArgument,
     target: Annotated[list[str] | None, option("--target", "Target; default: all.")] = None,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Inspect the f32 object code: no double, libm, heap, writable data; stack bound."""
     from esea_gen.verify.gates import TARGETS, check_objects, find_target
@@ -202,15 +187,15 @@ def gates(
 
 @app.command()
 def mutate(
-    device: DeviceArgument,
-    real: RealOption = None,
+    device: options.DeviceArgument,
+    real: options.RealOption = None,
     sample: Annotated[
         int | None, option("--sample", "Number of mutants, drawn at random; default: all.", min=1)
     ] = None,
-    seed: SeedOption = 0,
-    block: BlockOption = None,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    seed: options.SeedOption = 0,
+    block: options.BlockOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Put one fault at a time into kernels and wiring and see whether the tests notice."""
     from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
@@ -225,60 +210,6 @@ def mutate(
     formats = {name: r.to_dict() for name, r in reports.items()}
     write_json(json_file, "mutate", {"formats": formats})
     exit_unless(all(r.score >= REQUIRED_SCORE for r in reports.values()))
-
-
-@app.command("mutate-python")
-def mutate_python_command(
-    whats: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="ROOM|FILE[:N]", help="Rooms of esea_gen, or files; N faults of this one."
-        ),
-    ],
-    sample: Annotated[
-        int | None, option("--sample", "Number of faults of each, drawn; default: all.", min=1)
-    ] = None,
-    seed: SeedOption = 0,
-    tests: Annotated[
-        list[str] | None, option("--tests", "Test file; default: the nearest by import.")
-    ] = None,
-    independent: Annotated[
-        bool,
-        option(
-            "--independent/--all-tests", "Leave out tests that only compare with committed output."
-        ),
-    ] = True,
-    widen: Annotated[
-        int, option("--widen", "Test files more for what the nearest do not notice.", min=0)
-    ] = 0,
-    limit_s: Annotated[
-        float | None,
-        option("--limit-s", "Time of one test file; default: 3 times its own.", min=1.0),
-    ] = None,
-    entered: Annotated[
-        Path | None, option("--entered DIR", "Keep here which functions a test enters.")
-    ] = None,
-    jobs: Annotated[int, option("--jobs", "So many faults at a time.", min=1)] = 1,
-    json_file: JsonOption = None,
-) -> None:
-    """Put one fault at a time into Python sources of this checkout and run its tests."""
-    from esea_gen.verify.mutation.python import mutate_python
-
-    with progress_line() as say:
-        result = mutate_python(
-            Path.cwd(),
-            whats,
-            sample=sample,
-            seed=seed,
-            tests=tests or (),
-            independent=independent,
-            widen=widen,
-            limit_s=limit_s,
-            entered=entered,
-            jobs=jobs,
-            progress=say,
-        )
-    show(result, json_file, "mutate-python")
 
 
 traces = typer.Typer(help="Committed traces: how every shipped System behaves.")
@@ -313,10 +244,10 @@ def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
 
 @app.command()
 def ranges(
-    device: DeviceArgument,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
-    figure: FigureOption = None,
+    device: options.DeviceArgument,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
+    figure: options.FigureOption = None,
 ) -> None:
     """Fixed point: range, format, headroom and proven error of every value, and what to do."""
     from esea_gen.emit.fixed.report import range_report
@@ -329,12 +260,12 @@ def ranges(
 
 @app.command()
 def fixed(
-    device: DeviceArgument,
+    device: options.DeviceArgument,
     minutes: Annotated[
         float, option("--minutes", "Length of the chirps in the domain.", min=1.0)
     ] = 1.0,
-    recording: RecordingOption = None,
-    data: DataOption = None,
+    recording: options.RecordingOption = None,
+    data: options.DataOption = None,
     cores: Annotated[
         bool, option("--cores", "Also run on emulated Cortex-M3, M0 and M4F.")
     ] = False,
@@ -342,8 +273,8 @@ def fixed(
         bool, option("--prove", "Also run Frama-C's value analysis; lists its assumptions.")
     ] = False,
     search: SearchOption = 0,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Fixed point: bits, proven and measured errors, torque against f64, emulated cores."""
     from esea_gen.verify.fixed_report import check_fixed, read_recorded

@@ -56,6 +56,16 @@ def number(low: float, high: float, text: str, *, whole: bool = False, **more: A
     return Field(description=text, json_schema_extra=extra, **more)
 
 
+def optional(low: float, high: float, text: str, *, whole: bool = False) -> Any:
+    """A number that may be left out."""
+    return number(low, high, text, whole=whole, default=None)
+
+
+def table(text: str) -> Any:
+    """A table that may be left out."""
+    return Field(default=None, description=text)
+
+
 def series(low: float, high: float, sizes: tuple[int, ...], text: str) -> Any:
     extra: Any = {"low": low, "high": high, "whole": False, "sizes": list(sizes)}
     return Field(default=None, description=text, json_schema_extra=extra)

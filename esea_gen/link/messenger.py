@@ -129,13 +129,13 @@ class Messenger:
     def frames(self, message: Any) -> bytes:
         """A message as frames from the host, with the board's time where it needs one."""
         if message.get_type() == "ESEA_WANTED" and message.mode:
-            message.boot, message.time_ms = self._time_now(None)
+            message.boot, message.time_ms = self.time_now(None)
         elif self._expires(message):
-            stamp = self.message("ESEA_STAMP", 0, *self._time_now(FRESH_S))
+            stamp = self.message("ESEA_STAMP", 0, *self.time_now(FRESH_S))
             self._refusal = ""
             return self.pack(stamp) + self.pack(message)
         elif self._key and not self._stops(message):
-            self._time_now(LATEST_S)  # from which count on to sign
+            self.time_now(LATEST_S)  # from which count on to sign
         return self.pack(message)
 
     def _stops(self, message: Any) -> bool:
@@ -154,13 +154,13 @@ class Messenger:
             return bool(message.records == 255)
         return kind in ("PARAM_SET", "SETUP_SIGNING", "ESEA_KEPT", "ESEA_LIFE")
 
-    def _time_now(self, fresh_s: float | None) -> tuple[int, int]:
+    def time_now(self, fresh_s: float | None) -> tuple[int, int]:
         # The board's start, and its time at this moment: how long its answer takes makes what is
         # sent then as old. None: asked for without waiting.
         known, now_s = self._board_time, self.clock_s()
         old_s = 0.0 if known is None else now_s - known.at_s
         if known is None or old_s < 0 or (fresh_s is not None and old_s >= fresh_s):
-            known = self._learn_time()
+            known = self.learn_time()
         elif fresh_s is None:
             known = self._ask_time_in_passing(known)
         passed_ms = int((now_s - known.at_s) * 1e3)
@@ -173,7 +173,7 @@ class Messenger:
         self.send_bytes(self.pack(self.message("ESEA_STAMP", 0, 0, 0)))
         own.sign_outgoing = signs
 
-    def _learn_time(self) -> BoardTime:
+    def learn_time(self) -> BoardTime:
         deadline_s = time.monotonic() + self.timeout_s
         frames, noise_bytes = self.counters.frames, self.counters.noise_bytes
         self._board_time = None
@@ -189,11 +189,11 @@ class Messenger:
 
     def boot_number(self) -> int:
         """Number of the board's start, asked of it: another one after every loss of power."""
-        return self._learn_time().boot
+        return self.learn_time().boot
 
     def take_time_of(self, other: Messenger) -> None:
         """Ask over another way: the one to here is made anew, and the board may be, too."""
-        known = other._learn_time()
+        known = other.learn_time()
         self._board_time = known._replace(at_s=self.clock_s())
         own = self._encoder.signing
         own.timestamp = max(own.timestamp, other._encoder.signing.timestamp)
@@ -343,7 +343,7 @@ class Messenger:
             if self.was_late:
                 self._board_time = None
 
-    def _sign(self, key: bytes | None) -> None:
+    def sign_with(self, key: bytes | None) -> None:
         # Signs what is sent from now on, once the board has said from which count on; without a key
         # no more.
         own = self._encoder.signing

@@ -1,9 +1,6 @@
-"""Whether a run keeps to what a bound assumes: that one matrix carries the state's errors on.
+"""Where a linear Block's bound over many steps holds: the same matrix at every step.
 
-The bound of a linear Block (:func:`esea_gen.emit.error_bounds.linear_bound`) sums a step's own
-errors through the powers of its state matrix.  Where a clip of a state acts, or an invalid input is
-bridged, another matrix acts, of which the sum says nothing; a step that starts the Block anew drops
-its errors, and any matrix may follow it.
+Where a clip of a state acts or an invalid input is bridged, another matrix acts.
 """
 
 from __future__ import annotations
@@ -13,8 +10,8 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
-from esea_gen.emit.error_bounds import Bound, started_flags, state_jacobian, state_matrix
 from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.step_errors import Bound, started_flags, state_jacobian, state_matrix
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
@@ -22,12 +19,7 @@ from esea_gen.verify.executor import coefficients_of, initial_state, step_argume
 
 
 def steps_beyond(block: Block, bound: Bound, stream: Stream, states: Mapping[str, Array]) -> int:
-    """Steps of a run that break what a bound assumes of the state's matrix.
-
-    bound: one whose method is not ``linear`` assumes nothing of that kind.
-    states: after each step, in exact arithmetic.
-    return: their number.
-    """
+    """Steps of a run that break what a bound assumes of the state's matrix."""
     matrix = state_matrix(block) if bound.method == "linear" else None
     if matrix is None:
         return 0

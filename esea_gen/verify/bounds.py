@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.emit.error_bounds import Bound, block_bound
+from esea_gen.emit.error_bounds import block_bound
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import RangeError
+from esea_gen.emit.step_errors import Bound
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
@@ -24,11 +25,7 @@ MOST_TORQUE_SHARE = 0.01
 
 
 def full_scales(device: Device, block: Component) -> dict[str, float]:
-    """What counts as 100 % for each output and state of a Block.
-
-    return: for a torque the smallest of its range's larger end and the device's torque full scale
-        (of a motor torque also its largest); the range's larger end for the rest.
-    """
+    """What counts as 100 % for each output and state of a Block."""
     actuator = device.file.actuator
     out = {}
     for p in (*block.outputs, *block.state):
@@ -45,10 +42,7 @@ def full_scales(device: Device, block: Component) -> dict[str, float]:
 
 
 def operating_ranges(device: Device, block: Block) -> dict[str, tuple[float, float]]:
-    """The identified domain as ranges of a Block's inputs and states, for its tighter bound.
-
-    return: for :func:`esea_gen.emit.error_bounds.block_bound`; empty when the Block has none.
-    """
+    """The identified domain as ranges of a Block's inputs and states, for its tighter bound."""
     d = device.file.domain
     theta, omega = d.theta_max_rad.value, d.omega_max_rad_s.value
     ranges = {
@@ -62,12 +56,7 @@ def operating_ranges(device: Device, block: Block) -> dict[str, tuple[float, flo
 
 
 def residual_flag(block: Block) -> Flag | None:
-    """The flag by which a Block says that its residual is too large.
-
-    return: its ``NOT_CONVERGED``, where that looks at the output ``residual_Nm`` alone and the
-        Block turns a torque into a deflection and the rate that goes with it; None for any other
-        Block, which then needs a derived bound.
-    """
+    """The flag by which a Block says that its residual is too large."""
     outputs = {p.name for p in block.outputs}
     if [p.name for p in block.inputs] != ["tau_Nm"] or not outputs >= {
         *("theta_rad", "omega_mid_rad_s", "residual_Nm")
@@ -83,14 +72,7 @@ def residual_flag(block: Block) -> Flag | None:
 def forward_residual(
     device: Device, block: Block, stream: Stream, outputs: Mapping[str, Array]
 ) -> tuple[float, float]:
-    """How far the torque at an inverse's set-points is from the request, said and computed.
-
-    stream, outputs: its requests, and what its C made of them.
-    return: largest |residual| by the Block's own output, and by the symbolic sensor in float64, run
-        on the set-points and their rates (0 where states were put in from outside: the sensor then
-        has another memory). Left out are steps in which the Block says that the request was invalid
-        or cannot be reached.
-    """
+    """How far the torque at an inverse's set-points is from the request, said and computed."""
     port = block.status_port
     assert port is not None
     bits = {f.name: 1 << i for i, f in enumerate(port.flags)}
@@ -114,12 +96,7 @@ def forward_residual(
 
 
 def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
-    """A Block's float32 bounds against float64: over its ports' ranges, and over the domain.
-
-    return: ``port ranges`` and ``identified domain``; both hold for any number of steps. Empty for
-        a Block that is judged by its residual. :class:`RangeError` where errors may grow without
-        limit.
-    """
+    """A Block's float32 bounds against float64: over its ports' ranges, and over the domain."""
     if residual_flag(block) is not None:
         return {}
     out: dict[str, Bound] = {}
@@ -144,13 +121,7 @@ def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
 
 
 def bounds_or_rule(device: Device, block: Block) -> tuple[dict[str, Bound], StepRule | None]:
-    """How a Block's float32 is judged: a bound for any number of steps, or what one step adds.
-
-    return: bounds of :func:`derive_bounds`, with a rule too where they assume something that a
-        rough stream may break; or that of one step and its rule, where a bound for any number of
-        steps is none or says nothing of the torque. :class:`UserError` when not even one step has a
-        finite bound, or one that allows the sensor's torque more than :data:`MOST_TORQUE_SHARE`.
-    """
+    """How a Block's float32 is judged: a bound for any number of steps, or what one step adds."""
     try:
         bounds = derive_bounds(device, block)
     except RangeError:

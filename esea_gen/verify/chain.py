@@ -1,9 +1,4 @@
-"""The sensing task as a whole, rate and torque together, in one format against f64.
-
-No bound worth the name is proven for the two Blocks together, so the worst is searched for: the
-viscosity has an infinite slope at rate zero, and what errs most is a rate that has nearly come to
-rest.  Smooth reaches with rests between them, drawn first, then bettered step by step.
-"""
+"""The sensing task as a whole, rate and torque together, in one format against f64."""
 
 from __future__ import annotations
 
@@ -33,12 +28,7 @@ CHANGE = 0.15
 
 @dataclass(frozen=True)
 class ChainError:
-    """The worst motion found for one format.
-
-    error_Nm, rms_Nm: largest and RMS difference of the torque from f64's on that motion.
-    ends_rad, lasting_s: where its reaches end and how long each takes.
-    bits: of the encoders that it was read by; 0 for ideal ones.
-    """
+    """The worst motion found for one format."""
 
     real: str
     error_Nm: float
@@ -50,10 +40,7 @@ class ChainError:
 
 @dataclass(frozen=True)
 class ChainReport:
-    """The search's result.
-
-    errors: one a format.
-    """
+    """The search's result."""
 
     device: str
     full_scale_Nm: float
@@ -95,11 +82,7 @@ def search_chain(
     seed: int = 0,
     say: Callable[[str], None] | None = None,
 ) -> ChainReport:
-    """Search for the motion on which the whole sensing task is farthest from f64.
-
-    formats: each has a search of its own, half with ideal encoders and half with the device's.
-    trials: motions a format; half are drawn, half change the worst so far.
-    """
+    """Search for the motion on which the whole sensing task is farthest from f64."""
     if device.file.joint is not None:
         raise UserError(
             f"{device.origin}: the search needs a measuring device; this one reads counts.",
@@ -161,6 +144,3 @@ def _worst(
             shape = tuple(map(float, ends)), tuple(map(float, lasting))
             best = ChainError(real, float(error.max()), rms, *shape, counts)
     return best
-
-
-__all__ = ["AIM_RMS_SHARE", "AIM_SHARE", "ChainError", "ChainReport", "search_chain"]

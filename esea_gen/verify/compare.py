@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.emit.error_bounds import Bound
+from esea_gen.emit.step_errors import Bound
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
@@ -42,14 +42,7 @@ def compare(
     rule: StepRule | None = None,
     expected: Run | None = None,
 ) -> Comparison:
-    """Compare one Block on one stream.
-
-    bounds: for f32, from :func:`esea_gen.verify.bounds.bounds_or_rule`.
-    oracle: for f64, CasADi's own C.
-    rule: for f32, compare one step at a time, from the same memory: where ``bounds`` hold for no
-        more than that, or a rough stream breaks what they assume.
-    expected: what :func:`run_symbolic` gives, where it is known already.
-    """
+    """Compare one Block on one stream."""
     wanted = expected or run_symbolic(block, stream)
     got = run_c(library.block(block.name), stream)
     lasting, beyond = bounds.get(PORT_RANGES), 0
@@ -174,11 +167,7 @@ def unexplained(
     got: Mapping[str, Any],
     limits: Mapping[str, float],
 ) -> int:
-    """Steps whose status word differs beyond what rounding explains.
-
-    A bit decided by a computed value may differ where that value is within its error of the
-    threshold; every other difference counts.
-    """
+    """Steps whose status word differs beyond what rounding explains."""
     difference = expected[port.name].astype(np.int64) ^ got[port.name].astype(np.int64)
     wrong = np.zeros(len(difference), dtype=bool)
     for i, flag in enumerate(port.flags):

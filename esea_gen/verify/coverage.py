@@ -1,9 +1,4 @@
-"""Branch coverage of emitted arithmetic: both sides of every minimum, maximum, comparison, select.
-
-The kernel that a format prints is evaluated over the recorded steps of the streams
-(:mod:`esea_gen.verify.executor`), and each decision's sides are counted.  A side that no input can
-reach may be set aside, only with a proof by the range analysis or by logic, and is listed.
-"""
+"""Branch coverage of emitted arithmetic; a side is set aside only with a proof."""
 
 from __future__ import annotations
 
@@ -48,7 +43,7 @@ SIDES: dict[str, tuple[str, ...]] = {
 }
 
 
-def _masks(op: str, args: Sequence[Array], value: Array) -> tuple[Array, ...]:
+def side_masks(op: str, args: Sequence[Array], value: Array) -> tuple[Array, ...]:
     x = args[0]
     if op in ("fmin", "fmax"):
         y = args[1]
@@ -64,14 +59,7 @@ def _masks(op: str, args: Sequence[Array], value: Array) -> tuple[Array, ...]:
 
 @dataclass
 class Decision:
-    """One decision of a kernel, with how often each side was taken.
-
-    node: its node in the printed kernel.
-    where: what a reader looks for in the C: the name and comment of the nearest labelled value that
-        uses it, and its own variable.
-    proofs: sides that cannot be taken, and why.
-    detectors: sides that only a fault of the arithmetic itself takes, and why; not proven.
-    """
+    """One decision of a kernel, with how often each side was taken."""
 
     node: int
     op: str
@@ -185,10 +173,7 @@ def recorded_arguments(
     coefficients: Sequence[Array],
     fmt: Format,
 ) -> list[Array]:
-    """Arguments of every step of a recorded run, with the coefficients that stood in memory.
-
-    return: per argument of the step kernel, shape (steps, elements).
-    """
+    """Arguments of every step of a recorded run, with the coefficients that stood in memory."""
     arguments = step_arguments(block, stream, states, initial, coefficients, fmt)
     with np.errstate(over="ignore"):
         for start, values in sorted(stream.coefficients.items()):
@@ -200,11 +185,7 @@ def recorded_arguments(
 def branch_coverage(
     block: Block, streams: Iterable[Stream], library: HostLibrary | None = None
 ) -> Coverage:
-    """Count which sides of a Block's decisions a set of streams takes.
-
-    library: cover the kernel that this C was printed from, over the states that the C itself
-        recorded; without it, the f64 kernel over the symbolic Block's states.
-    """
+    """Count which sides of a Block's decisions a set of streams takes."""
     fmt = FORMATS[library.real if library else "f64"]
     kernel, names = emitted_kernel(block, fmt)
     coefficients = coefficients_of(block, fmt, {})
@@ -227,7 +208,7 @@ def branch_coverage(
         values = evaluate(kernel, fmt, arguments)
         for d in decisions:
             args = [values[a] for a in kernel.nodes[d.node].args]
-            for side, mask in zip(d.seen, _masks(d.op, args, values[d.node]), strict=True):
+            for side, mask in zip(d.seen, side_masks(d.op, args, values[d.node]), strict=True):
                 d.seen[side] += int(np.count_nonzero(mask))
         tried.append(stream.name)
         steps += stream.steps

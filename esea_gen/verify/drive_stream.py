@@ -35,15 +35,7 @@ Told = Callable[[int, str, Mapping[str, Any]], None]
 def drive_stream(
     device: Device, deflection_rad: Array, told: Told | None = None
 ) -> dict[str, Array]:
-    """Every external input of a drive, a row a tick.
-
-    deflection_rad: as it is from ``LET_GO_S`` on, whatever the drive does.
-    told: called with every run of the System on the way.
-
-    The joint moves slowly to and fro, with torque wanted; the drive answers to the commands of the
-    symbolic System, for motor and motion may not contradict each other.  What a person or a fault
-    would do comes at fixed times.  Every axis is given the same.
-    """
+    """Every external input of a drive, a row a tick."""
     system, a = device.system, device.file.actuator
     assert a is not None
     rate_Hz = 1.0 / system.base_period_s

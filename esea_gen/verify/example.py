@@ -11,7 +11,7 @@ from pathlib import Path
 
 from esea_gen.board.firmware import compile_objects
 from esea_gen.emit.formats import FORMATS
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.targets import HOST_GCC
 
 _SAMPLES = re.compile(r"^(\d+) of (\d+) samples agree$", re.M)
@@ -21,12 +21,7 @@ _LONGEST_S = 60.0
 
 @dataclass(frozen=True)
 class ExampleRun:
-    """What the example program said.
-
-    agree, checked: of its samples.
-    held, asked: of what the latch promises; 0 of a device without one.
-    problems: why it does not pass; empty when it does.
-    """
+    """What the example program said."""
 
     agree: int
     checked: int
@@ -37,11 +32,7 @@ class ExampleRun:
 
 
 def run_example(files: Mapping[str, str], real: str, quick: bool = False) -> ExampleRun:
-    """Compile an output folder's C into its example program, by its header's line, and run it.
-
-    files: the folder's files by name; tests put a fault into one.
-    quick: each file by itself, once for a given content and not optimised: the bits are the same.
-    """
+    """Compile an output folder's C into its example program, by its header's line, and run it."""
     fmt = FORMATS[real]
     gcc = find_compiler(*HOST_GCC.gcc)
     flags = ["-std=c99", "-O0" if quick else "-O2", *fmt.compiler_flags.split()]
@@ -53,26 +44,14 @@ def run_example(files: Mapping[str, str], real: str, quick: bool = False) -> Exa
         sources = sorted(n for n in here if n.endswith(".c"))
         parts = compile_objects(folder, HOST_GCC, flags, sources) if quick else sources
         command = [gcc, *flags, *map(str, parts), "-o", "example", *fmt.libraries.split()]
-        made = _run(command, folder)
+        made = run_tool(command, folder)
         if made.returncode != 0:
             return ExampleRun(0, 0, 0, 0, ("main.c: the example does not compile",), made.stderr)
         try:
-            done = _run([str(folder / "example")], folder)
+            done = run_tool([folder / "example"], folder, timeout=_LONGEST_S)
         except subprocess.TimeoutExpired:
             return ExampleRun(0, 0, 0, 0, ("main.c: the example does not end",), "")
     return judged(done.stdout, done.returncode)
-
-
-def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        check=False,
-        timeout=_LONGEST_S,
-    )
 
 
 def judged(said: str, code: int) -> ExampleRun:
@@ -94,6 +73,3 @@ def judged(said: str, code: int) -> ExampleRun:
 def _count(pattern: re.Pattern[str], said: str) -> tuple[int, int]:
     found = pattern.search(said)
     return (int(found[1]), int(found[2])) if found else (0, 0)
-
-
-__all__ = ["ExampleRun", "judged", "run_example"]

@@ -1,9 +1,4 @@
-"""A second executor of walked kernels: NumPy, operation by operation, in the format's numbers.
-
-It shares the walker with the printer of the C and nothing else: in float32 its results must equal
-the emitted C's bit for bit, which is a far sharper test of printer and compiler than an error bound
-is.  It also sees every intermediate value, which branch coverage counts.
-"""
+"""A format's own arithmetic in NumPy, bit for bit; only the walker is the printer's."""
 
 from __future__ import annotations
 
@@ -45,20 +40,13 @@ def _call(name: str, x: Array, *more: Any) -> Array:
 
 
 def emitted_kernel(block: Block, fmt: Format) -> tuple[Kernel, dict[int, tuple[str, str]]]:
-    """The step kernel that a format prints, with the names it prints.
-
-    return: after the format's passes; node ``i`` without a name is printed as ``v<i>``.
-    """
+    """The step kernel that a format prints, with the names it prints."""
     kernel, labels = labelled_kernel(block, fmt.passes)
     return kernel, {node: (name, comment) for node, name, comment in labels}
 
 
 def evaluate(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Array]:
-    """Evaluate a kernel over many argument sets at once.
-
-    arguments: per argument, shape (sets, elements).
-    return: per node, shape (sets,): bool for booleans, else the format's type.
-    """
+    """Evaluate a kernel over many argument sets at once."""
     count = len(arguments[0]) if arguments else 1
     dtype = fmt.dtype.type
     values: list[Array] = []
@@ -77,10 +65,7 @@ def evaluate(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Ar
 def told_otherwise(
     kernel: Kernel, fmt: Format, values: Sequence[Array], node: int, told: Array
 ) -> list[Array]:
-    """Values of a kernel's nodes where one of them is told from outside.
-
-    values: as :func:`evaluate` gives them; only what depends on the node is evaluated again.
-    """
+    """Values of a kernel's nodes where one of them is told from outside."""
     out, changed = [*values], {node}
     out[node] = told
     with np.errstate(all="ignore"):
@@ -92,7 +77,7 @@ def told_otherwise(
 
 
 def _value(node: Node, values: Sequence[Array], fmt: Format, kernel: Kernel) -> Array:
-    result = _apply(node, [values[a] for a in node.args], fmt, kernel)
+    result = operation(node, [values[a] for a in node.args], fmt, kernel)
     expected = np.dtype(np.bool_) if node.boolean else fmt.dtype
     if result.dtype != expected:  # a promotion would hide rounding
         raise TypeError(f"{kernel.name}: {node.op} gave {result.dtype}")
@@ -107,7 +92,8 @@ def _choose(condition: Array, x: Array, y: Array | np.floating[Any]) -> Array:
     return np.asarray(np.where(condition, x, y))
 
 
-def _apply(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
+def operation(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
+    """One operation of a kernel on its operands."""
     op = node.op
     if op == "not":
         return ~_truth(args[0])
@@ -165,22 +151,14 @@ def _power(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
 
 @dataclass(frozen=True)
 class KernelTrajectory:
-    """What a Block gives on a stream, in one format's bits.
-
-    outputs: per output port, the format's type; status words ``uint32``.
-    states: per state port and counter, after each step.
-    """
+    """What a Block gives on a stream, in one format's bits."""
 
     stream: Stream
     outputs: dict[str, Array]
     states: dict[str, Array]
 
     def first_difference(self, outputs: Mapping[str, Array], states: Mapping[str, Array]) -> str:
-        """Where another run first differs from this one in any bit.
-
-        outputs, states: the other run, as :func:`esea_gen.verify.runs.run_c` gives it.
-        return: stream, port, step and both values; empty when all bits agree.
-        """
+        """Where another run first differs from this one in any bit."""
         found: list[tuple[int, str]] = []
         for kind, mine, other in (
             ("output", self.outputs, outputs),
@@ -232,10 +210,7 @@ def step_arguments(
     coefficients: Sequence[Array],
     fmt: Format,
 ) -> list[Array]:
-    """Arguments of every step of a recorded run.
-
-    return: per argument of the step kernel, shape (steps, elements).
-    """
+    """Arguments of every step of a recorded run."""
     arguments = [np.tile(np.asarray(c, fmt.dtype), (stream.steps, 1)) for c in coefficients]
     for p, start in zip(block.state, initial, strict=True):
         after = np.asarray(states[p.name], fmt.dtype).reshape(stream.steps, p.size)
@@ -254,10 +229,7 @@ def step_arguments(
 
 
 def flat_results(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Array]:
-    """Results of a kernel that is called once.
-
-    arguments: per argument, shape (elements,).
-    """
+    """Results of a kernel that is called once."""
     values = evaluate(kernel, fmt, [np.asarray(a, fmt.dtype)[None] for a in arguments])
     return [np.array([values[i][0] for i in r], fmt.dtype) for r in kernel.results]
 
@@ -281,11 +253,7 @@ def initial_state(block: Block, fmt: Format, coefficients: Sequence[Array]) -> l
 def float32_trajectory(
     kernel: Kernel, block: Block, stream: Stream, arguments: Sequence[Array]
 ) -> KernelTrajectory:
-    """Every step of a run evaluated in float32, from the states that the run recorded.
-
-    Each step is evaluated from the recorded state before it.  When all steps agree with the
-    recording, so does, by induction, the whole run from the initial state.
-    """
+    """Every step of a run evaluated in float32, from the states that the run recorded."""
     fmt = FORMATS["f32"]
     values = evaluate(kernel, fmt, arguments)
     columns = [np.stack([values[i].astype(fmt.dtype) for i in r], axis=1) for r in kernel.results]
@@ -302,11 +270,7 @@ def float32_trajectory(
 def exact_trajectory(
     block: Block, library: HostLibrary, stream: Stream, oracle: CasadiOracle | None
 ) -> KernelTrajectory:
-    """The bits that a Block's C must give on a stream.
-
-    library: its C. In float32 its recorded states are where each step is evaluated from.
-    return: to be compared with :func:`esea_gen.verify.runs.run_c`.
-    """
+    """The bits that a Block's C must give on a stream."""
     fmt = FORMATS[library.real]
     coefficients = coefficients_of(block, fmt, {})
     initial = initial_state(block, fmt, coefficients)
@@ -331,11 +295,7 @@ BEYOND = (1e-3, 0.03, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3)
 
 @dataclass(frozen=True)
 class Setup:
-    """What ``prepare`` and ``init`` of a Block must give in one format, bit for bit.
-
-    start: state after ``init``, per port.
-    prepared: settings of the tunables, and the coefficients per port.
-    """
+    """What ``prepare`` and ``init`` of a Block must give in one format, bit for bit."""
 
     block: Block
     start: list[Array]
@@ -343,11 +303,7 @@ class Setup:
 
 
 def expected_setup(block: Block, fmt: Format) -> Setup:
-    """What ``prepare`` and ``init`` of a Block must give.
-
-    return: with the tunables at their defaults, ends and middles, 40 times at random within their
-        bounds, and together a thousandth of to a thousand times their defaults.
-    """
+    """What ``prepare`` and ``init`` of a Block must give."""
     rng = np.random.default_rng(7)
     count = len(block.tunables)
     shares = [np.full(count, s) for s in SHARES] + [*rng.random((RANDOM_SETTINGS, count))]
@@ -374,11 +330,7 @@ def expected_setup(block: Block, fmt: Format) -> Setup:
 
 
 def setup_difference(block: Block, library: HostLibrary, expected: Setup | None = None) -> str:
-    """Where ``init`` or ``prepare`` of a compiled Block differs from this executor.
-
-    return: what differs; empty when every bit agrees, from a state full of rubbish and with the
-        tunables at the settings of :func:`expected_setup`.
-    """
+    """Where ``init`` or ``prepare`` of a compiled Block differs from this executor."""
     fmt = FORMATS[library.real]
     wanted = expected or expected_setup(block, fmt)
     runner = library.block(block.name)

@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.emit.error_bounds import BEYOND, Bound
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import Propagation, any_bound, step_bound
 from esea_gen.emit.fixed.kept import plan_block
@@ -24,9 +23,9 @@ from esea_gen.emit.fixed.plan import (
     raw_places,
     run_lowered,
 )
-from esea_gen.emit.fixed.values import COMPARES
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import COMPARES, RangeError
+from esea_gen.emit.step_errors import BEYOND, Bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import INVALID, from_raw, to_raw
@@ -36,7 +35,7 @@ from esea_gen.language.stream import Stream
 from esea_gen.verify.assumed import broken, steps_beyond
 from esea_gen.verify.bounds import full_scales
 from esea_gen.verify.compare import unexplained
-from esea_gen.verify.executor import counter_fields, evaluate, expected_counters
+from esea_gen.verify.executor import evaluate, expected_counters
 from esea_gen.verify.runs import run_c, run_symbolic
 
 Raw = np.ndarray[Any, np.dtype[Any]]
@@ -53,10 +52,7 @@ def _columns(fields: Sequence[FieldPlan], results: list[list[ex.Array]]) -> dict
 
 
 class RawExecutor:
-    """Runs a planned Block in Python integers: what its C gives, bit for bit.
-
-    tunables: values other than the defaults.
-    """
+    """Runs a planned Block in Python integers: what its C gives, bit for bit."""
 
     def __init__(self, plan: BlockPlan, tunables: Mapping[str, float] | None = None) -> None:
         self.plan = plan
@@ -86,10 +82,7 @@ class RawExecutor:
     def steps(
         self, states: Mapping[str, Raw], inputs: Mapping[str, Raw]
     ) -> tuple[dict[str, Raw], dict[str, Raw]]:
-        """Many steps at once, each from a state of its own.
-
-        states, inputs: raw numbers per port, shape (steps,) or (steps, size).
-        """
+        """Many steps at once, each from a state of its own."""
         return self.stepped(*self.places(states, inputs))
 
     def stepped(
@@ -122,10 +115,7 @@ def raw_stream(plan: BlockPlan, stream: Stream) -> dict[str, Raw]:
 
 
 def seen_stream(plan: BlockPlan, stream: Stream) -> Stream:
-    """A stream as the board sees it: every sample a whole number of units, or NaN.
-
-    return: what exact arithmetic is to be given for a fair comparison.
-    """
+    """A stream as the board sees it: every sample a whole number of units, or NaN."""
 
     def held(f: FieldPlan, values: Any) -> Array:
         return from_raw(to_raw(values, f.fraction), f.fraction)
@@ -159,13 +149,7 @@ def states_before(plan: BlockPlan, stream: Stream, states: Mapping[str, Raw]) ->
 
 @dataclass(frozen=True)
 class SingleSteps:
-    """Every step of a recorded run in exact arithmetic, from the state that the C had.
-
-    turned: steps in which rounding turned a decision: the numbers of both then differ by more than
-        rounding.
-    unexplained: those of them whose first such decision was not within its operands' derived
-        errors.
-    """
+    """Every step of a recorded run in exact arithmetic, from the state that the C had."""
 
     outputs: dict[str, Array]
     states: dict[str, Array]
@@ -179,10 +163,7 @@ def single_steps(
     before: Mapping[str, Raw],
     computed: Mapping[str, ex.Array] | None = None,
 ) -> SingleSteps:
-    """Evaluate every step of a recorded run in exact arithmetic.
-
-    computed: names of the same steps as the C defines them, where they are known already.
-    """
+    """Evaluate every step of a recorded run in exact arithmetic."""
     if computed is None:
         computed, _ = RawExecutor(plan).places(before, raw_stream(plan, stream))
     block, kernel = plan.block, plan.step.kernel
@@ -256,13 +237,7 @@ def _turned(
 def first_difference(
     plan: BlockPlan, runner: CRunner, stream: Stream
 ) -> tuple[str, dict[str, Raw], dict[str, Raw], dict[str, ex.Array]]:
-    """Where the compiled Block first differs from the executor in any bit.
-
-    Each step is evaluated from the state that the C recorded before it: when all steps agree, so
-    does, by induction, the whole run.
-
-    return: the difference, outputs and states of the C, and every name that the executor's defines.
-    """
+    """Where the compiled Block first differs from the executor in any bit."""
     executor = RawExecutor(plan)
     outputs, states = run_c(runner, stream, raw=True)
     before = states_before(plan, stream, states)
@@ -283,16 +258,7 @@ def first_difference(
 
 @dataclass
 class FixedComparison:
-    """One stream through one Block in q31.
-
-    errors: largest |C - symbolic| per output and state, on the inputs as the board sees them.
-    limits: derived bound of each: for any number of steps, or of one step from the same memory.
-    problems: bits that differ from the executor's, errors above their bound, unexplained status
-        bits, broken stop and restore.
-    turned: steps in which rounding turned a decision, where the steps are judged one by one.
-    beyond: steps that break what the bound for any number of steps assumes; where a rough stream
-        holds some, all its steps are judged one by one.
-    """
+    """One stream through one Block in q31."""
 
     block: str
     stream: str
@@ -312,13 +278,7 @@ class FixedComparison:
 def compare_fixed(
     device: Device, plan: BlockPlan, runner: CRunner, stream: Stream, bound: Bound
 ) -> FixedComparison:
-    """Compare one Block on one stream.
-
-    A Block that does not forget its errors is judged step by step, each from the state that the C
-    had; so is a rough stream that breaks what the bound for any number of steps assumes.  There a
-    step whose decision rounding turned is counted, must be explained by the derived error of what
-    it compares, and is not held against the bound.
-    """
+    """Compare one Block on one stream."""
     block = plan.block
     runner.reset()
     difference, raw_y, raw_s, computed = first_difference(plan, runner, stream)
@@ -373,11 +333,7 @@ def compare_fixed(
 
 
 def bounds_of(device: Device) -> dict[str, Bound]:
-    """Derived q31 bounds of a device's Blocks over their ports' ranges.
-
-    return: by Block: for all time where it forgets its errors, else of one step. :class:`UserError`
-        where there is none.
-    """
+    """Derived q31 bounds of a device's Blocks over their ports' ranges."""
     found = {}
     for block in device.system.kinds:
         try:
@@ -389,18 +345,3 @@ def bounds_of(device: Device) -> dict[str, Bound]:
                 "needs more of a linear spring. Or use --real f32.",
             ) from error
     return found
-
-
-__all__ = [
-    "FixedComparison",
-    "RawExecutor",
-    "SingleSteps",
-    "bounds_of",
-    "compare_fixed",
-    "counter_fields",
-    "first_difference",
-    "raw_stream",
-    "seen_stream",
-    "single_steps",
-    "states_before",
-]

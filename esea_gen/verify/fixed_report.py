@@ -1,9 +1,4 @@
-"""What fixed point does to a device: every Block's bits and errors, the torque over long signals.
-
-Blocks are held against their executor bit for bit and against exact arithmetic; the sensing task
-against its double-precision C on published motions, a run as long as a session and a recording.
-On emulated cores every output word is compared.
-"""
+"""What fixed point does to a device: bits and errors of every Block, torque over long signals."""
 
 from __future__ import annotations
 
@@ -34,13 +29,7 @@ STREAM_STEPS = 300
 
 @dataclass(frozen=True)
 class BlockResult:
-    """One Block on all its streams.
-
-    proven, measured: of the worst output, as a share of the larger end of its port's range; the
-        proven one of the output that is proven worst.
-    turned: steps in which rounding turned a decision.
-    problems: bits that differ, errors above their bound, unexplained decisions.
-    """
+    """One Block on all its streams."""
 
     block: str
     proven_for: str
@@ -53,11 +42,7 @@ class BlockResult:
 
 @dataclass(frozen=True)
 class SignalResult:
-    """The sensing task in q31 against f64 on one signal.
-
-    error_Nm: largest difference of a torque.
-    last_minute: the same of the last minute alone: errors that grow show here.
-    """
+    """The sensing task in q31 against f64 on one signal."""
 
     signal: str
     steps: int
@@ -68,12 +53,7 @@ class SignalResult:
 
 @dataclass
 class FixedReport:
-    """All that was compared.
-
-    signals: empty for a System that does not start with a deflection.
-    proofs: of the value analysis, one a Block; empty when not asked for.
-    chain: the worst motion found for the sensing task, when asked for.
-    """
+    """All that was compared."""
 
     device: str
     blocks: list[BlockResult]
@@ -149,10 +129,7 @@ class FixedReport:
 
 
 def published_motions(device: Device) -> Iterator[tuple[str, Array]]:
-    """The excitations of thesis chapter 3, scaled to a device's domain.
-
-    device: its domain gives the largest deflection; for the elbow 11.5 deg.
-    """
+    """The excitations of thesis chapter 3, scaled to a device's domain."""
     h, most = device.period_s, device.file.domain.theta_max_rad.value
     for share, end_Hz in ((1.0, 1.0), (5.0 / 11.5, 1.5)):
         t = np.arange(round(end_Hz / (0.5 / 60) / h)) * h
@@ -254,12 +231,7 @@ def check_fixed(
     search: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> FixedReport:
-    """Compare a device's q31 C with everything there is to compare it with.
-
-    minutes: length of the chirps inside the domain, run one after the other.
-    prove: whether to have Frama-C's value analysis look at every file, too.
-    search: how many motions to search for the sensing task's worst error, f32 beside.
-    """
+    """Compare a device's q31 C with everything there is to compare it with."""
     say = progress or (lambda text: None)
     library = compile_device(device, "q31")
     report = FixedReport(device.name, _compare_blocks(device, library, say))
@@ -286,15 +258,3 @@ def read_recorded(device: Device, mapping: Path | None, data: Path | None) -> di
     from esea_gen.identify import recorded_deflections
 
     return {} if mapping is None else dict(recorded_deflections(device, mapping, data))
-
-
-__all__ = [
-    "AIM_SHARE",
-    "BlockResult",
-    "FixedReport",
-    "SignalResult",
-    "check_fixed",
-    "compare_signal",
-    "published_motions",
-    "read_recorded",
-]

@@ -1,15 +1,9 @@
-"""Gates on object files: what the emitted C may hold and ask for, on every target.
-
-No double arithmetic in f32, no libm, no heap, no writable data, no export without the prefix, a
-bounded stack; and no warning from any compiler.  Every gate reads what the compiler made, not the
-C text.  On the host the example program runs, too: it must compare something, and agree.
-"""
+"""What the compiler made of the C: no double in f32, no libm, no heap, a bounded stack."""
 
 from __future__ import annotations
 
 import platform
 import re
-import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -22,8 +16,8 @@ from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError, nearest
-from esea_gen.hostlib.compiler import compiler_version, find_compiler
-from esea_gen.targets import CONTROL_FLAGS, EXACT_FLAGS, HOST_GCC, PROCESSORS, Processor
+from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool
+from esea_gen.targets import CONTROL_FLAGS, PROCESSORS, Processor
 from esea_gen.verify.example import run_example
 
 # Single-precision helpers of a processor without an FPU: the compiler's, not libm's.
@@ -44,7 +38,6 @@ _X86_DOUBLE = re.compile(
 )
 _A64_DOUBLE = re.compile(r"\bf\w+\s+[^\n]*\bd\d+[^\n]*")
 
-
 _HOST_DOUBLE = _A64_DOUBLE if platform.machine() in ("aarch64", "arm64") else _X86_DOUBLE
 
 # Of 8 kB on the smallest board, of which the rest of the firmware has taken 1.8 kB at most.  A
@@ -55,23 +48,10 @@ PROGRAM_STACK_BYTES = 448
 
 TARGETS = {p.name: p for p in PROCESSORS.values() if p.stack_limit_bytes is not None}
 
-STRICT_FLAGS = (
-    *EXACT_FLAGS,
-    *("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"),
-)
-# These see a slip to double where -Wconversion does not look.
-STRICT_F32 = ("-Wdouble-promotion", "-Wfloat-conversion")
-
 
 @dataclass(frozen=True)
 class GateReport:
-    """What the gates found on one target.
-
-    compiler: first line of the compiler's version.
-    problems: each with the file, what was found and which rule it breaks; empty when all gates
-        hold.
-    stack_bytes: largest stack use below each task's step.
-    """
+    """What the gates found on one target."""
 
     device: str
     real: str
@@ -106,10 +86,6 @@ def _stack_limit(device: Device, target: Processor) -> int:
     programs = any(b.kind == "program" for b in device.system.kinds)
     more = CONTROL_STACK_BYTES if device.system.latches else 0
     return target.stack_limit_bytes + more + (PROGRAM_STACK_BYTES if programs else 0)
-
-
-def _output(*command: str | Path) -> str:
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
 def _unwanted(objects: Sequence[Path], target: Processor, libm: bool) -> list[str]:
@@ -148,7 +124,7 @@ def _instructions(objects: Sequence[Path], target: Processor) -> list[str]:
     tool = find_compiler(*target.toolchain.tool("objdump"))
     double = _HOST_DOUBLE if target.name == "host" else _ARM_DOUBLE
     for path in objects:
-        text = _output(tool, "-d", "--no-show-raw-insn", path)
+        text = run_tool([tool, "-d", "--no-show-raw-insn", path], failed="objdump failed").stdout
         hits = [" ".join(m.group().split()) for m in double.finditer(text)]
         if hits:
             found.append(f"{path.name}: {len(hits)} double instructions, first '{hits[0]}'")
@@ -186,12 +162,7 @@ def _stack(
 def check_objects(
     device: Device, target: str, real: str = "f32", files: Mapping[str, str] | None = None
 ) -> GateReport:
-    """Compile a device's C for a target and hold its object files against the rules.
-
-    real: number format. The rules on double and libm, and the stack limit, are those of f32; f64 is
-        what the host computes with.
-    files: files to compile in place of the device's own; tests break a rule in one.
-    """
+    """Compile a device's C for a target and hold its object files against the rules."""
     chosen = find_target(target)
     gcc = find_compiler(*chosen.toolchain.gcc)
     texts = dict(files if files is not None else render_device(device, [real])[0].files)
@@ -207,15 +178,8 @@ def check_objects(
             if name == "main.c":
                 continue
             item = folder / f"{Path(name).stem}.o"
-            done = subprocess.run(
-                [gcc, *measured, "-c", name, "-o", item.name],
-                cwd=folder,
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-            if done.returncode != 0:
-                raise RuntimeError(f"{name} does not compile for {target}:\n{done.stderr}")
+            command = [gcc, *measured, "-c", name, "-o", item.name]
+            run_tool(command, folder, f"{name} does not compile for {target}")
             objects.append(item)
         problems = _unwanted(objects, chosen, not single) + _symbols(objects, chosen)
         if single:
@@ -223,7 +187,8 @@ def check_objects(
         used, stack_problems = _stack(device, folder, chosen, single)
         if chosen.name == "host" and "main.c" in texts:
             problems += run_example(texts, real).problems
-        sizes = _output(find_compiler(*chosen.toolchain.tool("size")), *objects).splitlines()[1:]
+        size = [find_compiler(*chosen.toolchain.tool("size")), *objects]
+        sizes = run_tool(size, failed="size failed").stdout.splitlines()[1:]
     return GateReport(
         device.name,
         real,
@@ -234,34 +199,3 @@ def check_objects(
         _stack_limit(device, chosen),
         sum(int(line.split()[0]) for line in sizes),
     )
-
-
-def compiler_warnings(
-    device: Device, real: str, compiler: str = "gcc", files: Mapping[str, str] | None = None
-) -> str:
-    """What a strict compiler says of a device's C."""
-    tool = find_compiler(*(HOST_GCC.gcc if compiler == "gcc" else (compiler, compiler)))
-    texts = dict(files if files is not None else render_device(device, [real])[0].files)
-    flags = [*STRICT_FLAGS, *(() if FORMATS[real].needs_libm else STRICT_F32)]
-    if "gcc" in compiler and not FORMATS[real].needs_libm:
-        flags.append("-Wunsuffixed-float-constants")
-    said = []
-    with tempfile.TemporaryDirectory(prefix="esea-strict-") as scratch:
-        folder = Path(scratch)
-        for name, text in texts.items():
-            if "/" not in name:
-                (folder / name).write_text(text, encoding="utf-8")
-        for name in sorted(n for n in texts if n.endswith(".c") and "/" not in n):
-            # The example program prints, and so promotes to double: not part of what ships.
-            own = [f for f in flags if name != "main.c" or f not in STRICT_F32]
-            own = [f for f in own if name != "main.c" or "unsuffixed" not in f]
-            done = subprocess.run(
-                [tool, *own, "-c", name, "-o", "x.o"],
-                cwd=folder,
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-            if done.returncode != 0 or done.stderr:
-                said.append(done.stderr)
-    return "".join(said)

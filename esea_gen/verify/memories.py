@@ -18,15 +18,7 @@ from esea_gen.verify.ties import aimed_stream
 def other_memories(
     block: Block, dtype: npt.DTypeLike = np.float32, seed: int = 2, steps: int = 3000
 ) -> list[Stream]:
-    """Other coefficients, and states that only a long past brings.
-
-    Not part of :func:`streams`: the derived bounds are those of the default tunables.
-
-    return: for a Block with tunables one stream at the limits, with coefficients prepared from
-        tunables at their ends; what the Block brings along; and, starting from the states of these
-        and of :func:`streams`, :func:`esea_gen.verify.ties.aimed_stream`; and each counter at its
-        end, alone.
-    """
+    """Other coefficients, and states that only a long past brings."""
     own = block.streams.memories(block, np.dtype(dtype), np.random.default_rng(seed))
     found = own + _full_counters(block, seed)
     found += aimed_stream(block, [*streams(block, steps=1000), *own], dtype)

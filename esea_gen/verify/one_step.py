@@ -1,14 +1,7 @@
-"""Single precision, one step at a time: for Blocks whose rounding errors add up without limit.
+"""One step of the C against the symbolic step from the same memory, decisions as the C took them.
 
-An integral, or a limit on the rate of change, keeps every rounding error it ever made; no bound
-holds for all time.  What can be bounded is what one step adds.  So each step of the C is compared
-with the symbolic step from the very memory that the C had before it, inputs and states alike the
-same numbers, and the difference is held to the derived bound of one step
-(:func:`esea_gen.emit.error_bounds.step_bound`).
-
-That bound takes decisions as equal.  Where rounding turns one, the symbolic side is told to decide
-as the C did, and the comparison goes on; but only where both operands are nearer to each other than
-their derived errors allow for.  Any other difference of a decision is an error.
+An integral keeps every rounding error it ever made, so only what one step adds can be bounded.
+Where rounding turns a decision, its operands must be nearer than their derived errors allow.
 """
 
 from __future__ import annotations
@@ -18,8 +11,9 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from esea_gen.emit.error_bounds import Bound, node_errors, step_bound
+from esea_gen.emit.error_bounds import node_errors, step_bound
 from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.step_errors import Bound
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
@@ -31,12 +25,7 @@ DECIDING = frozenset({"lt", "le", "eq", "ne"})
 
 @dataclass
 class OneStep:
-    """What the steps of one stream add, each from the C's own memory.
-
-    errors: largest |C - symbolic| per output and state.
-    turned: steps in which rounding turned a decision, each within its operands' derived errors.
-    problems: decisions that differ beyond that, and status words that differ.
-    """
+    """What the steps of one stream add, each from the C's own memory."""
 
     errors: dict[str, float] = field(default_factory=dict)
     turned: int = 0
@@ -76,10 +65,7 @@ class StepRule:
     def compare(
         self, stream: Stream, outputs: dict[str, Array], states: dict[str, Array]
     ) -> OneStep:
-        """Hold every step of a run of the C against the symbolic step from the same memory.
-
-        outputs, states: what the C made of it, freely running, and its state after each step.
-        """
+        """Hold every step of a run of the C against the symbolic step from the same memory."""
         found = OneStep()
         single = FORMATS["f32"]
         given = step_arguments(
@@ -142,10 +128,7 @@ class StepRule:
 
 
 def drift(block: Block, expected: dict[str, Array], got: dict[str, Array]) -> dict[str, float]:
-    """How far two freely running memories or outputs come apart; not bounded, only told.
-
-    return: largest |difference| per port; for a status word the share of steps that differ.
-    """
+    """How far two freely running memories or outputs come apart; not bounded, only told."""
     out: dict[str, float] = {}
     for p in (*block.state, *block.outputs):
         if p.name not in expected:

@@ -1,11 +1,7 @@
-"""A Program's C against its executor: what verification means for a body with loops.
+"""A Program's C against its executor: bit for bit in f64, to a stated share in f32.
 
-The executor (:class:`esea_gen.language.program.ProgramSimulator`) runs the same statements in
-Python, float64, with CasADi evaluating the kernels.  In float64 the C must give its bits, in every
-output, in what is carried, and in every work array.  In float32 no bound can be derived: a
-comparison inside a loop decides how often it is passed, and one that turns by rounding turns all
-that follows.  There the command is held to a stated share of full scale, and what is told of it to
-this: the float32 C may say more against itself than the executor, never less.
+A comparison in a loop decides how often it is passed: one that rounding turns turns all that
+follows, so no bound can be derived in f32. It may say more against itself there, never less.
 """
 
 from __future__ import annotations
@@ -28,10 +24,7 @@ CLOSENESS = 1e-3
 
 
 def program_streams(program: Program, seed: int = 1, steps: int = STEPS) -> list[Stream]:
-    """The streams of a Program: a Block's, shorter.
-
-    return: as :func:`esea_gen.verify.streams.streams`, with invalid inputs and corrupt states.
-    """
+    """The streams of a Program: a Block's, shorter."""
     return streams(program, seed, steps)
 
 

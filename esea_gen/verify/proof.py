@@ -1,14 +1,8 @@
-"""Proof of the emitted C: value analysis by Frama-C, of q31 Blocks and of whole drives.
-
-The value analysis is given every emitted file under any bit pattern in every input and state and in
-every coefficient that a step itself checks, with tunables and the other coefficients inside their
-declared ranges.  What it assumes is counted and listed.
-"""
+"""Proof of the emitted C: value analysis by Frama-C, of q31 Blocks and of whole drives."""
 
 from __future__ import annotations
 
 import re
-import subprocess
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,9 +13,10 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.language.block import Block
-from esea_gen.verify.tools import TIMEOUT_S, tool
 
+TIMEOUT_S = 3600
 EVA = (
     *("-machdep", "x86_32", "-eva", "-eva-precision", "4", "-warn-signed-downcast"),
     "-eva-msg-key=-initial-state,-final-states",
@@ -34,14 +29,7 @@ SSE = ("-msse2", "-mfpmath=sse")
 
 @dataclass(frozen=True)
 class EvaResult:
-    """What the value analysis said of one Block.
-
-    alarms: possible undefined behaviour: overflow, division by zero, invalid access, a shift out of
-        range, a conversion that does not fit.
-    unproven: assertions that could not be shown: that ``prepare`` keeps its coefficients' ranges.
-    assumptions: ranges that the caller is assumed to keep: of tunables, and of coefficients that
-        the step does not check.
-    """
+    """What the value analysis said of one Block."""
 
     device: str
     block: str
@@ -57,33 +45,13 @@ class EvaResult:
         return not self.alarms and not self.unproven and self.statements > 0
 
 
-def _said(command: Sequence[str], folder: Path, text: str | None = None) -> str:
-    done = subprocess.run(
-        list(command),
-        cwd=folder,
-        input=text,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIMEOUT_S,
-    )
-    said = done.stdout + done.stderr
-    if done.returncode != 0:
-        raise RuntimeError(f"{Path(command[0]).name} failed:\n{said[-3000:]}")
-    return said
-
-
 def prove_block(
     device: Device,
     block: Block,
     change: Callable[[str, str], str] | None = None,
     narrow: bool = False,
 ) -> EvaResult:
-    """Analyse the emitted C of one Block.
-
-    change: ``change(file name, text) -> text``: a deliberate fault, to see that the analysis finds
-        it.
-    """
+    """Analyse the emitted C of one Block."""
     renderer = Renderer(
         device.system, FORMATS["q31"], format_hash(device, "q31"), "-", device.title
     )
@@ -105,7 +73,7 @@ def analysed(
     folders: Sequence[str] = (),
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[int, int]]:
     """Alarms, what is unproven, and how many statements and functions were reached."""
-    frama = tool("frama-c", "frama-c-base")
+    frama = find_compiler("frama-c", "frama-c-base")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         for name, text in files.items():
@@ -116,7 +84,9 @@ def analysed(
         found = (f"-I{folder / name}" for name in ("", *folders))
         include = f"-cpp-extra-args={' '.join((*found, *SSE, *defines))}"
         paths = [str(folder / n) for n in sources]
-        said = _said([frama, *EVA, *options, include, *paths], folder)
+        command = [frama, *EVA, *options, include, *paths]
+        done = run_tool(command, folder, "frama-c failed", timeout=TIMEOUT_S)
+        said = done.stdout + done.stderr
     counted = re.search(r"(\d+) functions? analyzed.*?(\d+) statements? reached", said, re.DOTALL)
     alarms: list[str] = []
     unproven: list[str] = []
@@ -129,63 +99,3 @@ def analysed(
     if counted is None or total is None or int(total.group(1)) > len(alarms):
         raise RuntimeError(f"frama-c's report was not understood:\n{said[-3000:]}")
     return tuple(alarms), tuple(unproven), (int(counted.group(2)), int(counted.group(1)))
-
-
-def prove_drive(
-    device: Device,
-    real: str,
-    free: bool = False,
-    change: Callable[[str, str], str] | None = None,
-) -> EvaResult:
-    """Analyse a whole device: its tasks, latches and conversions, with all its Blocks.
-
-    free: whether all coefficients hold any bits, or only those that a step checks itself, and the
-        others are as ``prepare`` leaves them.
-    change: a deliberate fault in an emitted file.
-    """
-    fmt = FORMATS[real]
-    renderer = Renderer(device.system, fmt, format_hash(device, real), "-", device.title)
-    files = renderer.files()
-    # The marks of a run are plain accesses here: one thread.
-    own = f"{renderer.prefix}.c"
-    files[own] = f"#define ESEA_FENCE() ((void)0)\n{files[own]}"
-    # The compiler's own, which the analysis has neither body nor words for.
-    real_h = f"{renderer.prefix}_real.h"
-    files[real_h] = f"#define __builtin_fabsf(x) ((x) < 0.0f ? -(x) : (x))\n{files[real_h]}"
-    sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
-    units = f"{renderer.prefix}_units.h" in files
-    checked = [i for i, b in device.system.blocks.items() if b.name == "limits"]
-    tasks = [t.name for t in device.system.tasks]
-    driver = renderer.render(
-        "proof/eva_drive.c.j2", free=free, units=units, checked=checked, tasks=tasks
-    )
-    # Floats may be NaN and infinite: that is no undefined behaviour.
-    options = ("-warn-special-float", "none")
-    alarms, unproven, reached = analysed(
-        files | {"eva.c": driver},
-        ["eva.c", *sources],
-        ("-DESEA_Q31_PORTABLE_CLZ",),
-        options,
-        change,
-    )
-    trusted = () if free else (i for i, b in device.system.blocks.items() if i not in checked)
-    assumed = [
-        f"coeffs.{i}.{p.name}: as prepare leaves it"
-        for i in trusted
-        for p in device.system.blocks[i].coefficients
-    ]
-    return EvaResult(device.name, real, alarms, unproven, tuple(assumed), *reached)
-
-
-def prove_device(device: Device) -> list[EvaResult]:
-    """Analyse every Block of a device."""
-    return [prove_block(device, b) for b in device.system.kinds]
-
-
-__all__ = [
-    "EvaResult",
-    "analysed",
-    "prove_block",
-    "prove_device",
-    "prove_drive",
-]

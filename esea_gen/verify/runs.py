@@ -53,10 +53,7 @@ class CasadiOracle:
     def run(
         self, block: Block, coefficients: list[Array], state: list[Array], stream: Stream
     ) -> Run:
-        """Run a Block's step over a stream.
-
-        coefficients, state: prepared and initial, per port.
-        """
+        """Run a Block's step over a stream."""
         ffi, function = self.ffi, getattr(self.lib, f"{self.stem}_{block.name}_step")
         sizes = [ffi.new("int*") for _ in range(4)]
         getattr(self.lib, f"{self.stem}_{block.name}_step_work")(*sizes)
@@ -156,10 +153,7 @@ def run_symbolic(block: Block, stream: Stream) -> Run:
 
 
 def run_executor(program: Program, stream: Stream) -> Run:
-    """A stream through the executor.
-
-    stream: inputs and injections; one into a work array is left out, which carries nothing.
-    """
+    """A stream through the executor."""
     simulator = program.simulator()
     y: dict[str, list[Array]] = {p.name: [] for p in program.outputs}
     s: dict[str, list[Array]] = {p.name: [] for p in program.state}
@@ -174,13 +168,7 @@ def run_executor(program: Program, stream: Stream) -> Run:
 
 
 def run_c(runner: CRunner, stream: Stream, restore: bool = False, raw: bool = False) -> Run:
-    """A stream through the compiled Block, freshly initialised.
-
-    restore: stop in the middle, disturb and reset the instance, put the saved state back, and go
-        on.
-    raw: give the C's own numbers, which in q31 are no units.
-    return: the states with the C's counters.
-    """
+    """A stream through the compiled Block, freshly initialised."""
     parts = []
     bounds = _segments(stream)
     if restore:

@@ -1,10 +1,4 @@
-"""Input streams that try a Block: ordinary, nasty, invalid and recorded.
-
-Every valid sample is a float32 number, so that all number formats are given the same input; what
-counts (:func:`esea_gen.emit.error_bounds.counts`) is given whole numbers.  What random inputs
-cannot bring about, such as a latch that opens, a Block brings along
-(:class:`esea_gen.language.stream.OwnStreams`).
-"""
+"""Input streams that try a Block: ordinary, nasty, invalid and recorded."""
 
 from __future__ import annotations
 
@@ -15,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
-from esea_gen.emit.error_bounds import counts
+from esea_gen.emit.step_errors import counts
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.ports import Array, Port
@@ -69,11 +63,7 @@ def _whole(port: Port, values: Array) -> Array:
 
 
 def streams(block: Component, seed: int = 1, steps: int = 3000) -> list[Stream]:
-    """The streams of a Block: generated ones, and those it brings along.
-
-    return: random walk, noise over the whole range, chirp, reversals, thresholds, jumps, invalid
-        inputs, corrupt states (where it has a state), and its own events.
-    """
+    """The streams of a Block: generated ones, and those it brings along."""
     rng = np.random.default_rng(seed)
 
     def each(make: Callable[[int, Port], Array]) -> dict[str, Array]:
@@ -125,10 +115,7 @@ def streams(block: Component, seed: int = 1, steps: int = 3000) -> list[Stream]:
 
 
 def inside(stream: Stream, limits: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether a stream's inputs stay inside ranges.
-
-    limits: by input name.
-    """
+    """Whether a stream's inputs stay inside ranges."""
     return all(
         bool(np.all((stream.inputs[k] >= low) & (stream.inputs[k] <= high)))
         for k, (low, high) in limits.items()
@@ -139,14 +126,7 @@ def inside(stream: Stream, limits: Mapping[str, tuple[float, float]]) -> bool:
 def at_the_limits(
     block: Block, dtype: npt.DTypeLike = np.float32, seed: int = 1, steps: int = 3000
 ) -> Stream:
-    """Inputs, states and counters at their limits and one unit in the last place to either side.
-
-    Not one of :func:`streams`: it is for comparisons bit by bit, within one number format.
-
-    dtype: the format whose neighbouring numbers are meant; with float64, not every sample is a
-        float32 number.
-    return: every state element and counter is put at, just inside and just outside each end.
-    """
+    """Inputs, states and counters at their limits and one unit in the last place to either side."""
     rng = np.random.default_rng(seed)
 
     inputs = {}
@@ -247,10 +227,7 @@ def domain_chirp(device: Device, duration_s: float = 8.0) -> Array:
 
 
 def recorded_stream(device: Device, theta_rad: Array, name: str = "recorded") -> dict[str, Stream]:
-    """A recorded deflection as a stream for each Block that it reaches, wired as in the System.
-
-    theta_rad: at the sensing rate, shape (steps,).
-    """
+    """A recorded deflection as a stream for each Block that it reaches, wired as in the System."""
     theta = single(theta_rad)
     rates, _ = device.velocity.simulator().run({"theta_rad": theta})
     given = {"theta_rad": theta, "omega_rad_s": single(rates["omega_mid_rad_s"])}
@@ -270,11 +247,7 @@ def recorded_stream(device: Device, theta_rad: Array, name: str = "recorded") ->
 def deflection_inputs(
     system: System, theta_rad: npt.ArrayLike, task: Task | None = None
 ) -> dict[str, Array]:
-    """One deflection for every axis of a task of a measuring System; default: its first task.
-
-    theta_rad: deflection at the sensing rate, shape (steps,); where encoders are read, that on
-        the motor side moves by it.
-    """
+    """One deflection for every axis of a task of a measuring System; default: its first task."""
     theta = single(theta_rad)
 
     def given(x: External) -> Array:
@@ -294,11 +267,7 @@ def first_axis(system: System, outputs: Mapping[str, Array]) -> dict[str, Array]
 
 
 def working_inputs(system: System, task: Task, steps: int) -> dict[str, Array]:
-    """Inputs of a task under which a controlling System works: encoders move, a law acts.
-
-    return: by external input, float32 numbers: counts that move slowly, modes in turn, one request
-        to release the limits, one stop near the end, waves on all else.
-    """
+    """Inputs of a task under which a controlling System works: encoders move, a law acts."""
     t = np.arange(float(steps))
     found = {}
     for i, x in enumerate(system.task_inputs(task)):

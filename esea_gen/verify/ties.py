@@ -1,10 +1,7 @@
-"""Streams that aim at the decisions of a Block: where a threshold a little off would show.
+"""Steps whose decisions fall on a threshold, or one unit in the last place beside it.
 
-A comparison, minimum or maximum whose operands are far apart tells nothing of its threshold.  So
-for each one, from states that its Block has been in, one input or state is moved until both
-operands meet.  Of the ties found, those are taken where the decision shows: told to decide the
-other way, the step gives another result.  Round each, the stream has the numbers of the format
-whose operands are equal, or one unit in the last place apart, and one within a percent.
+Operands far apart tell nothing of a threshold. From states that the Block has been in, one input or
+state is moved until both meet; kept is what shows when the decision is turned.
 """
 
 from __future__ import annotations
@@ -49,10 +46,7 @@ def aimed_stream(
     seed: int = 5,
     trials: int = 8,
 ) -> list[Stream]:
-    """A stream of single steps, each near a tie of one decision of a Block.
-
-    trials: ties wanted of each decision; each gives up to four steps.
-    """
+    """A stream of single steps, each near a tie of one decision of a Block."""
     aim = _Aim.at(block, next(f for f in FORMATS.values() if f.dtype == np.dtype(dtype)))
     if not aim.decisions:
         return []

@@ -1,10 +1,4 @@
-"""Committed traces: what every shipped System answers to one fixed stream, kept as text.
-
-A change of behaviour, wanted or not, shows as a few readable lines: which output, from which step,
-from what to what, how much of full scale.  One command accepts it.
-
-The trace is the symbolic System's, float64: the C is held against that elsewhere.
-"""
+"""Committed traces: what every shipped System answers to one fixed stream, kept as text."""
 
 from __future__ import annotations
 
@@ -57,12 +51,7 @@ PARTS = (
 
 @dataclass(frozen=True)
 class Trace:
-    """A System's answer, every so many steps.
-
-    inputs, outputs: one value a row; of a status word, every bit that was set since the row above.
-    flags: per status word, the names of its bits.
-    full_scale: per other output, what counts as 100 %.
-    """
+    """A System's answer, every so many steps."""
 
     device: str
     period_s: float
@@ -92,13 +81,7 @@ def _number(value: float, whole: bool) -> str:
 
 
 def trace_stream(device: Device, told: Told | None = None) -> dict[str, Array]:
-    """The fixed stream of a device: the parts of ``PARTS``, one after the other.
-
-    told: called with every run of the System, as the stream is made or on it.
-
-    Every external input is driven, each with another phase.  Samples stand on a lattice of a power
-    of two, so that a last digit of a sine does not move them.
-    """
+    """The fixed stream of a device: the parts of ``PARTS``, one after the other."""
     system, domain = device.system, device.file.domain
     rate_Hz = 1.0 / system.base_period_s
     top_Hz = 0.8 * domain.omega_max_rad_s.value / (2 * math.pi * domain.theta_max_rad.value)
@@ -164,10 +147,7 @@ def _piece(part: TracePart, s: Array, reach: float, high: float, top_Hz: float, 
 
 
 def run_trace(device: Device) -> Trace:
-    """Run a device's symbolic System over its trace stream.
-
-    return: every task at its ticks; between runs an output keeps its value.
-    """
+    """Run a device's symbolic System over its trace stream."""
     system = device.system
     columns = scalars(system.outputs)
     flags = {n: tuple(f.name for f in x.port.flags) for n, x, _ in columns if x.port.flags}
@@ -221,10 +201,7 @@ def _read(text: str) -> tuple[list[str], dict[str, Array]]:
 
 
 def differences(trace: Trace, text: str) -> list[str]:
-    """What differs between a trace and a stored one, in words.
-
-    return: one line a difference, inputs first; empty when the behaviour is kept.
-    """
+    """What differs between a trace and a stored one, in words."""
     try:
         names, old = _read(text)
         steps = old["step"]
@@ -320,12 +297,7 @@ def check_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> l
 
 
 def accept_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> list[str]:
-    """Store the present behaviour where it differs from the stored one.
-
-    devices: by name; the shipped ones when not given, and then traces of other devices are removed.
-    return: what was accepted: the lines of :func:`check_traces`. A file whose behaviour is kept is
-        not touched, so that machines do not take turns in changing last digits.
-    """
+    """Store the present behaviour where it differs from the stored one."""
     chosen = _devices(devices)
     found = []
     try:

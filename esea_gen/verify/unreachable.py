@@ -18,14 +18,7 @@ def guarded_ranges(
     kernel: Kernel,
     fmt: Format,
 ) -> dict[int, Interval]:
-    """Ranges that hold whatever stands in inputs and states, because the guard stands before.
-
-    Coefficients may be anything within their ports' ranges, whatever the tunables are; one that the
-    step itself checks may be anything at all before that check.
-
-    return: per node that no unguarded input or state reaches, and per node of which something is
-        known whatever reaches it.
-    """
+    """Ranges that hold whatever stands in inputs and states, because the guard stands before."""
 
     def passed(p: Port) -> Interval:
         # What the guard lets pass: of a vector, it looks at the sum of magnitudes.
@@ -82,10 +75,7 @@ def _unguarded(block: Block, kernel: Kernel) -> list[frozenset[int]]:
 
 
 def why_impossible(kernel: Kernel, ranges: Mapping[int, Interval], node: int, side: str) -> str:
-    """Why a side of a decision is never taken; empty without a proof.
-
-    ranges: of :func:`guarded_ranges`.
-    """
+    """Why a side of a decision is never taken; empty without a proof."""
     n = kernel.nodes[node]
     if n.op in ("and", "or"):
         return _settled_operand(ranges, n.args, side) or _impossible(kernel, n.args, side)

@@ -1,9 +1,4 @@
-"""Numbers of C as formulas: types, conversions and operators as C99 has them.
-
-Two's complement, a right shift that keeps the sign, floats rounded to nearest and not contracted.
-Signed overflow wraps here; that there is none is the value analysis' matter
-(:mod:`esea_gen.verify.proof`).
-"""
+"""Numbers of C as formulas: types, conversions and operators as C99 has them."""
 
 from __future__ import annotations
 
@@ -92,13 +87,7 @@ def _power(exponent: int) -> str:
 
 
 class COperators:
-    """What C's operators make of values.
-
-    free: operators of which the result for two unknown numbers (and of a float and a constant)
-        stands for any number of its type: the same for the same operands, with the sign and the
-        rough size that it must have; a signed number fits where it is cast to fewer bits, which the
-        value analysis shows.  That allows more than the C does.
-    """
+    """What C's operators make of values."""
 
     def __init__(self, script: Script, free: str = "") -> None:
         self.script, self.free = script, free
@@ -296,7 +285,3 @@ class COperators:
         how = "bvshl" if op == "<<" else "bvashr" if a.type.signed else "bvlshr"
         count = self.term(self.convert(b, CType("int", a.type.bits, b.type.signed)))
         return self.name(a.type, f"({how} {self.term(a)} {count})")
-
-
-__all__ = ["BASIC", "INT", "LONG", "REAL", "UINT", "ULONG"]
-__all__ += ["COperators", "CType", "CValue", "RefusedError", "literal", "single"]

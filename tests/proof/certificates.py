@@ -1,10 +1,4 @@
-"""Certificates of the fixed-point arithmetic, by Gappa and z3, each tied to the emitted C.
-
-A script for z3 names a C function (``; C file function``); what that function computes is read from
-the emitted text and put before the script's own lines, so that these only say what is wanted.  A
-script for Gappa has the C in its comments (``# C file``, then the lines): the emitted text must
-contain it to the character, blanks aside, else nothing is certified.
-"""
+"""Certificates of the fixed-point arithmetic, by Gappa and z3, each tied to the emitted C."""
 
 from __future__ import annotations
 
@@ -17,7 +11,8 @@ from pathlib import Path
 
 from esea_gen.emit.fixed.functions import source_files
 from esea_gen.files import template_folder
-from esea_gen.verify.tools import TIMEOUT_S, tool
+from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.verify.proof import TIMEOUT_S
 
 from .emitted_c import Reader
 from .smt import Script
@@ -27,11 +22,7 @@ Change = Callable[[str, str], str]
 
 @dataclass(frozen=True)
 class RoundingResult:
-    """What a prover said of the arithmetic core.
-
-    proven: whether it holds, without any assumption, and of the C that ships.
-    why: what is wrong where it is not.
-    """
+    """What a prover said of the arithmetic core."""
 
     script: str
     goal: str
@@ -40,11 +31,7 @@ class RoundingResult:
 
 
 def _translated(path: Path, function: str, defines: list[str]) -> str:
-    """Definitions of what a function of the emitted text computes.
-
-    ``c_return`` and ``c_<pointer>``: its results; of the k-th product of two unknowns, which may be
-    any number here, ``product_k`` and its operands ``left_k`` and ``right_k``.
-    """
+    """Definitions of what a function of the emitted text computes."""
     script = Script()
     reader = Reader(path, script, free="*", defines=defines)
     _, made = reader.result(function)
@@ -82,7 +69,7 @@ def _gappa(text: str, sources: dict[str, str]) -> tuple[bool, str]:
     for file, quote in quotes:
         if _bare(quote) not in _bare(sources[file]):
             return False, f"{file} is not what the script says:\n{quote}"
-    done = _ran([tool("gappa", "gappa")], text)
+    done = _ran([find_compiler("gappa", "gappa")], text)
     # A rewriting that is no identity is a warning only: it would be an assumption.
     return done.returncode == 0 and "Warning" not in done.stdout + done.stderr, done.stderr
 
@@ -96,7 +83,7 @@ def _z3(text: str, folder: Path) -> tuple[bool, str]:
     if text.count(first) != 1:
         return False, "no line sets the logic"
     c = _translated(folder / file, function, defines.split())
-    done = _ran([tool("z3", "z3"), "-in"], text.replace(first, f"{first}{c}\n"))
+    done = _ran([find_compiler("z3", "z3"), "-in"], text.replace(first, f"{first}{c}\n"))
     said = (done.stdout + done.stderr).strip()
     return done.returncode == 0 and said == "unsat", said
 
@@ -108,10 +95,7 @@ def _ran(command: list[str], text: str) -> subprocess.CompletedProcess[str]:
 
 
 def prove_rounding(change: Change | None = None) -> list[RoundingResult]:
-    """Certify the rounding of the arithmetic core, by Gappa and by z3.
-
-    change: ``change(file name, text) -> text``: a deliberate fault in a script or in the C.
-    """
+    """Certify the rounding of the arithmetic core, by Gappa and by z3."""
     out = []
     with tempfile.TemporaryDirectory() as scratch:
         folder, sources = Path(scratch), {}
@@ -128,6 +112,3 @@ def prove_rounding(change: Change | None = None) -> list[RoundingResult]:
             goal = text.splitlines()[0].lstrip("#; ")
             out.append(RoundingResult(path.name, goal, proven, "" if proven else why))
     return out
-
-
-__all__ = ["RoundingResult", "prove_rounding"]

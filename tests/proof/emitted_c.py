@@ -1,16 +1,7 @@
-"""Reads emitted C and says, as formulas, what one call of a function computes.
-
-The text is run through the preprocessor, parsed, and executed on symbols: every field of the
-structs that are passed may hold any bits.  Understood is what a Block's kernel is printed as:
-constants and stores, integers of 32 and 64 bits, truth values, single-precision numbers, choices,
-calls of small functions.  Anything else, a loop or a double, is refused: nothing is guessed.
-
-The meaning is C's (``c_values``).  The structs do not overlap.
-"""
+"""Reads emitted C and says, as formulas, what one call of a function computes."""
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -19,7 +10,7 @@ from typing import Any
 
 from pycparser import c_ast, c_parser
 
-from esea_gen.verify.tools import tool
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 
 from .c_values import (
     BASIC,
@@ -51,28 +42,15 @@ Names = dict[str, "str | Pointer"]
 
 def preprocessed(path: Path, defines: Sequence[str] = ()) -> str:
     """The text that the compiler reads."""
-    done = subprocess.run(
-        # Its own <stdint.h>, which has types and no more.
-        [
-            *(tool("gcc", "gcc"), "-E", "-std=c99", "-ffreestanding", f"-I{path.parent}"),
-            *(f"-D{name}" for name in defines),
-            str(path),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode != 0:
-        raise RuntimeError(f"the preprocessor refused {path.name}:\n{done.stderr[-2000:]}")
+    # Its own <stdint.h>, which has types and no more.
+    flags = ["-E", "-std=c99", "-ffreestanding", f"-I{path.parent}", *(f"-D{n}" for n in defines)]
+    command = [find_compiler("gcc", "gcc"), *flags, path]
+    done = run_tool(command, failed=f"the preprocessor refused {path.name}")
     return done.stdout
 
 
 class Reader(COperators):
-    """One emitted file.
-
-    free: see :class:`COperators`; none: exact.
-    defines: macros that are set.
-    """
+    """One emitted file."""
 
     def __init__(
         self, path: Path, script: Script, free: str = "", defines: Sequence[str] = ()
@@ -322,12 +300,7 @@ class Reader(COperators):
             raise RefusedError(node, f"a {type(node).__name__}")
 
     def call(self, name: str, free: frozenset[str], memory: Memory | None = None) -> Memory:
-        """Run a function whose parameters are pointers to structs, each named as the parameter.
-
-        free: parameters whose structs may hold any bits; of the others nothing may be read before
-            it is written.
-        return: what was read or written, by place.
-        """
+        """Run a function whose parameters are pointers to structs, each named as the parameter."""
         if name not in self.functions:
             raise RefusedError(None, f"the function '{name}' is not in the text")
         function, held = self.functions[name], dict(memory or {})
@@ -342,11 +315,7 @@ class Reader(COperators):
         return held
 
     def result(self, name: str) -> tuple[dict[str, str], dict[str, CValue]]:
-        """Run a function of numbers on any numbers.
-
-        return: its parameters, and what it makes: ``return`` and, by name, what a pointer among
-            its parameters points to.
-        """
+        """Run a function of numbers on any numbers."""
         if name not in self.functions:
             raise RefusedError(None, f"the function '{name}' is not in the text")
         memory: Memory = {}
@@ -369,6 +338,3 @@ class Reader(COperators):
     def terms(self, memory: Mapping[str, CValue]) -> dict[str, str]:
         """Values as terms, by place."""
         return {place: self.term(value) for place, value in memory.items() if "#" not in place}
-
-
-__all__ = ["Memory", "Reader", "preprocessed"]

@@ -1,9 +1,4 @@
-"""Value analysis by Frama-C of the hand-written C: state machine, store, and the link.
-
-Each part is a driver in ``templates/proof``. Where a call needs a relation between values that the
-analysis does not keep, a function is taken by a contract, which the next part proves of it for
-each value of what it depends on. The contracts are put into copies; no source has any.
-"""
+"""Value analysis by Frama-C of the hand-written C: state machine, store, and the link."""
 
 from __future__ import annotations
 
@@ -145,10 +140,7 @@ def _sources(device: Device) -> dict[str, str]:
 def prove_firmware(
     device: Device, part: str, change: Callable[[str, str], str] | None = None
 ) -> EvaResult:
-    """Analyse a part of the hand-written C, one of ``PARTS``.
-
-    change: a deliberate fault in a file, to see that the analysis finds it.
-    """
+    """Analyse a part of the hand-written C, one of ``PARTS``."""
     of = PARTS[part]
     files = _sources(device)
     link = f"'-DESEA_LINK_HEADER=\"esea_{device.name}_link.h\"'"
@@ -168,4 +160,42 @@ def prove_firmware(
     return EvaResult(device.name, part, alarms, unproven, assumed, *reached)
 
 
-__all__ = ["PARTS", "prove_firmware"]
+def prove_drive(
+    device: Device,
+    real: str,
+    free: bool = False,
+    change: Callable[[str, str], str] | None = None,
+) -> EvaResult:
+    """Analyse a whole device: its tasks, latches and conversions, with all its Blocks."""
+    fmt = FORMATS[real]
+    renderer = Renderer(device.system, fmt, format_hash(device, real), "-", device.title)
+    files = renderer.files()
+    # The marks of a run are plain accesses here: one thread.
+    own = f"{renderer.prefix}.c"
+    files[own] = f"#define ESEA_FENCE() ((void)0)\n{files[own]}"
+    # The compiler's own, which the analysis has neither body nor words for.
+    real_h = f"{renderer.prefix}_real.h"
+    files[real_h] = f"#define __builtin_fabsf(x) ((x) < 0.0f ? -(x) : (x))\n{files[real_h]}"
+    sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
+    units = f"{renderer.prefix}_units.h" in files
+    checked = [i for i, b in device.system.blocks.items() if b.name == "limits"]
+    tasks = [t.name for t in device.system.tasks]
+    driver = renderer.render(
+        "proof/eva_drive.c.j2", free=free, units=units, checked=checked, tasks=tasks
+    )
+    # Floats may be NaN and infinite: that is no undefined behaviour.
+    options = ("-warn-special-float", "none")
+    alarms, unproven, reached = analysed(
+        files | {"eva.c": driver},
+        ["eva.c", *sources],
+        ("-DESEA_Q31_PORTABLE_CLZ",),
+        options,
+        change,
+    )
+    trusted = () if free else (i for i, b in device.system.blocks.items() if i not in checked)
+    assumed = [
+        f"coeffs.{i}.{p.name}: as prepare leaves it"
+        for i in trusted
+        for p in device.system.blocks[i].coefficients
+    ]
+    return EvaResult(device.name, real, alarms, unproven, tuple(assumed), *reached)

@@ -29,11 +29,7 @@ def _ends(value: Fraction) -> tuple[np.float32, np.float32]:
 
 @dataclass(frozen=True)
 class Number:
-    """A field's number.
-
-    term: a float32 number, or a word of :data:`WIDE` bits.
-    fraction: bits after its point; None for a float.
-    """
+    """A field's number."""
 
     term: str
     fraction: int | None
@@ -154,6 +150,3 @@ def of_field(term: str, fraction: int | None) -> Number:
     if fraction is None:
         return Number(term, None)
     return Number(f"((_ sign_extend {WIDE - 32}) {term})", fraction)
-
-
-__all__ = ["Number", "of_field", "snapped"]

@@ -1,12 +1,7 @@
-"""What the emitted limits do, proven for any input, any state and any coefficient bits.
+"""What the limits' C does for any bits of its inputs, memory and coefficients, asked of z3.
 
-The C of the Block ``limits``, as it is printed, is read as formulas (``emitted_c``); z3 is asked
-for bits that break a property.  The properties are written from ``docs/limits.md`` and the device
-file's numbers; they know nothing of how the Block is programmed.
-
-A question is first put with every sum of floats and every product of two unknowns standing for any
-number, which allows more than the C does: what holds then, holds.  Where that is too coarse, it is
-put with sums computed.  No property needs the value of a product, only its sign and rough size.
+First every sum of floats and product of two unknowns stands for any number, which allows more than
+the C does: what holds then, holds. Where that is too coarse, sums are computed.
 """
 
 from __future__ import annotations
@@ -33,11 +28,7 @@ KEY = Fraction(RELEASED_KEY)
 
 @dataclass(frozen=True)
 class Property:
-    """A statement about one step.
-
-    claim: in words.
-    formula: the statement; it must hold whatever the bits.
-    """
+    """A statement about one step."""
 
     name: str
     claim: str
@@ -418,12 +409,7 @@ POSSIBLE: dict[str, Callable[[Step], str]] = {
 
 @dataclass(frozen=True)
 class LimitsVerdict:
-    """What was found of one property.
-
-    said: ``proven``; ``broken``, with an example, in which what is free may be what the C does not
-        compute; or ``open``, where z3 came to no end.
-    free: operators whose results stood for any number; none: exact.
-    """
+    """What was found of one property."""
 
     name: str
     claim: str
@@ -463,12 +449,7 @@ def prove_limits(
     change: Change | None = None,
     limit_s: int = LIMIT_S,
 ) -> list[LimitsVerdict]:
-    """Ask for each property.
-
-    names: of :data:`PROPERTIES`; default: all.
-    change: a deliberate fault in the emitted text.
-    limit_s: for one question.
-    """
+    """Ask for each property."""
     c = LimitsC(device, real, change)
     asked = list(names or PROPERTIES)
     found: dict[str, LimitsVerdict] = {}
@@ -494,6 +475,3 @@ def show_possible(
         found = ask(step.script, POSSIBLE[name](step), LIMIT_S)
         said = {"unsat": "impossible", "sat": "possible"}.get(found.said, "open")
         yield LimitsVerdict(name, "", said, "", found.example)
-
-
-__all__ = ["POSSIBLE", "PROPERTIES", "LimitsVerdict", "Property", "prove_limits", "show_possible"]

@@ -99,10 +99,7 @@ class LimitsC:
 
 
 class Step:
-    """What one step computes from any input, any state and any coefficients.
-
-    free: operators of two unknown numbers whose result stands for any number; none: exact.
-    """
+    """What one step computes from any input, any state and any coefficients."""
 
     def __init__(self, c: LimitsC, free: str = "") -> None:
         self.c, self.block, self.limit = c, c.block, c.limit
@@ -222,6 +219,3 @@ class Step:
     def above(self, x: Number, y: Number) -> str:
         """A magnitude is above a number."""
         return some(x > y, x < -y)
-
-
-__all__ = ["Change", "Compiled", "LimitsC", "Step", "compiled"]

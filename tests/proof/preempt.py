@@ -1,15 +1,11 @@
 """The base tick forced into a run of a slower task, at every instruction of it, in the emulator.
 
-The image is the one that ships.  Its timer is stopped, and every tick's interrupt is made pending
-from outside: when nothing runs any more, or where a run of the slower task is about to execute a
-chosen instruction; the tick then comes between this instruction and the one before.  What every run
-is given is written into memory, what it gave is read from there and held against the host's.
+The image is the one that ships; its timer is stopped and every tick made pending from outside.
 """
 
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +17,7 @@ from esea_gen.board.firmware import FirmwareImage
 from esea_gen.board.gdb import HeldProcessor, addresses
 from esea_gen.device import Device
 from esea_gen.hostlib import compile_device
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.language.system import Task
 from esea_gen.targets import ARM_GCC, find_board, firmware_folder
 
@@ -44,12 +40,7 @@ def _port_place(member: str) -> int:
 
 @dataclass(frozen=True)
 class Preemption:
-    """One forced interruption.
-
-    where: address of the instruction before which the tick came.
-    tick: base tick that came there.
-    late: whether the run had to end before this tick, and so is late by it.
-    """
+    """One forced interruption."""
 
     where: int
     tick: int
@@ -58,13 +49,7 @@ class Preemption:
 
 @dataclass(frozen=True)
 class PreemptionResult:
-    """What forced interruptions did.
-
-    instructions: addresses that were asked for.
-    not_reached: of these, those that no run came by.
-    differences: runs whose outputs differ from the host's, ``task, tick``; empty when all bits are
-        the host's.
-    """
+    """What forced interruptions did."""
 
     preemptions: tuple[Preemption, ...]
     instructions: int
@@ -77,7 +62,7 @@ def instructions_of(image: FirmwareImage, functions: Sequence[str]) -> list[int]
     """Addresses of every instruction of some functions, by the disassembler."""
     tool = find_compiler(*ARM_GCC.tool("objdump"))
     command = [tool, "-d", "--no-show-raw-insn", str(image.elf)]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    said = run_tool(command, failed="objdump failed").stdout
     found: list[int] = []
     name = ""
     for line in said.splitlines():
@@ -142,8 +127,8 @@ class _Rig:
         self.state_at = state_at
         tick = self.watch("tick")
         self.board.release(tick)
-        self.held.write(coeffs_at, bytes(self.ffi.buffer(self.board._coeffs[0])))
-        self.held.write(state_at, bytes(self.ffi.buffer(self.board._state)))
+        self.held.write(coeffs_at, bytes(self.board.memory["coeffs"]))
+        self.held.write(state_at, bytes(self.board.memory["state"]))
         return tick
 
     def watch(self, name: str) -> int:
@@ -181,11 +166,7 @@ class _Rig:
     def host(self, task: Task, run: int, tick: int) -> None:
         """The same run by the host's library."""
         given = {n: a[run] for n, a in self.inputs[task.name].items() if n}
-        out = self.board.library.ffi.new(f"{self.board.library.prefix}_{task.name}_out_t *")
-        taken, _ = self.board._fields[task.name]
-        packed = {f.c_name: f.encode(np.asarray(given[f.name], np.float64)).tolist() for f in taken}
-        values = self.board._new(f"{task.name}_in", packed)
-        self.board._call(f"{task.name}_step", *self.board._coeffs, self.board._state, values, out)
+        out = self.board.raw_step(task.name, given)
         self.expected[task.name] = (tick, bytes(self.ffi.buffer(out)))
 
     def compare(self, task: Task) -> None:
@@ -207,7 +188,7 @@ class _Rig:
 
     def same_state(self, tick: int) -> None:
         """Every bit of the whole state, where no run is under way."""
-        wanted = bytes(self.ffi.buffer(self.board._state))
+        wanted = bytes(self.board.memory["state"])
         if self.held.read(self.state_at, len(wanted)) != wanted:
             self.differences.append(("state", tick))
 
@@ -221,13 +202,7 @@ def preempt_everywhere(
     tries: int = 3,
     progress: Callable[[int, int], None] | None = None,
 ) -> PreemptionResult:
-    """Force the tick before each of some instructions of the slower task, one in a run.
-
-    inputs: what the tasks are given, as recorded.
-    instructions: addresses; see :func:`instructions_of`.
-    each: a run is interrupted in one of so many; the others run undisturbed.
-    tries: runs in which an instruction may be passed by before it counts as not reached.
-    """
+    """Force the tick before each of some instructions of the slower task, one in a run."""
     done: list[Preemption] = []
     missing: dict[int, int] = {}
     waiting = list(instructions)

@@ -1,16 +1,9 @@
-"""Sanitizers on the equivalence streams: address, undefined behaviour, uninitialised memory.
-
-Undefined behaviour is watched in process, in the library that the comparisons call.  Addresses and
-uninitialised memory are watched by a C harness (``templates/verify/replay.c.j2``) that gives every
-struct its own heap block of exact size, in a process of its own; what it computes is compared bit
-for bit with the library.
-"""
+"""Sanitizers on the equivalence streams: address, undefined behaviour, uninitialised memory."""
 
 from __future__ import annotations
 
 import os
 import struct
-import subprocess
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -25,7 +18,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
@@ -48,10 +41,7 @@ _STOP = ("-fno-sanitize-recover=all",)
 
 
 class GivenRenderer(Renderer):
-    """A renderer whose files are given: how a deliberate fault is put in.
-
-    files: the files; without them, the device's own.
-    """
+    """A renderer whose files are given: how a deliberate fault is put in."""
 
     def __init__(self, device: Device, real: str, files: Mapping[str, str] | None = None) -> None:
         super().__init__(device.system, FORMATS[real], device_hash(device), "-", device.title)
@@ -64,11 +54,7 @@ class GivenRenderer(Renderer):
 
 @dataclass(frozen=True)
 class SanitizerRun:
-    """What a sanitizer said.
-
-    reports: its reports; empty when there are none.
-    differences: where the replay's bits differ from the library's.
-    """
+    """What a sanitizer said."""
 
     sanitizer: str
     real: str
@@ -82,25 +68,9 @@ class SanitizerRun:
         """Whether nothing was reported and all bits agree."""
         return not self.reports and not self.differences
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
-        return {
-            "sanitizer": self.sanitizer,
-            "format": self.real,
-            "runs": self.runs,
-            "steps": self.steps,
-            "passed": self.passed,
-            "reports": list(self.reports),
-            "differences": list(self.differences),
-        }
-
 
 def tried_streams(block: Any, fmt: Format, steps: int = 1500) -> list[Stream]:
-    """The streams of the comparisons, shortened.
-
-    return: those of :func:`~esea_gen.verify.streams.streams`, the one at the limits, and those with
-        another memory.
-    """
+    """The streams of the comparisons, shortened."""
     # A program's state is work memory: what the rest changes in it carries nothing.
     if block.kind == "program":
         return streams(block, steps=steps)
@@ -190,12 +160,7 @@ def _stream_bytes(stream: Stream, inputs: Sequence[Array], state: np.dtype[Any])
 
 
 class ReplayProgram:
-    """The C harness, compiled with a sanitizer.
-
-    sanitizer: ``address`` (with undefined behaviour; gcc) or ``memory`` (uninitialised memory;
-        clang).
-    files: files in place of the device's own.
-    """
+    """The C harness, compiled with a sanitizer."""
 
     def __init__(
         self,
@@ -217,13 +182,8 @@ class ReplayProgram:
             if sanitizer == "memory"
             else find_compiler(*HOST_GCC.gcc)
         )
-        done = subprocess.run(
-            [compiler, *_FLAGS, *SANITIZERS[sanitizer], *_STOP, *sources, "-o", "replay", "-lm"],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        flags = (*_FLAGS, *SANITIZERS[sanitizer], *_STOP)
+        done = run_tool([compiler, *flags, *sources, "-o", "replay", "-lm"], folder)
         if "libclang_rt.msan" in done.stderr:
             raise UserError(
                 "clang's run-time library of the memory sanitizer is not installed.",
@@ -233,20 +193,9 @@ class ReplayProgram:
             raise RuntimeError(f"the replay harness does not build:\n{done.stderr}")
 
     def run(self, name: str, stream: bytes, fill: int = -1) -> tuple[bytes, str]:
-        """Replay a stream.
-
-        fill: byte that fresh memory is filled with; negative for none.
-        return: what the sanitizer said; empty when the harness ended well.
-        """
+        """Replay a stream."""
         (self.folder / "stream").write_bytes(stream)
-        done = subprocess.run(
-            ["./replay", name, "stream", "result", str(fill)],
-            cwd=self.folder,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            check=False,
-        )
+        done = run_tool(["./replay", name, "stream", "result", str(fill)], self.folder)
         result = self.folder / "result"
         if done.returncode == 0 and not done.stderr:
             return result.read_bytes(), ""

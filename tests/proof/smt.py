@@ -6,7 +6,7 @@ import re
 import subprocess
 from dataclasses import dataclass, field
 
-from esea_gen.verify.tools import tool
+from esea_gen.hostlib.compiler import find_compiler
 
 FLOAT = "(_ FloatingPoint 8 24)"
 RESOURCES_A_SECOND = 700_000  # z3's own measure, the same on a busy machine
@@ -84,11 +84,7 @@ class Script:
 
 @dataclass(frozen=True)
 class Answer:
-    """What z3 said.
-
-    said: ``sat``, ``unsat`` or ``unknown`` (which includes out of time).
-    example: values that satisfy the question, as z3 prints them.
-    """
+    """What z3 said."""
 
     said: str
     example: dict[str, str]
@@ -108,7 +104,7 @@ def ask(script: Script, question: str, limit_s: int) -> Answer:
     )
     names = sorted(script.declared)
     done = subprocess.run(
-        [tool("z3", "z3"), "-in"],
+        [find_compiler("z3", "z3"), "-in"],
         input=f"{text}\n(get-value ({' '.join(names)}))\n",
         capture_output=True,
         text=True,
@@ -123,7 +119,3 @@ def ask(script: Script, question: str, limit_s: int) -> Answer:
     # A value is an atom, or one pair of brackets: (fp #b0 #x7f #b0...).
     pairs = re.findall(r"\((\|[^|]+\|)\s+(\([^()]*\)|[^\s()]+)\)", rest) if said == "sat" else []
     return Answer(said, {name.strip("|"): value for name, value in pairs})
-
-
-__all__ = ["FALSE", "FLOAT", "TRUE", "Answer", "Script", "ask", "every", "implied", "negated"]
-__all__ += ["some", "whole", "word"]

@@ -12,10 +12,11 @@ import esea_gen
 from esea_gen.cli import app
 from esea_gen.emit.fixed.functions import source_files
 from esea_gen.verify import fixed_report
-from esea_gen.verify.proof import prove_block, prove_drive
+from esea_gen.verify.proof import prove_block
 
 from ..conftest import require_tool
 from .certificates import prove_rounding
+from .firmware_proof import prove_drive
 
 pytestmark = pytest.mark.slow
 

@@ -1,7 +1,4 @@
-"""What the emitted limits do, proven of their C text.  Run by `make proof`.
-
-Every property is armed: a fault in the C makes it fail.
-"""
+"""What the emitted limits do, proven of their C text. Run by `make proof`."""
 
 from __future__ import annotations
 

@@ -9,10 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.local_names import LocalNames, meanings
+from esea_gen.emit.local_names import meanings, namer
 from esea_gen.emit.naming import Naming
 from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, early_stores
 from esea_gen.emit.walker import (
+    OPERATIONS,
     Kernel,
     Node,
     UnsupportedOperationError,
@@ -24,8 +25,6 @@ from esea_gen.emit.walker import (
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
 
-_INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
-_INFIX |= {"lt": "<", "le": "<=", "eq": "==", "ne": "!=", "and": "&&", "or": "||"}
 # Where a boolean operand is taken as it is, without turning it into a number.
 LOGICAL = frozenset({"not", "and", "or"})
 SELECTING = frozenset({"if_else_zero", "select"})
@@ -128,31 +127,16 @@ class FloatingFormat(Format):
         return Naming(system, self.c_type, self.dtype)
 
     def expression(self, node: Node, args: Sequence[str], kernel: Kernel) -> str:
-        op = node.op
-        if op in _INFIX:
-            left, right = args
-            return f"{left} {_INFIX[op]} {right}"
-        simple: dict[str, Callable[[], str]] = {
-            "neg": lambda: f"-{args[0]}",
-            "not": lambda: f"!{args[0]}",
-            "sq": lambda: f"{args[0]} * {args[0]}",
-            "twice": lambda: f"{self.literal(2.0)} * {args[0]}",
-            "inv": lambda: f"{self.literal(1.0)} / {args[0]}",
-            "if_else_zero": lambda: f"{args[0]} ? {args[1]} : {self.literal(0.0)}",
-            "select": lambda: f"{args[0]} ? {args[1]} : {args[2]}",
-            "fabs": lambda: f"esea_fabs({args[0]})",
-            "fmin": lambda: f"esea_fmin({args[0]}, {args[1]})",
-            "fmax": lambda: f"esea_fmax({args[0]}, {args[1]})",
-            "sign": lambda: f"esea_sign({args[0]})",
-        }
-        if op in simple:
-            return simple[op]()
+        _, pattern = OPERATIONS[node.op]
+        if pattern:
+            numbers = {"zero": 0.0, "one": 1.0, "two": 2.0}
+            return pattern.format(*args, **{n: self.literal(v) for n, v in numbers.items()})
         call = self._call(node, args, kernel)
-        if call is not None:
-            return call
-        raise UnsupportedOperationError(
-            f"{kernel.name}: the {self.name} format has no operation '{op}'"
-        )
+        if call is None:
+            raise UnsupportedOperationError(
+                f"{kernel.name}: the {self.name} format has no operation '{node.op}'"
+            )
+        return call
 
     def emit(self, block: Block) -> EmittedBlock:
         kernel, labels = labelled_kernel(block, self.passes)
@@ -213,7 +197,7 @@ def print_kernel(
     statements: list[Statement] = []
     arguments = set()
     reads = {access(*n.source)[0] for n in kernel.nodes if n.op == "input"}
-    names = LocalNames(reads, labels, others or {})
+    name_of = namer(reads, labels, others or {})
     chained: dict[int, str] = {}  # operations that stand where they are used, without brackets
 
     def number(atom: str) -> str:
@@ -222,7 +206,7 @@ def print_kernel(
     for i, n in enumerate(kernel.nodes):
         if i in bits:
             flags = (f"esea_bit({bare(atoms[c])}, {k}u)" for c, k in bits[i].flags)
-            statements.append(Statement("uint32_t", names.define(i), " | ".join(flags)))
+            statements.append(Statement("uint32_t", name_of(i), " | ".join(flags)))
             atoms.append(statements[-1].name)
             continue
         if i in parts:
@@ -264,7 +248,7 @@ def print_kernel(
                 chained[i] = n.op
             continue
         c_type = "bool" if n.boolean else fmt.c_type
-        statements.append(Statement(c_type, names.define(i), text, named[1] if named else ""))
+        statements.append(Statement(c_type, name_of(i), text, named[1] if named else ""))
         atoms.append(statements[-1].name)
     results = tuple(
         tuple(number(atoms[i]) if kernel.nodes[i].boolean else atoms[i] for i in r)

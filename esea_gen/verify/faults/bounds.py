@@ -1,8 +1,4 @@
-"""What is promised of a fault on the board: when it is found, and what the limb may feel.
-
-A bound is stated only where a mechanism gives it; everything else is bounded by the limits alone,
-and has to show it.
-"""
+"""What is promised of a fault on the board: when it is found, and what the limb may feel."""
 
 from __future__ import annotations
 
@@ -20,12 +16,7 @@ from esea_gen.verify.faults.rig import WANTED_EVERY
 
 @dataclass(frozen=True)
 class LimbEnvelope:
-    """Within which the limb stays, whatever one thing breaks.
-
-    torque_Nm: until the motor is off; the trip of the interaction torque.
-    run_out_Nm: from then on: a drive that was pushing runs on, and a person runs against it.
-    energy_J: in all; the trip of the energy.
-    """
+    """Within which the limb stays, whatever one thing breaks."""
 
     torque_Nm: float
     run_out_Nm: float

@@ -29,12 +29,7 @@ DEFAULT_RUNS = 2000
 
 @dataclass(frozen=True)
 class FaultRun:
-    """One fault and what became of it.
-
-    bound_ticks: within which it must be found; None where nothing says so.
-    found_ticks: None where the drive went on following.
-    inside: found within its bound, torque and energy within the envelope.
-    """
+    """One fault and what became of it."""
 
     input: str
     kind: str
@@ -59,10 +54,7 @@ def _when(r: FaultRun) -> str:
 
 @dataclass(frozen=True)
 class FaultCampaign:
-    """A campaign's result; everything in it is simulated.
-
-    emulated: runs that were played to an emulated processor too.
-    """
+    """A campaign's result; everything in it is simulated."""
 
     device: str
     content: str

@@ -33,10 +33,7 @@ def below_the_inputs(fault: BoardFault) -> bool:
 
 
 class DrivenRig(FaultRig):
-    """The board in the loop with its drivers between plant and application.
-
-    The stop line's is left out: at a start it wants to be seen closed for 20 ticks.
-    """
+    """The board in the loop with its drivers between plant and application."""
 
     def __init__(self, device: Device) -> None:
         super().__init__(device)

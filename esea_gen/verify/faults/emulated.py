@@ -21,12 +21,7 @@ DEFAULT_EMULATOR = "mps2-an500"
 
 @dataclass(frozen=True)
 class EmulatedFault:
-    """One fault, in ``sim`` and on the emulated board.
-
-    off_tick: of the fault's run, at which the motor went off after it; None: never.
-    fault: latched at the end in ``sim``; emulated: on the board.
-    first_difference: tick at which the motors first differ in any bit; None: never.
-    """
+    """One fault, in ``sim`` and on the emulated board."""
 
     input: str
     kind: str
@@ -51,10 +46,7 @@ def emulated_sample(
     board: str = DEFAULT_EMULATOR,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> list[EmulatedFault]:
-    """Draw faults of a campaign and run them in ``sim`` and in the emulator.
-
-    cases: see :func:`esea_gen.verify.faults.campaign.campaign_cases`.
-    """
+    """Draw faults of a campaign and run them in ``sim`` and in the emulator."""
     able = [c for c in cases if c["place"] not in _ELSEWHERE]
     if not able:
         raise UserError("None of these faults can be run in the emulator.", "Ask for more runs.")

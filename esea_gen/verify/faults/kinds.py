@@ -39,13 +39,7 @@ CLOCK_KINDS = {"lost ticks": (1, 2, 7, 60), "control starved": (5, 10, 25, 60, 2
 
 @dataclass(frozen=True)
 class BoardFault:
-    """One thing that breaks.
-
-    place: an input by its name, ``state``, ``coefficients``, ``clock``, ``link`` or ``stop line``.
-    kind: how.
-    amount: as in :data:`AMOUNTS`; in memory the bit.
-    word: in memory, name of the word, and its first byte.
-    """
+    """One thing that breaks."""
 
     place: str
     kind: str
@@ -105,12 +99,7 @@ def all_faults(
     most: int,
     more: Sequence[BoardFault] = (),
 ) -> list[BoardFault]:
-    """Every input with every kind, every word of memory, and so on, until there are ``most``.
-
-    What is drawn (amount, bit) is drawn anew each time.
-
-    more: as often as an input.
-    """
+    """Every input with every kind, every word of memory, and so on, until there are ``most``."""
     rng = random.Random(seed)
     measured, wanted = measured_and_wanted(device)
     found: list[BoardFault] = []
@@ -137,11 +126,7 @@ def all_faults(
 
 
 class Distortion:
-    """What becomes of an input from the fault on.
-
-    low, high: physical range.
-    wraps: whether the input counts round and round (an encoder).
-    """
+    """What becomes of an input from the fault on."""
 
     def __init__(self, fault: BoardFault, low: float, high: float, wraps: bool) -> None:
         self.fault, self.low, self.high, self.wraps = fault, low, high, wraps

@@ -15,11 +15,7 @@ from esea_gen.verify.faults.kinds import INPUT_KINDS
 
 @dataclass(frozen=True)
 class FaultRow:
-    """All runs of a place and kind.
-
-    found: of how many the drive was taken off the person's joint.
-    latest_ticks: largest of those; None where none was.
-    """
+    """All runs of a place and kind."""
 
     place: str
     kind: str

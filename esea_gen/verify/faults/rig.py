@@ -31,11 +31,7 @@ REST = 0.3  # what a second axis moves of that: deviation has a third of flexion
 
 @dataclass(frozen=True)
 class FaultScene:
-    """What drive and person do when it happens.
-
-    person: of the standard people; ``none`` holds the output.
-    mode, torque_Nm: what the host wants; the torque swells and ebbs between 0 and this.
-    """
+    """What drive and person do when it happens."""
 
     name: str
     person: str
@@ -105,15 +101,7 @@ class RigPlant:
 
 @dataclass(frozen=True)
 class Felt:
-    """What one fault did.
-
-    found_ticks: from the fault until the motor followed no more; None: it went on following.
-    reason: number of the latched fault then; 0 where none is (stopped, let go).
-    torque_then_Nm: largest true torque on the limb, on any axis, from the fault until then; never
-        found, to the end.
-    peak_torque_Nm, energy_J: largest true torque, and most net work done on the limb from any
-        moment on, both from the fault to the end of the run: the drive's run-out is in them.
-    """
+    """What one fault did."""
 
     found_ticks: int | None
     reason: int
@@ -142,10 +130,7 @@ class FaultRig:
         self.board.close()
 
     def run(self, scene: FaultScene, fault: BoardFault | None, at: int, seed: int) -> Felt:
-        """One run.
-
-        at: tick of the fault; without one, of where counting begins.
-        """
+        """One run."""
         board = self.board
         board.restart()
         plant = RigPlant(self.device, scene, seed, [self.measured[k] for k in self._encoders])

@@ -1,8 +1,4 @@
-"""Mutants compiled, many at a time, and what tells them from the C that ships.
-
-The mutants of one file stand in one library under names of their own, behind functions of the
-file's names that call the one that is chosen.
-"""
+"""Mutants compiled, many at a time, and what tells them from the C that ships."""
 
 from __future__ import annotations
 
@@ -18,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.device import Device
-from esea_gen.emit.error_bounds import Bound
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.program_c import EmittedProgram
 from esea_gen.emit.render import Renderer
+from esea_gen.emit.step_errors import Bound
 from esea_gen.hostlib.codec import Array
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import HostLibrary
@@ -57,20 +53,14 @@ BATCH_SIZE, ASTRAY_S = 600_000, 20
 
 @dataclass
 class Judged:
-    """One stream, with what the C must give, bit for bit.
-
-    symbolic: what the looser criterion compares with; None where formats may decide differently.
-    """
+    """One stream, with what the C must give, bit for bit."""
 
     exact: KernelTrajectory
     symbolic: tuple[dict[str, Array], dict[str, Array]] | None
 
 
 class Bench:
-    """Compiles mutants and holds them against what the C must give.
-
-    loose: whether the looser criterion is asked too.
-    """
+    """Compiles mutants and holds them against what the C must give."""
 
     def __init__(
         self, device: Device, real: str, folder: Path, loose: bool, kinds: Sequence[Any]
@@ -137,10 +127,7 @@ class Bench:
     # -- compiling -------------------------------------------------------------------------------
 
     def loaded(self, mutants: Sequence[Mutant]) -> Iterator[tuple[Mutant, HostLibrary | None]]:
-        """Every mutant of one file, compiled and loaded while it is looked at.
-
-        return: without a library when the compiler refuses it.
-        """
+        """Every mutant of one file, compiled and loaded while it is looked at."""
         batch: list[tuple[Mutant, str]] = []
         size = 0
         for mutant in mutants:

@@ -1,12 +1,4 @@
-"""Mutation of the emitted C, to see whether the comparisons see a wrong operator, constant or wire.
-
-Each mutant is the emitted C with one place of a kernel, of its ports or of the wiring changed
-before it was printed.  It is compiled and held against the same expectation as the C that ships:
-CasADi's own C in f64, the NumPy executor (:mod:`esea_gen.verify.executor`) in f32, every bit of
-every output, state and counter; a Program against its own executor.  A mutant that no stream tells
-apart survives.  One is set aside as equivalent only with a proof
-(:mod:`esea_gen.verify.mutation.equivalent`); the rest of the survivors are listed.
-"""
+"""Mutation of the emitted C: a wrong operator, constant or wire must be seen."""
 
 from __future__ import annotations
 
@@ -33,18 +25,7 @@ REQUIRED_SCORE = 0.95
 
 @dataclass
 class MutationReport:
-    """What became of the mutants.
-
-    rejected: mutants that the compiler refused; not counted anywhere else.
-    killed: mutants told apart by some stream, bit for bit.
-    killed_by_bound: of these, how many the looser criterion sees too: 1e-12 of full scale in f64,
-        the derived bound in f32. None in a sample: deriving the bound takes longer than the sample.
-    equivalent: survivors proven to compute the same, with the proof.
-    kinds: killed and tried per kind.
-    contradicted: mutants that were killed although there is a proof that they compute the same: a
-        fault of the prover. Left out are proofs that rest on whole numbers, where a stream that
-        aims at thresholds has put in others.
-    """
+    """What became of the mutants."""
 
     device: str
     real: str
@@ -122,10 +103,7 @@ def run_mutation(
     progress: Callable[[str], None] | None = None,
     blocks: Sequence[str] | None = None,
 ) -> MutationReport:
-    """Mutate a device's emitted C and count the mutants that the comparisons catch.
-
-    blocks: mutate these Blocks and Programs only; without it, all of them and the wiring.
-    """
+    """Mutate a device's emitted C and count the mutants that the comparisons catch."""
     if real not in FORMATS:
         raise UserError(f"Unknown number format '{real}'.", f"Choose from {', '.join(FORMATS)}.")
     touched = chosen_blocks(device, blocks)

@@ -34,12 +34,7 @@ Elements = Sequence[tuple[int, int]]
 
 @dataclass(frozen=True)
 class Edit:
-    """One place of a kernel changed.
-
-    now: what stands at the node ``site``; a number is a node that is used in its place.
-    helpers: nodes made just before it; an operand ``~k`` in them or in ``now`` is helper ``k``.
-    result: result and element that alone read ``now``; without it, all that read ``site`` do.
-    """
+    """One place of a kernel changed."""
 
     kind: str
     site: int
@@ -167,11 +162,7 @@ def _words(kernel: Kernel, words: Sequence[int]) -> set[int]:
 def kernel_edits(
     kernel: Kernel, fmt: Format, groups: Sequence[Elements], words: Sequence[int] = ()
 ) -> Iterator[Edit]:
-    """Every fault of a kernel.
-
-    groups: argument elements that stand in one struct, struct by struct.
-    words: results that are status words.
-    """
+    """Every fault of a kernel."""
     parts = _words(kernel, words)
     conditions = sorted({n.args[0] for n in kernel.nodes if n.op in SELECTING})
     following = {e: g[(k + 1) % len(g)] for g in groups if len(g) > 1 for k, e in enumerate(g)}

@@ -16,10 +16,7 @@ from esea_gen.verify.unreachable import guarded_ranges, imply
 
 
 class Prover:
-    """Proofs for the mutants of one kernel.
-
-    block: of a step, whose ports say what its values can be; without it no range is known.
-    """
+    """Proofs for the mutants of one kernel."""
 
     def __init__(self, kernel: Kernel, fmt: Format, block: Block | None = None) -> None:
         self.kernel = kernel

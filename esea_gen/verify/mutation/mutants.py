@@ -1,7 +1,4 @@
-"""Every mutant of a device's C: kernels, the ports that they are printed to, Programs, the wiring.
-
-A mutant is a change of what the emitter prints, and is printed by the emitter; no text is edited.
-"""
+"""Every mutant of a device's C: kernels, their ports, Programs, the wiring."""
 
 from __future__ import annotations
 
@@ -33,13 +30,7 @@ Labels = dict[int, tuple[str, str]]
 
 @dataclass(frozen=True)
 class Mutant:
-    """One file of the emitted C with one fault.
-
-    function: kernel of the Block: ``prepare``, ``init``, ``step``, or one of a Program's body;
-        empty for the wiring.
-    block: None for the wiring.
-    kernel, edit: None for a fault of the ports, the counters or the wiring.
-    """
+    """One file of the emitted C with one fault."""
 
     file: str
     function: str

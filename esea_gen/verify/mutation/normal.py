@@ -1,10 +1,4 @@
-"""Values of kernels by number: two values with one number are the same bits.
-
-A value is rewritten, by rules that keep its bits, to a form that does not tell how it was computed;
-where intervals or whole numbers settle something, the rule says so.  Comparisons are taken into the
-choices that they compare, because a threshold, a sign or a whole number that is a little off is
-told apart only there.
-"""
+"""Values of kernels by number: two values with one number are the same bits."""
 
 from __future__ import annotations
 
@@ -32,10 +26,7 @@ class Form:
 
 
 class Numbering:
-    """Numbers of the values of a kernel and of its mutants.
-
-    ranges, whole: what is known of the kernel's own nodes, whatever comes in.
-    """
+    """Numbers of the values of a kernel and of its mutants."""
 
     def __init__(
         self, kernel: Kernel, fmt: Format, ranges: Mapping[int, Interval], whole: frozenset[int]

@@ -10,9 +10,8 @@ from typing import Any, Self
 
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
-from esea_host.connection.device import ConnectedDevice
+from esea_host.connection.device import ConnectedDevice, RunSample, run_samples
 from esea_host.connection.opening import open_device
-from esea_host.connection.samples import RunSample, run_samples
 
 
 class AsyncDevice:

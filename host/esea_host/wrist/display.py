@@ -15,9 +15,9 @@ from esea_host.connection import Batch
 from esea_host.study.fitting import ACTS, DeviceSignals
 from esea_host.study.scene import Scene, Shape
 from esea_host.study.task import task_named
+from esea_host.wrist.calibration import AXES
 from esea_host.wrist.guide import CalibrationGuide
 from esea_host.wrist.normalisation import CursorMap
-from esea_host.wrist.past import AXES
 from esea_host.wrist.stored import WristCalibration
 from esea_host.wrist.tasks import dot, place
 

@@ -12,13 +12,15 @@ References
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import erf
 
 from esea_gen.errors import UserError
+from esea_gen.files import plain
 
 Array = npt.NDArray[np.float64]
 LEAST_NODES = 3
@@ -76,7 +78,13 @@ class RbfNetwork:
 def fit_rbf(
     nodes_deg: npt.ArrayLike, values: npt.ArrayLike, *, slope: bool = False, base: bool = True
 ) -> RbfNetwork:
-    """Fit a network through values at nodes."""
+    """Fit a network through values at nodes.
+
+    Without w the Gaussian matrix of separate nodes is positive definite, and nothing is
+    regularised.  With w there is one unknown more than values: of all networks through the values
+    the one with the least sum of a_n^2 + (w sigma)^2 (so that the unit of the angle does not
+    matter).  On 0 the network falls to 0 outside its nodes, on the mean it falls to the mean.
+    """
     nodes, wanted = np.asarray(nodes_deg, np.float64), np.asarray(values, np.float64)
     sigma = float(np.mean(np.diff(nodes)))
     d = (nodes[:, None] - nodes) / sigma
@@ -106,13 +114,10 @@ class CursorMap:
         within = self.factor.integral(inside - self.middle_deg)
         return np.asarray(within + (theta - inside) * self.factor.value(inside - self.middle_deg))
 
-    def numbers(self) -> dict[str, float | list[float]]:
-        fitted = asdict(self.factor) | {
-            "centres_deg": self.factor.centres_deg.tolist(),
-            "weights": self.factor.weights.tolist(),
-        }
-        ends = "middle_deg", "low_deg", "high_deg"
-        return {n: float(getattr(self, n)) for n in ends} | fitted
+    def numbers(self) -> dict[str, Any]:
+        """All that it was fitted to, for a log."""
+        ends = {n: float(getattr(self, n)) for n in ("middle_deg", "low_deg", "high_deg")}
+        return ends | dict(plain(self.factor))
 
     def scaling(self, theta_deg: npt.ArrayLike) -> Array:
         """Scaling factor: the cursor's speed over the wrist's."""
@@ -219,6 +224,7 @@ def _check_fold(found: CursorMap) -> None:
 
 def node_places(low_deg: float, high_deg: float, spacing_deg: float = SPACING_DEG) -> list[float]:
     """Nodes at whole multiples of the spacing from the neutral position, across the range."""
+    # Nearer to an end the wrist turns round, and has no speed to measure.
     room = 0.2 * spacing_deg
     first, last = np.ceil((low_deg + room) / spacing_deg), np.floor((high_deg - room) / spacing_deg)
     return [float(k * spacing_deg) for k in range(int(first), int(last) + 1)]

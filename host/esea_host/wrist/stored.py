@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from esea_gen.errors import UserError
 from esea_gen.files import read_whole, write_whole
 from esea_gen.toml_file import Problem, checked, parse_toml
+from esea_host.wrist.calibration import AXES, Calibrated, calibrated
 from esea_host.wrist.normalisation import (
     CursorMap,
     NodeSpeeds,
@@ -23,7 +24,6 @@ from esea_host.wrist.normalisation import (
     node_places,
     normalise,
 )
-from esea_host.wrist.past import AXES, Calibrated, calibrated
 
 SEE = "docs/wrist-display.md"
 MAKE = "Give a file that esea-host wrist saved, or calibrate again."

@@ -1,0 +1,79 @@
+"""Which tests may notice a fault in a source file: those that import it, the nearest first."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+from esea_gen.errors import UserError
+
+PACKAGE = "esea_gen"
+# Tests that hold against committed output, or against the whole checkout.
+COMMITTED = ("test_traces.py", "test_docs.py", "test_house.py", "test_wheel.py", "test_main_job.py")
+LEAST = 4  # so many test files are asked at least, for the nearest need not run the line
+
+
+def _name(path: Path) -> str:
+    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+
+
+def _imported(tree: ast.AST, known: set[str], folder: Path) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found.update(a.name for a in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = folder.parts[: len(folder.parts) + 1 - node.level] if node.level else ()
+            module = ".".join((*above, *filter(None, [node.module])))
+            below = {f"{module}.{a.name}" for a in node.names} & known
+            found |= below | ({module} if len(below) < len(node.names) else set())
+    return found & known
+
+
+class Importers:
+    """Who imports whom in a checkout, shared files of the tests included."""
+
+    def __init__(self, root: Path) -> None:
+        files = [*(root / PACKAGE).rglob("*.py"), *(root / "tests").rglob("*.py")]
+        self.paths = {_name(p.relative_to(root)): p.relative_to(root) for p in sorted(files)}
+        self.users: dict[str, set[str]] = defaultdict(set)
+        self.size: dict[Path, int] = {}
+        for user, path in self.paths.items():
+            text = (root / path).read_text(encoding="utf-8")
+            self.size[path] = len(text)
+            used = _imported(ast.parse(text), set(self.paths), path.parent)
+            if "iter_modules" in text:  # a package that finds its own files
+                used |= {n for n in self.paths if n.rpartition(".")[0] == user}
+            for name in used:
+                self.users[name].add(user)
+
+    def distances(self, source: Path) -> dict[Path, int]:
+        """Steps of import from each test file to a source, nearest first."""
+        far = {_name(source): 0}
+        todo = [_name(source)]
+        for name in todo:
+            for user in sorted(self.users[name] - set(far)):
+                far[user] = far[name] + 1
+                todo.append(user)
+        tests = {self.paths[n]: k for n, k in far.items() if self.paths[n].parts[0] == "tests"}
+        return {p: k for p, k in tests.items() if p.name.startswith("test_")}
+
+
+def near_tests(graph: Importers, source: Path, *, independent: bool, widen: int = 0) -> list[str]:
+    """Test files that stand nearest to a source or bear its name, and the ``widen`` next ones."""
+    far = graph.distances(source)
+    words = {w.rstrip("s") for w in (*source.stem.split("_"), source.parent.name)}
+
+    def rank(p: Path) -> tuple[int, int, int]:  # what bears its name first, then the short ones
+        named = len(words & {w.rstrip("s") for w in p.stem.split("_")})
+        return far[p], -named, graph.size[p]
+
+    usable = (p for p in far if not (independent and p.name in COMMITTED))
+    kept = sorted(usable, key=rank)
+    if not kept:
+        raise UserError(f"No test imports {_name(source)}.", "Name test files with --tests.")
+    near = [p for p in kept if far[p] == far[kept[0]] or p.stem == f"test_{source.stem}"]
+    rest = [p for p in kept if p not in near]
+    near += rest[: max(0, LEAST - len(near)) + widen]
+    return [p.as_posix() for p in near]
