@@ -129,33 +129,6 @@ def test_the_wish_fades_to_what_was_found_and_off_is_the_wish_itself(block):
     assert on["wish_shift_Nm"] == pytest.approx(shift, abs=1e-6)
 
 
-def test_a_wish_that_is_no_number_still_turns_the_law_off(drive, block):
-    """The reference sees it itself; the adaptation holds what it has."""
-    zero = np.zeros(3)
-    wish = np.array([1.0, math.nan, 1.0])
-    y, _ = run(block, zero, zero, zero, {"gain": 1.25, "share": 1.0}, tau_desired_Nm=wish)
-    assert np.isfinite(y["wish_gain"]).all()
-    assert np.isfinite(y["wish_shift_Nm"]).all()
-    assert y["status"].astype(int).tolist() == [0, flags(block)["INPUT_INVALID"], 0]
-    simulator = reference(drive).simulator({})
-    given = {p.name: 0.0 for p in reference(drive).inputs} | {"mode": 1.0, "wish_gain": 1.2}
-    assert simulator.step(**given)["request_ok"] == 1
-    assert simulator.step(**{**given, "tau_desired_Nm": math.nan})["request_ok"] == 0
-
-
-def test_what_is_asked_of_the_sensor_stays_inside_its_range(drive):
-    """A soft rubber gets no more of the model's torque than any may: the clip stands behind."""
-    made = reference(drive)
-    simulator = made.simulator({"blend_s": 0.02})
-    given = {p.name: 0.0 for p in made.inputs} | {"mode": 1.0, "wish_gain": 1.2}
-    given |= {"tau_desired_Nm": 4.0, "wish_shift_Nm": 0.25}
-    for _ in range(2000):
-        y = simulator.step(**given)
-    assert y["tau_set_Nm"] == pytest.approx(4.47)
-    given["tau_desired_Nm"] = 2.0
-    assert simulator.step(**given)["tau_set_Nm"] == pytest.approx(1.2 * 2.0 + 0.25, abs=1e-6)
-
-
 def test_nothing_but_the_wish_reads_what_was_learnt(drive):
     """So no limit, no comparison and no observer moves: an adaptation cannot move a trip."""
     for device in (drive, esea_gen.load_device("elbow_mpc")):

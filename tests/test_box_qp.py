@@ -183,16 +183,6 @@ def test_the_executor_any_size_any_problem(n, kind, seed):
     assert np.max(newton_gap(s, x, n)) < 1e-6
 
 
-def test_double_precision_c_has_the_executors_bits(ten):
-    s = stream("exponential", 10, 10, np.random.default_rng(3))
-    simulator = box_qp(10).simulator()
-    y, _ = ten["f64"].run(s, trace=False)
-    for k in range(10):
-        out = simulator.step(**{name: v[k] for name, v in s.items()})
-        assert np.array_equal(out["x"], y["x"][k])
-        assert out["iterations"] == y["iterations"][k] > 0
-
-
 @pytest.mark.ci
 def test_at_the_cap_the_best_point_so_far_is_returned_and_told():
     n = 10

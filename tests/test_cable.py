@@ -249,21 +249,6 @@ def rms(x: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(x))))
 
 
-def test_that_comparison_sees_a_cable_that_is_wrong(drive):
-    start, u_Nm = STARTS[0]
-    true = integrated(drive, start, u_Nm, np.array(Horizon(delay_s=0.002).ends_s))
-    right = rms(predicted(drive, start, u_Nm, "cable") - true)
-    faults = (
-        {"wound_rad": -start["wound"]},
-        {"gap_rad": 0.0},
-        {"gap_rad": 0.02},
-        {"give_rad_Nm": 0.0},
-        {"give_rad_Nm": 1 / 80},
-    )
-    for wrong in faults:
-        assert rms(predicted(drive, start, u_Nm, "cable", **wrong) - true) > 1.3 * right, wrong
-
-
 def test_a_command_leads_out_of_the_gap(drive, monkeypatch):
     # At rest in its middle nothing is carried: what is wanted must still be asked of the motor.
     def asked_for() -> float:
@@ -312,21 +297,6 @@ def predictive(text: str) -> Device:
         )
     )  # fmt: skip
     return mine(f'laws = ["predictive"]\n[predictive]\n{numbers}{text}')
-
-
-def test_the_file_chooses_and_without_a_cable_all_is_as_it_was(drive):
-    known = predictive("").system.blocks
-    assert "cable" in known
-    rigid = predictive('drive = "rigid"\n').system.blocks
-    text = predictive("").toml()
-    for without in ("[cable]", "[redundancy]"):
-        bare = parse_device(text[: text.index(f"\n{without}")], "bare.toml").system.blocks
-        for blocks in (rigid, bare):
-            assert "cable" not in blocks
-            names = {p.name for p in blocks["predictive"].inputs}
-            assert "omega_rad_s" in names
-            assert names.isdisjoint({"wound_rad", "gap_rad", "omega_gear_rad_s"})
-            assert "drive_by_gear" not in blocks
 
 
 def test_what_does_not_go_together_is_refused():

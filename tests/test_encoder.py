@@ -206,7 +206,6 @@ def recording(device: Device, pieces, seed: int) -> tuple[np.ndarray, np.ndarray
 
 
 @pytest.mark.parametrize("name", VARIANTS)
-@pytest.mark.parametrize("real", ["f32"])
 @settings(max_examples=40)
 @given(PIECES, st.integers(0, 999))
 def test_it_does_what_the_whole_numbers_say(name, real, pieces, seed):
@@ -280,8 +279,8 @@ def status_of(got) -> np.ndarray:
         (1001, 128, "INPUT_INVALID"),
     ],
 )
-def test_a_bad_frame_leaves_the_angle_alone(real, bad, error, flag):
-    _, runner = variant("plain", real)
+def test_a_bad_frame_leaves_the_angle_alone(bad, error, flag):
+    _, runner = variant("plain", "f32")
     for length in (1, 3, 4):
         runner.reset()
         inputs = still(60)
@@ -300,9 +299,8 @@ def test_a_bad_frame_leaves_the_angle_alone(real, bad, error, flag):
             assert here[3] & BITS["HELD_TOO_LONG"]
 
 
-@pytest.mark.parametrize("real", ["f32"])
-def test_a_slip_is_not_followed_until_init(real):
-    device, runner = variant("plain", real)
+def test_a_slip_is_not_followed_until_init():
+    device, runner = variant("plain", "f32")
     reach = 4 * step_max_counts(device, "motor")
     for slip, seen in ((reach + 1, True), (-reach - 1, True), (2048, True), (reach, False)):
         runner.reset()
@@ -319,10 +317,9 @@ def test_a_slip_is_not_followed_until_init(real):
             assert np.all(after["usable"][3:] == 1)
 
 
-@pytest.mark.parametrize("real", ["f32"])
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e9, -1e9])
-def test_corrupt_states_start_afresh(real, bad):
-    _, runner = variant("plain", real)
+def test_corrupt_states_start_afresh(bad):
+    _, runner = variant("plain", "f32")
     for name in ("count_last", "turn", "held", "settled", "lost"):
         runner.reset()
         before, _ = runner.run(still(20), trace=False)
@@ -339,8 +336,7 @@ def test_corrupt_states_start_afresh(real, bad):
 # -- zero, direction, settings ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("real", ["f32"])
-def test_without_a_calibration_it_is_not_usable(real):
+def test_without_a_calibration_it_is_not_usable():
     runner = compiled(esea_gen.load_device("elbow"), real, "load")
     got, _ = runner.run(still(20), trace=False)
     assert not np.any(got["usable"])

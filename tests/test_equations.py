@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -14,7 +12,6 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Equation
 from esea_gen.model.symbolic import to_casadi
 from esea_gen.observe.human import extended_state
-from esea_gen.observe.rates import motor_rate, tangent
 
 from .limits_model import SHIPPED, calm, changed
 from .shown_equations import value
@@ -109,24 +106,6 @@ def test_of_the_limits_push_near_a_stop_and_near_the_speed_limit(drive, sign, mo
     assert min(cut) == 0
     assert max(cut) == round(n.u, 3)
     assert len(cut) >= 5
-
-
-def test_of_a_rate(drive):
-    told = shown(motor_rate(drive))
-    dampings = {f"k_{i}": value(told[f"[rate {i + 1}]"], {}) for i in (1, 2)}
-    assert list(dampings.values()) == pytest.approx(
-        [2 * math.cos(math.pi / 8), 2 * math.cos(3 * math.pi / 8)]
-    )
-    # Butterworth: |H|^2 = 1 / (1 + (w / w_c)^8), here on the real axis of s as H(s) H(-s).
-    for s in (0.3, 0.7, 1.2):
-        both = [
-            value(told["[rate 1]"], dampings | {"s": x, "omega_c": 2.0}) for x in (2 * s, -2 * s)
-        ]
-        assert both[0] * both[1] == pytest.approx(1 / (1 + s**8))
-    slope = value(told["[rate 4]"], {"theta_k": 1.5, "theta_k-1": 1.2, "h": 0.1})
-    assert slope == pytest.approx(3.0)
-    assert value(told["[rate 5]"], {"x": 0.3}) == pytest.approx(math.tan(0.3), rel=1e-6)
-    assert tangent(0.3) == pytest.approx(math.tan(0.3), rel=1e-12)
 
 
 def test_names_that_python_has_not_do_not_order_products(monkeypatch):

@@ -21,7 +21,6 @@ from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term, softened
 from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_sensor, unit_terms
-from esea_gen.model.inverse import inverse_system
 from esea_gen.model.rubber import fitted_of
 from esea_gen.verify.fixed import compare_fixed
 from esea_gen.verify.streams import streams
@@ -181,15 +180,6 @@ def test_no_path_gives_energy(every_term, turns, back, each):
     assert np.all(least >= -1e-4 * np.maximum(moved, 1e-6)), EVERY[int(np.argmin(least))]
 
 
-def test_a_law_that_gives_energy_is_seen():
-    """Armed: a spring that hardens with the largest strain, and a branch of negative weight."""
-    x = path_of([1.0, 0.0], 400)
-    hardening = x * (1 + np.maximum.accumulate(np.abs(x)))
-    negative = -terms_over([Term("maxwell", LINEAR, (1.0,))], x)[:, 0]
-    least, moved = least_work(x, np.stack([hardening, negative], axis=1))
-    assert np.all(least < -0.05 * moved)
-
-
 # A fitted member: slope, inverse, safety.
 
 
@@ -299,18 +289,6 @@ def test_the_whole_number_c_is_its_executor(hdrb_device):
         assert compare_fixed(device, plan, runner, stream, bound).problems == []
 
 
-def test_a_conditioned_start_is_softer_than_a_virgin_one(hdrb_device):
-    fitted = fitted_of(family_device(hdrb_device, "slips, worn"))
-    theta = np.linspace(0, 0.1, 50)
-    first, later = (
-        family_sensor(hdrb_device, fitted, start)
-        .simulator()
-        .run({"theta_rad": theta, "omega_rad_s": 0 * theta})[0]["tau_Nm"]
-        for start in ("virgin", "conditioned")
-    )
-    assert np.all(later[1:] < first[1:])
-
-
 # Its exact inverse.
 
 SWEEP_Nm = 2.0 * np.sin(2 * np.pi * (0.2 * np.arange(4000) / 1000 + (np.arange(4000) / 1000) ** 2))
@@ -381,15 +359,3 @@ def test_what_cannot_be_reached_ends_at_the_limit_and_says_so(hdrb_device):
     held = runner.step(tau_Nm=np.nan)
     assert held["theta_rad"] == y["theta_rad"]
     assert int(held["status"]) & 1
-
-
-@pytest.mark.ci
-def test_the_inverse_in_single_precision(hdrb_device):
-    require_tool("gcc")
-    device = family_device(hdrb_device, "slips, worn")
-    inverse = family_inverse(device, fitted_of(device))
-    wanted = SWEEP_Nm.astype(np.float32).astype(float)
-    exact, _ = inverse.simulator().run({"tau_Nm": wanted})
-    library = compile_system(inverse_system(device, inverse), "f32")
-    found, _ = library.block("inverse").run({"tau_Nm": wanted}, trace=False)
-    assert np.abs(found["theta_rad"] - exact["theta_rad"]).max() < 1e-5

@@ -31,21 +31,6 @@ def test_what_is_outside_its_range_is_refused(changes, words):
         Horizon(**changes)
 
 
-def test_thresholds_rise_from_above_0_each_with_a_weight():
-    assert Stops((0.1,), (-2.0,)).r == (0.1,)
-    for r, p, words in (
-        ((), (), "0 thresholds and 0 weights"),
-        ((0.1, 0.2), (1.0,), "2 thresholds and 1 weights"),
-        ((0.1,), (1.0, 2.0), "1 thresholds and 2 weights"),
-        ((0.0,), (1.0,), "do not rise"),
-        ((-0.1, 0.1), (1.0, 1.0), "do not rise"),
-        ((0.1, 0.1), (1.0, 1.0), "do not rise"),
-        ((0.1, 0.3, 0.2), (1.0, 1.0, 1.0), "do not rise"),
-    ):
-        with pytest.raises(UserError, match=words):
-            Stops(r, p)
-
-
 def made_up(t, h, x, u, p, w):
     """Two states, a memory, what is kept with slopes and without, a power, a parameter."""
     push = t.let("push", x.v + h * (p.gain * u - x.s * x.v))
@@ -155,14 +140,3 @@ def test_the_motor_side_goes_where_cable_and_elastomer_balance(drive, tau_e, tur
         assert carried == pytest.approx(elastomer, abs=1e-9)
     else:
         assert wound == pytest.approx(0, abs=1e-12)
-
-
-def test_friction_takes_a_tenth_of_the_cables_torque_more(drive):
-    model, tape = CableModel(drive, SOFT), Tape()
-    tau_e = ca.SX.sym("tau_e")
-    model.coulomb(tape, 0.4688, tau_e)
-    (entry,) = tape.entries
-    (slope,) = (s for _, s in entry.slopes)
-    f = ca.Function("f", [tau_e], [entry.value, slope])
-    for tau, lost, by in ((3.0, 0.7688, 0.1), (-3.0, 0.7688, -0.1), (0.0, 0.4688, 0.1)):
-        assert [float(v) for v in f(tau)] == pytest.approx([lost, by])

@@ -37,8 +37,6 @@ from esea_gen.verify.streams import at_the_limits, streams
 
 from .conftest import require_tool
 
-DEG = math.pi / 180
-
 
 @pytest.fixture(scope="module")
 def device():
@@ -173,15 +171,6 @@ def test_no_closed_path_gives_energy(block, gains):
         assert given_J <= 2e-4
         if gains and not any(gains.values()) and len(gains) == 2:
             assert abs(given_J) < 2e-4
-
-
-def test_the_printed_law_gives_energy_on_such_paths():
-    rng = np.random.default_rng(5)
-    theta, rate = closed_path(rng)
-    kd, kv = 0.1 / DEG, 0.02 / DEG
-    printed = -np.sign(rate) * (np.where(theta > 5 * DEG, kd * rate, 0) + kv * rate)
-    out = rate < 0
-    assert np.sum((printed * rate)[out]) > 0
 
 
 def test_a_section_that_does_not_fit_is_refused(device):

@@ -17,7 +17,7 @@ from esea_gen.language.ports import threshold
 from esea_gen.language.stream import SPECIAL, Stream, single
 from esea_gen.model.cubic import cubic_root
 from esea_gen.model.inverse import exact_inverse, inverse_system
-from esea_gen.model.published_inverse import FILTER_B, filter_taps, published_inverse
+from esea_gen.model.published_inverse import filter_taps, published_inverse
 from esea_gen.studies.uncertainty.signals import SIGNALS
 from esea_gen.verify.runs import run_c
 
@@ -134,13 +134,6 @@ def test_f32_set_points_satisfy_the_f64_model(pairs, signal):
     sensor.reset()
     f, _ = sensor.run({"theta_rad": y["theta_rad"], "omega_rad_s": y["omega_mid_rad_s"]})
     assert np.max(np.abs(f["tau_Nm"] - request)) < 1e-5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("real", ["f64", "f32"])
-@pytest.mark.parametrize("signal", range(5))
-def test_published_signals_whole(pairs, real, signal):
-    assert pairs[real].error(SIGNALS[signal].sample(1000.0))[0] < LIMIT_NM[real]
 
 
 @pytest.mark.parametrize("real", ["f64", "f32"])
@@ -320,17 +313,6 @@ def test_cubic_root():
     assert float(ca.Function("f", [x], [cubic_root(239.0, 9.39, x)])(4.5)) == pytest.approx(
         0.2175, abs=5e-5
     )
-
-
-def test_filters():
-    assert len(filter_taps("a")) == 31
-    assert sum(filter_taps("a")) == pytest.approx(0.588, abs=0.0005)
-    assert filter_taps("b") == FILTER_B
-    assert sum(FILTER_B) == pytest.approx(1.028)
-    for name, gain in (("a_normalised", 1.0), ("b_normalised", 1.0), ("b_rounding", 1.0165)):
-        assert sum(filter_taps(name)) == pytest.approx(gain)
-    with pytest.raises(ValueError, match="filter must be one of"):
-        filter_taps("c")  # type: ignore[arg-type]
 
 
 def published_by_hand(elbow: Device, request: np.ndarray, taps) -> np.ndarray:

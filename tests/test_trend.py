@@ -40,10 +40,6 @@ def gone_on(rate, curve):
     return np.array(path)
 
 
-def test_a_constant_stays_what_it_is():
-    assert np.all(ahead(np.full(200, 1.3)) == 1.3)
-
-
 @pytest.mark.parametrize("rate", [0.5, -3.0, 12.0])
 def test_a_ramp_goes_on_with_its_rate(rate):
     wanted = rate * H * np.arange(60)
@@ -94,16 +90,6 @@ def test_noise_is_not_taken_for_a_motion():
     assert max(added(s) for s in (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.3)) < 0.03
     # Armed: an observer that no noise slows down.
     assert added(0.1, quiet_Nm=1.0) > 1
-
-
-def test_what_is_no_number_leaves_the_last_value():
-    simulator = block().simulator()
-    for w in (0.4, 0.4, 0.4):
-        simulator.step(tau_wanted_Nm=w)
-    for bad in (np.nan, np.inf, -1e9):
-        out = simulator.step(tau_wanted_Nm=bad)
-        assert out["status"] == 1
-        assert np.all(out["tau_ahead_Nm"] == 0.4)
 
 
 def test_what_it_may_ask_for_has_an_end():
