@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.emit.error_bounds import block_bound, linear_bound, step_bound
+from esea_gen.emit.error_bounds import block_bound, step_bound
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.formats import FORMATS
