@@ -49,7 +49,6 @@ class Q31(Format):
     compiler_flags = ""
     libraries = ""
     header = "esea_q31.h"
-    operations = '/* Arithmetic of the q31 format. */\n#include "esea_q31.h"'
     notes = (
         "   Whole numbers only: no float operation, no library but, on a Cortex-M0, the compiler's "
         "own for",
