@@ -34,11 +34,6 @@ class F32(FloatingFormat):
     needs_libm = False
     libraries = ""
     joins_words = True
-    notes = (
-        *FloatingFormat.notes,
-        "   Single precision only: no double arithmetic, no libm; elementary functions are in "
-        "esea_f32.c.",
-    )
 
     def passes(self, kernel: Kernel) -> Kernel:
         return calls_first(fuse_selects(kernel))

@@ -37,11 +37,6 @@ class FloatingFormat(Format):
     verified_by = "esea-gen verify"
     compiler_flags = " -ffp-contract=off"
     header = ""
-    notes: ClassVar[tuple[str, ...]] = (
-        "   Without -ffp-contract=off (or a -std=c.. option of gcc) a compiler may fuse multiply "
-        "and add:",
-        "   results then differ in the last bits from those that were verified.",
-    )
     example_share = 1e-5
     joins_words: ClassVar[bool]  # whether a status word is put together as an integer
 
