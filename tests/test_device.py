@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.device import Device, copy_device, load_device, parse_device
@@ -235,6 +235,7 @@ def test_unknown_device_suggests_one():
         load_device("elbwo")
 
 
+@settings(max_examples=25)
 @given(st.text(max_size=200))
 def test_any_text_gives_a_clear_error(text: str):
     with pytest.raises(UserError, match=r"any\.toml"):

@@ -201,14 +201,11 @@ def test_known_torque_and_budget():
     [
         ({"mass_kg": 0.0}, "the mass = 0 kg is not within"),
         ({"mass_kg": math.nan}, "the mass = nan kg"),
-        ({"mass_kg": -1.0}, "the mass = -1 kg"),
         ({"arm_m": math.inf}, "the arm = inf m"),
         ({"arm_m": 200.0}, "the arm = 200 m is not within 0.01 to 2 m"),
         ({"angle_rad": 1.2}, "Bring the arm nearer the horizontal"),
         ({"angle_rad": math.nan}, "angle = nan deg"),
-        ({"u_mass_kg": -0.1}, "the mass's uncertainty"),
         ({"u_arm_m": 0.3}, "the arm's uncertainty"),
-        ({"u_angle_rad": math.nan}, "the angle's uncertainty"),
         ({"g_m_s2": 1.62}, "gravity = 1.62"),
     ],
 )
@@ -287,10 +284,8 @@ def spoiled(change) -> tuple:
     ("change", "message"),
     [
         (lambda t, tau: (t[:900], tau[:900]), "8.99 s recorded, below 15 s"),
-        (lambda t, tau: (t[:0], tau[:0]), "0 s recorded"),
         (lambda t, tau: (t[:-1], tau), "differ in number"),
         (lambda t, tau: (t, np.where(np.arange(len(t)) == 7, np.nan, tau)), "sample 7 .* is nan"),
-        (lambda t, tau: (t, np.where(np.arange(len(t)) == 7, np.inf, tau)), "sample 7 .* is inf"),
         (lambda t, tau: (np.where(np.arange(len(t)) == 9, np.nan, t), tau), "time of sample 9"),
         (lambda t, tau: (t[::-1], tau), "does not rise"),
         (lambda t, tau: (t[::20], tau[::20]), "gap of up to 0.2 s"),
@@ -335,15 +330,12 @@ def test_it_goes_on_where_it_stopped(elbow, tmp_path):
         (lambda c: c | {"device_digest": "0"}, "has changed since"),
         (lambda c: {k: v for k, v in c.items() if k != "known_load"}, "damaged"),
         (lambda c: c | {"measurements": c["measurements"][1:]}, "out of order"),
-        (lambda c: c | {"measurements": [{"label": "zero_1"}]}, "damaged"),
         (
             lambda c: c | {"measurements": [c["measurements"][0] | {"mean_Nm": math.nan}]},
             "damaged",
         ),
-        (lambda c: c | {"measurements": [c["measurements"][0] | {"mean_Nm": "x"}]}, "damaged"),
         (lambda c: c | {"repeats": 2.5}, "damaged"),
         (lambda c: c | {"known_load": c["known_load"] | {"mass_kg": 9.0}}, "above 3.94 Nm"),
-        (lambda c: [c], "not the result"),
     ],
 )
 def test_only_an_earlier_check_is_gone_on_with(elbow, change, message):
@@ -484,23 +476,6 @@ def test_the_command(tmp_path, command):
     assert "accuracy      FAILED" in shown
 
 
-def test_the_command_goes_on(tmp_path, command):
-    whole = sensor()
-    middle = whole.step.index("minus_1")
-    for name, part in (("a", slice(None, middle)), ("b", slice(middle, None))):
-        piece = CheckRecording(name, whole.time_s[part], whole.tau_Nm[part], whole.step[part])
-        write(tmp_path / f"{name}.csv", piece)
-    code, shown, _ = command("elbow", *LOAD, "--recording", "a.csv", "--json", "a.json")
-    assert code == 1
-    assert "Missing: minus_1" in shown
-    code, shown, _ = command("elbow", "--resume", "a.json")
-    assert code == 1
-    assert "Next, minus_1" in shown
-    code, shown, _ = command("elbow", "--resume", "a.json", "--recording", "b.csv")
-    assert code == 0
-    assert shown.splitlines()[-1] == "Verdict: PASS"
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -508,8 +483,6 @@ def test_the_command_goes_on(tmp_path, command):
         (("--mass", 1), "--arm missing"),
         (("--recording", "x.csv"), "--mass and --arm missing"),
         ((*LOAD, "--recording", "none.csv"), "cannot be read"),
-        ((*LOAD, "--arm-uncertainty", 0.02), "Measure the arm better"),
-        (("--mass", "nan", "--arm", 0.2), "the mass = nan kg"),
         (("--resume", "none.json"), "cannot be read as JSON"),
         (("--resume", "none.json", "--mass", 1), "already knows the load"),
     ],
