@@ -337,7 +337,7 @@ def test_corrupt_states_start_afresh(bad):
 
 
 def test_without_a_calibration_it_is_not_usable():
-    runner = compiled(esea_gen.load_device("elbow"), real, "load")
+    runner = compiled(esea_gen.load_device("elbow"), "f32", "load")
     got, _ = runner.run(still(20), trace=False)
     assert not np.any(got["usable"])
     assert np.all(status_of(got)[3:] == BITS["NOT_ZEROED"])
