@@ -9,12 +9,6 @@ import re
 import mpmath
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_lyapunov
-from scipy.signal import butter, freqz, lfilter
-
-from esea_gen.device import with_numbers
-from esea_gen.hostlib.runner import CRunner
-from esea_gen.language.stream import single
 from esea_gen.model.velocity_properties import (
     EXCESS,
     LAG,
@@ -22,6 +16,12 @@ from esea_gen.model.velocity_properties import (
     VelocityProperties,
     velocity_properties,
 )
+from scipy.linalg import solve_discrete_lyapunov
+from scipy.signal import butter, freqz, lfilter
+
+from esea_gen.device import with_numbers
+from esea_gen.hostlib.runner import CRunner
+from esea_gen.language.stream import single
 
 from .conftest import ROOT
 

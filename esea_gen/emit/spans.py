@@ -468,14 +468,3 @@ def _cut(x: Span, fact: tuple[Any, Any] | None) -> Span:
     low = np.maximum(x.low, fact[0])
     # In a box that no value can be in, any value will do.
     return replace(x, low=low, high=np.maximum(np.minimum(x.high, fact[1]), low))
-
-
-__all__ = [
-    "Arithmetic",
-    "Known",
-    "RangeError",
-    "Span",
-    "numeric_nodes",
-    "propagate",
-    "span",
-]

@@ -332,7 +332,6 @@ class Simulator(Executor):
     Parameters
     ----------
     block : Block
-        What to run.
     tunables : mapping of str to float, optional
         Values other than the defaults.
     """

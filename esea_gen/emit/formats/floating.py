@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.local_names import LocalNames, meanings
+from esea_gen.emit.local_names import meanings, namer
 from esea_gen.emit.naming import Naming
 from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, early_stores
 from esea_gen.emit.walker import (
@@ -197,7 +197,7 @@ def print_kernel(
     statements: list[Statement] = []
     arguments = set()
     reads = {access(*n.source)[0] for n in kernel.nodes if n.op == "input"}
-    names = LocalNames(reads, labels, others or {})
+    name_of = namer(reads, labels, others or {})
     chained: dict[int, str] = {}  # operations that stand where they are used, without brackets
 
     def number(atom: str) -> str:
@@ -206,7 +206,7 @@ def print_kernel(
     for i, n in enumerate(kernel.nodes):
         if i in bits:
             flags = (f"esea_bit({bare(atoms[c])}, {k}u)" for c, k in bits[i].flags)
-            statements.append(Statement("uint32_t", names.define(i), " | ".join(flags)))
+            statements.append(Statement("uint32_t", name_of(i), " | ".join(flags)))
             atoms.append(statements[-1].name)
             continue
         if i in parts:
@@ -248,7 +248,7 @@ def print_kernel(
                 chained[i] = n.op
             continue
         c_type = "bool" if n.boolean else fmt.c_type
-        statements.append(Statement(c_type, names.define(i), text, named[1] if named else ""))
+        statements.append(Statement(c_type, name_of(i), text, named[1] if named else ""))
         atoms.append(statements[-1].name)
     results = tuple(
         tuple(number(atoms[i]) if kernel.nodes[i].boolean else atoms[i] for i in r)

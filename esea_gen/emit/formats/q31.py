@@ -6,16 +6,35 @@ from pathlib import Path
 
 import numpy as np
 
+from esea_gen.emit.fixed.expression import C_TYPES, Expr, bare_text, c_text
 from esea_gen.emit.fixed.functions import source_files
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.lowering import rewrite
 from esea_gen.emit.fixed.naming import FixedNaming
-from esea_gen.emit.fixed.render import print_lowered
+from esea_gen.emit.fixed.values import LoweredKernel
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.printed import EmittedBlock, early_stores
+from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, early_stores
 from esea_gen.emit.walker import Kernel, fuse_selects
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
+
+
+def _pointers(e: Expr) -> set[str]:
+    if e.op == "read":
+        return {e.name.removeprefix("(int32_t)").split("->")[0]}
+    return {p for a in e.args for p in _pointers(a)}
+
+
+def print_lowered(lowered: LoweredKernel) -> PrintedKernel:
+    statements = tuple(
+        Statement(C_TYPES[s.expr.bits], s.name, bare_text(s.expr), s.comment) for s in lowered.steps
+    )
+    used = {p for s in lowered.steps for p in _pointers(s.expr)}
+    return PrintedKernel(
+        statements,
+        tuple(tuple(c_text(e) for e in r) for r in lowered.results),
+        frozenset(range(len(used))),
+    )
 
 
 class Q31(Format):

@@ -61,16 +61,6 @@ class Derivatives:
         ----------
         duration_s : float
             Seconds to keep.
-
-        Returns
-        -------
-        Derivatives
-            Views of these.
-
-        Raises
-        ------
-        NoAnswerError
-            The record is shorter.
         """
         wanted, there = as_number(duration_s) * self.fs_Hz, self.position.shape[-1]
         if not 0.5 < wanted < there + 0.5:
@@ -105,17 +95,6 @@ def derivatives(
         The stop band starts here: 60 dB less from there on.
     time_s : array_like, optional
         Times of the samples, to find gaps, shape (samples,).
-
-    Returns
-    -------
-    Derivatives
-        The signals, and what made them.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, has gaps, is shorter than two periods of ``stop_Hz``, or that is not
-        below half the sampling rate.
 
     Notes
     -----

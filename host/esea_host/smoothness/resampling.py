@@ -95,17 +95,6 @@ def resampled(
         New rate: at least nine tenths of the frames' mean rate, at most ten times it.
     stop_Hz : float
         Nothing from here on is looked at: a step of half its period or more is not bridged.
-
-    Returns
-    -------
-    Resampling
-        The signal from the first frame on.
-
-    Raises
-    ------
-    NoAnswerError
-        A step is longer than five usual ones or half a period of ``stop_Hz``, times fall, fewer
-        than ten frames are left, or the rate is out of its range.
     """
     fs_Hz, stop_Hz = checked_rate(fs_Hz), checked_rate(stop_Hz)
     t, x = as_samples(time_s, "The time"), as_samples(values, "The signal")

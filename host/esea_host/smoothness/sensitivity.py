@@ -54,16 +54,6 @@ def sensitivity_band(metric: Callable[..., SmoothnessResult], **grid: Sequence[f
     **grid : sequence of float
         Settings with the values that they take, such as ``cutoff_Hz=(5, 10, 20)``.
 
-    Returns
-    -------
-    Band
-        The band round the value with the settings as they are.
-
-    Raises
-    ------
-    NoAnswerError
-        The metric has no answer as it is.
-
     Examples
     --------
     >>> import numpy as np

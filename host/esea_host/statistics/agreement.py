@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from esea_host.statistics.checks import NoStatisticError, as_dict
+from esea_host.statistics.checks import NoStatisticError, StatisticResult
 
 
 @dataclass(frozen=True)
-class Agreement:
+class Agreement(StatisticResult):
     """Agreement of two coders.
 
     Parameters
@@ -42,10 +41,6 @@ class Agreement:
     categories: tuple[str, ...]
     table: tuple[tuple[int, ...], ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
     """Cohen's kappa of two coders.
@@ -61,11 +56,6 @@ def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
     -------
     Agreement
         Kappa with its interval; 1 where they agree on all of several codes.
-
-    Raises
-    ------
-    NoStatisticError
-        Different numbers of items, none, or both coders use one single code, which chance explains.
     """
     from statsmodels.stats.inter_rater import cohens_kappa as fitted
     from statsmodels.stats.proportion import proportion_confint

@@ -10,21 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import mannwhitneyu, t
 
-from esea_host.statistics.checks import Array, NoStatisticError, as_dict, numbers, share
+from esea_host.statistics.checks import Array, NoStatisticError, StatisticResult, numbers, share
 
 
 @dataclass(frozen=True)
-class Effect:
+class Effect(StatisticResult):
     """An estimate with its interval and tests.
 
     Parameters
     ----------
     estimate : float
         In the data's unit.
-    low : float
-        Lower end of the interval.
-    high : float
-        Upper end.
+    low, high : float
+        Ends of the interval.
     se : float
         Standard error.
     df : int
@@ -43,13 +41,9 @@ class Effect:
     p: float
     p_rank: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 @dataclass(frozen=True)
-class Crossover:
+class Crossover(StatisticResult):
     """Analysis of a two-period cross-over.
 
     Parameters
@@ -73,10 +67,6 @@ class Crossover:
     period: Effect
     carry_over: Effect
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 def crossover(
     first_period: ArrayLike,
@@ -99,16 +89,6 @@ def crossover(
         Both treatments; the effect is the first's minus the second's.
     confidence : float
         Of the intervals.
-
-    Returns
-    -------
-    Crossover
-        The three effects.
-
-    Raises
-    ------
-    NoStatisticError
-        Values are missing, a treatment is unknown, or a sequence has fewer than 2 people.
 
     References
     ----------

@@ -5,16 +5,15 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from esea_host.statistics.checks import NoStatisticError, as_dict, numbers
+from esea_host.statistics.checks import NoStatisticError, StatisticResult, numbers
 
 
 @dataclass(frozen=True)
-class MixedModel:
+class MixedModel(StatisticResult):
     """Value = mean + treatment + period + person, by restricted maximum likelihood.
 
     Parameters
@@ -49,10 +48,6 @@ class MixedModel:
     within_sd: float
     notes: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 def mixed_model(
     values: ArrayLike,
@@ -75,16 +70,6 @@ def mixed_model(
         In which period, 1 or 2.
     treatments : tuple of str
         Both treatments; the effect is the first's minus the second's.
-
-    Returns
-    -------
-    MixedModel
-        The estimates.
-
-    Raises
-    ------
-    NoStatisticError
-        Shapes differ, values are missing, or the fit fails.
     """
     from statsmodels.regression.mixed_linear_model import MixedLM
 

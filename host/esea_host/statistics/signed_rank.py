@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import norm, rankdata
 
-from esea_host.statistics.checks import Array, NoStatisticError, as_dict, differences, share
+from esea_host.statistics.checks import Array, NoStatisticError, StatisticResult, differences, share
 
 # Up to here all 2^n signs are counted: their number is exact in a double.
 MOST_EXACT = 50
@@ -21,7 +20,7 @@ METHODS = ("auto", "exact", "normal")
 
 
 @dataclass(frozen=True)
-class SignedRank:
+class SignedRank(StatisticResult):
     """Two-sided signed-rank test of paired differences, with effects.
 
     Parameters
@@ -46,18 +45,14 @@ class SignedRank:
         continuity corrected.
     hodges_lehmann : float
         Median of the means of all pairs of differences (zeros too), in the data's unit.
-    low : float
-        Lower end of its interval.
-    high : float
-        Upper end.
+    low, high : float
+        Ends of its interval.
     confidence : float
         What the interval attains; few people do not allow 95 %.
     rank_biserial : float
         (w_plus - w_minus) / (w_plus + w_minus), -1 to 1.
-    rank_biserial_low : float
-        Lower end of its score interval.
-    rank_biserial_high : float
-        Upper end.
+    rank_biserial_low, rank_biserial_high : float
+        Ends of its score interval.
     """
 
     n: int
@@ -76,10 +71,6 @@ class SignedRank:
     rank_biserial_low: float
     rank_biserial_high: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 def signed_rank(
     x: ArrayLike,
@@ -93,26 +84,14 @@ def signed_rank(
 
     Parameters
     ----------
-    x : array_like
-        One condition, or differences, shape (n,).
-    y : array_like, optional
-        The other condition of the same people, shape (n,).
+    x, y : array_like
+        Both conditions of the same people, shape (n,); without y, x has the differences.
     zeros : str
         ``"drop"`` or ``"pratt"``.
     method : str
         ``"exact"``, ``"normal"``, or ``"auto"``: exact up to 50 pairs, ties and zeros included.
     confidence : float
         Of the intervals.
-
-    Returns
-    -------
-    SignedRank
-        Test, effects, intervals.
-
-    Raises
-    ------
-    NoStatisticError
-        All differences are 0, or a value is missing.
 
     References
     ----------
@@ -229,11 +208,6 @@ def attainable_p(n: int) -> Array:
     -------
     ndarray
         The value at index w is that of a smaller rank sum w.
-
-    Raises
-    ------
-    NoStatisticError
-        More pairs than are counted.
     """
     if not 1 <= n <= MOST_EXACT:
         raise NoStatisticError(f"{n} pairs.", f"Give 1 to {MOST_EXACT}.")
@@ -242,7 +216,7 @@ def attainable_p(n: int) -> Array:
 
 
 @dataclass(frozen=True)
-class ImpliedEffect:
+class ImpliedEffect(StatisticResult):
     """What a printed p value of an exact signed-rank test says about the effect.
 
     Parameters
@@ -262,10 +236,6 @@ class ImpliedEffect:
     rank_biserial: float
     as_printed: bool
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 def effect_from_p(p: float, n: int, digits: int = 2) -> ImpliedEffect:
     """The rank sum, and with it the effect, that a printed p value allows.
@@ -278,16 +248,6 @@ def effect_from_p(p: float, n: int, digits: int = 2) -> ImpliedEffect:
         Pairs without zeros and ties.
     digits : int
         Significant digits that were printed.
-
-    Returns
-    -------
-    ImpliedEffect
-        Of the nearest attainable p.
-
-    Raises
-    ------
-    NoStatisticError
-        p is no probability, or more pairs than are counted.
     """
     share(p, "A p value")
     known = attainable_p(n)
