@@ -374,6 +374,7 @@ def test_a_virtual_session_replays_to_the_same_scenes(studied):
     assert study.problems() == []
 
 
+@pytest.mark.ci
 def test_figures_show_every_participant(studied, result):
     figure = distributions(result, "7.2 validation, FE")
     assert [len(a.lines) for a in figure.axes] == [2, 2, 2]
@@ -381,6 +382,7 @@ def test_figures_show_every_participant(studied, result):
     assert len(draw(last).axes[0].patches) >= 3
 
 
+@pytest.mark.ci
 def test_what_a_method_gives(studied, result):
     found = outcome("rbf", studied, [])
     (fe,) = result.people["7.2 validation, FE"].values()
@@ -389,6 +391,7 @@ def test_what_a_method_gives(studied, result):
     assert found.achieved_gap == {"FE": None, "RU": None}  # healthy, no target was shown
 
 
+@pytest.mark.ci
 def test_the_number_of_workers_changes_nothing(tmp_path, gcc):
     """And another seed does."""
     rows = []
@@ -465,6 +468,7 @@ def test_bad_input_is_told(words, said):
     assert said in str(done.exception)
 
 
+@pytest.mark.ci
 def test_a_methods_outcome_follows_its_schema(studied):
     told = files.plain(outcome("none", studied, ["V009: why"]))
     assert (told["people"], told["refused"]) == (1, ["V009: why"])
