@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import islice
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, FrameReader, LinkHealth
@@ -93,12 +92,7 @@ class Messenger:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
