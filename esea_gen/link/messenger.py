@@ -61,16 +61,12 @@ class Messenger:
     A command that may move something carries the board's time, which is asked for before it.
     """
 
+    board = BOARD
+
     def __init__(
-        self,
-        transport: Transport,
-        dialect: Any,
-        timeout_s: float = 10.0,
-        host: Address = HOST,
-        board: Address = BOARD,
+        self, transport: Transport, dialect: Any, timeout_s: float = 10.0, host: Address = HOST
     ) -> None:
         self.transport, self.dialect, self.timeout_s = transport, dialect, timeout_s
-        self.board = board
         self.heartbeat: Any = None
         self._classes = {c.msgname: c for c in dialect.mavlink_map.values()}
         self._encoder = dialect.MAVLink(None, *host)
