@@ -83,7 +83,7 @@ def struct_dtype(ffi: Any, c_type: str) -> np.dtype[Any]:
             return np.dtype(primitive[ctype.cname])
         if ctype.kind == "array":
             return np.dtype((converted(ctype.item), (ctype.length,)))
-        names, fields = zip(*ctype.fields, strict=True)
+        names, fields = zip(*ctype.fields, strict=True) if ctype.fields else ((), ())
         return np.dtype(
             {
                 "names": names,
