@@ -168,6 +168,3 @@ def _equations() -> tuple[Any, ...]:
             "its room",
         ),
     )
-
-
-__all__ = ["redundancy", "shares_of_room"]
