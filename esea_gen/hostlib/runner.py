@@ -209,20 +209,20 @@ class CBoard:
             )
             for t in system.tasks
         }
-        self._state = self._new("state")
-        self._coeffs: tuple[Any, ...] = ()
+        self.state = self._new("state")
+        self.coeffs: tuple[Any, ...] = ()
         if system.tunables:
             params, coeffs = self._new("params"), self._new("coeffs")
-            self._call("default_params", params)
+            self.call("default_params", params)
             self._set(params, tunables or {})
-            refused = int(self._call("prepare", params, coeffs))
+            refused = int(self.call("prepare", params, coeffs))
             if refused:
                 instance, tunable = system.tunables[refused - 1]
                 raise ValueError(
                     f"{instance}.{tunable.name} is outside [{tunable.low}, {tunable.high}]"
                 )
-            self._coeffs = (coeffs,)
-        self._call("init", *self._coeffs, self._state)
+            self.coeffs = (coeffs,)
+        self.call("init", *self.coeffs, self.state)
 
     def _set(self, params: Any, tunables: Mapping[str, Mapping[str, float]]) -> None:
         known = {(i, t.name): t for i, t in self.system.tunables}
@@ -235,7 +235,15 @@ class CBoard:
     def _new(self, kind: str, values: Mapping[str, Any] | None = None) -> Any:
         return self.library.ffi.new(f"{self.library.prefix}_{kind}_t *", values or {})
 
-    def _call(self, verb: str, *arguments: Any) -> Any:
+    def call(self, verb: str, *arguments: Any) -> Any:
+        """Call a function of the System: ``release``, ``resume``, ``sense_step``.
+
+        Parameters
+        ----------
+        verb : str
+            Its name, without the prefix.
+        *arguments : cffi structs or numbers
+        """
         return self.library.function(f"{self.library.prefix}_{verb}")(*arguments)
 
     def release(self, tick: int) -> None:
@@ -246,12 +254,12 @@ class CBoard:
         tick : int
         """
         if self.system.latches:
-            self._call("release", self._state, tick)
+            self.call("release", self.state, tick)
 
     @property
     def memory(self) -> dict[str, Any]:
         """Bytes of ``coeffs`` and ``state`` as the C has them."""
-        held = {"state": self._state} | ({"coeffs": self._coeffs[0]} if self._coeffs else {})
+        held = {"state": self.state} | ({"coeffs": self.coeffs[0]} if self.coeffs else {})
         return {name: self.library.ffi.buffer(struct) for name, struct in held.items()}
 
     def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
@@ -284,7 +292,7 @@ class CBoard:
         given = {f.name: _held(f, inputs[f.name]) for f in taken}
         out = self._new(f"{task_name}_out")
         values = self._new(f"{task_name}_in", given)
-        self._call(f"{task_name}_step", *self._coeffs, self._state, values, out)
+        self.call(f"{task_name}_step", *self.coeffs, self.state, values, out)
         return out
 
 

@@ -24,7 +24,6 @@ import numpy as np
 from esea_gen.board.bound import InstructionBound, step_bound
 from esea_gen.board.emulator import qemu_command
 from esea_gen.control.laws.predictive import device_horizon, drive_train
-from esea_gen.control.predictive.box_qp_program import box_qp
 from esea_gen.control.predictive.drive import predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.emit.program_c import loop_lines
@@ -36,6 +35,7 @@ from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, boards_for
 from esea_gen.twin.controllers import controller_device
+from tests.box_qp_program import box_qp
 from tests.rendered_program import ProgramRenderer, render_program
 
 from .peers import medians_us, with_templates
