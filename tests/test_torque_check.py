@@ -12,8 +12,6 @@ import pytest
 import esea_gen
 from esea_gen.cli import main
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.model.inverse import inverse_system
 from esea_gen.studies.torque_check.check import TorqueCheck
 from esea_gen.studies.torque_check.load import KnownLoad
 from esea_gen.studies.torque_check.procedure import (
@@ -24,8 +22,6 @@ from esea_gen.studies.torque_check.procedure import (
     static_torque_Nm,
 )
 from esea_gen.studies.torque_check.recording import CheckRecording, apply_recording
-
-from .conftest import require_tool
 
 FULL = 4.47
 TORQUE = 1.0 * 9.81 * 0.2
@@ -391,47 +387,6 @@ def test_a_recording_is_taken_whole_or_not_at_all(elbow):
         apply_recording(checked(elbow, recorded), recorded)
     with pytest.raises(UserError, match="no phase was found"):
         apply_recording(check, replace(recorded, step=("",) * len(labels)))
-
-
-# -- the real sensor ----------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def rig(elbow):
-    """Deflection of the coupling under the procedure's true torque, 1 kHz."""
-    require_tool("gcc")
-    inverse = compile_system(inverse_system(elbow), "f64").block("inverse")
-    pieces, labels, last = [], [], 0.0
-    for step in procedure(2):
-        level = {"zero": 0, "plus": 1, "minus": -1}[step.kind] * TORQUE
-        pieces += [np.linspace(last, level, 2000), np.full(15_200, level)]
-        labels += [""] * 2000 + [step.label] * 15_200
-        last = level
-    deflection, _ = inverse.run({"tau_Nm": np.concatenate(pieces)}, trace=False)
-    return deflection["theta_rad"], labels
-
-
-@pytest.mark.parametrize(
-    ("spoil", "seen"),
-    [
-        (lambda theta: theta, set()),
-        # The spring is cubic: a shifted zero makes one side stiffer than the other.
-        (lambda theta: theta + math.radians(1.0), {"zero", "accuracy", "symmetry"}),
-        (lambda theta: 1.1 * theta, {"accuracy"}),
-        (lambda theta: np.where(theta > 0, 1.08, 1.0) * theta, {"accuracy", "symmetry"}),
-    ],
-)
-def test_the_emitted_sensor_behind_real_encoders(elbow, rig, spoil, seen):
-    theta, labels = rig
-    count = 2 * math.pi / 2**14
-    measured = np.round(spoil(theta) / count) * count
-    sense = compile_device(elbow, "f32").task("sense")
-    got, _ = sense.run({"theta_rad": measured}, trace=False)
-    recording = CheckRecording(
-        "board.csv", np.arange(len(theta)) * 1e-3, got["tau_Nm"].astype(float), tuple(labels)
-    )
-    check = checked(elbow, recording, repeats=2)
-    assert failing(check) == seen, check.report()
 
 
 # -- the command --------------------------------------------------------------------------------
