@@ -7,12 +7,18 @@ import threading
 import time
 from pathlib import Path
 
+from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.conductor import Conductor
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.protocol import Protocol, parse_protocol
+from esea_host.study.session import StudySession
 from esea_host.study.source import SimulatedSource
 
+from .conftest import ROOT
+
+know_shipped_tasks()
+EXAMPLE = ROOT / "examples" / "steady_hold.toml"
 TRACKING = (
     'task = "interaction.tracking"\ntrials = [{ repeat = 3, parameters = { seconds = 1.0 } }]'
 )
@@ -46,12 +52,26 @@ def study_of(folder: Path, protocol: Protocol) -> StudyFolder:
     return study
 
 
+def changed(old: str, new: str) -> Protocol:
+    """The example's protocol with another word."""
+    text = EXAMPLE.read_text(encoding="utf-8")
+    assert old in text
+    return parse_protocol(text.replace(old, new, 1), "p.toml", [EXAMPLE.parent])
+
+
+def run_one(study: StudyFolder, **more) -> StudySession:
+    """The first session of P01, or what remains of it."""
+    session = study.session("P01", 0, SimulatedSource(3))
+    session.run(**more)
+    study.finish("P01", 0, session)
+    session.close()
+    return session
+
+
 def headless(folder: Path, protocol: Protocol) -> StudyFolder:
     """A study whose first session was run without windows."""
     study = study_of(folder, protocol)
-    session = study.session("P01", 0, SimulatedSource(3))
-    session.run()
-    session.close()
+    run_one(study)
     return study
 
 

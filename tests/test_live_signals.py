@@ -123,7 +123,7 @@ def test_a_single_trigger_holds_and_a_normal_one_waits_for_whole_pictures():
 
 
 def test_a_sine_is_a_peak_of_its_amplitude():
-    from esea_host.windows.spectrum import amplitudes
+    from esea_host.windows.plots import amplitudes
 
     part, values = sines(6.0, 12.5, 0.4, offset=3.0)
     f_Hz, size = amplitudes(part, values + 0.01 * np.cos(2 * np.pi * 100.0 * part.time_s))

@@ -14,8 +14,7 @@ import pytest
 
 from esea_host.interaction.virtual import RigSource
 from esea_host.people.person import PersonModel, person
-from esea_host.study.conductor import appears
-from esea_host.study.frames import FrameTimes, summary
+from esea_host.study.conductor import FrameTimes, appears, summary
 from esea_host.study.plan import generator
 from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape, Text, catalogue, said
 from esea_host.wrist.tasks import DIRECTIONS

@@ -22,6 +22,7 @@ from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Actor, Situation, task_named
 
 from .conducted import (
+    EXAMPLE,
     TRACKING,
     beginning,
     calibration,
@@ -33,10 +34,8 @@ from .conducted import (
     study_of,
     until,
 )
-from .conftest import ROOT
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-EXAMPLE = ROOT / "examples" / "steady_hold.toml"
 
 
 @pytest.fixture

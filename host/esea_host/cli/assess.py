@@ -37,7 +37,6 @@ DataOption = Annotated[
     Path | None,
     typer.Option("--database", metavar="FILE", help="Data base; default: the simulated knee's."),
 ]
-PageOption = Annotated[Path | None, output_file("--page", "Write a page (.html, .png, .pdf).")]
 BoardOption = Annotated[
     str | None,
     typer.Option(
@@ -76,14 +75,6 @@ def _data(path: Path | None) -> Any:
 HeadlessOption = Annotated[
     bool, typer.Option("--headless", help="With a board: keep what passes, repeat what misses.")
 ]
-MovementsOption = Annotated[
-    int, typer.Option("--movements", min=1, help="Headless: at most so many.")
-]
-FastestOption = Annotated[float, typer.Option("--fastest-deg-s", help="Fastest comfortable speed.")]
-SummaryOption = Annotated[
-    Summary, typer.Option("--summary", help="Of the data base; kernel: Gaussian process.")
-]
-MeasureOption = Annotated[Measure, typer.Option("--measure", help="By which movements are chosen.")]
 
 
 @assess.command(epilog=NOTICE)
@@ -158,7 +149,9 @@ def run(
     key: KeyOption = None,
     headless: HeadlessOption = False,
     zero: ZeroOption = False,
-    movements: MovementsOption = 12,
+    movements: Annotated[
+        int, typer.Option("--movements", min=1, help="Headless: at most so many.")
+    ] = 12,
     patient: PatientOption = None,
     seed: SeedOption = 1,
     window: Annotated[bool, typer.Option("--window", help="The clinician's window.")] = False,
@@ -167,13 +160,19 @@ def run(
     mass_kg: MassOption = 70.0,
     low_deg: LowOption = 0.0,
     high_deg: HighOption = 130.0,
-    fastest: FastestOption = 120.0,
+    fastest: Annotated[
+        float, typer.Option("--fastest-deg-s", help="Fastest comfortable speed.")
+    ] = 120.0,
     mixed: Annotated[bool, typer.Option("--mixed", help="Two disorders at once, too.")] = False,
-    summary: SummaryOption = "people",
-    measure: MeasureOption = "expected",
+    summary: Annotated[
+        Summary, typer.Option("--summary", help="Of the data base; kernel: Gaussian process.")
+    ] = "people",
+    measure: Annotated[
+        Measure, typer.Option("--measure", help="By which movements are chosen.")
+    ] = "expected",
     who: Annotated[str, typer.Option("--who", help="Printed on the page.")] = "",
     json_file: JsonOption = None,
-    page: PageOption = None,
+    page: Annotated[Path | None, output_file("--page", "Write a page (.html, .png, .pdf).")] = None,
     database: DataOption = None,
 ) -> None:
     """Assess one leg: a movement is proposed; measure it, type what it gave, or read recordings.

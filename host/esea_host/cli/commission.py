@@ -35,9 +35,6 @@ from esea_host.recording.replay import loaded_device
 from esea_host.simulated import SimulatedBoard
 
 NAMES = ", ".join(s.name for s in STEPS)
-AxisOption = Annotated[
-    str | None, typer.Option("--axis", help="Of a device with several; default: the first.")
-]
 
 
 @app.command()
@@ -48,7 +45,9 @@ def commission(
     step: Annotated[
         list[str] | None, typer.Option("--step", help=f"{NAMES}; again for more; default: all.")
     ] = None,
-    axis: AxisOption = None,
+    axis: Annotated[
+        str | None, typer.Option("--axis", help="Of a device with several; default: the first.")
+    ] = None,
     folder: Annotated[
         Path | None,
         typer.Option("--record", metavar="DIR", help="Default: commissioning/DEVICE-AXIS."),

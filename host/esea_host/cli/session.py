@@ -56,38 +56,18 @@ DeviceOption = Annotated[
         "sim:wrist_drive with a person in it",
     ),
 ]
-ArmOption = Annotated[
-    bool, typer.Option("--arm", help="A board: zero and arm it first; it is asked for 0 Nm.")
-]
 HeadlessOption = Annotated[bool, typer.Option("--headless", help="Without windows.")]
 SeedOption = Annotated[int, typer.Option("--seed", help="Of the simulated participant.")]
 SpeedOption = Annotated[
     float, typer.Option("--speed", min=0.1, help="In windows: simulated time against the clock's.")
 ]
-LanguageOption = Annotated[
-    str, typer.Option("--language", help="Of what the participant reads: en, de.")
-]
-PatchOption = Annotated[
-    PatchMode,
-    typer.Option("--patch", help="Square for a photodiode: with every frame, or at an onset."),
-]
 DarkOption = Annotated[
     bool | None,
     typer.Option("--dark/--light", help="Default: dark; the operator's as the desktop has it."),
 ]
-CloseOption = Annotated[bool, typer.Option("--close", help="Close the windows at the end.")]
-HoldOption = Annotated[
-    bool, typer.Option("--hold", help="Wait for you after a calibration that was not good enough.")
-]
-EarlyOption = Annotated[
-    str, typer.Option("--early", help="Why the session comes before its washout is over.")
-]
 MassOption = Annotated[
     float | None,
     typer.Option("--mass", min=0.01, help="kg, by which the element of a board is confirmed."),
-]
-LeverOption = Annotated[
-    float | None, typer.Option("--lever", min=0.01, help="m, from the joint to where it hangs.")
 ]
 
 
@@ -120,18 +100,32 @@ def run(
     session: SessionOption = 1,
     device: DeviceOption = SIMULATED,
     key: KeyOption = None,
-    arm: ArmOption = False,
+    arm: Annotated[
+        bool, typer.Option("--arm", help="A board: zero and arm it first; it is asked for 0 Nm.")
+    ] = False,
     headless: HeadlessOption = False,
     seed: SeedOption = 1,
     speed: SpeedOption = 1.0,
-    language: LanguageOption = "en",
-    patch: PatchOption = PatchMode.off,
+    language: Annotated[
+        str, typer.Option("--language", help="Of what the participant reads: en, de.")
+    ] = "en",
+    patch: Annotated[
+        PatchMode,
+        typer.Option("--patch", help="Square for a photodiode: with every frame, or at an onset."),
+    ] = PatchMode.off,
     dark: DarkOption = None,
-    close: CloseOption = False,
-    hold: HoldOption = False,
-    early: EarlyOption = "",
+    close: Annotated[bool, typer.Option("--close", help="Close the windows at the end.")] = False,
+    hold: Annotated[
+        bool,
+        typer.Option("--hold", help="Wait for you after a calibration that was not good enough."),
+    ] = False,
+    early: Annotated[
+        str, typer.Option("--early", help="Why the session comes before its washout is over.")
+    ] = "",
     mass: MassOption = None,
-    lever: LeverOption = None,
+    lever: Annotated[
+        float | None, typer.Option("--lever", min=0.01, help="m, from the joint to where it hangs.")
+    ] = None,
     trust: TrustOption = None,
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""

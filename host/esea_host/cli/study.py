@@ -128,7 +128,6 @@ def enrol(
     out.print(f"{code} enrolled; group: {group or 'none'}")
 
 
-TrialArgument = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Its number.")]
 ReasonOption = Annotated[str, typer.Option("--reason", help="Why; kept on record.")]
 
 
@@ -140,7 +139,7 @@ def skip(
     context: typer.Context,
     folder: FolderArgument,
     code: CodeArgument,
-    trial: TrialArgument,
+    trial: Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Its number.")],
     session: SessionOption = 1,
     reason: ReasonOption = "",
     trust: TrustOption = None,

@@ -67,7 +67,7 @@ def view(
     parse_address(address)  # a wrong one first, whether there is a screen or not
     need_a_screen("esea-host monitor, or esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
-    from esea_host.windows.running import run_live
+    from esea_host.windows.live import run_live
 
     with _recorded(address, device, key, record) as (board, recording), ExitStack() as held:
         feed = LiveFeed(board, recording)
@@ -83,7 +83,7 @@ def watch_recording(
     from esea_host.recording import open_log
     from esea_host.recording.integrity import warn_unless_complete
     from esea_host.windows.feed import LiveFeed
-    from esea_host.windows.running import run_live
+    from esea_host.windows.live import run_live
 
     with open_log(path) as log, PlayedBoard(log, speed) as board:
         warn_unless_complete(path, log.integrity)
@@ -136,8 +136,8 @@ def _watch_demo(address: str, record: Path | None, seconds: float | None) -> Non
     parse_address(address)
     need_a_screen("esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
+    from esea_host.windows.live import run_live
     from esea_host.windows.operator import DemoOperator
-    from esea_host.windows.running import run_live
 
     with _recorded(address, None, None, record) as (board, recording), ExitStack() as held:
         feed = LiveFeed(board, recording)

@@ -19,7 +19,6 @@ from esea_host.cli.options import JsonOption, ReportOption, output_file
 if TYPE_CHECKING:
     from esea_host.wrist.analysis import WristResult
 
-CsvOption = Annotated[Path | None, output_file("--csv", "Write every participant's values.")]
 
 WIDE = 132  # characters in which every table here can be read
 
@@ -101,7 +100,7 @@ def analyse_wrist(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The study's folder.")],
     to_json: JsonOption = None,
     report: ReportOption = None,
-    csv: CsvOption = None,
+    csv: Annotated[Path | None, output_file("--csv", "Write every participant's values.")] = None,
 ) -> None:
     """Every metric and test of the wrist study, tables 7.1 to 7.4 beside the published ones."""
     from esea_host.wrist.analysis import analyse

@@ -11,14 +11,15 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from esea_gen.errors import UserError
 from esea_host.study.folder import StudyFolder
-from esea_host.study.frames import FrameTimes
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
 from esea_host.study.session import ABORTED, PENDING, RUNNING, StudySession
@@ -49,6 +50,69 @@ def appears(before: Scene, now: Scene) -> bool:
         return {s.role for s in scene.shapes} | {f"text {t.key}" for t in scene.texts}
 
     return bool(roles(now) - roles(before))
+
+
+Lists = tuple[list[float], list[float], list[float]]
+
+
+def summary(
+    intervals_s: Sequence[float],
+    delays_s: Sequence[float],
+    refresh_Hz: float,
+    ages_s: Sequence[float] = (),
+) -> dict[str, Any]:
+    found: dict[str, Any] = {"refresh_Hz": refresh_Hz, "intervals": len(intervals_s)}
+    refreshes = np.round(np.asarray(intervals_s, np.float64) * refresh_Hz)
+    found["dropped"] = int(np.sum(np.maximum(refreshes - 1, 0)))
+    kinds = {"interval": intervals_s, "onset_delay": delays_s, "tick_to_frame": ages_s}
+    for name, values in kinds.items():
+        for share in (50, 95, 99, 100):
+            ms = float(np.percentile(values, share)) * 1e3 if len(values) else None
+            found[f"{name}_p{share}_ms"] = ms if ms is None else round(ms, 3)
+    return found | {"onsets": len(delays_s)}
+
+
+class FrameTimes:
+    """When Qt painted, by the host's clock; light on the screen needs a photodiode."""
+
+    def __init__(self, refresh_Hz: float) -> None:
+        self.refresh_Hz = refresh_Hz
+        self.facts: dict[str, Any] = {}
+        self._last_s: float | None = None
+        self._onsets, self._tick_s = 0, -math.inf
+        self._trial: Lists = ([], [], [])
+        self._all: Lists = ([], [], [])
+
+    def painted(self, at_s: float, onsets: int, made_s: float, tick_s: float | None = None) -> bool:
+        """A frame was painted; whether something appeared with it."""
+        intervals, delays, ages = self._trial
+        if tick_s is not None and tick_s > self._tick_s:
+            ages.append(at_s - tick_s)
+            self._tick_s = tick_s
+        if self._last_s is not None:
+            intervals.append(at_s - self._last_s)
+        self._last_s = at_s
+        new = onsets > self._onsets
+        if new and made_s > 0:
+            delays.append(at_s - made_s)
+        self._onsets = onsets
+        return new
+
+    def take(self, whole: bool) -> dict[str, Any]:
+        """Numbers since the last taking, or (whole) of every trial taken so far."""
+        if whole:
+            return self._summary(self._all) | self.facts
+        taken, self._trial = self._trial, ([], [], [])
+        for kept, new in zip(self._all, taken, strict=True):
+            kept.extend(new)
+        return self._summary(taken)
+
+    def _summary(self, lists: Lists) -> dict[str, Any]:
+        intervals, delays, ages = lists
+        return summary(intervals, delays, self.refresh_Hz, ages)
+
+    def drop(self) -> None:
+        self._trial, self._last_s = ([], [], []), None
 
 
 class Conductor(SessionWatcher):

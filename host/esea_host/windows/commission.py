@@ -22,6 +22,7 @@ from esea_host.commissioning import (
     guide,
     run_step,
 )
+from esea_host.windows.feed import StopSender
 from esea_host.windows.frame import (
     StopWindow,
     column_of,
@@ -30,7 +31,6 @@ from esea_host.windows.frame import (
     row_of,
     run_until_closed,
 )
-from esea_host.windows.stopping import StopSender
 from esea_host.windows.theme import LIGHT
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from functools import partial
 from html import escape
+from pathlib import Path
 
 import numpy as np
 import pyqtgraph as pg
@@ -20,8 +22,17 @@ from PySide6.QtWidgets import (
 )
 
 from esea_host.connection import PlayedBoard
+from esea_host.windows.arm import add_arms
 from esea_host.windows.feed import LiveFeed
-from esea_host.windows.frame import Job, StopWindow, column_of, row_of, state_colour
+from esea_host.windows.frame import (
+    Job,
+    StopWindow,
+    column_of,
+    qt_application,
+    row_of,
+    run_until_closed,
+    state_colour,
+)
 from esea_host.windows.history import Stretch
 from esea_host.windows.meanings import link_text, state_text
 from esea_host.windows.number_field import Choice
@@ -33,13 +44,12 @@ from esea_host.windows.plots import (
     LimitBands,
     LoopPlot,
     ShownSignal,
+    SpectrumPlot,
     TimePlot,
     signal_of,
 )
-from esea_host.windows.spectrum import SpectrumPlot
 from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label, plain_tip
-from esea_host.windows.trigger import NORMAL, OFF, Trigger
-from esea_host.windows.trigger_bar import TriggerBar
+from esea_host.windows.trigger import NORMAL, OFF, Trigger, TriggerBar
 
 FRAME_MS = 50
 WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
@@ -397,3 +407,18 @@ class LiveWindow(StopWindow):
 def _toggle(item: QListWidgetItem) -> None:
     checked = item.checkState() == Qt.CheckState.Checked
     item.setCheckState(Qt.CheckState.Unchecked if checked else Qt.CheckState.Checked)
+
+
+def run_live(
+    feed: LiveFeed,
+    dark: bool | None = None,
+    seconds: float | None = None,
+    screenshot: Path | None = None,
+    push: Callable[..., None] | None = None,
+) -> None:
+    """Open the view until it is closed; push: pushes a simulated board's axes, each so far, rad."""
+    window = LiveWindow(feed, qt_application(dark))
+    if push is not None:
+        add_arms(window, feed, push)
+    window.resize(1280, 860)
+    run_until_closed(window, seconds, screenshot)

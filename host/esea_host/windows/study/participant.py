@@ -9,8 +9,7 @@ from typing import Literal
 from PySide6.QtCore import QRectF, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QColor, QGuiApplication, QMouseEvent, QPainter
 
-from esea_host.study.conductor import Conductor
-from esea_host.study.frames import FrameTimes
+from esea_host.study.conductor import Conductor, FrameTimes
 from esea_host.windows.study.scene_view import PATCH, SceneView, square_in
 
 Patch = Literal["off", "frame", "onset"]
