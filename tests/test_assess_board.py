@@ -172,6 +172,7 @@ def test_keep_repeat_and_the_warning_in_the_window(opened, qtbot, monkeypatch):
     assert "SIMULATED" in window.windowTitle()
 
 
+@pytest.mark.ci
 def test_pendulum_and_range_at_a_board(tmp_path):
     require_tool("gcc")
     found = {}

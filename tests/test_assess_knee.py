@@ -271,17 +271,6 @@ def test_loop_in_closed_form(viscous, dry):
     assert r.cycles in (3, 4)
 
 
-def test_a_range_test_too_fast_or_too_small_is_told():
-    t = np.arange(0, 10, 0.005)
-    r = motion_range(LegRecording(t, 1 - 0.6 * np.cos(4 * t), np.zeros(len(t))))
-    assert not r.slow
-    assert "too fast" in r.sentences()[-1]
-    with pytest.raises(UserError, match="at least 5 deg"):
-        motion_range(LegRecording(t, 1 + 0.01 * np.sin(t), np.zeros(len(t))))
-    with pytest.raises(UserError, match="no whole cycle"):
-        motion_range(LegRecording(t, 0.2 + 0.1 * t, np.zeros(len(t))))
-
-
 # -- validation -------------------------------------------------------------------------------
 
 

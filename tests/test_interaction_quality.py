@@ -21,7 +21,6 @@ from esea_host.interaction.figures import render_report
 from esea_host.interaction.loading import (
     LoadingProtocol,
     analyse_loading,
-    loading_branches,
 )
 from esea_host.interaction.published import (
     TABLE_6_2,
@@ -66,20 +65,6 @@ def driven(cycles=3, fs_Hz=200.0, friction_Nm=0.05, k=2.8, tremor=0.0, seed=0):
     theta += tremor * DEG * noise[0]
     tau = k * theta + friction_Nm * np.sign(np.cos(2 * np.pi * 0.05 * t))
     return theta, tau + tremor * 0.02 * noise[1]
-
-
-def test_loading_branches_are_those_where_the_deflection_grows():
-    theta, _ = driven()
-    found = loading_branches(theta)
-    assert [b.positive for b in found] == [True, False] * 3
-    assert [b.first for b in found] == [True] + [False] * 5
-    loading = np.zeros(len(theta), dtype=bool)
-    for b in found:
-        loading[b.start : b.stop] = True
-    t = np.arange(len(theta)) / 200
-    growing = np.sin(2 * np.pi * 0.05 * t) * np.cos(2 * np.pi * 0.05 * t) > 1e-3
-    assert loading[growing].all()
-    assert np.mean(loading[~growing]) < 0.01
 
 
 @pytest.mark.parametrize("tremor", [0.0, 0.3])
@@ -331,16 +316,6 @@ def test_an_effect_that_was_put_in_is_found(found):
     assert rms.block.p > 0.1
     values = np.sort(rms.values.ravel())
     assert values[0] > 0
-
-
-def test_the_power_is_of_the_design_not_of_the_result(found):
-    """What 8 people see at 80 % is set by n; in units by the spread of the differences."""
-    for c in found.comparisons:
-        assert c.power.n == 8
-        assert c.power.dz == found.comparisons[0].power.dz
-        assert c.power.difference == pytest.approx(c.power.dz * c.effect.sd)
-        assert c.family_power.dz > c.power.dz
-        assert c.family_power.alpha == pytest.approx(0.05 / 4)
 
 
 def test_a_period_effect_is_no_effect_of_the_element(tmp_path):

@@ -21,7 +21,6 @@ from esea_gen.studies.simulation import ClosedLoopStudy, simulate_case
 from tests.conftest import require_tool
 from tests.test_family_device import EVERY, drive
 from tests.test_predictive import Plain, check_linearisation
-from tests.test_wiring import name_of
 
 LINEAR, CUBIC = Rise("power", 1), Rise("power", 3)
 # The seismic bearing of docs/identify.md, weights rounded.
@@ -142,17 +141,6 @@ def test_substeps_of_5_ms_cost_little(devices, name, most_Nm):
     assert 0 < max(worst) < most_Nm
 
 
-@pytest.mark.ci
-@pytest.mark.parametrize(
-    ("name", "port"),
-    [("every", "relaxed_Nm"), ("every", "play"), ("every", "slip"), ("every", "kept"),
-     ("bearing", "slip"), ("bearing", "kept"), ("bearing", "reached")],
-)  # fmt: skip
-def test_a_memory_that_is_not_carried_over_is_seen(devices, name, port):
-    mine, sensed = both(devices[name], 0.005, 0.005, 3, lambda t: t | {port: 0.9 * t[port]})
-    assert np.abs(mine - sensed).max() > 1e-4
-
-
 class FamilyPlain(Plain):
     """The plant with the sensor Block for its rubber, differentiated as a whole by CasADi."""
 
@@ -262,7 +250,7 @@ def test_what_the_sensor_remembers_is_wired(devices):
     memory = {"reached": 1, "band": 1, "kept": 2, "slip": 5}
     assert inputs.items() >= memory.items()
     assert not inputs.keys() & {"play_rad", "tau_rate_Nm"}
-    wires = {name_of(a): name_of(b) for a, b in system.wires.items()}
+    wires = {f"{a.instance}.{a.port}": f"{b.instance}.{b.port}" for a, b in system.wires.items()}
     for name in ("tau_Nm", *memory):
         assert wires[f"predictive.{name}"] == f"sensor.{name}"
 

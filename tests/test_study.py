@@ -18,7 +18,7 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan, explain, group_of
 from esea_host.study.protocol import Protocol, load_protocol, parse_protocol
-from esea_host.study.scene import Scene, Shape, Text, catalogue, draw, said
+from esea_host.study.scene import Scene, Shape, Text, draw
 from esea_host.study.session import StudySession, read_session, replay
 from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Actor, TaskEvent, TrialOutcome, task_named
@@ -355,13 +355,6 @@ def test_blinding_and_scrubbed_export(tmp_path, study):
 
 
 # -- scenes ----------------------------------------------------------------------------------------
-
-
-def test_texts_are_there_in_every_language():
-    assert set(catalogue("en")) == set(catalogue("de"))
-    assert said(Text("rest", {"seconds": 30.0}), "de") == "Pause, 30 s"
-    with pytest.raises(UserError, match="de, en"):
-        catalogue("xx")
 
 
 def test_a_scene_is_drawn_as_it_says():

@@ -8,6 +8,7 @@ import re
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -111,6 +112,7 @@ def test_every_text_of_a_shipped_task_is_in_the_catalogue():
     rooms = (ROOT / "host" / "esea_host" / room for room in ("study", "wrist", "interaction"))
     texts = (p.read_text() for room in rooms for p in room.glob("*.py"))
     used = {key for text in texts for key in re.findall(r'Text\("(\w+)"', text)}
+    assert set(catalogue("en")) == set(catalogue("de"))
     assert {"paused", "follow", "neutral", "reached"} <= used
     assert {*used, *DIRECTIONS.values(), "faster", "further", "more"} <= set(catalogue("de"))
 
@@ -177,23 +179,12 @@ def test_on_a_second_monitor_it_is_full_screen(begin, windows, monkeypatch):
 
     from esea_host.windows.study import participant as module
 
-    class Screen:
-        def __init__(self, x: int, rate: float) -> None:
-            self.x, self.rate = x, rate
-
-        def geometry(self) -> QRect:
-            return QRect(self.x, 0, 700, 600)
-
-        def refreshRate(self) -> float:
-            return self.rate
-
-    both = [Screen(0, 60.0), Screen(800, 120.0)]
-
-    class Desk:
-        screens = staticmethod(lambda: both)
-        primaryScreen = staticmethod(lambda: both[0])
-
-    monkeypatch.setattr(module, "QGuiApplication", Desk)
+    both = [
+        SimpleNamespace(geometry=lambda x=x: QRect(x, 0, 700, 600), refreshRate=lambda hz=hz: hz)
+        for x, hz in ((0, 60.0), (800, 120.0))
+    ]
+    desk = SimpleNamespace(screens=lambda: both, primaryScreen=lambda: both[0])
+    monkeypatch.setattr(module, "QGuiApplication", desk)
     conductor = begin(of_tasks(TRACKING), at=[(1, 0.1)])
     participant, _ = windows(conductor)
     assert participant.frames.refresh_Hz == 60.0

@@ -79,17 +79,6 @@ def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, windo
     assert {operator.trials.item(k, 1).text() for k in range(trials)} == {"completed"}
 
 
-def test_a_note_is_in_the_log_within_its_trial(begin):
-    """Armed: what is compared above does differ where somebody did something."""
-    conductor = begin(of_tasks(TRACKING), at=[(2, 0.5)])
-    conductor.arrive()
-    conductor.note("the strap slipped")
-    ended(conductor)
-    kinds = [k for k, _ in logged(conductor.study)]
-    assert kinds.count("note") == 1
-    assert kinds.index("note") < kinds.index("end") - 2
-
-
 def test_simulated_time_waits_for_the_clock(begin):
     """Three trials of 1 s at 10 times the clock's pace."""
     before = time.monotonic()

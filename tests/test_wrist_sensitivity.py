@@ -14,7 +14,7 @@ from esea_host.cli import app
 from esea_host.people.person import PersonModel
 from esea_host.wrist import sensitivity as shifted
 from esea_host.wrist.analysis import TableLine, WristResult
-from esea_host.wrist.sensitivity import SPANS, changed, conclusion, effects_of, sensitivity_figure
+from esea_host.wrist.sensitivity import SPANS, changed, conclusion, effects_of
 
 
 @pytest.mark.parametrize(
@@ -96,15 +96,6 @@ def test_every_low_end_is_below_the_model_and_every_high_end_above():
         low, middle, high = map(np.array, (x.low, getattr(usual, x.field), x.high))
         assert np.all(low < middle), x.name
         assert np.all(middle < high), x.name
-
-
-def test_a_ring_stands_where_the_conclusion_is_another_one():
-    one = shifted.ShiftedRun("as it is", "", "", {"a": -1.0, "b": 0.0}, (), ())
-    other = replace(one, name="noise", end="low", effects={"a": 0.0, "b": None})
-    axes = sensitivity_figure([one, other]).axes[0]
-    rings = [tuple(np.ravel(line.get_xydata())) for line in axes.lines]
-    assert rings == [(0.0, 1.0), (1.0, 1.0)]
-    assert [x.get_text() for x in axes.get_yticklabels()] == ["as it is", "noise: low"]
 
 
 def test_it_is_of_the_wrist_study_alone():

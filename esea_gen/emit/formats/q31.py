@@ -49,22 +49,6 @@ class Q31(Format):
     compiler_flags = ""
     libraries = ""
     header = "esea_q31.h"
-    operations = '/* Arithmetic of the q31 format. */\n#include "esea_q31.h"'
-    notes = (
-        "   Whole numbers only: no float operation, no library but, on a Cortex-M0, the compiler's "
-        "own for",
-        "   64-bit products and shifts.",
-        "",
-        " NUMBERS",
-        "   A field is a whole number of units of 2^-n.  Its name does not tell n, which goes with",
-        "   the range: the macro ..._<FIELD>_FRACTION behind its struct does.  Its comment has the",
-        "   raw range, the value of one unit and what happens outside (Qm.n: m integer and n",
-        "   fraction bits).  Rounding is to the nearest unit.  No operation can overflow, whatever",
-        "   bit pattern an input or a state has.",
-        "   ESEA_Q31_FROM(x, n) and ESEA_Q31_TO(raw, n) of esea_q31.h convert, for hosts with "
-        "double;",
-        "   esea_q31_from_float and esea_q31_to_float of esea_q31_units.h in single precision.",
-    )
     example_share = 5e-5
 
     def passes(self, kernel: Kernel) -> Kernel:

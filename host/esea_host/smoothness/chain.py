@@ -28,18 +28,10 @@ class Derivatives:
 
     Parameters
     ----------
-    position : ndarray
-        The filtered angle, in its unit.
-    velocity : ndarray
-        Per s.
-    acceleration : ndarray
-        Per s^2.
-    jerk : ndarray
-        Per s^3.
-    fs_Hz : float
-        Sampling rate.
-    processing : Processing
-        How they were made: give it to the metrics.
+    position, velocity, acceleration, jerk : ndarray
+        The filtered angle in its unit, per s, per s^2 and per s^3.
+    fs_Hz, processing : float and Processing
+        Sampling rate; how they were made: give it to the metrics.
     """
 
     position: Array

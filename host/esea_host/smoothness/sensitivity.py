@@ -19,16 +19,10 @@ class Band:
 
     Parameters
     ----------
-    value : float or ndarray
-        With the settings as they are.
-    low : float or ndarray
-        Smallest over the grid, one for each movement.
-    high : float or ndarray
-        Largest over the grid.
-    grid : dict
-        The settings, each with the values it took.
-    refused : tuple of str
-        Settings that have no answer, with the reason.
+    value, low, high : float or ndarray
+        With the settings as they are, and smallest and largest over the grid, by movement.
+    grid, refused : dict and tuple of str
+        The settings with the values that they took; those without an answer, with the reason.
     """
 
     value: Any

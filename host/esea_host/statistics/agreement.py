@@ -16,21 +16,13 @@ class Agreement(StatisticResult):
 
     Parameters
     ----------
-    n : int
-        Items that both coded.
-    observed : float
-        Share on which they agree.
-    kappa : float
-        Agreement beyond chance, Cohen's.
-    low : float
-        Lower end of its 95 % interval: Fleiss, Cohen and Everitt's; where they agree on all, which
-        leaves that without a width, from Wilson's of the share on which they agree.
-    high : float
-        Upper end.
-    categories : tuple of str
-        The codes, sorted.
-    table : tuple
-        Counts, first coder's codes in rows.
+    n, observed, kappa : float
+        Items that both coded, the share on which they agree, and Cohen's kappa.
+    low, high : float
+        Its 95 % interval: Fleiss, Cohen and Everitt's; where they agree on all, which leaves that
+        without a width, from Wilson's of the share on which they agree.
+    categories, table : tuple
+        The codes, sorted; counts, first coder's codes in rows.
     """
 
     n: int
@@ -47,10 +39,8 @@ def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
 
     Parameters
     ----------
-    one : sequence of str
-        The first coder's code of each item.
-    other : sequence of str
-        The second coder's, in the same order.
+    one, other : sequence of str
+        Both coders' code of each item.
 
     Returns
     -------

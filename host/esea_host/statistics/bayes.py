@@ -22,16 +22,10 @@ class BayesPaired(StatisticResult):
 
     Parameters
     ----------
-    mean : float
-        Posterior mean, in the data's unit.
-    low, high : float
-        Ends of the credible interval.
-    probability_positive : float
-        That the mean difference is above 0.
-    equivalence : float
-        Half-width of the range that counts as no difference, in the data's unit.
-    probability_equivalent : float
-        That the mean difference lies within it.
+    mean, low, high, probability_positive : float
+        Posterior mean and credible interval in the data's unit; that the mean is above 0.
+    equivalence, probability_equivalent : float
+        Half-width of the range that counts as no difference; that the mean lies within it.
     bayes_factor_01 : float
         How much more likely the data are under no difference than under d_z ~ Cauchy(0, 0.707).
     """

@@ -19,18 +19,10 @@ class Effect(StatisticResult):
 
     Parameters
     ----------
-    estimate : float
-        In the data's unit.
-    low, high : float
-        Ends of the interval.
-    se : float
-        Standard error.
-    df : int
-        Degrees of freedom.
-    p : float
-        Two-sided, Student's t.
-    p_rank : float
-        Two-sided, Wilcoxon-Mann-Whitney (Koch).
+    estimate, low, high, se : float
+        In the data's unit, with interval and standard error.
+    df, p, p_rank : float
+        Degrees of freedom; two-sided p by Student's t and by Wilcoxon-Mann-Whitney (Koch).
     """
 
     estimate: float
@@ -79,12 +71,8 @@ def crossover(
 
     Parameters
     ----------
-    first_period : array_like
-        Each person's value in the first period, shape (n,).
-    second_period : array_like
-        And in the second, shape (n,).
-    first_treatment : sequence of str
-        Which treatment each had first.
+    first_period, second_period, first_treatment : array_like
+        Each person's values, shape (n,), and which treatment it had first.
     treatments : tuple of str
         Both treatments; the effect is the first's minus the second's.
     confidence : float

@@ -18,24 +18,15 @@ class MixedModel(StatisticResult):
 
     Parameters
     ----------
-    treatment : float
-        First treatment minus second, in the data's unit.
-    treatment_se : float
-        Its standard error.
-    treatment_p : float
-        Two-sided, normal: too small where people are few.
-    period : float
-        Second period minus first.
-    period_se : float
-        Its standard error.
-    period_p : float
-        Two-sided, normal.
-    between_sd : float
-        Standard deviation between people.
-    within_sd : float
-        And within.
+    treatment, treatment_se, treatment_p : float
+        First treatment minus second, in the data's unit, its standard error, and a two-sided p of
+        the normal distribution: too small where people are few.
+    period, period_se, period_p : float
+        The same of the second period minus the first.
+    between_sd, within_sd : float
+        Standard deviation between people and within.
     notes : tuple of str
-        What the fit had to say.
+        Warnings of the fit.
     """
 
     treatment: float
@@ -60,14 +51,8 @@ def mixed_model(
 
     Parameters
     ----------
-    values : array_like
-        One a recording, shape (m,).
-    people : sequence of str
-        Whose.
-    treatment : sequence of str
-        Under which treatment.
-    period : sequence of int
-        In which period, 1 or 2.
+    values, people, treatment, period : sequence
+        Of each recording: its value, whose it is, under which treatment, in period 1 or 2.
     treatments : tuple of str
         Both treatments; the effect is the first's minus the second's.
     """

@@ -19,18 +19,10 @@ class PairedEffect(StatisticResult):
 
     Parameters
     ----------
-    n : int
-        Pairs.
-    mean : float
-        Mean difference, in the data's unit.
-    low, high : float
-        Ends of its interval, by Student's t.
-    sd : float
-        Standard deviation of the differences.
-    dz : float
-        mean / sd.
-    dz_low, dz_high : float
-        Ends of its interval, by the noncentral t.
+    n, mean, low, high : float
+        Pairs; mean difference in the data's unit, and its interval by Student's t.
+    sd, dz, dz_low, dz_high : float
+        Standard deviation of the differences; mean / sd, and its interval by the noncentral t.
     p : float
         Two-sided, paired t test.
     """

@@ -24,21 +24,14 @@ class PowerStatement(StatisticResult):
 
     Parameters
     ----------
-    n : int
-        Pairs.
-    alpha : float
-        Two-sided level, of one test.
-    power : float
-        Wanted.
-    dz : float
+    n, alpha, power : float
+        Pairs, two-sided level of one test, desired power.
+    dz, difference : float
         Smallest mean difference that is found with this power, in standard deviations of the
-        differences; infinite where no difference can be found at this level.
-    difference : float
-        The same in the data's unit; not a number without a standard deviation.
-    powers : dict
-        Power by standardised difference.
-    needed : dict
-        People needed for this power, by standardised difference.
+        differences (infinite where none can be), and in the data's unit (not a number without a
+        standard deviation).
+    powers, needed : dict
+        Power, and people needed for the desired power, by standardised difference.
     """
 
     n: int

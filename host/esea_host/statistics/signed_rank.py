@@ -25,34 +25,21 @@ class SignedRank(StatisticResult):
 
     Parameters
     ----------
-    n : int
-        Pairs.
-    zeros : int
-        Differences that are 0.
+    n, zeros, ties : int
+        Pairs; differences that are 0; those whose magnitude another one shares, up to 1e-12 of the
+        largest value, which get the mean of their ranks.
     zero_method : str
-        ``"drop"``: they are left out before ranking (Wilcoxon); ``"pratt"``: after ranking.
-    ties : int
-        Differences whose magnitude another one shares, up to 1e-12 of the largest value; they get
-        the mean of their ranks.
-    w_plus : float
-        Sum of the ranks of positive differences.
-    w_minus : float
-        Sum of the ranks of negative ones.
-    p : float
-        Two-sided.
-    method : str
-        ``"exact"``: every assignment of signs to these ranks counted; ``"normal"``: with ties and
-        continuity corrected.
-    hodges_lehmann : float
-        Median of the means of all pairs of differences (zeros too), in the data's unit.
-    low, high : float
-        Ends of its interval.
-    confidence : float
-        What the interval attains; few people do not allow 95 %.
-    rank_biserial : float
-        (w_plus - w_minus) / (w_plus + w_minus), -1 to 1.
-    rank_biserial_low, rank_biserial_high : float
-        Ends of its score interval.
+        ``"drop"``: zeros are left out before ranking (Wilcoxon); ``"pratt"``: after ranking.
+    w_plus, w_minus : float
+        Sum of the ranks of positive and of negative differences.
+    p, method : float and str
+        Two-sided; ``"exact"``: every assignment of signs to these ranks counted; ``"normal"``: with
+        ties and continuity corrected.
+    hodges_lehmann, low, high, confidence : float
+        Median of the means of all pairs of differences (zeros too), in the data's unit, its
+        interval, and what that attains; few people do not allow 95 %.
+    rank_biserial, rank_biserial_low, rank_biserial_high : float
+        (w_plus - w_minus) / (w_plus + w_minus), -1 to 1, and its score interval.
     """
 
     n: int
@@ -221,12 +208,8 @@ class ImpliedEffect(StatisticResult):
 
     Parameters
     ----------
-    rank_sum : int
-        The smaller rank sum whose p is nearest.
-    p : float
-        Its exact p.
-    rank_biserial : float
-        Magnitude of the effect with this rank sum.
+    rank_sum, p, rank_biserial : float
+        The smaller rank sum whose p is nearest, its exact p, and the magnitude of its effect.
     as_printed : bool
         Whether this p rounds to what was printed.
     """

@@ -24,7 +24,7 @@ from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
 from esea_host.study.session import ABORTED, PENDING, RUNNING, StudySession
 from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
-from esea_host.study.task import TaskStep, task_named
+from esea_host.study.task import TaskStep
 
 STARTING, RESTING, PAUSED, HELD, OVER = "starting", "resting", "paused", "held", "over"
 MOST_HAPPENED = 200
@@ -244,8 +244,8 @@ class Conductor(SessionWatcher):
         return next((t for t in left if t is not self.trial), None)
 
     def longest_s(self, trial: PlannedTrial) -> float:
-        task = task_named(trial.task, "plan")
-        return task.longest_s(task.Parameters(**trial.parameters))
+        task, parameters = trial.asked()
+        return task.longest_s(parameters)
 
     # -- in the session's thread -------------------------------------------------------------------
 

@@ -305,20 +305,13 @@ class StudySession:
 
 
 def situation_of(trial: PlannedTrial, past: tuple[Row, ...]) -> Situation:
-    task = task_named(trial.task, "plan")
-    return Situation(task.Parameters(**trial.parameters), trial.condition, past, trial.seed)
+    return Situation(trial.asked()[1], trial.condition, past, trial.seed)
 
 
 def _whole_row(row: Row, trial: PlannedTrial, plan: Plan) -> dict[str, Any]:
-    about = {
-        "trial": trial.number,
-        "session": plan.session,
-        "block": trial.block,
-        "task": trial.task,
-        "condition": trial.condition,
-        "catch": trial.catch,
-        "familiarisation": trial.familiarisation,
-    }
+    kept = ("block", "task", "condition", "catch", "familiarisation")
+    about = {"trial": trial.number, "session": plan.session}
+    about |= {name: getattr(trial, name) for name in kept}
     return {**about, **row}
 
 

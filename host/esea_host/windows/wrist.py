@@ -10,6 +10,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Signal
 from PySide6.QtGui import QCloseEvent, QMouseEvent
@@ -78,15 +79,17 @@ class _FactorPlot(PlotPanel):
         self.item.addItem(self._now)
 
     def show(self, display: WristDisplay, theme: Theme) -> None:
-        found = display.curves.get(self.title)
+        found, stored = (display.maps or {}).get(self.title), display.calibration
         for part in (self._range, self._curve, self._nodes):
             part.setVisible(found is not None)
         half, top = display.half_width_deg, 2.0
-        if found is not None:
-            self._curve.setData(found.theta_deg, found.factor)
-            self._nodes.setData(found.nodes_deg, found.at_nodes)
+        if found is not None and stored is not None and stored.constrained is not None:
+            theta = np.linspace(found.low_deg, found.high_deg, 201)
+            factor, nodes = found.scaling(theta), stored.constrained.axis(self.title).nodes_deg
+            self._curve.setData(theta, factor)
+            self._nodes.setData(np.array(nodes), found.scaling(nodes))
             self._range.setRegion((found.low_deg, found.high_deg))
-            top = max(top, 1.15 * float(found.factor.max()))
+            top = max(top, 1.15 * float(factor.max()))
         self.item.setXRange(-half, half, padding=0)
         self.item.setYRange(0, top, padding=0)
         self._curve.setPen(pg.mkPen(theme.wanted, width=3))

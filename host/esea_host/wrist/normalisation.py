@@ -43,6 +43,14 @@ class NodeSpeeds:
     nodes_deg: tuple[float, ...]
     speeds_deg_s: tuple[float | None, ...]
 
+    @property
+    def width_deg(self) -> float:
+        return self.high_deg - self.low_deg
+
+    @property
+    def middle_deg(self) -> float:
+        return (self.low_deg + self.high_deg) / 2
+
 
 @dataclass(frozen=True)
 class RbfNetwork:
@@ -127,14 +135,13 @@ class CursorMap:
 
 def plain_map(speeds: NodeSpeeds, factor: float = 1.0) -> CursorMap:
     """A map with one factor everywhere: none (1), or linear scaling."""
-    middle = (speeds.low_deg + speeds.high_deg) / 2
     flat = RbfNetwork(np.zeros(1), np.zeros(1), SPACING_DEG, factor, 0.0)
-    return CursorMap(middle, speeds.low_deg, speeds.high_deg, flat)
+    return CursorMap(speeds.middle_deg, speeds.low_deg, speeds.high_deg, flat)
 
 
 def linear_map(healthy: NodeSpeeds, constrained: NodeSpeeds) -> CursorMap:
     _check_range(healthy, constrained)
-    return plain_map(constrained, _width(healthy) / _width(constrained))
+    return plain_map(constrained, healthy.width_deg / constrained.width_deg)
 
 
 def normalise(
@@ -144,10 +151,9 @@ def normalise(
         check_nodes(name, speeds)
     _check_range(healthy, constrained)
     constrained = without_turns(constrained)
-    middle = (constrained.low_deg + constrained.high_deg) / 2
-    shrink = _width(constrained) / _width(healthy)
-    centre = (healthy.low_deg + healthy.high_deg) / 2
-    compressed = shrink * (np.array(healthy.nodes_deg) - centre)
+    middle = constrained.middle_deg
+    shrink = constrained.width_deg / healthy.width_deg
+    compressed = shrink * (np.array(healthy.nodes_deg) - healthy.middle_deg)
     nodes = np.array(constrained.nodes_deg) - middle
     ours = np.array(constrained.speeds_deg_s, np.float64)
     measured = np.array(healthy.speeds_deg_s, np.float64)
@@ -166,10 +172,6 @@ def without_turns(speeds: NodeSpeeds) -> NodeSpeeds:
     if kept.stop - kept.start < LEAST_NODES:
         return speeds
     return replace(speeds, nodes_deg=speeds.nodes_deg[kept], speeds_deg_s=speeds.speeds_deg_s[kept])
-
-
-def _width(speeds: NodeSpeeds) -> float:
-    return speeds.high_deg - speeds.low_deg
 
 
 def check_nodes(name: str, speeds: NodeSpeeds) -> None:
@@ -193,13 +195,13 @@ def check_nodes(name: str, speeds: NodeSpeeds) -> None:
 
 
 def _check_range(healthy: NodeSpeeds, constrained: NodeSpeeds) -> None:
-    if _width(constrained) > _width(healthy) + REPEATED_DEG:
+    if constrained.width_deg > healthy.width_deg + REPEATED_DEG:
         raise UserError(
-            f"The constrained range, {_width(constrained):.1f} deg, is larger than the healthy "
-            f"one, {_width(healthy):.1f} deg.",
+            f"The constrained range, {constrained.width_deg:.1f} deg, is larger than the healthy "
+            f"one, {healthy.width_deg:.1f} deg.",
             "Measure both ranges again; were the two states mixed up?",
         )
-    if not _width(constrained) > 0:
+    if not constrained.width_deg > 0:
         raise UserError("The constrained range is empty.", "Measure it again.")
 
 
