@@ -48,7 +48,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "host": (
         "Host: boards and recordings",
         (
-            *(f"esea_host.connection.{m}" for m in ("device", "asynchronous", "samples", "named")),
+            *(f"esea_host.connection.{m}" for m in ("device", "asynchronous")),
             *(f"esea_host.recording.{m}" for m in ("log", "clock", "writer", "export")),
         ),
     ),

@@ -24,14 +24,11 @@ BARE_LINK = ("-nostartfiles", "-Wl,--gc-sections")
 
 @dataclass(frozen=True)
 class Toolchain:
-    """A compiler, and the Debian package that has it."""
-
     compiler: str
     package: str
 
     @property
     def gcc(self) -> tuple[str, str]:
-        """The compiler's command and package."""
         return self.compiler, self.package
 
     def tool(self, name: str) -> tuple[str, str]:
@@ -47,16 +44,14 @@ ARM_LINUX_GCC = Toolchain("arm-linux-gnueabi-gcc", "gcc-arm-linux-gnueabi libc6-
 
 @dataclass(frozen=True)
 class Processor:
-    """A processor that C is compiled for."""
-
     name: str
     title: str
     note: str
     toolchain: Toolchain
     flags: tuple[str, ...]
-    fpu: bool = True
-    stack_limit_bytes: int | None = None
-    cycles_per_instruction: float = 1.5
+    fpu: bool = True  # single precision; else the compiler's helpers compute
+    stack_limit_bytes: int | None = None  # of a sensing task's step in f32; None: no gate asks
+    cycles_per_instruction: float = 1.5  # assumed: loads, divisions and waits take more than one
 
     @property
     def m_profile(self) -> bool:
@@ -65,61 +60,34 @@ class Processor:
 
     @property
     def full_title(self) -> str:
-        """Title with what tells it from its like."""
         return f"{self.title}, {self.note}" if self.note else self.title
 
 
+_SOFT = "-mthumb -mfloat-abi=soft"
+_VFP3 = "-mfpu=vfpv3 -mfloat-abi=softfp"
+_DOUBLE = "double precision FPU: a slip to double would be fast, and silent"
+# Name, title, note, toolchain, flags, FPU, stack limit in bytes.
 PROCESSORS = {
-    p.name: p
-    for p in (
-        Processor("host", "this computer", "", HOST_GCC, (), stack_limit_bytes=1024),
-        Processor(
-            "cortex-m0",
-            "Cortex-M0",
-            "no FPU",
-            ARM_GCC,
-            ("-mcpu=cortex-m0", "-mthumb", "-mfloat-abi=soft"),
-            fpu=False,
+    name: Processor(name, title, note, tools, tuple(flags.split()), fpu, limit)
+    for name, title, note, tools, flags, fpu, limit in (
+        ("host", "this computer", "", HOST_GCC, "", True, 1024),
+        ("cortex-m0", "Cortex-M0", "no FPU", ARM_GCC, f"-mcpu=cortex-m0 {_SOFT}", False, None),
+        ("cortex-m3", "Cortex-M3", "no FPU", ARM_GCC, f"-mcpu=cortex-m3 {_SOFT}", False, 768),
+        (
+            *("cortex-m4f", "Cortex-M4F", "single precision FPU", ARM_GCC),
+            *("-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard", True, 640),
         ),
-        Processor(
-            "cortex-m3",
-            "Cortex-M3",
-            "no FPU",
-            ARM_GCC,
-            ("-mcpu=cortex-m3", "-mthumb", "-mfloat-abi=soft"),
-            fpu=False,
-            stack_limit_bytes=768,
+        (
+            *("cortex-m7", "Cortex-M7", _DOUBLE, ARM_GCC),
+            *("-mcpu=cortex-m7 -mthumb -mfpu=fpv5-d16 -mfloat-abi=hard", True, 640),
         ),
-        Processor(
-            "cortex-m4f",
-            "Cortex-M4F",
-            "single precision FPU",
-            ARM_GCC,
-            ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
-            stack_limit_bytes=640,
+        (
+            *("cortex-a9", "Cortex-A9", "Linux, vfpv3, softfp", ARM_LINUX_GCC),
+            *(f"-march=armv7-a -mtune=cortex-a9 {_VFP3}", True, 640),
         ),
-        Processor(
-            "cortex-m7",
-            "Cortex-M7",
-            "double precision FPU: a slip to double would be fast, and silent",
-            ARM_GCC,
-            ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard"),
-            stack_limit_bytes=640,
-        ),
-        Processor(
-            "cortex-a9",
-            "Cortex-A9",
-            "Linux, vfpv3, softfp",
-            ARM_LINUX_GCC,
-            ("-march=armv7-a", "-mtune=cortex-a9", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
-            stack_limit_bytes=640,
-        ),
-        Processor(
-            "cortex-a9-bare",
-            "Cortex-A9",
-            "no operating system, vfpv3, softfp",
-            ARM_GCC,
-            ("-mcpu=cortex-a9", "-marm", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
+        (
+            *("cortex-a9-bare", "Cortex-A9", "no operating system, vfpv3, softfp", ARM_GCC),
+            *(f"-mcpu=cortex-a9 -marm {_VFP3}", True, None),
         ),
     )
 }
@@ -130,24 +98,22 @@ _MB = 1 << 20
 
 @dataclass(frozen=True)
 class Board:
-    """A board, or machine, that an image can be built for."""
-
     name: str
     title: str
     processor: Processor
     machine: str
-    family: str = ""
+    family: str = ""  # folder in firmware/boards that it shares with others
     clock_Hz: float = 0.0
-    reset_Hz: float = 0.0
-    runner: str = ""
-    package: str = ""
+    reset_Hz: float = 0.0  # at which it starts; 0: at clock_Hz
+    runner: str = ""  # what runs a program of another processor here
+    package: str = ""  # what opkg calls the processor
     code: int = 0
     code_bytes: int = 0
     ram: int = 0x20000000
     ram_bytes: int = 0
-    most_bits: tuple[tuple[str, int], ...] = ()
+    most_bits: tuple[tuple[str, int], ...] = ()  # that its drivers' encoders send, by key
     real: str = "f32"
-    tick_instructions: int = 1
+    tick_instructions: int = 1  # of QEMU, for a tick of its timer
     uses: tuple[Use, ...] = ()
     flags: tuple[str, ...] = ()
     app_flags: tuple[str, ...] = ()
@@ -155,17 +121,14 @@ class Board:
 
     @property
     def folder(self) -> str:
-        """Of its firmware, below ``firmware``."""
         return f"boards/{self.family or self.name}"
 
     @property
     def core(self) -> str:
-        """Title of its processor."""
         return self.processor.title
 
     @property
     def compile_flags(self) -> tuple[str, ...]:
-        """Flags of every file that is compiled for it."""
         return (*self.processor.flags, *self.flags)
 
     @property
@@ -301,7 +264,6 @@ DEFAULT_BOARD = "netduinoplus2"
 
 
 def boards_for(use: Use) -> tuple[Board, ...]:
-    """Boards that serve a use, in the table's order."""
     return tuple(b for b in BOARDS.values() if use in b.uses)
 
 

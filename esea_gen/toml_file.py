@@ -43,7 +43,6 @@ class Problem:
 
 
 def read_text(path: Path, fix: str) -> str:
-    """Text of a file that a person wrote."""
     try:
         return read_whole(path, fix).decode("utf-8-sig")
     except UnicodeDecodeError as error:

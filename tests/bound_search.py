@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.emit.error_bounds import counts
+from esea_gen.emit.step_errors import counts
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream, single

@@ -13,8 +13,6 @@ from esea_gen.cli import app
 from esea_gen.errors import UserError
 from esea_gen.identify import identify, next_experiment
 from esea_gen.identify.next_experiment import (
-    Advice,
-    CommandedMotion,
     RATE_Hz,
     REST_s,
     advise,
@@ -23,7 +21,7 @@ from esea_gen.identify.next_experiment import (
 )
 
 from .result_schemas import held
-from .test_quality import rig, written
+from .rigs import rig, written
 
 
 def test_the_textbooks_designs_of_a_line_and_a_parabola():
@@ -65,38 +63,6 @@ def test_motions_stay_in_the_domain_and_are_what_they_say():
             assert np.count_nonzero((x[1:] > 0) & (x[:-1] <= 0)) == pytest.approx(count, abs=1)
     # A hold that would be faster than the domain is none.
     assert "hold" not in {m.kind for m in motions(0.2, 0.05)}
-
-
-def test_the_motions_of_a_domain_by_hand():
-    # 0.4 rad and 2 rad/s: a sine of a quarter of it may have 2 / (2 pi 0.1) = 3.18 Hz, of the
-    # whole 0.796 Hz; a hold rises to its deflection in half a second.
-    found = motions(0.4, 2.0)
-    most = [2.0 / (2 * math.pi * a) for a in (0.1, 0.2, 0.3, 0.4)]
-    rows = []
-    for a, fastest in zip((0.1, 0.2, 0.3, 0.4), most, strict=True):
-        for f in (0.01, 0.05, 0.2, 0.5, 1.0, 1.5):
-            if f < fastest:
-                rows.append(("cycles", a, f, f, 5.0 + max(1, 20 * f) / f))
-        if fastest < 1.5:  # and at the fastest itself, in whole cycles
-            rows.append(("cycles", a, fastest, fastest, 5.0 + math.ceil(20 * fastest) / fastest))
-        rows.append(("sweep", a, 0.0, min(1.5, fastest), 65.0))
-        rows.append(("hold", a, 0.0, 0.0, 125.0))
-    told = [(m.kind, m.amplitude_rad, m.first_Hz, m.last_Hz, m.seconds) for m in found]
-    assert [m[0] for m in told] == [r[0] for r in rows]
-    for one, row in zip(told, rows, strict=True):
-        assert one[1:] == pytest.approx(row[1:])
-    # A rise of exactly the domain's rate is one still; without time one frequency is enough.
-    assert "hold" in {m.kind for m in motions(0.4, 0.8)[-1:]}
-    assert "hold" not in {m.kind for m in motions(0.4, 0.799)[-1:]}
-    untimed = motions(0.4, 0.3, timed=False)
-    assert [(m.kind, m.amplitude_rad, m.first_Hz, m.seconds) for m in untimed] == [
-        ("cycles", a, pytest.approx(f), pytest.approx(5 + count / f))
-        for a, f, count in (
-            *((pytest.approx(0.1), 0.2, 4), (pytest.approx(0.2), 0.2, 4)),
-            (pytest.approx(0.3), 0.3 / (0.6 * math.pi), 4),
-            (pytest.approx(0.4), 0.3 / (0.8 * math.pi), 3),
-        )
-    ]
 
 
 K1, K3, WORTH, OWN = 12.0, 90.0, 2.5, (0.05, 10.0)
@@ -222,81 +188,3 @@ def test_the_protocol_and_its_motions(small, tmp_path):
         t, x = np.loadtxt(path, delimiter=",", skiprows=1).T
         assert np.abs(x).max() == pytest.approx(step["amplitude_rad"], rel=2e-3)
         assert t[-1] == pytest.approx(step["seconds"], abs=0.02)
-
-
-@pytest.mark.parametrize(
-    ("motion", "words"),
-    [
-        (("cycles", 0.1, 0.2, 0.2, 25.0), "4 cycles of a sine of 5.7 deg at 0.2 Hz"),
-        (("cycles", 0.2, 0.01, 0.01, 105.0), "1 cycle of a sine of 11.5 deg at 0.01 Hz"),
-        (("cycles", 0.05, 1.25, 1.25, 21.0), "20 cycles of a sine of 2.9 deg at 1.2 Hz"),
-        (("sweep", 0.3, 0.0, 1.5, 65.0), "a sine of 17.2 deg, from 0 to 1.5 Hz in 60 s"),
-        (
-            ("hold", 0.3, 0.0, 0.0, 125.0),
-            "go to 17.2 deg in 0.5 s and hold 59 s; the same to the other side",
-        ),
-    ],
-)
-def test_a_motion_in_words(motion, words):
-    assert CommandedMotion(*motion).text == f"rest 5 s, then {words}"
-
-
-def test_the_course_of_a_motion():
-    t, x = CommandedMotion("sweep", 0.3, 0.5, 1.5, 15.0).deflection()
-    assert t.tolist() == [k / 100 for k in range(1501)]
-    # From 0.5 Hz it gains 0.1 Hz a second: 0.5 u + 0.05 u^2 turns.
-    for k in (0, 499, 500, 525, 700, 1100, 1499, 1500):
-        u = max(k / 100 - 5, 0)
-        turns = 0.5 * u + 0.05 * u * u
-        assert x[k] == pytest.approx(0.3 * math.sin(2 * math.pi * turns), abs=1e-12)
-    t, x = CommandedMotion("hold", 0.2, 0.0, 0.0, 25.0).deflection()
-    for at, level in (
-        *((0, 0), (5, 0), (5.25, 0.1), (5.5, 0.2), (14.5, 0.2), (14.75, 0.1), (15, 0)),
-        *((15.25, -0.1), (15.5, -0.2), (24.5, -0.2), (24.75, -0.1), (25, 0)),
-    ):
-        assert x[round(100 * at)] == pytest.approx(level, abs=1e-12)
-
-
-def test_advice_line_by_line():
-    one = CommandedMotion("cycles", 0.1, 0.2, 0.2, 25.0)
-    two = CommandedMotion("sweep", 0.3, 0.0, 1.5, 65.0)
-    advice = Advice(
-        *("Rig", ((1, one), (3, two)), {"k1": 12.3456, "beta": 0.01}),
-        *({"k1": 1.5, "beta": 0.00321}, ("first", "second")),
-    )
-    assert advice.table() == [
-        "Rig: what to record next, 3.7 min",
-        f"  1. {one.text}",
-        f"  2. 3 times: {two.text}",
-        "expected standard deviations, of this recording and with these motions",
-        "  k1                   12.3        1.5",
-        "  beta                 0.01    0.00321",
-        "note: first",
-        "note: second",
-    ]
-    told = advice.to_dict()
-    assert told["notes"] == ["first", "second"]
-    assert told["motions"][1] == {
-        **{"times": 3, "kind": "sweep", "amplitude_rad": 0.3, "first_Hz": 0.0, "last_Hz": 1.5},
-        **{"seconds": 65.0, "text": two.text},
-    }
-    assert told["sigma_then"] == {"k1": 1.5, "beta": 0.00321}
-
-
-def test_without_a_free_number_or_time_there_is_no_advice():
-    def result(values, resampled):
-        return SimpleNamespace(
-            device=SimpleNamespace(elastomer=SimpleNamespace(maxwell=None)),
-            fit=SimpleNamespace(values=values, rate_dropped=False),
-            spread=SimpleNamespace(sigma=values, resampled=resampled),
-        )
-
-    for values, resampled in (({}, "known"), ({"k1_Nm_rad": 12.0}, None)):
-        with pytest.raises(UserError, match="No parameter is free: every one is at a bound"):
-            advise(result(values, resampled), 3.0)
-    # Where one gains nothing, another that gains less for its time is taken; a tie by its place.
-    gains = [np.diag([1.0, 0.0]), np.zeros((2, 2)), np.diag([1.0, 0.0])]
-    assert d_optimal(np.eye(2), gains, [2.0, 1.0, 2.0], 4.0) == [0, 0]
-    assert d_optimal(np.eye(2), gains, [2.0, 1.0, 2.0], 3.9) == [0]
-    assert d_optimal(np.eye(2), gains[1:2], [1.0], 4.0) == []
-    assert d_optimal(np.eye(2), [], [], 4.0) == []

@@ -8,11 +8,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.emit.error_bounds import block_bound, linear_bound, step_bound
+from esea_gen.emit.error_bounds import block_bound, step_bound
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import RangeError
+from esea_gen.emit.step_errors import linear_bound
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable
 

@@ -15,11 +15,10 @@ from typer.testing import CliRunner
 import esea_gen.identify.family.compare as comparing
 import esea_gen.verify.step_count
 from esea_gen.cli.app import app
-from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.family.compare import CompareRow, choose, compare
+from esea_gen.identify.family.compare import CompareRow, choose
 from esea_gen.identify.family.file import family_device
 from esea_gen.identify.family.fit import (
     UnitTerms,
@@ -32,10 +31,9 @@ from esea_gen.identify.family.members import members
 from esea_gen.identify.family.peers import PEERS, fit_peer
 from esea_gen.identify.recording.conditions import splits_of
 from esea_gen.identify.recording.misfit import Misfits
-from esea_gen.identify.verdict import judge
 from esea_gen.verify.step_count import sensor_instructions
 from tests.conftest import require_tool
-from tests.test_identify import MAPPING, refused, says
+from tests.test_recordings import MAPPING
 
 HDRB = Path(__file__).parent / "data" / "hdrb" / "hdrb.toml"
 BLOCKS = [f"hdrb block {n}" for n in (1, 2, 3, 4)]
@@ -83,16 +81,6 @@ files = ["*_small.csv"]
 # Conditions and splits.
 
 
-def test_blocks_of_equal_amplitude_are_conditions_by_default():
-    splits = splits_of(load_recordings(load_mapping(HDRB)))
-    assert [s.condition for s in splits] == ["last cycles", *BLOCKS]
-    assert [s.declared for s in splits] == [True, False, False, False, False]
-    for place, split in enumerate(splits[1:]):
-        sets = split.recordings[0].sets
-        assert [bool(len(s.held_out)) for s in sets] == [i == place for i in range(4)]
-        assert [bool(len(s.training)) for s in sets] == [i != place for i in range(4)]
-
-
 def test_a_condition_of_the_mapping_leaves_out_every_file_that_has_it(tmp_path):
     sizes = {"a_small": 2.0, "a_large": 5.0, "b_small": 2.1, "b_large": 5.1}
     recordings = load_recordings(load_mapping(write_rig(tmp_path, sizes, TAGS)))
@@ -110,17 +98,6 @@ def test_a_condition_of_the_mapping_leaves_out_every_file_that_has_it(tmp_path):
         for r in split.recordings:
             for d in r.sets:
                 assert not set(d.training) & set(d.held_out)
-
-
-def test_a_division_that_is_a_condition_is_not_tried_twice(tmp_path):
-    sizes = {"a_small": 2.0, "b_large": 5.1}
-    splits = splits_of(load_recordings(load_mapping(write_rig(tmp_path, sizes))))
-    assert [(s.condition, s.declared) for s in splits] == [("a_small", True), ("b_large", False)]
-
-
-def test_a_condition_without_a_file_is_explained(tmp_path):
-    wrong = MAPPING + '\n[[condition]]\nname = "cold"\nfiles = ["cold*"]\n'
-    says(refused(tmp_path, wrong), "condition 'cold'", "none of the recordings is named cold*")
 
 
 def test_a_test_of_relaxation_is_read(tmp_path):
@@ -240,24 +217,7 @@ def test_softening_is_what_the_bearing_needs(hdrb):
     assert without["last cycles"] > 2 * with_it["last cycles"]
 
 
-def test_the_emitted_c_draws_the_fitted_torque(hdrb):
-    """The device's own C at its own rate, as for every identified device."""
-    source, recordings = hdrb
-    template = draft(source, recordings, False)
-    fitted = fit_member(
-        UnitTerms(member("slips, worn"), recordings, 100.0),
-        recordings,
-        template.tau_full_scale_Nm,
-    )
-    device = family_device(template, fitted, "hdrb.csv")
-    means = judge(device, recordings).misfits.means(device.tau_full_scale_Nm)
-    assert means["held_out_percent"] < 1.5
-    assert fitted.least_slope_Nm_rad(device.file.limits.theta_rad.value) > 1.0
-    assert len(fitted.used) <= 14
-    header = next(b for b in render_device(device, ["f32"])).files["esea_hdrb.h"]
-    assert "slip of x, path 0.03" in header
-
-
+@pytest.mark.ci
 def test_its_step_is_within_the_aim_on_the_emulated_board(hdrb):
     """900 instructions a step, bits as on this machine."""
     require_tool("qemu-system-arm")
@@ -310,6 +270,17 @@ def test_a_peer_follows_a_spring_with_friction(tmp_path, name):
         assert np.sqrt(np.mean((y - r.tau_Nm) ** 2)) < 0.05 * np.abs(r.tau_Nm).max()
 
 
+@pytest.mark.parametrize("name", PEERS)
+def test_of_what_is_held_out_a_peer_knows_nothing(tmp_path, name):
+    sizes = {"small": 3.0, "middle": 4.0}
+    recordings = load_recordings(load_mapping(write_rig(tmp_path, sizes)))
+    wrong = [
+        replace(r, tau_Nm=r.tau_Nm + 9.0) if len(r.sets[0].held_out) else r for r in recordings
+    ]
+    for a, b in zip(fit_peer(name, recordings, 1), fit_peer(name, wrong, 1), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
 @pytest.mark.ci
 def test_the_command_prints_a_table_and_writes_json(tmp_path, monkeypatch):
     require_tool("gcc")
@@ -356,12 +327,3 @@ def test_without_an_emulator_the_comparison_goes_on(tmp_path, monkeypatch):
     assert found["notes"][0].startswith("Quality gate: offset.")
     assert found["notes"][1].startswith("Quality, large: the torque has an offset of 0.0999 Nm (")
     assert "Quality gate: offset." in done.output
-
-
-@pytest.mark.ci
-def test_the_same_input_gives_the_same_comparison(tmp_path, monkeypatch):
-    require_tool("gcc")
-    monkeypatch.setattr(comparing, "members", lambda: (member("slips, strain"),))
-    path = write_rig(tmp_path, {"small": 2.0, "large": 5.0})
-    first, again = (compare(path, peers=False).to_dict() for _ in range(2))
-    assert first == again

@@ -14,14 +14,11 @@ import pytest
 from esea_gen.device import load_device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.build import device_formats, render_device
-from esea_gen.emit.dialect import render_dialect
-from esea_gen.emit.wrapping import wrap
 
 from .conftest import require_tool
 
 pytestmark = pytest.mark.ci
 
-MOST_COLUMNS = 120
 STRICT = (
     *("-Wall", "-Wextra", "-Wpedantic", "-Wdouble-promotion", "-Wshadow"),
     *("-Wconversion", "-Wsign-conversion", "-Werror"),
@@ -340,105 +337,3 @@ def test_no_arithmetic_on_truth_values(name, real):
             elif m.start() in of:
                 assert types.get(of[m.start()]) != "bool", (file, of[m.start()])
     assert any("const bool" in text for text in texts(name, real).values())
-
-
-# -- what a reader sees ----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("name", "real"), BUILDS)
-def test_no_line_is_too_long(name, real):
-    link = {
-        n: t
-        for n, t in render_dialect(load_device(name)).files.items()
-        if n.endswith(".h") and "mavlink/" not in n  # those are pymavlink's
-    }
-    assert link
-    long = [
-        f"{file}: {line}"
-        for file, text in (texts(name, real) | link).items()
-        for line in text.splitlines()
-        if len(line) > MOST_COLUMNS
-    ]
-    assert long == []
-
-
-def tokens(text: str) -> list[str]:
-    """Words and signs of C, comments left out."""
-    bare = re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL).replace("\\\n", "\n")
-    return re.findall(r'"(?:\\.|[^"])*"|\w+|[^\w\s]', bare)
-
-
-SUM = " + ".join(f"esea_value_{k}(first_{k}, second_{k})" for k in range(9))
-
-
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        (
-            "    const bool all = " + " && ".join(f"(value_{k} <= {k}.5f)" for k in range(6)) + ";",
-            "    const bool all = (value_0 <= 0.5f) && (value_1 <= 1.5f) && (value_2 <= 2.5f)\n"
-            "            && (value_3 <= 3.5f) && (value_4 <= 4.5f) && (value_5 <= 5.5f);",
-        ),
-        (
-            "void esea_device_block_step(const esea_device_block_coeffs_t *coeffs, "
-            "esea_device_block_state_t *state);",
-            "void esea_device_block_step(const esea_device_block_coeffs_t *coeffs,\n"
-            "        esea_device_block_state_t *state);",
-        ),
-        (
-            "#define ESEA_DEVICE_BLOCK_FLAG (UINT32_C(1) << 3) /* what this flag says of the "
-            "block, in more words than fit */",
-            "/* what this flag says of the block, in more words than fit */\n"
-            "#define ESEA_DEVICE_BLOCK_FLAG (UINT32_C(1) << 3)",
-        ),
-        (
-            "/* name    " + "word " * 20 + "end */",
-            "/* name    " + "word " * 17 + "word\n *         " + "word " * 2 + "end */",
-        ),
-        (
-            " * " + "word " * 22 + "end */",
-            " * " + "word " * 18 + "word\n * " + "word " * 3 + "end */",
-        ),
-    ],
-)
-def test_where_lines_are_broken(line, expected):
-    if line.startswith(" *"):
-        line, expected = f"/*\n{line}", f"/*\n{expected}"
-    assert wrap(line) == expected
-    assert wrap(expected) == expected
-
-
-@pytest.mark.parametrize("lead", ["/* ", "    /* ", "/*\n * "])
-def test_stars_of_a_broken_comment_stand_below_each_other(lead):
-    broken = wrap(lead + "word " * 30 + "end */").splitlines()
-    first = next(k for k, line in enumerate(broken) if "/*" in line)
-    column = broken[first].index("*")
-    assert len(broken) - first >= 2
-    for line in broken[first + 1 :]:
-        assert line[: column + 1] == " " * column + "*"
-    assert " ".join(" ".join(broken).replace("*", " ").split()).count("word") == 30
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        f"    state->sum = {SUM};",
-        f"    state->sum = (in->ok) ? ({SUM}) : 0.0f;",
-        f"#define ESEA_SUM {SUM}",
-        f'    esea_print("{SUM} and a \\" that is no end", {SUM});',
-        "x" * 130,
-        f"    a = {'b' * 95};",
-    ],
-)
-def test_a_broken_line_says_the_same(line):
-    broken = wrap(f"int before;\n{line} /* why */\nint after;\n")
-    assert tokens(broken) == tokens(f"int before;\n{line}\nint after;\n")
-    assert "/* why */" in broken
-    assert broken.endswith("int after;\n")
-    if "x" * 130 not in line and '"' not in line:
-        assert max(map(len, broken.splitlines())) <= MOST_COLUMNS
-
-
-def test_short_lines_stay():
-    text = "int a;\n\n    /* b */\n\tint c; // d\n"
-    assert wrap(text) == text

@@ -16,7 +16,6 @@ from esea_gen.emit import render
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.program_render import render_program
 from esea_gen.emit.render import Renderer, content_hash
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
@@ -31,6 +30,7 @@ from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import CasadiOracle, run_c, run_executor
 
 from .conftest import require_tool
+from .rendered_program import render_program
 
 SHARES = [(0.9, True), (1.1, False)]
 X = np.random.default_rng(7).uniform(-1, 1, 40).astype(np.float32).astype(float)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import re
 import struct
 import subprocess
 from dataclasses import replace
 from types import SimpleNamespace
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -16,14 +14,12 @@ import pytest
 from esea_gen.control.limits.faults import Fault
 from esea_gen.device import load_device
 from esea_gen.emit import dialect
-from esea_gen.emit.build import MANIFEST, Bundle, differences, render_device
+from esea_gen.emit.build import Bundle, differences, render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.messages import messages
+from esea_gen.emit.parameters import fnv1a, link_parameters
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port
-from esea_gen.language.system import System, Task
 
 from .conftest import ROOT
 
@@ -47,10 +43,6 @@ def bundle(elbow):
 @pytest.fixture(scope="module")
 def module(elbow):
     return dialect.load_dialect(elbow)
-
-
-def definition(bundle):
-    return ElementTree.fromstring(bundle.files["esea_elbow.xml"])
 
 
 def compile_and_run(folder, files, main):
@@ -100,42 +92,6 @@ def test_own_ids_are_in_no_public_dialect(module):
     assert not set(own) & set(public.mavlink_map)
 
 
-def test_every_port_is_a_field_with_its_unit_range_and_meaning(elbow, bundle):
-    root = definition(bundle)
-    fields = {
-        (m.get("name"), f.get("name")): f for m in root.iter("message") for f in m.iter("field")
-    }
-    system = elbow.system
-    for task in system.tasks:
-        sides = (("IN", system.task_inputs(task)), ("OUT", system.task_outputs(task)))
-        for side, ports in sides:
-            for x in ports:
-                f = fields[f"ESEA_{task.name.upper()}_{side}", x.name]
-                assert x.port.meaning in f.text
-                if x.port.flags:
-                    assert f.get("type") == "uint32_t"
-                    assert f.get("display") == "bitmask"
-                else:
-                    assert f.get("type") == "float"
-                    assert f"[{x.port.unit}]" in f.text
-                    assert f"{x.port.high:.9g}" in f.text
-    assert fields["ESEA_SENSE_IN", "theta_rad"].get("units") == "rad"
-    # MAVLink's schema does not know the newton metre: the description carries it.
-    assert fields["ESEA_SENSE_OUT", "tau_Nm"].get("units") is None
-
-
-def test_status_bits_are_named(elbow, bundle):
-    enums = {e.get("name"): e for e in definition(bundle).iter("enum")}
-    for x in elbow.system.outputs:
-        if x.port.flags:
-            entries = list(enums[f"ESEA_ELBOW_{x.name.upper()}"].iter("entry"))
-            assert [int(e.get("value")) for e in entries] == [
-                1 << i for i in range(len(x.port.flags))
-            ]
-            for entry, flag in zip(entries, x.port.flags, strict=True):
-                assert entry.get("name").endswith(flag.name)
-
-
 def test_rendering_is_deterministic_and_carries_no_date_or_path(elbow, bundle):
     dialect.run_mavgen.cache_clear()
     assert dialect.render_dialect(elbow).files == bundle.files
@@ -146,13 +102,6 @@ def test_rendering_is_deterministic_and_carries_no_date_or_path(elbow, bundle):
     for text in bundle.files.values():
         assert "/tmp" not in text
         assert "/home" not in text
-
-
-def test_manifest_lists_every_file_and_pymavlink(bundle):
-    manifest = json.loads(bundle.files[MANIFEST])
-    assert manifest["kind"] == bundle.folder == "dialect"
-    assert manifest["versions"]["pymavlink"]
-    assert set(manifest["files"]) == set(bundle.files) - {MANIFEST}
 
 
 def test_largest_payload_is_mavlinks_own(module, elbow):
@@ -256,102 +205,6 @@ def test_bits_survive_from_python_to_c(bundle, module, elbow, tmp_path):
     assert rows == [f"0 {2**32 - 1 - i} {b}" for i, b in enumerate(BITS)]
 
 
-def two_rates() -> System:
-    """A fast task that reads, through a latch, a vector that a slow task writes."""
-
-    def block(name, period_s, ports, step):
-        return Block.define(
-            name,
-            f"Test block {name}",
-            period_s=period_s,
-            state=(Port("x_rad", -10.0, 10.0, "state"),),
-            step=step,
-            **ports,
-        )
-
-    pair = Port("pair_rad", -10.0, 10.0, "two values", size=2)
-    scalar = Port("a_rad", -10.0, 10.0, "one value")
-    slow = block(
-        "slow",
-        0.004,
-        {"inputs": (pair,), "outputs": (replace(pair, name="mean_rad"),)},
-        lambda c, s, u, guard, label: (
-            {"x_rad": s.x_rad},
-            {"mean_rad": [u.pair_rad[0] * 0.5, u.pair_rad[1] * 0.5]},
-        ),
-    )
-    fast = block(
-        "fast",
-        0.001,
-        {
-            "inputs": (scalar, replace(pair, name="mean_rad")),
-            "outputs": (replace(scalar, name="b_rad"),),
-        },
-        lambda c, s, u, guard, label: (
-            {"x_rad": s.x_rad},
-            {"b_rad": u.a_rad + u.mean_rad[0] + u.mean_rad[1]},
-        ),
-    )
-    return System(
-        "toy",
-        0.001,
-        {"fast": fast, "slow": slow},
-        (Task("quick", ("fast",)), Task("lazy", ("slow",), every=4, phase=1, release=2)),
-        wires={"fast.mean_rad": "slow.mean_rad"},
-        inputs={"a_rad": ("fast.a_rad",), "pair_rad": ("slow.pair_rad",)},
-        outputs={"b_rad": "fast.b_rad"},
-    )
-
-
-def test_tasks_of_two_rates_release_their_latches_on_time(tmp_path):
-    system = two_rates()
-    renderer = Renderer(system, FORMATS["f32"], "0" * 16, "-", "-")
-    files = renderer.files() | dialect.dialect_files(renderer)
-    main = """
-    #include <stdio.h>
-    #include "esea_toy_link.h"
-    static esea_link_control_t control;
-    static void run(uint32_t task, uint32_t tick, const esea_link_in_t *in)
-    {
-        esea_link_out_t out;
-        esea_link_release(&control, tick);
-        esea_link_step(task)(&control, in, &out);
-        if (task == 0u)
-            printf("%.3f ", (double)out.quick.b_rad);
-    }
-    int main(void)
-    {
-        esea_link_in_t quick, lazy;
-        uint32_t tick;
-        if (esea_link_init(&control) != 0u || ESEA_LINK_TASKS != 2u || esea_link_every(1u) != 4u)
-            return 1;
-        for (tick = 0u; tick < 12u; ++tick) {
-            quick.quick.a_rad = 0.125f;
-            lazy.lazy.pair_rad[0] = (float)tick;
-            lazy.lazy.pair_rad[1] = 0.5f;
-            run(0u, tick, &quick);
-            if (tick % 4u == 1u)
-                run(1u, tick, &lazy);
-        }
-        /* A jump in the sequence is caught up in bounded work. */
-        run(0u, 4000000000u, &quick);
-        return 0;
-    }
-    """
-    simulator = system.simulator()
-    expected = []
-    for tick in range(12):
-        simulator.release(tick)
-        step = simulator.step("quick", a_rad=0.125)
-        expected.append(f"{step['b_rad']:.3f}")
-        if tick % 4 == 1:
-            simulator.step("lazy", pair_rad=np.array([tick, 0.5]))
-    printed = compile_and_run(tmp_path, files, main).decode().split()
-    assert printed[:12] == expected
-    assert len(set(expected)) > 2
-    assert len(printed) == 13
-
-
 def test_one_numbering_of_faults_in_the_link_the_header_and_the_docs():
     """Numbers of the link's enum, typed in the documentation, and of the header."""
     elbow_drive = load_device("elbow_drive")
@@ -390,3 +243,56 @@ def test_what_differs_is_shown_with_two_lines_around(tmp_path):
         "--- (missing)\n+++ f32/missing.c (as generated now)\n@@ -0,0 +1 @@\n+new",
         "--- f32/old.c (on disk)\n+++ (not generated)\n@@ -1 +0,0 @@\n-left over",
     ]
+
+
+def test_keys_are_published_hashes_and_ids_are_short_and_unlike():
+    # Of the authors' own list of FNV-1a in 32 bits.
+    for text, value in (("", 0x811C9DC5), ("a", 0xE40C292C), ("foobar", 0xBF9CF968)):
+        assert fnv1a(text) == value
+    for name in ("elbow", "elbow_drive", "elbow_mpc", "wrist"):
+        found = link_parameters(load_device(name).system)
+        assert len({p.id for p in found}) == len({p.key for p in found}) == len(found)
+        assert all(re.fullmatch(r"[.\-a-zA-Z0-9_]{1,16}", p.id) for p in found)
+
+
+# -- MAVLink's generator ---------------------------------------------------------------------------
+
+DEFINITION = """<?xml version="1.0"?>
+<mavlink>
+  <version>3</version>
+  <messages>
+    <message id="300" name="{name}">
+      <description>Any.</description>
+      <field type="uint32_t" name="count">How many.</field>
+    </message>
+  </messages>
+</mavlink>
+"""
+
+
+def test_mavlinks_generator_is_run_on_a_definition():
+    found = dialect.run_mavgen("tried", DEFINITION.format(name="TRIED"))
+    assert "#define MAVLINK_MSG_ID_TRIED 300" in found["mavlink/tried/mavlink_msg_tried.h"]
+    module = dialect.load_module("tried", found["python/tried.py"])
+    sender = module.MAVLink(None, 1, 2)
+    frame = module.MAVLink_tried_message(5).pack(sender)
+    assert frame[0] == 0xFD  # the second version of the protocol
+
+
+def test_a_definition_that_the_generator_refuses_is_told():
+    with pytest.raises(RuntimeError, match=r"^mavgen refuses other\.xml:\n") as told:
+        dialect.run_mavgen("other", "<mavlink><messages></mavlink>")
+    # In the generator's own words, each on its line.
+    lines = str(told.value).splitlines()
+    assert "Validating other.xml" in lines
+    assert any("Opening and ending tag mismatch" in line for line in lines)
+
+
+def test_without_the_generator_it_is_said_what_to_install(monkeypatch):
+    def missing(*asked):
+        raise UserError(" ".join(asked), "Install it.")
+
+    monkeypatch.setattr(dialect, "from_extra", missing)
+    for ask in (dialect.mavlink, lambda: dialect.run_mavgen("third", DEFINITION)):
+        with pytest.raises(UserError, match=r"^pymavlink link A MAVLink dialect Install"):
+            ask()

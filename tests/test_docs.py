@@ -258,7 +258,7 @@ def rooms() -> list[str]:
 
 def test_the_glossary_speaks_of_what_is_there():
     rows = glossary()
-    assert len(rows) > 50
+    assert 20 < len(rows) <= 40  # what the field has a word for stands nowhere
     assert all(len(row) == 4 and row[0] and row[2] and row[3] for row in rows)
     assert len({row[0] for row in rows}) == len(rows)
     assert unknown_words(rows) == []
@@ -270,17 +270,6 @@ def test_a_word_or_place_that_is_gone_is_found():
     row = ["reference", "`Referenz`, `Block`", "made up", "`language/bloc.py`, `language/block.py`"]
     assert unknown_words([row]) == ["Referenz"]
     assert unknown_places([row]) == ["language/bloc.py"]
-
-
-def test_the_glossary_has_every_room_and_public_class():
-    rows = glossary()
-    words = {w for row in rows for w in CODE.findall(" ".join(row[:2]))}
-    classes = {n for n in esea_gen.__all__ if isinstance(getattr(esea_gen, n), type)}
-    assert {"Block", "System", "Device"} <= classes
-    assert classes - words == set()
-    places = [w for row in rows for w in CODE.findall(row[3])]
-    found = {w.split("/")[0].removesuffix(".py") for w in places}
-    assert set(rooms()) - found == set()
 
 
 def test_the_rooms_on_the_page_are_those_that_imports_are_held_to():

@@ -7,18 +7,16 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-from typer.testing import CliRunner
 
 from esea_gen import load_device
 from esea_gen.board.emulator import Difference
-from esea_gen.cli import app
 from esea_gen.plotting import svg
 from esea_gen.report import builder, drive
 from esea_gen.report.board import BoardRun, run_board
-from esea_gen.report.builder import Report, gather
+from esea_gen.report.builder import gather
+from esea_gen.report.page import finite
 from esea_gen.studies.simulation import simulate
 from esea_gen.twin.case import Setting
 from esea_gen.verify import equivalence
@@ -26,8 +24,7 @@ from esea_gen.verify.streams import streams
 
 from .browser import browser, readable
 from .conftest import ROOT, require_tool
-from .html_tables import figure, table_of
-from .test_report import Page, _shorten
+from .test_report import Page, shorten
 
 pytestmark = pytest.mark.ci
 
@@ -43,7 +40,7 @@ def findings(elbow_drive):
     """The shipped drive, one compared experiment, its board left out."""
     require_tool("gcc")
     with pytest.MonkeyPatch.context() as patch:
-        _shorten(patch)
+        shorten(patch)
         # Shorter still: a drive has many Blocks.
         patch.setattr(equivalence, "streams", lambda block, seed: streams(block, seed, 200))
         patch.setattr(drive, "COMPARED", ("tuning",))
@@ -103,7 +100,7 @@ def test_its_numbers_are_those_of_the_commands(findings, html):
     assert row["ratio"] == pytest.approx(row["rms_true_Nm"] / row["printed_rms_true_Nm"])
     assert row["thesis_rms_Nm"] == 0.590
     assert f"{row['rms_true_Nm']:.4f}" in Page(html).text
-    step = simulate("step", Setting("smc")).to_dict()["steps"]
+    step = finite(simulate("step", Setting("smc")).to_dict()["steps"])
     assert findings.to_dict()["response"]["steps"] == step
 
 
@@ -123,36 +120,6 @@ def test_every_block_parameter_and_task_is_there(findings, html):
     checks = {c["block"]: c for c in findings.to_dict()["checks"]}
     assert set(checks) == {b.name for b in device.system.kinds}
     assert all(c["steps"] > 100 and c["bits_equal"] and c["passed"] for c in checks.values())
-
-
-@pytest.mark.usefixtures("figures_kept")
-def test_per_cent_of_its_tables(findings, html):
-    checks = table_of(html, "Block", "error", "% FS")
-    scales = findings.verification.full_scales
-    shares = 0
-    for cells in checks[1:]:
-        row = dict(zip(checks[0], cells, strict=True))
-        if figure(row["error"]) and row["float32, worst"] in scales[row["Block"]]:
-            shares += 1
-            share = figure(row["error"]) / scales[row["Block"]][row["float32, worst"]]
-            assert figure(row["% FS"]) == pytest.approx(100 * share, rel=0.06)
-    assert shares >= 10
-    # The inverse is judged by the torque that its set-point gives back, of the device's full scale.
-    (inverse,) = (c for c in findings.to_dict()["checks"] if c.get("rule") == "residual")
-    assert inverse["block"] == "inverse"
-    assert inverse["percent"] == pytest.approx(100 * inverse["error"] / 4.47)
-    assert inverse["error"] > 0
-    # A command that stands at its limit for a quarter of the time.
-    tuning = findings.simulations["tuning"]
-    (result,) = tuning.monte_carlo.results
-    often = replace(result, values=dict(result.values or {}) | {"limited_share": 0.25})
-    limited = replace(tuning, monte_carlo=replace(tuning.monte_carlo, results=(often,)))
-    page = replace(findings, simulations=findings.simulations | {"tuning": limited}).html()
-    experiments = table_of(page, "case", "limits act", "ratio")
-    (row,) = (dict(zip(experiments[0], cells, strict=True)) for cells in experiments[1:])
-    assert row["limits act"] == "25 %"
-    assert figure(row["RMS, true"]) == pytest.approx(limited.cases()[0]["rms_true_Nm"], rel=0.01)
-    assert any("25.0%" in line for line in limited.table())
 
 
 def test_the_same_twice(findings, html):
@@ -204,37 +171,6 @@ def test_a_failure_turns_the_banner(findings, how):
     assert "FAILED" in failed.summary()[0]
 
 
-@pytest.mark.parametrize(("count", "more"), [(0, []), (10, []), (13, ["3 more"])])
-def test_ten_problems_are_told_and_how_many_more_there_are(count, more):
-    found = SimpleNamespace(
-        device=SimpleNamespace(title="Elbow"),
-        verification=SimpleNamespace(content_hash="abc"),
-        problems=[f"problem {k}" for k in range(count)],
-        passed=not count,
-        kind=SimpleNamespace(summary=lambda report: ["of its kind"]),
-    )
-    first, *rest, last = Report.summary(found)
-    assert first == f"Elbow: {'FAILED' if count else 'passed'} (content abc)"
-    assert rest[:10] == found.problems[:10]
-    assert rest[10:] == [f"... {n} problems, see the page" for n in more]
-    assert last == "of its kind"
-
-
-def test_a_recording_is_refused_for_a_drive(tmp_path: Path):
-    arguments = [
-        "report",
-        "elbow_drive",
-        "--recording",
-        "x.toml",
-        "--out",
-        str(tmp_path / "r.html"),
-    ]
-    done = CliRunner().invoke(app, arguments)
-    assert done.exit_code != 0
-    assert "takes no recording" in str(done.exception)
-    assert not (tmp_path / "r.html").exists()
-
-
 def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, findings, monkeypatch):
     # A stiffer coupling; the yardstick in a second way: the same device under that controller.
     head = 'schema = 1\nextends = "elbow_drive"\nname = "stiff"\ntitle = "Stiff"\n'
@@ -261,12 +197,12 @@ def test_nothing_stands_beside_where_the_published_law_does_not_go(tmp_path, fin
     assert "2000 Hz" in drive.no_yardstick(load_device(own))
     assert drive.no_yardstick(load_device("elbow_drive")) == ""
     alone = replace(findings, yardsticks={}, device=load_device(own))
-    (row, *_) = drive._experiments(alone)["experiments"]
+    (row, *_) = alone.to_dict()["experiments"]
     assert row["rms_true_Nm"] is not None
     assert row["printed_rms_true_Nm"] is row["thesis_rms_Nm"] is row["ratio"] is None
     assert "as published" not in " ".join(drive.summary(alone)[:1])
-    assert any("2000 Hz" in note for note in drive._notes(alone)["notes"])
-    (row, *_) = drive._experiments(findings)["experiments"]
+    assert any("2000 Hz" in note for note in alone.to_dict()["notes"])
+    (row, *_) = findings.to_dict()["experiments"]
     assert row["thesis_rms_Nm"] is not None
 
 
@@ -276,7 +212,7 @@ def test_a_predictive_controller_has_a_page(findings, monkeypatch):
     board = run_board(device, "host", {}, lambda _: None, ticks=40)
     assert board.passed
     assert set(board.results) == {"sense", "control"}
-    _shorten(monkeypatch)
+    shorten(monkeypatch)
     monkeypatch.setattr(builder, "run_board", lambda *_: board)
     simulated = findings.simulations, findings.yardsticks
     monkeypatch.setattr(drive, "close_loop", lambda *_: simulated)

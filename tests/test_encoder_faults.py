@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from esea_gen import files
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person
@@ -240,6 +239,5 @@ def test_the_pages_table_is_what_the_benchmark_finds():
     from tests.benchmarks.encoder_faults import table as lines
 
     rows = fault_rows(FAULTS, 1, -1)
-    files.stamped("bench-encoder-faults", {"simulated": True, "faults": rows})
     assert all(line in PAGE.read_text(encoding="utf-8") for line in lines(rows))
     assert {r["runs"] for r in rows} == {len(CASES) * 2 * len(AT_S)}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from itertools import pairwise
 
 import casadi as ca
 import pytest
@@ -12,16 +11,14 @@ import pytest
 import esea_gen
 from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
-from esea_gen.emit.example import example, triangle
-from esea_gen.emit.example_encoders import encoder_of
+from esea_gen.emit.example import example
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, flag_word
 from esea_gen.language.system import System, Task
-from esea_gen.verify.example import judged, run_example
+from esea_gen.verify.example import run_example
 from esea_gen.verify.gates import check_objects
 
 from .conftest import require_tool
@@ -105,17 +102,6 @@ def test_encoders_that_nobody_has_calibrated_are_calibrated_by_the_example(drive
     files = render_device(parse_device(text, "new.toml"), ["f32"])[0].files
     assert "params.encoder_motor.zeroed = 1.0f; /* as a calibration would */" in files["main.c"]
     assert run_example(files, "f32", quick=True).problems == ()
-
-
-def test_the_examples_encoders_have_the_counts_of_the_device_file(drive):
-    blocks, full = drive.system.blocks, 2 ** int(drive.file.encoder.resolution_bits.value)
-    for name in ("encoder_motor", "encoder_load"):
-        found = encoder_of(blocks[name], {"zero_rad": 0.3, "zeroed": 1.0})
-        assert found.full == full
-        # At its own zero it counts 0, and a quarter of a turn on a quarter of all.
-        assert found.count(found.at_zero_rad) == 0
-        assert found.count(found.at_zero_rad + found.sign * math.pi / 2) == full / 4
-        assert found.count(found.at_zero_rad - found.sign * 2 * math.pi / full) == full - 1
 
 
 # -- what the recording is -------------------------------------------------------------------------
@@ -212,43 +198,7 @@ def test_a_fault_in_the_c_is_seen(texts, title, real):
     assert any("exit code is 1" in p for p in run.problems)
 
 
-def test_a_fault_of_the_latch_alone_leaves_the_samples_right(texts):
-    """So the trial of the latch is no second look at the same numbers."""
-    name, find, put, _ = FAULTS["the latch forgets"]
-    run = run_example(faulty(texts["f32"], name, find, put), "f32", quick=True)
-    assert run.agree == run.checked > 0
-    assert "latch: it stays there when the stop is over  WRONG" in run.said
-
-
 # -- an example that compares nothing --------------------------------------------------------------
-
-
-def test_the_program_itself_fails_when_it_compared_nothing(elbow, texts):
-    """With the checks taken out of its loop: the exit code is not 0, and the gate says why."""
-    small = render_device(elbow, ["f32"])[0].files
-    for files, find in (
-        (faulty(small, "main.c", r"samples\[next\]\.step == k", "samples[next].step < 0"), "12"),
-        (faulty(texts["f32"], "main.c", r"k < TICKS", "k < 0u"), "TICKS"),
-    ):
-        run = run_example(files, "f32", quick=True)
-        assert "0 of 0 samples agree" in run.said, find
-        assert any("compares nothing" in p for p in run.problems)
-        assert any("exit code is 1" in p for p in run.problems)
-
-
-@pytest.mark.parametrize(
-    ("said", "code", "problem"),
-    [
-        ("0 of 0 samples agree\n", 0, "compares nothing"),
-        ("", 0, "compares nothing"),
-        ("11 of 12 samples agree\n", 0, "11 of 12 samples"),
-        ("12 of 12 samples agree\nlatch: 7 of 8 hold\n", 0, "7 of 8 promises"),
-        ("12 of 12 samples agree\n", 2, "exit code is 2"),
-    ],
-)
-def test_what_the_program_says_is_judged(said, code, problem):
-    assert any(problem in p for p in judged(said, code).problems)
-    assert judged("12 of 12 samples agree\n", 0).problems == ()
 
 
 @pytest.mark.ci
@@ -328,20 +278,3 @@ def test_a_drive_whose_latch_cannot_be_opened_is_refused(drive):
     assert count == 1
     with pytest.raises(UserError, match=r"cannot show the drive at work: .* fault is 9: the inter"):
         render_device(parse_device(text, "weak.toml"), ["f32"])
-
-
-@pytest.mark.ci
-def test_only_the_folder_has_the_example(drive):
-    """What is compiled into a library has no main."""
-    renderer = Renderer(drive.system, FORMATS["f32"], "-", "-", "-")
-    assert renderer.folder().keys() - renderer.files().keys() == {"main.c"}
-    assert compile_sources(renderer.files(), (), ()).exists()
-
-
-@pytest.mark.parametrize("peak", [1, 2, 7, 100])
-def test_the_triangle_goes_up_down_through_zero_and_back_in_steps_of_one(peak):
-    wave = [triangle(k, peak) for k in range(12 * peak)]
-    assert wave[: 4 * peak] * 3 == wave
-    assert {abs(b - a) for a, b in pairwise(wave)} == {1}
-    assert (wave[0], wave[peak], wave[2 * peak], wave[3 * peak]) == (0, peak, 0, -peak)
-    assert (max(wave), min(wave)) == (peak, -peak)

@@ -6,42 +6,27 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from esea_gen.board.sim import SimBoard
-from esea_gen.device import load_device
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError
 
-from .conftest import require_tool
+from .sim_drive import powered_on, zeroed
 
-ANGLES = {"count_motor": 700, "count_load": 900, "count_gear": 5}
 AGE_MS = 500  # as docs/firmware.md has it
 ZERO, CLEAR, STOP, RELEASE, RESET = 31011, 31012, 31013, 31014, 31010
 ARM, STORE = 400, 245
 
 
 @pytest.fixture(scope="module")
-def powered():
-    require_tool("gcc")
-    board = SimBoard(load_device("elbow_drive"))
-    yield board
-    board.close()
+def powered(drive):
+    yield from powered_on(drive)
 
 
 @pytest.fixture
 def board(powered):
     powered.clock_s = lambda: powered.lib.sim_time_ms() * 1e-3
     powered.restart(blank=True)
-    powered._sign(None)
-    return ready(powered)
-
-
-def ready(board):
-    board.measure(**ANGLES)
-    board.ticks(20)
-    board.zero()
-    board.ticks(230)
-    assert board.state_now == "READY"
-    return board
+    powered.sign_with(None)
+    return zeroed(powered)
 
 
 def command(board, number, value=0.0):
@@ -66,7 +51,7 @@ def expiring(board):
         "coupling": board.message("ESEA_LIFE", 5, 0, 0, 0, 0, [0] * 48, 0, 0, 0, 0),
         "blackbox": board.message("ESEA_BLACKBOX", 0, 0, 0, 0, 255, 0, 0, [0] * 224),
     }
-    wanted = board._classes["ESEA_WANTED"]
+    wanted = board.dialect.MAVLink_esea_wanted_message
     values = {"mode": 1.0, "tau_desired_Nm": 0.2}
     return sent | {"wanted": wanted(*(values.get(n, 0) for n in wanted.fieldnames))}
 
@@ -134,7 +119,7 @@ def test_a_command_is_as_old_as_the_word_of_who_gave_it(board, wait_ms):
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(boot=st.integers(0, 2**32 - 1), time_ms=st.integers(0, 2**32 - 1), near=st.booleans())
 def test_a_time_of_another_start_or_of_the_future_is_none(board, boot, time_ms, near):
-    known = board._learn_time()
+    known = board.learn_time()
     time_ms = (known.time_ms + time_ms % 4001 - 2000) % 2**32 if near else time_ms
     before = expired(board)
     stamp = board.message("ESEA_STAMP", 0, boot, time_ms)
@@ -150,7 +135,7 @@ def test_a_time_of_another_start_or_of_the_future_is_none(board, boot, time_ms, 
 
 def test_a_time_is_for_the_next_frame_of_its_sender_alone(board):
     arm = command(board, ARM, 1.0)
-    stamp = board.pack(board.message("ESEA_STAMP", 0, *board._time_now(0.0)))
+    stamp = board.pack(board.message("ESEA_STAMP", 0, *board.time_now(0.0)))
     other = Session(board.transport, board.dialect, host=(254, 1))
     other.send_bytes(stamp + other.pack(arm))
     board.send_bytes(board.pack(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3)) + board.pack(arm))
@@ -161,7 +146,7 @@ def test_set_points_go_on_while_a_clock_runs_otherwise_than_ours(board):
     """A simulated board at half and at ten times the pace of the host's clock."""
     for pace in (0.5, 3.0, 10.0):
         board.clock_s = lambda pace=pace: board.lib.sim_time_ms() * 1e-3 / pace
-        board._board_time = None
+        board.learn_time()
         board.arm()
         board.ticks(1)
         for _ in range(800):
@@ -179,7 +164,7 @@ def test_set_points_go_on_while_a_clock_runs_otherwise_than_ours(board):
 @given(before=st.binary(max_size=300), cut=st.integers(0, 300), data=st.data())
 def test_a_stop_is_taken_whatever_came_before(board, before, cut, data):
     part = board.pack(data.draw(st.sampled_from(list(expiring(board).values()))))[:cut]
-    stop = command(board, STOP).pack(board._encoder)
+    stop = board.pack(command(board, STOP))
     guest = data.draw(st.booleans())
     if guest:
         board.greet(0, "somebody")
@@ -246,9 +231,9 @@ def test_recorded_signed_frames_are_void_after_a_power_off(board, tmp_path):
             assert board.motor == (False, 0.0), start
         assert board.state_now != "ARMED"
         board.restart()
-        board._sign(None)
+        board.sign_with(None)
         board.use_key(tmp_path / "key")
-        ready(board)
+        zeroed(board)
         board.arm()  # who has the key still commands
         board.disarm()
         if start == 2:
@@ -263,7 +248,9 @@ def test_who_counts_far_ahead_commands_nothing_and_locks_nobody_out(board, tmp_p
     board.pair(tmp_path / "key")
     board.arm()
     board.disarm()
-    own = board._encoder.signing
+    beside = board.dialect.MAVLink(None)
+    board.sign_as_well(beside)
+    own = beside.signing
     frames = board.frames(command(board, ARM, 1.0))  # so that its time is known
     own.timestamp, held = min(own.timestamp + stamp, 2**48 - 2), own.timestamp
     board.send_bytes(board.frames(command(board, ARM, 1.0)))
@@ -271,7 +258,7 @@ def test_who_counts_far_ahead_commands_nothing_and_locks_nobody_out(board, tmp_p
     own.timestamp = held
     board.send_bytes(frames)
     assert board.state_now == "ARMED"
-    board._sign(None)
+    board.sign_with(None)
     with pytest.raises(LinkError):
         board.disarm()
     board.stop()

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import re
-import shutil
 import subprocess
 import zipfile
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -18,10 +15,8 @@ from esea_gen.cli import app
 from esea_gen.errors import UserError
 from esea_gen.export.fmu import MANIFEST, check_fmu, make_fmu
 from esea_gen.export.model import block_model, controller_model, twin_model
-from esea_gen.export.units import exponents
 from esea_gen.hostlib import compile_device
 from esea_gen.identify import recorded_deflections
-from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.twin.case import TORQUE
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.people import real_plant
@@ -226,25 +221,6 @@ def test_both_in_step_are_our_closed_loop_to_the_bit(loop):
     assert loop["run"]["fault"][-1] == 0
 
 
-def test_a_command_that_is_a_step_late_is_seen(loop):
-    """Armed: that is what a master makes of it that steps both at once."""
-    tick, _ = first_difference(loop, late=True)
-    assert tick > 60  # the first command
-
-
-def test_two_instances_do_not_know_of_each_other(sensor):
-    one, two = Slave(sensor["3"], "one").start(), Slave(sensor["3"], "two").start()
-    alone = Slave(sensor["2"]).start()
-    for k in range(40):
-        one.put(theta_rad=0.002 * k, omega_rad_s=2.0)
-        two.put(theta_rad=-0.001 * k, omega_rad_s=-1.0)
-        alone.put(theta_rad=0.002 * k, omega_rad_s=2.0)
-        for fmu in (one, two, alone):
-            fmu.step()
-        assert one.get("tau_Nm") == alone.get("tau_Nm")
-    assert two.get("tau_Nm") < 0 < one.get("tau_Nm")
-
-
 @pytest.mark.parametrize("fmi", ["2", "3"])
 def test_a_state_is_come_back_to_and_crosses_to_another_instance(sensor, fmi):
     fmu = Slave(sensor[fmi]).start()
@@ -278,21 +254,6 @@ def test_a_state_is_come_back_to_and_crosses_to_another_instance(sensor, fmi):
         assert "bytes, not" in other.said[1]
 
 
-def test_time_is_counted_in_ticks(sensor, elbow_f32):
-    """Any step does: a tick runs at its beginning, once; a step that none begins in runs none."""
-    slaves = [Slave(sensor["3"]).start(at_s=at_s) for at_s in (2.0, 0.0, 0.0)]
-    for slave, h_s in zip(slaves, (0.5e-3, 5e-3, 5e-3 / 7), strict=True):
-        slave.put(theta_rad=0.05, omega_rad_s=0.5)
-        for _ in range(round(5e-3 / h_s)):
-            slave.step(h_s)
-    fine, coarse, odd = slaves
-    assert fine.get("tau_Nm") == coarse.get("tau_Nm") == odd.get("tau_Nm")
-    assert fine.get("time") == pytest.approx(2.005)
-    reference = elbow_f32.block("sensor")
-    given = {"theta_rad": np.full(5, 0.05), "omega_rad_s": np.full(5, 0.5)}
-    assert coarse.get("tau_Nm") == float(reference.run(given, trace=False)[0]["tau_Nm"][-1])
-
-
 # What makes an output change at every tick, and that output.
 MOVING: dict[str, tuple[dict[str, float], str]] = {
     "twin": ({"omega_p_rad_s": 1.0}, "omega_g_rad_s"),
@@ -301,56 +262,6 @@ MOVING: dict[str, tuple[dict[str, float], str]] = {
         "tau_h_Nm",
     ),
 }
-
-
-@pytest.mark.parametrize("fmi", ["2", "3"])
-@pytest.mark.parametrize("which", [*MOVING])
-def test_every_step_of_a_tick_runs_one_tick_however_a_master_counts(loop, which, fmi):
-    """A million steps of ``t += h``, fewer of the other sums; from 0, a date, and before 0.
-
-    No step leaves the outputs as they are, and the sum is that of one long step.
-    """
-    given, seen = MOVING[which]
-    starts = (0.0, 1.7e9, -5.0)
-    longest = (which, fmi) in (("twin", "2"), ("controller", "3"))
-    runs = [(0.0 if longest else 1.7e9, "sum", 1_000_000)]
-    runs += [(s, way, 20_000) for s in starts for way in ("sum", "product", "difference")]
-    for start_s, way, steps in runs:
-        whole, fmu = (Slave(loop[which, fmi]).start(at_s=x, **given) for x in (0.0, start_s))
-        whole.step(steps * TICK_S)
-        step, at = fmu.fmu.doStep, [fmu.known[seen].valueReference]
-        read = fmu.fmu.getReal if fmu.two else fmu.fmu.getFloat64
-        t_s, before = start_s, read(at)
-        for k in range(1, steps + 1):
-            next_s = t_s + TICK_S if way == "sum" else start_s + k * TICK_S
-            step(t_s, next_s - t_s if way == "difference" else TICK_S)
-            t_s, now = next_s, read(at)
-            assert k == 1 or now != before, (start_s, way, k)
-            before = now
-        assert [fmu.get(n) for n in fmu.outputs] == [whole.get(n) for n in whole.outputs]
-        assert not fmu.said
-
-
-@pytest.mark.parametrize("fmi", ["2", "3"])
-def test_a_point_that_is_not_where_the_last_step_ended_is_an_error(sensor, fmi):
-    """It runs nothing, and the instance goes on from where it is."""
-    for start_s in (0.0, 1.7e9):
-        fmu = Slave(sensor[fmi]).start(at_s=start_s)
-        fmu.step()
-        for off_s in (-TICK_S, -0.4e-3, 0.03e-3, 0.4e-3, 1.0, np.nan, np.inf, -start_s or 9.0):
-            with pytest.raises(Exception, match=r"rror"):
-                fmu.fmu.doStep(fmu.time + off_s, TICK_S)
-            assert fmu.two or re.search("the instance is at|too large to count", fmu.said[-1])
-        assert len(fmu.said) == 8
-        fmu.step()
-    fmu = Slave(sensor[fmi]).start()
-    for k in range(3):  # each point within the limit of the last, in the end not of their sum
-        fmu.fmu.doStep(1.01e-3 * k, TICK_S)
-    with pytest.raises(Exception, match=r"rror"):
-        fmu.fmu.doStep(3.03e-3, TICK_S)
-    assert fmu.two or "add up to 0.00" in fmu.said[-1]
-    with pytest.raises(Exception, match=r"rror"):
-        Slave(sensor[fmi]).start(at_s=1e12)
 
 
 def test_a_tunable_holds_from_the_next_step_on_and_keeps_its_bounds(folder, elbow, elbow_f32):
@@ -383,15 +294,6 @@ def test_a_tunable_holds_from_the_next_step_on_and_keeps_its_bounds(folder, elbo
     with pytest.raises(Exception, match=r"."):
         fmu.put(**{output: 1.0})
     assert fmu.said[-1] == f"{output} is an output"
-
-
-def test_what_is_invalid_is_replaced_and_told_as_on_the_board(sensor):
-    fmu = Slave(sensor["3"]).start()
-    for theta_rad in (0.01, float("nan")):
-        fmu.put(theta_rad=theta_rad, omega_rad_s=0.0)
-        fmu.step()
-    assert int(fmu.get("status")) & 1
-    assert np.isfinite(fmu.get("tau_Nm"))
 
 
 def rewritten(path: Path, target: Path, change) -> Path:
@@ -463,32 +365,6 @@ def test_an_archive_that_would_fill_the_memory_is_not_unpacked(tmp_path):
         check_fmu(tmp_path / "a.fmu")
 
 
-def test_the_same_model_gives_the_same_bytes(sensor, elbow):
-    again = make_fmu(block_model(elbow, "sensor"), "3").packed()
-    assert again == sensor["3"].read_bytes()
-
-
-def test_the_sources_alone_build_the_same_behaviour(sensor, elbow_f32, tmp_path):
-    """By their own list and the standard's headers, warnings being errors."""
-    with zipfile.ZipFile(sensor["3"]) as archive:
-        archive.extractall(tmp_path)
-    listed = ElementTree.parse(tmp_path / "sources/buildDescription.xml")
-    names = [f.get("name") for f in listed.iter("SourceFile")]
-    (binary,) = (tmp_path / "binaries").rglob("*.so")
-    binary.unlink()
-    flags = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-pedantic")
-    library = ("-fPIC", "-shared", "-DFMI3_OVERRIDE_FUNCTION_PREFIX", "-o", str(binary))
-    files = (str(tmp_path / "sources" / str(n)) for n in names)
-    headers = f"-I{ROOT / 'templates/export/fmi'}"
-    subprocess.run(["gcc", *flags, *library, headers, *files], check=True)
-    shutil.make_archive(str(tmp_path / "built"), "zip", tmp_path)
-    fmu = Slave(tmp_path / "built.zip").start()
-    fmu.put(theta_rad=0.1, omega_rad_s=0.2)
-    fmu.step()
-    given = {"theta_rad": np.array([0.1]), "omega_rad_s": np.array([0.2])}
-    assert fmu.get("tau_Nm") == float(elbow_f32.block("sensor").run(given)[0]["tau_Nm"][0])
-
-
 DRIVER = """
 #include <assert.h>
 #include <stdlib.h>
@@ -551,28 +427,6 @@ def test_no_leak_and_no_undefined_behaviour(sensor, tmp_path):
         assert said in done.stderr
 
 
-def test_units_have_the_dimensions_of_their_names():
-    """Against a table worked out by hand: exponents of kg, m, s, rad."""
-    by_hand = {
-        "rad/s^2": (0, 0, -2, 1),
-        "Nm": (1, 2, -2, 0),
-        "Nm/rad^3": (1, 2, -2, -3),
-        "Nm s/rad": (1, 2, -1, -1),
-        "1/s^2": (0, 0, -2, 0),
-        "kg m^2": (1, 2, 0, 0),
-        "Nm/(rad s)": (1, 2, -3, -1),
-        "Nm/s^2": (1, 2, -4, 0),
-        "W": (1, 2, -3, 0),
-        "Hz": (0, 0, -1, 0),
-    }
-    for unit, powers in by_hand.items():
-        named = dict(zip(("kg", "m", "s", "rad"), powers, strict=True))
-        assert exponents(unit) == {k: n for k, n in named.items() if n}, unit
-    for unit in UNIT_SUFFIXES.values():
-        if unit != "deg":
-            exponents(unit)
-
-
 def test_the_command(tmp_path, monkeypatch, elbow, drive):
     require_tool("gcc")
     monkeypatch.chdir(tmp_path)
@@ -632,30 +486,3 @@ def test_every_block_gives_the_host_librarys_bits(name, tmp_path):
                     at = f"out.{at}" if f"out.{at}" in fmu.known else at
                     seen = fmu.get(at)
                     assert seen == float(x) or (np.isnan(seen) and np.isnan(x)), (block.name, at)
-
-
-@pytest.mark.slow
-def test_the_predictive_controller_whole(tmp_path):
-    from fmpy.validation import validate_fmu
-
-    device = esea_gen.load_device("elbow_mpc")
-    path = written(tmp_path, make_fmu(controller_model(device), "2"), "mpc")
-    assert validate_fmu(str(path)) == []
-    fmu, board = Slave(path).start(), compile_device(device, "f32").board()
-    for tick in range(60):
-        inputs = {
-            x.name: np.full(x.port.size, 0.01 * tick if x.port.size > 1 else tick % 2)
-            for x in device.system.inputs
-        }
-        for name, value in inputs.items():
-            for i, x in enumerate(value):
-                fmu.put(**{f"{name}[{i + 1}]" if len(value) > 1 else name: x})
-        fmu.step()
-        board.release(tick)
-        for task in device.system.tasks:
-            if tick % task.every != task.phase:
-                continue
-            given = {x.name: inputs[x.name] for x in device.system.task_inputs(task)}
-            given = {n: v if len(v) > 1 else v[0] for n, v in given.items()}
-            for n, value in board.step(task.name, **given).items():
-                assert fmu.get(n) == float(value), (tick, n)

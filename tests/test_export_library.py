@@ -105,21 +105,6 @@ extern Printer Serial;
 uint32_t micros();
 #endif
 """
-BOARD = """
-#include <stdio.h>
-#include "Arduino.h"
-static uint32_t now_us = 4294000000u; /* wraps within the second tick's thousand */
-Printer Serial;
-uint32_t micros() { return now_us; }
-void Printer::begin(long) {}
-void Printer::print(const char *t) { printf("%s", t); }
-void Printer::print(double x, int n) { printf("%.*f", n, x); }
-void Printer::println(const char *t) { printf("%s\\n", t); }
-void Printer::println(uint32_t n) { printf("%u\\n", (unsigned)n); }
-void setup();
-void loop();
-int main() { setup(); for (int k = 0; k < 20200; ++k) { loop(); now_us += 100u; } }
-"""
 
 
 @pytest.fixture
@@ -230,21 +215,6 @@ def test_arduino_compiles_for_a_board_and_keeps_two_roundings(made, sketch, tmp_
     assert fused["bare"] > 0
 
 
-def test_the_sketch_ticks_by_its_clock(made, sketch):
-    require_tool("g++")
-    source = made / "arduino/src"
-    objects = []
-    for path in sorted(source.glob("*.c")):
-        objects.append(sketch / f"{path.stem}.o")
-        run("gcc", "-std=gnu11", "-O1", "-c", path, "-o", objects[-1])
-    (sketch / "board.cpp").write_text(BOARD)
-    run("g++", "-O1", f"-I{source}", "ticks.cpp", "board.cpp", *objects, "-o", "board", cwd=sketch)
-    lines = run(sketch / "board").splitlines()
-    content = json.loads((made / "arduino/manifest.json").read_text())["content_hash"]
-    # 2.02 s: two thousand ticks and some, none of them late, over the wrap of the clock.
-    assert lines == [content, "tau_Nm 0.000000  late 0", "tau_Nm 0.000000  late 0"]
-
-
 ZEPHYR = """
 cmake_minimum_required(VERSION 3.15)
 project(app C)
@@ -338,12 +308,3 @@ def test_what_cannot_be_written_is_refused(elbow, tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     assert (tmp_path / "esea_elbow_cmake/CMakeLists.txt").is_file()
     assert "find_package(esea_elbow CONFIG REQUIRED)" in done.output
-
-
-@pytest.mark.slow  # the drive's plan of ranges
-def test_whole_numbers_too():
-    """The drive in q31, for a board without an FPU."""
-    drive = esea_gen.load_device("elbow_drive")
-    _, bundle = library_files(drive, FORMS["zephyr"], "q31")
-    assert "include/esea_q31.h" in bundle.files
-    assert "imply FPU" not in bundle.files["zephyr/Kconfig"]

@@ -8,21 +8,15 @@ import numpy as np
 import pytest
 
 from esea_gen.identify.family.fit import (
-    MemberChannels,
     UnitTerms,
     alike,
     fit_member,
-    member_spread,
     misfits_of,
-    not_seen,
-    solve_weights,
-    term_rows,
     trained_scale,
 )
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.recorded import Recording
-from esea_gen.identify.recording.resampling import FitRows, resampled
-from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
+from esea_gen.model.family import Member, Rise, Softening, Term
 from esea_gen.model.temperature import TemperatureFactor
 
 from .conftest import require_tool
@@ -127,19 +121,6 @@ def test_a_term_below_a_thousandth_of_full_scale_is_left_out_and_the_rest_solved
     assert fit_member(soft, soft.recordings, 3.0).weights_Nm == (0.0, 0.0)
 
 
-def test_bounded_weights_of_two_columns_by_hand():
-    basis = np.array([[1.0, 1.0], [1.0, -1.0], [1.0, 1.0], [1.0, -1.0]])
-    free, floor = [False, False], np.array([0.5, 0.0])
-    # Orthogonal columns: each weight is its own mean, or what bounds it.
-    assert solve_weights(basis, basis @ [2.0, 3.0], free, floor) == pytest.approx([2, 3])
-    assert solve_weights(basis, basis @ [0.1, -3.0], free, floor) == pytest.approx([0.5, 0])
-    assert solve_weights(basis, basis @ [0.1, -3.0], [False, True], floor) == pytest.approx(
-        [0.5, -3]
-    )
-    # A free one has no floor, whatever is written there.
-    assert solve_weights(basis, basis @ [-2.0, 3.0], [True, False], floor) == pytest.approx([-2, 3])
-
-
 def test_what_is_alike_is_carried_by_the_simplest():
     n = 4096
     wave = 2 * np.pi * np.arange(n) / n
@@ -156,17 +137,6 @@ def test_what_is_alike_is_carried_by_the_simplest():
     for apart, same in ((0.98e-3, {1: 0}), (1.02e-3, {})):
         basis = np.stack([unit, 7 * (unit + apart * other)], axis=1)
         assert alike(member(LINEAR, CUBIC), basis) == same
-
-
-def test_not_seen_is_what_carries_no_torque_of_its_own():
-    x = np.sin(np.arange(100) / 5)
-    terms = member(LINEAR, SOFT, CUBIC, CUBIC)  # closed form here: none softens
-    known = Known(terms, [recorded(0.1 * x, 2 * x)])
-    found = fit_member(known, known.recordings, 2.0)
-    assert found.weights_Nm == pytest.approx((2 * found.scale_rad / 0.1, 0, 0, 0), abs=1e-6)
-    assert not_seen(known, known.recordings, found) == {1: 0}
-    both = replace(found, weights_Nm=(2.0, 0.0, 1.0, 0.0))
-    assert not_seen(known, known.recordings, both) == {1: 0, 3: 2}
 
 
 FACTOR = TemperatureFactor(20.0, -0.01, 0.0, 40.0)
@@ -195,128 +165,6 @@ def test_a_change_by_temperature_is_found_and_leaves_the_offset():
     for s, trained, held in misfits_of(known, recordings, found).sets:
         assert max(trained.rms, held.rms) < 1e-4
         assert s.label in "abc"
-
-
-def test_misfits_are_model_less_measured_each_at_its_temperature():
-    recordings = [replace(r, tau_Nm=0 * r.tau_Nm) for r in warmed()]
-    known = Known(member(LINEAR, OFFSET), recordings)
-    fitted = FittedMember(known.member, 0.1, (2.0, -0.5), FACTOR)
-    found = misfits_of(known, recordings, fitted)
-    assert found.unit == "Nm"
-    for r, (_, trained, held) in zip(recordings, found.sets, strict=True):
-        error = 2 * r.theta_rad / 0.1 * (1 - 0.01 * (r.temperature_C - 20)) - 0.5
-        assert trained.rms == pytest.approx(np.sqrt(np.mean(error[:100] ** 2)))
-        assert held.largest == pytest.approx(np.abs(error[100:]).max())
-
-
-def test_the_spread_is_that_of_the_blocks_of_its_rows():
-    recordings = [replace(r, temperature_C=None) for r in warmed()]
-    (first,) = recordings[0].sets
-    recordings[0] = replace(recordings[0], sets=(replace(first, cycles={"training": 3}),))
-    rng = np.random.default_rng(3)
-    recordings = [
-        replace(r, tau_Nm=r.tau_Nm + 4e-4 * r.theta_rad**2 + rng.normal(0, 0.05, 150))
-        for r in recordings
-    ]
-    known = Known(member(LINEAR, CUBIC, OFFSET), recordings)
-    fitted = FittedMember(known.member, 0.1, (3.0, 0.0, 0.2))
-    sigma, found = member_spread(known, recordings, fitted)
-    assert list(sigma) == [0, 2]
-    x = np.concatenate([r.theta_rad[:100] for r in recordings])
-    basis = np.stack([x / 0.1, np.ones(300)], axis=1)
-    measured = np.concatenate([r.tau_Nm[:100] for r in recordings])
-    way = np.concatenate([np.sign(np.gradient(r.theta_rad))[:100] for r in recordings])
-    sets = [(i, n, w) for i, (n, w) in enumerate(zip((3, 1, 1), np.split(way, 3), strict=True))]
-    # Data sets of equal length: every row counts 1.  Their last cycles judge.
-    room = np.array([-3.0, -np.inf]), np.full(2, np.inf)
-    same = resampled(
-        basis, measured - basis @ [3.0, 0.2], np.ones(300), FitRows.of(sets), False, room
-    )
-    assert list(sigma.values()) == pytest.approx(same.sigma.tolist(), rel=1e-9)
-    assert found.band_Nm == pytest.approx(same.band_Nm, rel=1e-9)
-    assert found.outside_Nm == pytest.approx(same.outside_Nm, rel=1e-6)
-    assert found.weight == pytest.approx(np.ones(300))
-
-
-def test_channels_of_a_member_have_its_rows_its_cost_and_its_slopes():
-    recordings = warmed()
-    x = recordings[0].theta_rad
-    rough = 0.02 * np.sign(np.sin(np.arange(150) * 1.7))
-    recordings[0] = replace(recordings[0], tau_Nm=recordings[0].tau_Nm + rough)
-    channel = MemberChannels(Known(member(LINEAR, CUBIC, OFFSET), recordings[:1]), 3.0)
-    channel.start(recordings)
-    cost = channel.solve(recordings)
-    fitted = fit_member(Known(channel.terms.member, recordings), recordings, 3.0, 0.0)
-    # The mean over data sets of the mean square error.
-    squares = [t.rms**2 for _, t, _ in misfits_of(channel.terms, recordings, fitted).sets]
-    assert cost == pytest.approx(np.mean(squares), rel=1e-9)
-    # Only where it trains, of other recordings too.
-    few = [
-        replace(recordings[0], sets=(replace(recordings[0].sets[0], training=np.array([5, 8])),))
-    ]
-    g = fitted.temperature.at(10.0)
-    w = np.array(fitted.weights_Nm)
-    u = x[[5, 8]] / fitted.scale_rad
-    assert channel.torque_Nm(few) == pytest.approx(g * (w[0] * u + w[1] * u**3) + w[2], rel=1e-9)
-    jacobian, residual, weight, rows = channel.linearised()
-    used = np.flatnonzero(w)
-    torque = np.concatenate([r.tau_Nm[:100] for r in recordings])
-
-    def modelled(weights, per_K):
-        parts = []
-        for r in recordings:
-            u = r.theta_rad[:100] / fitted.scale_rad
-            warm = 1 + per_K * (r.temperature_C - fitted.temperature.reference_C)
-            parts.append(warm * (weights[0] * u + weights[1] * u**3) + weights[2])
-        return np.concatenate(parts)
-
-    per_K = fitted.temperature.per_K
-    assert residual == pytest.approx(torque - modelled(w, per_K), abs=1e-9)
-    assert weight == pytest.approx(np.ones(300))
-    moves = [modelled(w + e, per_K) - modelled(w, per_K) for e in np.eye(3)[used]]
-    step = 1e-3
-    moves.append((modelled(w, per_K + step) - modelled(w, per_K)) / step)
-    assert jacobian == pytest.approx(np.stack(moves, axis=1), abs=1e-8)
-    assert rows.condition.tolist() == [0] * 100 + [1] * 100 + [2] * 100
-    # Any two of three temperatures are far enough apart; of two alone one would be left.
-    assert not rows.alone
-    two = MemberChannels(Known(channel.terms.member, recordings[:2]), 3.0)
-    two.solve(recordings[:2])
-    assert two.linearised()[3].alone
-
-
-def test_terms_that_carry_torque_as_rows():
-    slow = Term("maxwell", Rise("bend", 0.4, "positive"), (1.0, 10.0), 0.2)
-    fitted = FittedMember(member(SOFT, CUBIC, slow, OFFSET), 0.1, (1.5, 0.0, 2.5, -0.25))
-    assert term_rows(fitted) == [
-        {
-            "term": "spring of x, times 1/(1+m/0.3)",
-            "kind": "spring",
-            "rise": ["power", 1, "both"],
-            "numbers": [],
-            "exponent": 0.0,
-            "softening": ["strain", 0.3],
-            "weight_Nm": 1.5,
-        },
-        {
-            "term": "maxwell of x/(1+|x|/0.4), positive side, time, s 1 10, shares T^-0.2",
-            "kind": "maxwell",
-            "rise": ["bend", 0.4, "positive"],
-            "numbers": [1.0, 10.0],
-            "exponent": 0.2,
-            "softening": None,
-            "weight_Nm": 2.5,
-        },
-        {
-            "term": "offset",
-            "kind": "offset",
-            "rise": ["power", 1, "both"],
-            "numbers": [],
-            "exponent": 0.0,
-            "softening": None,
-            "weight_Nm": -0.25,
-        },
-    ]
 
 
 def test_terms_run_over_recordings_on_a_grid_only_where_time_counts():

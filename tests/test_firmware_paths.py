@@ -127,13 +127,6 @@ def test_no_latch_is_left_out_after_lost_frames(application, gap, last):
     assert ticks[0] > last
 
 
-def test_after_a_reset_the_same_tick_is_released_again(application):
-    both = inputs((SENSE, 0), (CONTROL, 0))
-    lines = application(*both, ("reset",), *both, *inputs((SENSE, 1)))
-    assert released(lines) == [0, 0, 1]
-    assert "reset 1" in lines
-
-
 # -- the receive buffer of the boards --------------------------------------------------------------
 
 RING = """
@@ -217,31 +210,6 @@ def test_a_full_receive_buffer_keeps_what_it_has_and_counts_the_rest(tmp_path, s
 # -- registers -------------------------------------------------------------------------------------
 
 BAUD = 115200
-
-
-def test_the_stm32_board_sends_at_115200_baud(tmp_path):
-    require_tool("gcc")
-    found = registers_after_start(tmp_path, "netduinoplus2")
-    # RM0090: after reset everything runs at the internal 16 MHz, and so it stays where no
-    # oscillator says that it is ready, as here; test_board_drivers.py has clocks that do.
-    assert (found[0x40023800], 0x40023804 in found, 0x40023808 in found) == (1, False, False)
-    control = found[0x4001100C]
-    assert control & (1 << 15) == 0, "OVER8: sixteen samples a bit"
-    divisor = found[0x40011008]
-    # With sixteen samples the register is the clock over the baud rate (30.3.4), nearest of all.
-    assert divisor == round(16e6 / BAUD)
-    assert abs(16e6 / divisor / BAUD - 1) < 0.005
-    # Sends, receives, and tells of a byte by its interrupt, 37: bit 5 of the second word.
-    assert control == (1 << 13) | (1 << 5) | (1 << 3) | (1 << 2)
-    assert found[0xE000E104] == 1 << 5
-    # Above the base tick's priority, which is 0x40: a byte must be fetched before the next.
-    assert found[0xE000E400 + 36] == 0x20 << 8
-    # PB6 and PB7 serve function 7, clocks of port B, timer 2 and USART 1 are on.
-    assert found[0x40020400] == 0b1010 << 12
-    assert found[0x40020420] == 0x77 << 24
-    assert (found[0x40023830], found[0x40023840], found[0x40023844]) == (1 << 1, 1, 1 << 4)
-    # The counter counts every clock and uses all 32 bits.
-    assert (found[0x40000028], found[0x4000002C], found[0x40000000]) == (0, 2**32 - 1, 1)
 
 
 def test_the_mps2_board_sends_at_115200_baud(tmp_path):

@@ -21,7 +21,7 @@ from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.fixed.report import range_report
 from esea_gen.emit.fixed.values import LoweringError
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import RangeError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.runner import CBoard, run_schedule
 from esea_gen.identify import recorded_deflections
@@ -41,7 +41,6 @@ from esea_gen.verify.traces import trace_stream
 from tests.benchmarks.fixed import PROGRAMS, run_filter
 
 from .conftest import require_tool
-from .test_fixed import header_problems
 
 pytestmark = pytest.mark.ci
 
@@ -179,24 +178,6 @@ def test_a_board_takes_tunables_in_units_and_refuses_bad_ones(library):
         CBoard(library, {instance: {tunable.name: above}})
 
 
-def test_an_arm_is_judged_where_it_is_taken():
-    """A narrowed name in one arm of a choice is no broken interval on the other side."""
-    x = ex.read("x", 32, *ex.INT32)
-    narrow = ex.Expr("ref", (), 32, 0, 9, (), "x")
-    small = ex.compare("le", x, ex.literal(9))
-    both = ex.logic("and", ex.compare("le", ex.literal(0), x), small)
-    chosen = ex.choose(both, ex.cast(narrow, 64), ex.literal(-1, 64), 64)
-    values = {"x": np.array([5, 10, -(2**31)], dtype=object)}
-    assert ex.evaluate(chosen, values, 3).tolist() == [5, -1, -1]
-    wrong = ex.choose(small, ex.cast(narrow, 64), ex.literal(-1, 64), 64)
-    with pytest.raises(ex.OverflowProofError):
-        ex.evaluate(wrong, values, 3)
-
-
-def test_headers_of_the_drive_say_what_the_plan_holds(drive, library):
-    assert header_problems(drive, library) == []
-
-
 def test_what_does_not_forget_has_a_bound_of_one_step(drive):
     block = next(b for b in drive.system.kinds if b.name == "sliding_mode")
     plan = plan_block(block)
@@ -315,11 +296,6 @@ def test_ranges_names_what_cannot_be_lowered_and_draws(tmp_path):
     assert "theta_rad" in done.output
     assert found["sensor"]["proven_error"]["percent_of_range"]["tau_Nm"] < 0.05
     assert figure.read_bytes().startswith(b"\x89PNG")
-
-
-def test_ranges_refuses_a_picture_of_no_kind(tmp_path):
-    done = CliRunner().invoke(app, ["ranges", "elbow", "--figure", str(tmp_path / "x.txt")])
-    assert done.exit_code != 0
 
 
 def test_the_report_goes_on_behind_a_block_that_is_refused():

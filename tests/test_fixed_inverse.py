@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from decimal import Decimal, getcontext
-from fractions import Fraction
 
 import casadi as ca
 import numpy as np
@@ -16,11 +14,8 @@ import esea_gen
 from esea_gen.emit.fixed.errors import Propagation, any_bound, step_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import RangeError
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.block import Block, Solved
-from esea_gen.language.ports import Port, clip
-from esea_gen.model.cubic import root_facts
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import published_inverse
 from esea_gen.verify.fixed import compare_fixed
@@ -41,37 +36,6 @@ def wrist():
 # -- facts -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("k3", "linear", "load"), [(239.0, (9.39, 65.0), 60.0), (0.3, (2, 9), 5)])
-def test_ranges_of_the_roots_parts_in_fifty_digits(k3, linear, load):
-    getcontext().prec = 50
-    facts, third = root_facts(k3, linear, load), Decimal(1) / 3
-    rng = np.random.default_rng(7)
-    ends = [(a, d) for a in linear for d in (0.0, load)]
-    inside = [(rng.uniform(*linear), load * 10 ** rng.uniform(-9, 0)) for _ in range(200)]
-    reached = dict.fromkeys(facts, 0)
-    for stiffness, torque in ends + inside:
-        a = Decimal(stiffness) / (3 * Decimal(k3))
-        b = Decimal(torque) / (2 * Decimal(k3))
-        c = (b + (a**3 + b**2).sqrt()) ** third
-        # The root itself by bisection of the cubic, not by the formula.
-        low, high = Decimal(0), Decimal(torque) / Decimal(stiffness)
-        for _ in range(170):
-            x = (low + high) / 2
-            below = Decimal(k3) * x**3 + Decimal(stiffness) * x < Decimal(torque)
-            low, high = (x, high) if below else (low, x)
-        found = {"root_a_rad2": a, "root_c_rad": c, "root_ratio_rad": a / c, "root_size_rad": low}
-        for name, value in found.items():
-            least, most = (Decimal(e) for e in facts[name])
-            assert least <= value <= most, (name, stiffness, torque)
-            reached[name] |= (value - least <= Decimal("1e-8") * most) + 2 * (
-                most - value <= Decimal("1e-8") * most
-            )
-    # They are the best there are: both ends are reached (of a / c the lower is a plain 0).
-    assert reached == {n: 2 if n == "root_ratio_rad" else 3 for n in facts}
-    assert root_facts(0.0, linear, load) == {}
-    assert "root_a_rad2" not in root_facts(k3, (9.0, 9.0), load)
-
-
 def test_what_algebra_knows_of_the_elbows_segment(elbow):
     """Its stiffest and softest segment, and the root of its largest load, from the file's numbers.
 
@@ -88,25 +52,6 @@ def test_what_algebra_knows_of_the_elbows_segment(elbow):
     load = 2 * 20 + 51.6 * (0.35 + 25 * 1e-3) + stops @ (0.35 + r)
     (root,) = (x.real for x in np.roots([239, 0, 9.39, -load]) if abs(x.imag) < 1e-9)
     assert facts["root_size_rad"] == pytest.approx((0, root), rel=1e-4)
-
-
-def test_the_share_falls_from_one_in_exact_fractions(elbow):
-    values = {c.name: c.value for c in elbow.constants("elastomer")}
-    low, high = elbow.inverse.facts["rate_share"]
-    omega = elbow.file.limits.omega_rad_s.value
-    drag = values["B"] * omega ** values["n"] + values["eps2"]
-    most = Fraction(elbow.period_s * values["kv_Nm_rad"] * drag / values["eps1_Nms_rad"])
-    before = Fraction(1)
-    for k in range(201):
-        x = most * k / 200
-        s = 1 + x * (Fraction(1, 2) + x / 6)
-        share = s / (1 + x * s)
-        assert share < before or k == 0
-        assert low <= share <= high
-        # The sign of the derivative: s' - s^2 = -1/2 - (2/3) x - ... below zero for all x >= 0.
-        assert Fraction(1, 2) + x / 3 - s * s < 0
-        before = share
-    assert float(before) == pytest.approx(low, rel=2e-6)
 
 
 @pytest.mark.parametrize("name", ["elbow", "knee"])
@@ -256,25 +201,6 @@ def test_inverses_bit_for_bit_and_inside_their_bound(wrist, kind):
 # -- the analysis ----------------------------------------------------------------------------------
 
 
-def _quotient(split, **more):
-    def step(c, s, u, guard, label):
-        w = label("w_rad", clip(u.theta_rad * 0.7, -1, 1))
-        return {}, {"y": clip(w * w * (0.5 / (w * w + 0.01)), 0, 1)}
-
-    return Block.define(
-        "toy",
-        "A toy",
-        period_s=0.001,
-        state=(),
-        inputs=(Port("theta_rad", -1, 1, "angle"),),
-        outputs=(Port("y", 0, 1, "quotient"),),
-        step=step,
-        facts={"w_rad": (-1.0, 1.0)},
-        split=split,
-        **more,
-    )
-
-
 def test_cutting_a_labelled_value_tightens_its_bound(wrist):
     """The rate that feeds the viscosity, from a power of it with an infinite slope at zero."""
     plan = plan_block(wrist.inverse)
@@ -288,12 +214,3 @@ def test_cutting_a_labelled_value_tightens_its_bound(wrist):
         except RangeError:
             bounds.append(math.inf)
     assert bounds[0] < 0.5 * bounds[1]
-
-
-def test_a_solved_value_and_a_cut_need_their_labels():
-    with pytest.raises(ValueError, match="splits of what is no state, input or fact"):
-        _quotient({"v_rad": (0.1,)})
-    with pytest.raises(ValueError, match="needs a fact"):
-        _quotient({}, solved={"w_rad": Solved("residual_Nm", 1e-3, 1.0)})
-    with pytest.raises(ValueError, match="slope"):
-        _quotient({}, solved={"w_rad": Solved("w_rad", 1e-3, 0.0)})

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import sys
 from pathlib import Path
 
 import pytest
 
 import esea_gen
-from esea_gen import cache
 from esea_gen.cache import code_digest
 from esea_gen.emit.fixed import kept
 from esea_gen.emit.fixed.kept import ROOMS
 from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.fixed.search import search
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port, clip
 
 
 @pytest.fixture
@@ -84,46 +80,6 @@ def test_an_entry_that_is_none_is_searched_for_again(folder, entry, text):
     assert path.read_text() == good
 
 
-def steep() -> Block:
-    return Block.define(
-        "steep",
-        "Steep",
-        period_s=0.001,
-        state=(),
-        inputs=(Port("x_rad", -1.0, 1.0, "in"),),
-        outputs=(Port("y", -1.0, 1.0, "out"),),
-        step=lambda c, s, u, g, label: ({}, {"y": clip(1e6 * u.x_rad, -1, 1)}),
-    )
-
-
-def test_an_entry_is_taken_where_its_nodes_are_there(folder):
-    plan = kept.plan_block(steep())
-    (path,) = folder.iterdir()
-    good = {str(i): why for i, why in plan.why_wide.items()}
-    assert good
-    assert json.loads(path.read_text()) == good
-    last = len(plan.step.kernel.nodes) - 1
-    for text, taken in (
-        ('{"0": "why"}', {0: "why"}),
-        (f'{{"{last}": "why"}}', {last: "why"}),
-        ("{}", {}),
-        (f'{{"{last + 1}": "why"}}', None),
-        ('{"-1": "why"}', None),
-        ('{"a": "why"}', None),
-        ("[]", None),
-        ("", None),
-    ):
-        path.write_text(text)
-        found = kept.plan_block(steep())
-        assert dict(found.why_wide) == (dict(plan.why_wide) if taken is None else taken)
-        assert found.wide == set(found.why_wide)
-        assert json.loads(path.read_text()) == (good if taken is None else json.loads(text))
-    # One Block is planned once, and an equal one is another.
-    again = steep()
-    assert kept.plan_block(again) is kept.plan_block(again)
-    assert kept.plan_block(again) is not found
-
-
 def test_other_content_has_another_digest(folder, monkeypatch):
     block = sensor()
     base = digest(block)
@@ -159,14 +115,3 @@ def test_the_search_reads_no_code_but_that_of_the_digest():
     own = (Path(name) for name in read if Path(name).is_relative_to(root))
     assert {path.relative_to(root).parts[0] for path in own} == set(ROOMS)
     assert code_digest(ROOMS) != code_digest(("emit",)) != code_digest()
-
-
-def test_code_that_changed_since_the_start_keeps_nothing(folder, monkeypatch):
-    cache.code_digest.cache_clear()
-    with monkeypatch.context() as patch:
-        patch.setattr(cache, "_STARTED_S", 0.0)
-        assert digest(sensor()) is None
-        kept.plan_block(esea_gen.load_device("elbow").velocity)
-    cache.code_digest.cache_clear()
-    assert not folder.exists()
-    assert digest(sensor()) is not None

@@ -17,8 +17,8 @@ from esea_host.cli import main
 from esea_host.simulated import SimulatedBoard
 from esea_host.simulated.server import serve_hosts
 
+from .conducted import TRACKING, of_tasks, study_of
 from .conftest import require_tool, until
-from .test_study_windows import TRACKING, of_tasks, study_of
 
 
 @pytest.fixture
@@ -113,7 +113,7 @@ def test_a_link_that_breaks_is_signed_again(address, tmp_path):
     with esea_host.open_device(address, key=tmp_path / "key") as device:
         samples = device.samples("tau_Nm")
         next(samples)
-        device.receiver.transport._link.shutdown(socket.SHUT_RDWR)
+        device.receiver.transport.link.shutdown(socket.SHUT_RDWR)
         until(lambda: device.receiver.reconnects)
         for _ in range(3000):  # more than what was on its way
             next(samples)

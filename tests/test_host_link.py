@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pymavlink.generator.mavcrc import x25crc
 
 import esea_host
 from esea_gen.emit.dialect import load_dialect
@@ -26,13 +25,12 @@ from esea_gen.errors import UserError
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, TcpTransport
 from esea_host.cli import main
-from esea_host.connection import address as address_module
 from esea_host.connection.address import parse_address
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.identity import check_hash, identify
 from esea_host.connection.receiver import Receiver, Subscription
 from esea_host.recording import RecordingState
-from esea_host.simulated import LockstepDevice, NoisyTransport, SimulatedBoard
+from esea_host.simulated import LockstepDevice, SimulatedBoard
 from esea_host.simulated.server import serve_hosts
 
 from .conftest import until
@@ -178,30 +176,6 @@ def test_the_decoder_takes_what_mavlinks_own_parser_takes(drive, device):
             assert given.tobytes() == rows[field].tobytes(), (name, field)
 
 
-@pytest.mark.ci
-def test_signed_runs_are_taken_like_unsigned_ones(drive, device):
-    """Signatures are the session's to check; a frame counts once all of it has come."""
-    data, dialect = bytes_of(drive, 300), device.session.dialect
-    signed, at = bytearray(), 0
-    while at < len(data):
-        frame = bytearray(data[at : at + 10 + data[at + 1]])
-        at += len(frame) + 2
-        frame[2] = 1
-        extra = dialect.mavlink_map[int.from_bytes(frame[7:10], "little")].crc_extra
-        crc = x25crc(bytes(frame[1:]) + bytes([extra])).crc
-        signed += frame + crc.to_bytes(2, "little") + bytes(13)
-    for piece in (1, 500):
-        plain, found = (rows_and_gaps(received(d, device, piece)[1])[0] for d in (data, signed))
-        assert len(found) == 300
-        assert found.tobytes() == plain.tobytes()
-    decoder = TelemetryDecoder(dialect)
-    decoder.feed(bytes(signed))
-    whole = decoder.health.frames
-    decoder = TelemetryDecoder(dialect)
-    decoder.feed(bytes(signed[:-1]))
-    assert decoder.health.frames == whole - 1
-
-
 def received(data: bytes, device, piece: int = 500, **most) -> tuple[Receiver, Subscription]:
     decoder = TelemetryDecoder(device.session.dialect)
     receiver = Receiver(Fixed(data, piece), decoder, 1_000_000)
@@ -217,16 +191,32 @@ def rows_and_gaps(queue: Subscription):
     return rows, [g for b in batches for g in b.gaps]
 
 
-@pytest.mark.parametrize("seed", range(8))
+def damaged(data: bytes, seed: int, accidents: int) -> bytes:
+    """Bytes flipped, cut out, sent twice, or in the wrong order."""
+    out, rng = bytearray(data), np.random.default_rng(seed)
+    for _ in range(accidents):
+        at, length = int(rng.integers(len(out) + 1)), int(rng.integers(1, 400))
+        part = out[at : at + length]
+        match rng.integers(4):
+            case 0 if at < len(out):
+                out[at] ^= 1 << int(rng.integers(8))
+            case 1:
+                del out[at : at + length]
+            case 2:
+                out[at:at] = part
+            case 3:
+                out[at : at + 2 * length] = out[at + length : at + 2 * length] + part
+    return bytes(out)
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_on_a_bad_line_nothing_wrong_is_taken_and_every_loss_is_counted(drive, device, seed):
     """Bytes flipped, cut, repeated and swapped, some 60 times in 3 s."""
     data = bytes_of(drive, 3000)
     good, _ = rows_and_gaps(received(data, device)[1])
     assert len(good) == 3000
-    noise = NoisyTransport(Fixed(b"", 1), seed, len(data) / 60)
-    receiver, queue = received(noise.damage(data), device)
+    receiver, queue = received(damaged(data, seed, 60), device)
     rows, gaps = rows_and_gaps(queue)
-    assert sum(noise.accidents.values()) > 30
     assert receiver.health.bad_frames > 0
     # What was taken is what was sent, once, and in order; what is missing stands in the gaps.
     ticks = rows["sequence"].astype(int)
@@ -493,13 +483,6 @@ def test_a_simulated_board_in_a_process_of_its_own(tmp_path):
         assert recording.rows > 1000
     with pytest.raises(LinkError, match=r"did not start; it said:\s+There is no person 'tall'"):
         esea_host.open_device("sim:elbow_drive?person=tall")
-
-
-def test_a_simulated_board_that_is_slow_to_start_is_told_from_one_that_cannot(monkeypatch):
-    monkeypatch.setattr(address_module, "START_S", 0.1)
-    with pytest.raises(LinkError, match=r"did not start.*nothing in 0.1 s") as slow:
-        esea_host.open_device("sim:elbow_drive")
-    assert slow.value.said == ""
 
 
 def test_the_example_runs(server, tmp_path):

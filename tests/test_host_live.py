@@ -1,4 +1,4 @@
-"""The live view: what it keeps and says, without a window; then the window, and its stop."""
+"""The live view: its words, its window, and its stop."""
 
 from __future__ import annotations
 
@@ -21,88 +21,15 @@ from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_host.cli import main
 from esea_host.connection import PlayedBoard
-from esea_host.connection.receiver import Batch
-from esea_host.recording.gaps import Gap
-from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.simulated import LockstepDevice
 from esea_host.simulated.server import Hands, serve_hosts
 from esea_host.windows.feed import LiveFeed
-from esea_host.windows.history import RowRing, curve, spans
 from esea_host.windows.meanings import fault_text, limit_flags, mode_text, state_text
 from esea_host.windows.operator import DemoOperator
-from esea_host.windows.trigger import SINGLE, Trigger, crossings
 
 from .conftest import require_tool
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-LAYOUT = StreamLayout("sense_out", (StreamColumn("sequence", "u4"), StreamColumn("tau_Nm")))
-
-
-def batch(first: int, count: int, *gaps: Gap) -> Batch:
-    rows = np.zeros(count, LAYOUT.dtype)
-    rows["sequence"] = np.arange(first, first + count)
-    rows["tau_Nm"] = rows["sequence"] % 1000
-    return Batch(LAYOUT, rows, rows["sequence"].astype(np.int64) * 1_000_000, 0, gaps)
-
-
-def test_a_ring_holds_the_newest_rows_in_a_memory_that_never_grows():
-    ring = RowRing(LAYOUT, 1000)
-    held = ring.nbytes
-    first = 0
-    for count in [1, 999, 1000, 7, 2500, 333] * 30:  # 145 000 rows
-        ring.extend(batch(first, count))
-        first += count
-        assert ring.nbytes == held
-    assert ring.total == first == 145_200
-    part = ring.last()
-    assert part.rows["sequence"].tolist() == list(range(first - 1000, first))
-    assert part.first == first - 1000
-    assert np.allclose(part.time_s, part.rows["sequence"] * 1e-3)
-    assert ring.last(3).rows["sequence"].tolist() == [first - 3, first - 2, first - 1]
-    inner = part.between((first - 10) * 1e-3, (first - 5) * 1e-3)
-    assert inner.rows["sequence"].tolist() == list(range(first - 10, first - 4))
-    assert inner.first == first - 10
-    assert len(part.between(0.0, 1.0).rows) == 0
-    # A copy: what comes afterwards does not change a picture that is held.
-    ring.extend(batch(first, 1000))
-    assert part.rows["sequence"][0] == first - 1000
-
-
-def test_a_curve_shows_every_peak_and_every_gap_and_does_not_flicker():
-    ring = RowRing(LAYOUT, 20_000)
-    ring.extend(batch(0, 9_000))
-    ring.extend(batch(9_100, 10_900, Gap("sense_out", 8_999, 9_100, 100, "link")))
-    part = ring.last()
-    values = np.zeros(len(part.rows))
-    values[[1234, 7777]] = 5.0, -3.0
-    time_s, drawn = curve(part, values, 1000)
-    assert len(time_s) == len(drawn) <= 1000
-    assert np.nanmax(drawn) == 5.0
-    assert np.nanmin(drawn) == -3.0
-    assert time_s[np.nanargmax(drawn)] == pytest.approx(1.234, abs=0.04)
-    hole = time_s[np.isnan(drawn)]
-    assert hole.min() - 1e-6 <= 9.1 <= hole.max() + 0.04
-    # One row later every group but those at the ends is the same.
-    ring.extend(batch(20_000, 1))
-    moved_s, _ = curve(ring.last(), np.append(values, 0.0)[-len(ring.last().rows) :], 1000)
-    assert set(moved_s[2:-2]) <= set(time_s) | set(moved_s[-4:])
-    # Short stretches are drawn row by row; a gap is a hole there, too.
-    assert ring.total == 19_901
-    few = RowRing(LAYOUT, 100)
-    few.extend(batch(0, 3))
-    few.extend(batch(9, 2, Gap("sense_out", 2, 9, 6, "board")))
-    drawn = curve(few.last(), few.last().rows["tau_Nm"].astype(float), 1000)[1]
-    assert np.array_equal(drawn, [0, 1, 2, np.nan, 9, 10], equal_nan=True)
-    nothing = RowRing(LAYOUT, 10).last()
-    assert [len(x) for x in curve(nothing, np.zeros(0), 1000)] == [0, 0]
-
-
-def test_spans_join_what_is_near():
-    time_s = np.arange(10.0)
-    held = np.array([1, 1, 0, 1, 0, 0, 0, 1, 0, 1], bool)
-    assert spans(time_s, held, 0.5) == [(0, 1), (3, 3), (7, 7), (9, 9)]
-    assert spans(time_s, held, 2.0) == [(0, 3), (7, 9)]
-    assert spans(time_s, np.zeros(10, bool), 2.0) == []
 
 
 @pytest.fixture
@@ -115,18 +42,12 @@ def test_numbers_become_words(lockstep):
     device, dialect = lockstep.identity.device, lockstep.session.dialect
     flags = {f.name: f for f in limit_flags(device)}
     assert flags["rom low"].meaning == "pushing towards the lower end was held back"
-    rows = np.zeros(3, [("limits_status", "u4"), ("passivity_status", "u4")])
-    rows["limits_status"] = 0, 1 << 13, 1 << 12  # as docs and header count them
+    rows = np.array([(0,), (1 << 13,), (1 << 12,)], [("limits_status", "u4")])  # as in the header
     assert flags["rom low"].held(rows).tolist() == [False, True, False]
-    assert flags["rate limited"].held(rows).tolist() == [False, False, True]
-    assert flags["command closed"].word == "passivity_status"
     assert flags["passivity input invalid"].word == "passivity_status"
-    fault = fault_text(dialect, 8)
-    assert fault.name == "DEFLECTION"
-    assert fault.cure == "unload the coupling; look for a blocked joint or a slipped encoder"
     every = [n for n in dialect.enums["ESEA_FAULT"] if n != 109]
     assert all(fault_text(dialect, n).cure and fault_text(dialect, n).meaning for n in every)
-    assert fault_text(dialect, 77).cure == "service"
+    assert (fault_text(dialect, 8).name, fault_text(dialect, 77).cure) == ("DEFLECTION", "service")
     assert "released" in state_text(dialect, "STOPPED")
     assert state_text(dialect, "UNKNOWN") == ""
     assert [mode_text(device, m) for m in (0, 1, 2, 9)] == ["off", "torque", "impedance", "9"]
@@ -211,16 +132,14 @@ def test_the_picture_is_of_what_came_and_stands_still_while_paused(seen, qtbot):
     window, feed = seen
     torque = window.panels[0]
     assert [s.label for s in torque.signals] == ["wanted", "set", "measured"]
-    wanted = torque._curves[0].getData()[1]
+    wanted = torque.curves[0].getData()[1]
     assert np.nanmax(wanted) == pytest.approx(1.5, abs=0.01)
-    degrees = window.panels[1]._curves[0].getData()[1]
+    degrees = window.panels[1].curves[0].getData()[1]
     bend_rad = feed.rings["sense_out"].last(2000).rows["theta_rad"]
     assert np.nanmax(degrees) == pytest.approx(np.degrees(bend_rad.max()), rel=1e-5)
-    assert "ACTIVE" in window.state.text()
-    assert "SIMULATED" in window.state.text()
-    assert "mode: torque" in window.state.text()
+    assert all(word in window.state.text() for word in ("ACTIVE", "SIMULATED", "mode: torque"))
     assert "nothing lost" in window.link.text()
-    assert any(name == "rate limited" for _, name in window.bands._names)
+    assert any(name == "rate limited" for _, name in window.bands.names)
     # A motor command of 0.2 Nm stands at 0.2 of its axis, also when that is dressed anew.
     window.set_theme(window.theme)
     window.draw()
@@ -231,15 +150,15 @@ def test_the_picture_is_of_what_came_and_stands_still_while_paused(seen, qtbot):
     assert [float(x) for x in labels] == pytest.approx(values)
     qtbot.keyClick(window, Qt.Key.Key_P)
     assert window.paused
-    held, total = torque._curves[2].getData()[1].copy(), feed.rings["sense_out"].total
+    held, total = torque.curves[2].getData()[1].copy(), feed.rings["sense_out"].total
     feed.device.advance(0.5)
     feed.gather()
     window.draw()
-    assert np.array_equal(held, torque._curves[2].getData()[1], equal_nan=True)
+    assert np.array_equal(held, torque.curves[2].getData()[1], equal_nan=True)
     assert feed.rings["sense_out"].total == total + 500  # kept meanwhile
     qtbot.keyClick(window, Qt.Key.Key_P)
     window.draw()
-    assert not np.array_equal(held, torque._curves[2].getData()[1], equal_nan=True)
+    assert not np.array_equal(held, torque.curves[2].getData()[1], equal_nan=True)
 
 
 def test_cursors_channels_notes_themes_and_zoom_by_key(seen, qtbot, tmp_path):
@@ -261,7 +180,7 @@ def test_cursors_channels_notes_themes_and_zoom_by_key(seen, qtbot, tmp_path):
     qtbot.keyClick(window.channels, Qt.Key.Key_Return)
     window.draw()
     assert [s.name for s in window.chosen.signals] == ["sense_out.energy_J"]
-    assert len(window.chosen._curves[0].getData()[0]) > 100
+    assert len(window.chosen.curves[0].getData()[0]) > 100
     window.note.setFocus()
     qtbot.keyClicks(window.note, "a cough")
     qtbot.keyClick(window.note, Qt.Key.Key_Return)
@@ -273,12 +192,16 @@ def test_cursors_channels_notes_themes_and_zoom_by_key(seen, qtbot, tmp_path):
     assert window.theme.name == "dark"
 
 
-def test_a_fault_is_told_with_what_to_do(seen):
+def test_a_fault_is_told_with_what_to_do_and_a_stop_that_is_not_confirmed(seen):
     window, feed = seen
     feed.news.fault = fault_text(feed.device.session.dialect, 8)
     feed.news.state = "FAULT"
+    feed.stopper.close()  # nothing goes out any more
+    window.stop()
+    window.stop_asked_s -= 2.0
     window.draw()
     assert "What to do: unload the coupling" in window.fault.text()
+    assert "switch its power off" in window.fault.text()
 
 
 def test_parameters_out_of_bounds_are_not_sent_and_changes_are_shown_first(seen):
@@ -291,8 +214,7 @@ def test_parameters_out_of_bounds_are_not_sent_and_changes_are_shown_first(seen)
     feed.ask()
     names = [p.name for p in editor.known]
     row = names.index("smc.lambda_1_s")
-    low = editor.known[row].low
-    new = editor.table.item(row, 2)
+    low, new = editor.known[row].low, editor.table.item(row, 2)
     held = feed.device.parameters()["smc.lambda_1_s"]
     assert float(new.text()) == pytest.approx(held)
     new.setText("1e9")
@@ -308,22 +230,23 @@ def test_parameters_out_of_bounds_are_not_sent_and_changes_are_shown_first(seen)
     assert feed.device.parameters()["smc.lambda_1_s"] == pytest.approx(wanted, rel=1e-5)
 
 
+@pytest.fixture
+def pictures(tmp_path) -> Path:
+    return Path(os.environ.get("ESEA_PICTURES") or tmp_path)
+
+
 @pytest.mark.parametrize("dark", [False, True])
-def test_pictures_for_the_manual(seen, dark, tmp_path):
+def test_pictures_for_the_manual(seen, dark, pictures):
     from esea_host.windows.theme import DARK, LIGHT
 
     window, _ = seen
     window.set_theme(DARK if dark else LIGHT)
     window.draw()
-    target = os.environ.get("ESEA_PICTURES") or tmp_path
-    path = Path(target) / ("host-live-dark.png" if dark else "host-live.png")
     picture = window.grab()
-    assert picture.save(str(path))
+    assert picture.save(str(pictures / ("host-live-dark.png" if dark else "host-live.png")))
     image = picture.toImage()
     ground = image.pixelColor(image.width() // 3, image.height() // 2 - 4)
     assert (ground.lightness() < 90) == dark
-    colours = {image.pixel(x, y) for x in range(0, image.width(), 3) for y in range(80, 700, 3)}
-    assert len(colours) > 20
 
 
 def test_what_a_board_says_is_text(seen):
@@ -382,10 +305,7 @@ def test_a_recording_is_played_in_the_window_at_any_speed(seen, qtbot, tmp_path)
         with pytest.raises(LinkError, match="no board to command"):
             board.arm()
         feed.close()
-    with (
-        esea_host.open_log(tmp_path / "a.mcap") as log,
-        pytest.raises(UserError, match="0 times its speed"),
-    ):
+    with esea_host.open_log(tmp_path / "a.mcap") as log, pytest.raises(UserError, match="0 times"):
         PlayedBoard(log, 0.0)
 
 
@@ -403,11 +323,12 @@ def server(simulated_elbow):
 @pytest.mark.ci
 @pytest.mark.parametrize("key", ["space", "escape", "button"])
 def test_stop_reaches_the_board_past_everything_that_waits(server, simulated_elbow, qtbot, key):
-    """Paused, somebody else holds the connection, the cursor blinks in a text field."""
+    """Paused, another command waits for its answer, the cursor blinks in a text field."""
     from PySide6.QtCore import Qt
 
     from esea_host.windows.live import LiveWindow
 
+    answer = threading.Event()
     with esea_host.open_device(f"tcp:127.0.0.1:{server}") as device:
         feed = LiveFeed(device)
         window = LiveWindow(feed)
@@ -415,27 +336,19 @@ def test_stop_reaches_the_board_past_everything_that_waits(server, simulated_elb
         window.show()
         window.pause(True)
         assert simulated_elbow.board.state_now != "STOPPED"
-        with device._lock:  # a command that waits for its answer
-            if key == "button":
-                qtbot.mousePress(window.stop_button, Qt.MouseButton.LeftButton)
-            elif key == "escape":
-                window.note.setEnabled(True)
-                window.note.setFocus()
-                qtbot.keyClick(window.note, Qt.Key.Key_Escape)
-            else:
-                qtbot.keyClick(window, Qt.Key.Key_Space)
-            qtbot.waitUntil(lambda: simulated_elbow.board.state_now == "STOPPED", timeout=120_000)
+        feed.do("wait", answer.wait)
+        if key == "button":
+            qtbot.mousePress(window.stop_button, Qt.MouseButton.LeftButton)
+        elif key == "escape":
+            window.note.setEnabled(True)
+            window.note.setFocus()
+            qtbot.keyClick(window.note, Qt.Key.Key_Escape)
+        else:
+            qtbot.keyClick(window, Qt.Key.Key_Space)
+        qtbot.waitUntil(lambda: simulated_elbow.board.state_now == "STOPPED", timeout=120_000)
+        answer.set()
         qtbot.waitUntil(lambda: "STOPPED" in window.state.text(), timeout=120_000)
         feed.close()
-
-
-def test_a_stop_that_is_not_confirmed_is_told(seen, qtbot):
-    window, feed = seen
-    feed.stopper.close()  # nothing goes out any more
-    window.stop()
-    window._stop_asked_s -= 2.0
-    window.draw()
-    assert "switch its power off" in window.fault.text()
 
 
 def test_a_space_in_a_note_is_a_space(seen, qtbot):
@@ -447,7 +360,7 @@ def test_a_space_in_a_note_is_a_space(seen, qtbot):
     qtbot.waitUntil(window.note.hasFocus, timeout=120_000)
     qtbot.keyClick(window.note, Qt.Key.Key_Space)
     assert window.note.text() == " "
-    assert window._stop_asked_s == 0.0
+    assert window.stop_asked_s == 0.0
 
 
 def test_only_simulated_boards_are_demonstrated(lockstep):
@@ -464,7 +377,7 @@ def test_a_view_that_fails_leaves_the_recording_running(lockstep, qtbot, tmp_pat
     with lockstep.record(tmp_path / "a.mcap") as recording:
         feed = LiveFeed(lockstep, recording, kept_s=0.1, threaded=False)
         window = LiveWindow(feed)
-        window._timer.stop()
+        window.timer.stop()
         qtbot.addWidget(window)
 
         def broken(_):
@@ -472,9 +385,9 @@ def test_a_view_that_fails_leaves_the_recording_running(lockstep, qtbot, tmp_pat
 
         monkeypatch.setattr(window.panels[0], "draw", broken)
         with pytest.raises(RuntimeError):
-            window._turn()
-        assert window._timer.isActive()  # it tries again
-        window._timer.stop()
+            window.turn()
+        assert window.timer.isActive()  # it tries again
+        window.timer.stop()
         lockstep.advance(0.3)
         feed.close()
     with esea_host.open_log(tmp_path / "a.mcap") as log:
@@ -486,74 +399,18 @@ def test_a_view_that_fails_leaves_the_recording_running(lockstep, qtbot, tmp_pat
 @pytest.mark.parametrize("one", [None, True, False, NotImplemented])
 def test_qt_does_not_use_up_the_references_to(one):
     """PySide6 6.12.0 gives back what it never took; when none is left, Python ends."""
-    importlib.import_module("esea_host.windows.live")
+    importlib.import_module("esea_host.windows")
     assert sys.getrefcount(one) > 1 << 44  # some hundreds a picture: a hundred years and more
 
 
-# -- trigger, spectrum -----------------------------------------------------------------------------
-
-
-def sines(seconds: float, hz: float, amplitude: float, offset: float = 0.0):
-    """A stretch of 1 kHz with a sine in it."""
-    ring = RowRing(LAYOUT, round(seconds * 1000) + 1)
-    ring.extend(batch(0, round(seconds * 1000)))
-    part = ring.last()
-    return part, offset + amplitude * np.sin(2 * np.pi * hz * part.time_s)
-
-
-def test_a_trigger_finds_its_edge_between_samples_and_not_across_a_gap():
-    part, values = sines(2.0, 3.0, 1.0)
-    # asin(0.5) = pi / 6: a twelfth of the period after each rise through zero, 5 / 12 falling.
-    rising = crossings(part, values, 0.5, True)
-    assert rising == pytest.approx((np.arange(6) + 1 / 12) / 3, abs=1e-5)
-    assert crossings(part, values, 0.5, False) == pytest.approx(
-        (np.arange(6) + 5 / 12) / 3, abs=1e-5
-    )
-    assert len(crossings(part, values, 1.5, True)) == 0
-    part.after_gap[28] = True  # the first crossing is at 27.8 ms
-    assert len(crossings(part, values, 0.5, True)) == 5
-    values[360:364] = np.nan
-    assert len(crossings(part, values, 0.5, True)) == 4
-
-
-def test_a_single_trigger_holds_and_a_normal_one_waits_for_whole_pictures():
-    part, values = sines(2.0, 3.0, 1.0)
-    single = Trigger(SINGLE, 0.5)
-    single.arm(0.4)
-    early = part.between(0.0, 0.9)
-    # The picture of 0.5 s about 1 / 3 s + 1 / 36 s began before it was armed; the next is at 0.694.
-    assert math.isnan(single.look(early, values[: len(early.rows)], 0.5))
-    assert single.look(part, values, 0.5) == pytest.approx(2 / 3 + 1 / 36, abs=1e-4)
-    assert single.done
-    assert single.shown_s(0.5) == pytest.approx((0.5944, 1.0944), abs=1e-3)
-    part2, values2 = sines(6.0, 3.0, 1.0)
-    assert single.look(part2, values2, 0.5) == pytest.approx(2 / 3 + 1 / 36, abs=1e-4)
-    normal = Trigger("normal", 0.5)
-    assert normal.look(part, values, 0.5) == pytest.approx(4 / 3 + 1 / 36, abs=1e-4)
-    assert normal.look(part2, values2, 0.5) == pytest.approx(16 / 3 + 1 / 36, abs=1e-4)
-    assert not normal.done
-
-
-def test_a_sine_is_a_peak_of_its_amplitude():
-    from esea_host.windows.spectrum import amplitudes
-
-    part, values = sines(6.0, 12.5, 0.4, offset=3.0)
-    f_Hz, size = amplitudes(part, values + 0.01 * np.cos(2 * np.pi * 100.0 * part.time_s))
-    assert f_Hz[np.argmax(size)] == pytest.approx(12.5, abs=0.2)
-    assert size.max() == pytest.approx(0.4, rel=0.02)
-    assert size[np.argmin(abs(f_Hz - 100.0))] == pytest.approx(0.01, rel=0.02)
-    part.after_gap[5980] = True  # too little is left behind it
-    assert len(amplitudes(part, values)[0]) == 0
-
-
-def test_trigger_and_spectrum_by_key(seen, qtbot, tmp_path):
+def test_trigger_and_spectrum_by_key(seen, qtbot, pictures):
     window, _ = seen
     window.zoom(-1)
     assert window.window_s == 1.0
     window.toggle_trigger()
     assert window.trigger.on
     bar = window.trigger_bar
-    bar.source.setCurrentIndex([s.column for s in bar._signals].index("tau_Nm"))
+    bar.source.setCurrentIndex(bar.source.findText("sense_out.tau_Nm"))
     bar.level.setValue(0.5)
     assert bar.level.suffix() == " Nm"
     bar.trigger.arm(-math.inf)
@@ -569,14 +426,14 @@ def test_trigger_and_spectrum_by_key(seen, qtbot, tmp_path):
     window.toggle_spectrum()
     window.draw()
     qtbot.wait(20)
-    f_Hz, size = window.spectrum._curves[0].getOriginalDataset()
+    f_Hz, size = window.spectrum.curves[0].getOriginalDataset()
     assert len(f_Hz) == len(size) > 100
-    window.grab().save(str(Path(os.environ.get("ESEA_PICTURES") or tmp_path) / "host-trigger.png"))
+    window.grab().save(str(pictures / "host-trigger.png"))
     window.toggle_trigger()
     assert not window.trigger.on
 
 
-def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, qtbot, tmp_path):
+def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, qtbot, pictures):
     from PySide6.QtCore import QPoint, Qt
 
     from esea_host.windows.arm import add_arms
@@ -595,7 +452,7 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     lockstep.advance(1.0)
     feed.gather()
     before_rad = arm.angle_rad
-    elbow, hand = (p.toPoint() for p in (arm._elbow(), arm._at(0.0)))
+    elbow, hand = (p.toPoint() for p in (arm.elbow(), arm.at(0.0)))
     qtbot.mousePress(arm, Qt.MouseButton.LeftButton, pos=hand)
     qtbot.mouseMove(arm, elbow + QPoint(round(0.5 * (hand - elbow).y()), (hand - elbow).y()))
     assert arm.push_rad == pytest.approx(math.atan(0.5), abs=0.02)
@@ -603,7 +460,7 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     lockstep.advance(1.0)
     feed.gather()
     window.draw()
-    window.grab().save(str(Path(os.environ.get("ESEA_PICTURES") or tmp_path) / "host-arm.png"))
+    window.grab().save(str(pictures / "host-arm.png"))
     # The virtual person's spring is softer than the drive's friction is nothing: most of the way.
     assert arm.angle_rad - before_rad > 0.1
     qtbot.mouseRelease(arm, Qt.MouseButton.LeftButton, pos=hand)
@@ -626,7 +483,6 @@ def test_the_live_view_on_an_x_server(tmp_path):
         server = subprocess.Popen([xvfb, "-displayfd", "1", "-screen", "0", "1400x1000x24"],
                                   stdout=subprocess.PIPE, stderr=said)  # fmt: skip
         try:
-            assert server.stdout is not None
             display = server.stdout.readline().decode().strip()
             assert display.isdigit()
             env = {k: v for k, v in os.environ.items() if k != "QT_QPA_PLATFORM"}

@@ -10,8 +10,6 @@ import pytest
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host.cli import main
-from esea_host.connection import listen_named
 from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet
 from esea_host.connection.receiver import Batch
 from esea_host.recording.clock import clock_fit
@@ -27,7 +25,7 @@ def device(simulated_elbow):
 
 
 def test_values_by_name_and_rate_are_recorded_bit_for_bit(device, tmp_path):
-    named = listen_named(device, ["tau_Nm", "u_Nm", "limits_status", "sense.count_motor"], 100)
+    named = device.listen_named(["tau_Nm", "u_Nm", "limits_status", "sense.count_motor"], 100)
     assert named == ["chosen"]
     path = tmp_path / "a.mcap"
     with device.record(path, [*named, "sense_in", "sense_out"]):
@@ -46,11 +44,11 @@ def test_values_by_name_and_rate_are_recorded_bit_for_bit(device, tmp_path):
             assert a.tobytes() == b.tobytes(), name
         assert np.allclose(chosen.time_s[inside], whole.time_s[at[inside]])
     with pytest.raises(UserError, match="cannot be streamed"):
-        listen_named(device, ["nothing"])
+        device.listen_named(["nothing"])
 
 
 def test_a_lost_message_of_named_values_is_a_gap(device):
-    (name,) = listen_named(device, ["tau_Nm"], 200)
+    (name,) = device.listen_named(["tau_Nm"], 200)
     queue = device.subscribe([name])
     data, messages = bytearray(), []
     for _ in range(300):
@@ -235,18 +233,3 @@ def test_without_the_library_the_way_to_it_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(UserError, match="pip install foxglove-sdk"):
         FoxgloveOutlet(0)
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["bridge", "tcp:127.0.0.1:1"], "Add --foxglove PORT, --lsl, or both"),
-        (["record", "tcp:127.0.0.1:1", "a.mcap", "--rate", "10"], "--rate is of --signal"),
-    ],
-)
-def test_wrong_words_are_refused_before_anything_is_connected(words, said, capsys, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["esea-host", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert said in " ".join(capsys.readouterr().err.split())

@@ -180,7 +180,7 @@ def content(log) -> tuple:
 @pytest.mark.ci
 @pytest.mark.parametrize("compress", [False, True])
 def test_no_changed_byte_and_no_cut_leaves_a_complete_recording(tmp_path, compress):
-    """Every length, and every byte with a random bit flipped; what is read is what was written."""
+    """Cut at, or with a random bit flipped in, every second byte; what is read was written."""
     path = tmp_path / "a.mcap"
     data = small(path, compress)
     with esea_host.open_log(path) as log:
@@ -188,7 +188,8 @@ def test_no_changed_byte_and_no_cut_leaves_a_complete_recording(tmp_path, compre
         rows, notes, attached = content(log)
     random = Random(7)
     one_by_one = {rows[i : i + 8] for i in range(0, 48, 8)}
-    for at, byte in enumerate(data):
+    for at in range(0, len(data), 5 if compress else 2):
+        byte = data[at]
         flipped = bytes([byte ^ 1 << random.randrange(8)])
         for changed in (data[:at], data[:at] + flipped + data[at + 1 :]):
             path.write_bytes(changed)
@@ -224,7 +225,7 @@ def test_a_wrong_length_costs_one_piece(tmp_path, compress):
         ]
 
 
-@pytest.mark.parametrize("limit_bytes", [7000, 40_000, 100_001, 262_144])
+@pytest.mark.parametrize("limit_bytes", [7000, 100_001])
 def test_a_full_disk_leaves_what_was_written(tmp_path, limit_bytes):
     """A limit on the file's size, as a full disk: in any piece, and in the closing index."""
     path = tmp_path / "a.mcap"
@@ -346,19 +347,10 @@ def lost_by_kill(folder: Path, moment_s: float) -> tuple[int, int]:
 
 
 RANDOM = Random(16)
-MOMENTS_S = [RANDOM.uniform(0.02, 2.5) for _ in range(50)]
 
 
-@pytest.mark.parametrize("moment_s", MOMENTS_S[:2])
+@pytest.mark.parametrize("moment_s", [RANDOM.uniform(0.02, 2.5) for _ in range(2)])
 def test_after_kill_nine_at_most_a_second_is_gone(tmp_path, moment_s):
     handed, left = lost_by_kill(tmp_path, moment_s)
     assert left <= handed + 100  # said a moment later than written
-    assert handed - left <= 1000
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("moment_s", MOMENTS_S[2:])
-def test_after_kill_nine_at_fifty_moments(tmp_path, moment_s):
-    handed, left = lost_by_kill(tmp_path, moment_s)
-    assert left <= handed + 100
     assert handed - left <= 1000

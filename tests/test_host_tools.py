@@ -15,7 +15,6 @@ import pytest
 from matplotlib.image import imread
 
 import esea_host
-from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.cli import main
 from esea_host.recording.export import to_bids, to_csv, to_parquet
@@ -254,7 +253,7 @@ def test_an_export_that_fails_leaves_nothing_and_can_be_repeated(demo, tmp_path,
 
     with esea_host.open_log(demo.recording) as log:
         with monkeypatch.context() as patch:
-            patch.setattr("esea_host.recording.export._text", full)
+            patch.setattr("csv.writer", full)
             with pytest.raises(UserError, match="No space left"):
                 to_csv(log, "sense_out", tmp_path / "a.csv")
         assert list(tmp_path.iterdir()) == []
@@ -263,12 +262,8 @@ def test_an_export_that_fails_leaves_nothing_and_can_be_repeated(demo, tmp_path,
 
 def test_the_bench_measures_what_it_says(simulated_elbow):
     """Its shape, and what must be 0; figures are for docs/host.md."""
-    found = bench.measure(0.05, 1, 0.01, 2.0, simulated_elbow, 0.0, 0.0)
-    files.stamped("host-bench", found)
+    found = bench.measure(simulated_elbow, 0.05, 0.01, 2.0, 0.0, 0.0)
     assert found["simulated"]
-    assert found["fuzzed"]["wrong_rows_taken"] == 0
-    assert found["fuzzed"]["missing_rows_not_in_a_gap"] == 0
-    assert found["fuzzed"]["rows_missing"] > 0
     assert found["long_run"]["gaps"] == found["long_run"]["expected_minus_recorded"] == 0
     assert found["decoding"]["times_real_time"] > 1
     assert found["decoding"]["faster_than_parse_buffer"] > 3  # 12; a busy machine may be unfair

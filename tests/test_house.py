@@ -9,7 +9,9 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -118,3 +120,75 @@ def test_no_test_is_skipped_behind_the_back_of_ci():
     word = "import" + "orskip"
     found = [p.name for p in (ROOT / "tests").glob("*.py") if word in p.read_text(encoding="utf-8")]
     assert found == []
+
+
+WEIGHED = {
+    "product": ("esea_gen/**/*.py", "host/**/*.py"),
+    "tests": ("tests/**/*.py",),
+    "firmware": ("firmware/**/*.*", "templates/**/*.*"),
+    "generated": ("generated/**/*.*",),
+    "words": ("docs/**/*.md", "README.md"),
+}
+
+
+def weight(name: str) -> int:
+    """Lines that are kept in the repository, of the pages words."""
+    done = subprocess.run(
+        ["git", "ls-files", "--", *(f":(glob){p}" for p in WEIGHED[name])],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    total = 0
+    for file in done.stdout.split():
+        data = (ROOT / file).read_bytes()
+        if b"\0" not in data:
+            total += len(data.split()) if name == "words" else data.count(b"\n")
+    return total
+
+
+def most(entry: dict) -> int:
+    """What a total may be: the number, and what was added since, each with its reason."""
+    raised = entry.get("raised", [])
+    assert all(len(x["why"].split()) >= 3 for x in raised), "say why"
+    return entry["lines"] + sum(x["lines"] for x in raised)
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="counts what is committed")
+def test_the_house_does_not_grow_unnoticed():
+    totals = tomllib.loads((ROOT / "tests" / "totals.toml").read_text(encoding="utf-8"))
+    assert totals.keys() == WEIGHED.keys()
+    over = {n: weight(n) - most(entry) for n, entry in totals.items() if weight(n) > most(entry)}
+    assert over == {}, "make it lighter, or add an entry to tests/totals.toml that says why"
+    with pytest.raises(AssertionError, match="say why"):
+        most({"lines": 1, "raised": [{"lines": 5, "why": ""}]})
+
+
+def hidden(name: str) -> bool:
+    return name.startswith("_") and not name.endswith("__")
+
+
+def private_names(text: str) -> Iterator[str]:
+    """Names of our packages that begin with a line, where a test imports or reads them."""
+    tree = ast.parse(text)
+    own = {
+        x.name if isinstance(x, ast.FunctionDef | ast.ClassDef) else x.attr
+        for x in ast.walk(tree)
+        if isinstance(x, ast.FunctionDef | ast.ClassDef)
+        or (isinstance(x, ast.Attribute) and isinstance(x.ctx, ast.Store))
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            if (node.module or "").startswith(("esea_gen", "esea_host")):
+                yield from (a.name for a in node.names if hidden(a.name))
+        elif isinstance(node, ast.Attribute) and hidden(node.attr) and node.attr not in own:
+            yield node.attr
+
+
+def test_tests_use_the_public_face():
+    found = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in (ROOT / "tests").rglob("*.py")
+        for name in private_names(path.read_text(encoding="utf-8"))
+    }
+    assert found == set()
+    armed = "from esea_gen.files import _x\ny._z\nself.__init__\n"
+    assert list(private_names(armed)) == ["_x", "_z"]

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import math
 from decimal import ROUND_CEILING, Decimal
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.drafting import (
-    _rate,
     draft,
-    files_of,
     fitted_device,
-    origin_of,
-    round_up,
     sourced_device,
 )
 from esea_gen.identify.published.fit import Fit
@@ -25,36 +20,10 @@ from esea_gen.identify.published.plant import FittedPlant
 from esea_gen.identify.published.uncertainty import Uncertainty
 
 from .conftest import require_tool
+from .rigs import written
 
 HZ, CYCLES = 2.5, 6
 TRAINED_DEG, SKIPPED_DEG, TORQUE_Nm = 5.0, 8.0, 0.7
-MAPPING = """\
-schema = 1
-
-[device]
-name = "rig"
-title = "Rig"
-rate_terms = {rate}
-limit_factor = {factor}
-
-[deflection]
-column = "x"
-unit = "deg"
-
-[torque]
-column = "y"
-unit = "Nm"
-
-[sampling]
-time_column = "t"
-
-[cycles]
-skip_first = 1
-hold_out_last = 1
-
-[[recording]]
-files = ["rig.csv"]
-"""
 
 
 def drafted(folder, fs_Hz=1000.0, factor=1.5, rate=False, scale=1.0):
@@ -63,11 +32,14 @@ def drafted(folder, fs_Hz=1000.0, factor=1.5, rate=False, scale=1.0):
     amplitude = np.where(t < 1 / HZ, SKIPPED_DEG, TRAINED_DEG) * scale
     x = amplitude * np.sin(2 * np.pi * HZ * t)
     y = TORQUE_Nm / TRAINED_DEG * x + 0.05 * np.cos(2 * np.pi * HZ * t)
-    rows = [f"{a:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(t, x, y, strict=True)]
-    (folder / "rig.csv").write_text("\n".join(["t,x,y", *rows]) + "\n", encoding="utf-8")
-    text = MAPPING.format(rate=str(rate).lower(), factor=factor)
-    (folder / "rig.toml").write_text(text, encoding="utf-8")
-    source = load_mapping(folder / "rig.toml")
+    path = written(
+        folder,
+        *(t, x, y),
+        ('unit = "rad"', 'unit = "deg"'),
+        ("rate_terms = false", f"rate_terms = {str(rate).lower()}\nlimit_factor = {factor}"),
+        ("[[rec", "[cycles]\nskip_first = 1\nhold_out_last = 1\n[[rec"),
+    )
+    source = load_mapping(path)
     recordings = load_recordings(source)
     return source, recordings, draft(source, recordings, rate)
 
@@ -144,13 +116,6 @@ def test_a_fitted_devices_limit_is_what_its_model_gives_from_end_to_end(
         )
 
 
-def test_a_torque_limit_that_holds_the_model_stays(tmp_path):
-    source, recordings, template = drafted(tmp_path)
-    soft = values_of(k1_Nm_rad=1.0, k3_Nm_rad3=0.0, alpha_Nm_rad=0.0)
-    device = fitted_device(source, recordings, template, Fit(soft, 1e-3, 8, 8, 1.0), 0.0)
-    assert device.file.limits.tau_Nm == template.file.limits.tau_Nm
-
-
 def test_each_number_says_where_it_is_from_and_how_sure_it_is(tmp_path):
     source, recordings, template = drafted(tmp_path)
     values = values_of(k1_Nm_rad=bounds_of("k1_Nm_rad")[1])
@@ -159,7 +124,7 @@ def test_each_number_says_where_it_is_from_and_how_sure_it_is(tmp_path):
     sigma = {"k3_Nm_rad3": 2.345, "alpha_Nm_rad": math.inf, "beta_1_rad": None}
     sourced = sourced_device(source, recordings, device, fit, Uncertainty(sigma, {}, 1.0))
     found = {k: q.source for k, q in sourced.quantities() if k.startswith("elastomer.")}
-    where = "rig.csv (rig.toml)"
+    where = "rig.csv (map.toml)"
     assert found["elastomer.k1_Nm_rad"] == f"{where}; at its upper bound"
     assert found["elastomer.k3_Nm_rad3"] == f"{where}; standard deviation 2.3"
     nothing = f"{where}; the torque does not depend on it"
@@ -195,56 +160,3 @@ def test_the_torque_is_the_sum_of_its_parts_times_their_stiffness(tmp_path, rate
     assert len(trained) == len(plant.measured) == len(torque)
     assert np.abs(trained).max() == pytest.approx(math.radians(TRAINED_DEG), rel=2e-3)
     np.testing.assert_allclose(basis[:, 0], trained)
-
-
-@pytest.mark.parametrize(("count", "span"), [(60, 40), (40, 39), (41, 40)])
-def test_a_rate_is_over_twenty_milliseconds_or_all_there_is(count, span):
-    # Samples of 0.5 ms of a deflection that is quickest in its middle.
-    k = np.arange(count)
-    theta = np.tanh((k - count / 2) / 7.0)
-    recording = SimpleNamespace(theta_rad=theta, time_s=k * 0.5e-3)
-    rows = np.array([0, 11, count - 1])
-    speeds = [abs(theta[i + span] - theta[i]) / (span * 0.5e-3) for i in range(count - span)]
-    # Of a sample that of the stretch round it, as far as there is one.
-    mine = [speeds[min(max(int(r) - span // 2, 0), len(speeds) - 1)] for r in rows]
-    assert _rate(recording, SimpleNamespace(training=rows)) == pytest.approx(max(mine))
-    one = SimpleNamespace(training=rows[2:])
-    assert _rate(recording, one) == pytest.approx(mine[2])
-
-
-@pytest.mark.parametrize(
-    ("x", "up"), [(1.0, 1.0), (1.001, 1.1), (0.0991, 0.1), (0.098, 0.098), (347, 350), (9.91, 10)]
-)
-def test_numbers_are_rounded_up_to_two_digits(x, up):
-    assert round_up(x) == pytest.approx(up, rel=1e-12)
-
-
-def test_files_are_told_by_the_first_that_trains():
-    def recording(file, *trained):
-        return SimpleNamespace(file=file, sets=[SimpleNamespace(training=[0] * n) for n in trained])
-
-    some = [recording("a.csv", 0), recording("b.csv", 0, 3), recording("c.csv", 5)]
-    assert files_of(some) == "b.csv and 1 more"
-    assert files_of(some, only_training=False) == "a.csv and 2 more"
-    assert files_of(some[:2]) == "b.csv"
-
-
-def test_an_origin_says_what_was_assumed_and_taken_out():
-    def source(scales, lag):
-        return SimpleNamespace(
-            origin="m.toml",
-            mapping=SimpleNamespace(
-                deflection=SimpleNamespace(scale_rad_per_m=scales[0]),
-                torque=SimpleNamespace(scale_Nm_per_N=scales[1], lag_s=lag),
-            ),
-        )
-
-    assumed, known = SimpleNamespace(status="assumed"), SimpleNamespace(status="published")
-    found = SimpleNamespace(status="identified", value=0.0123456)
-    for scales, lag, said in (
-        ((None, None), None, ""),
-        ((known, known), SimpleNamespace(status="assumed", value=1.0), ""),
-        ((known, assumed), None, "; scales assumed"),
-        ((assumed, None), found, "; scales assumed; lag of 12.3 ms taken out"),
-    ):
-        assert origin_of(source(scales, lag), "x.csv") == f"x.csv (m.toml{said})"

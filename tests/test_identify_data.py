@@ -16,40 +16,22 @@ import pytest
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify import Identification, Recording, identify, load_mapping, load_recordings
-from esea_gen.identify.inverse import refit_inverse
-from esea_gen.identify.published.plant import FittedPlant, _on_grid
+from esea_gen.identify.published.plant import FittedPlant
 from esea_gen.identify.published.plays import KEYS, play_spread
 from esea_gen.identify.published.uncertainty import uncertainty
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.resampling import FitRows
-from esea_gen.model.inverse import inverse_system
-from esea_gen.model.published_inverse import published_inverse
 from esea_gen.model.sensing import sensing_system
 
 from .conftest import require_tool
+from .rigs import changed, table
 
 DATA = Path(__file__).parent / "data" / "hdrb"
 CYCLE = 100  # samples
 
-MAPPING = """\
-schema = 1
-[device]
-name = "rig"
-title = "Rig"
-rate_terms = false
-[deflection]
-column = "x"
-unit = "rad"
-[torque]
-column = "y"
-unit = "Nm"
-[sampling]
-time_column = "t"
-[search]
-population = 16
-[[recording]]
-files = ["*.csv"]
-"""
+MAPPING = changed(
+    ("[[recording]]", "[search]\npopulation = 16\n[[recording]]"), ("rig.csv", "*.csv")
+)
 
 
 def sine(cycles: int, amplitude_rad: float = 0.1) -> np.ndarray:
@@ -67,9 +49,7 @@ def written(folder: Path, mapping: str = MAPPING, **torques: tuple[np.ndarray, n
     """Mapping beside its recordings: by name the deflection and the torque."""
     folder.mkdir(exist_ok=True)
     for name, (x, y) in torques.items():
-        rows = zip(np.arange(len(x)) / CYCLE, x, y, strict=True)
-        lines = [f"{t:.17g},{a:.17g},{b:.17g}" for t, a, b in rows]
-        (folder / f"{name}.csv").write_text("\n".join(["t,x,y", *lines, ""]))
+        (folder / f"{name}.csv").write_text(table(np.arange(len(x)) / CYCLE, x, y))
     (folder / "map.toml").write_text(mapping)
     return folder / "map.toml"
 
@@ -118,25 +98,6 @@ def test_no_sample_trains_and_is_held_out(tmp_path, skip_first, hold_out_last, s
         held = [c for c in recording.cycles if c.role == "held_out"]
         assert len(held) == hold_out_last * len(blocks)
         assert seen[:, 1].sum() == sum(c.stop - c.start for c in held)
-
-
-def test_of_the_recorded_rubber_no_sample_does_both():
-    for recording in load_recordings(load_mapping(DATA / "hdrb.toml")):
-        assert roles_by_sample(recording).sum(axis=1).max() == 1
-        assert [len(s.held_out) > 0 for s in recording.sets] == [True] * 4
-        training = np.concatenate([s.training for s in recording.sets])
-        for c in recording.cycles:
-            share = np.isin(np.arange(c.start, c.stop), training).mean()
-            assert share == (1.0 if c.role == "training" else 0.0)
-
-
-def test_a_file_held_out_whole_trains_with_no_sample(tmp_path):
-    table = 'files = ["a.csv"]\nuse = "train"\n[[recording]]\nfiles = ["b.csv"]\nuse = "held_out"'
-    mapping = MAPPING.replace('files = ["*.csv"]', table)
-    theta = sine(4)
-    a, b = loaded(written(tmp_path, mapping, a=(theta, lossy(theta)), b=(theta, lossy(theta))))
-    assert roles_by_sample(a).tolist() == [[1, 0]] * len(theta)
-    assert roles_by_sample(b).tolist() == [[0, 1]] * len(theta)
 
 
 # -- what it may depend on -------------------------------------------------------------------------
@@ -201,26 +162,6 @@ def test_a_wrong_held_out_torque_reaches_no_row_of_a_fit_with_rate_terms(
     assert len(good.measured) == pytest.approx(cycles * rate_Hz, abs=0.02 * rate_Hz)
 
 
-def test_a_wrong_held_out_deflection_changes_no_number_of_the_inverse(elbow):
-    require_tool("gcc")
-    block = published_inverse(elbow, kappa=0.12, phi=3.0, chi=0.004)
-    runner = compile_system(inverse_system(elbow, block), "f64").block(block.name)
-    at = np.arange(3000)
-    tau = 4 * np.sin(at * 0.012) * (0.5 + 0.5 * np.sin(at * 0.0031))
-    theta = runner.run({"tau_Nm": tau}, trace=False)[0]["theta_rad"] + 1e-3 * np.cos(2.3 * at)
-    whole = DataSet("own", 0.2, at[:2000], at[2000:], {}, None, None, None)
-    good = Recording("own", "own.csv", "0" * 16, at * 1e-3, theta, tau, True, 0, (), (whole,))
-    bad = theta.copy()
-    bad[2000:] *= 0.7
-    fits = [
-        refit_inverse(elbow, [r], "a test", population=4)
-        for r in (good, replace(good, theta_rad=bad))
-    ]
-    assert fits[0].values == fits[1].values
-    assert fits[0].sigma == fits[1].sigma
-    assert fits[1].sets.mean_rms(True) > 10 * fits[0].sets.mean_rms(True)
-
-
 # -- how much each counts --------------------------------------------------------------------------
 
 
@@ -279,16 +220,6 @@ def test_the_devices_own_torque_is_fitted_without_error(elbow):
     assert np.max(np.abs(plant.torque(values) - plant.measured)) < 1e-9
     assert np.max(np.abs(plant.measured)) > 1
     assert plant.evaluations == 1
-
-
-def test_no_grid_is_finer_than_the_devices_own(elbow):
-    require_tool("gcc")
-    recording = replayed(elbow, 0.1 * np.sin(np.arange(400) / 40))
-    fine_Hz = 1 / elbow.period_s
-    estimate = FittedPlant(elbow, [recording], fine_Hz)._estimate
-    grids = [_on_grid(recording, estimate, fine_Hz, rate * fine_Hz) for rate in (1, 3)]
-    for a, b in ((getattr(g, n) for g in grids) for n in ("theta_rad", "omega_rad_s", "tau_Nm")):
-        np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.ci
@@ -378,32 +309,6 @@ FEW_rad = np.array([-0.2, -0.1, 0.05, 0.15, 0.2])
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e6, 1e-6])
-def test_standard_deviations_of_a_few_samples_by_fits_without_each(unit):
-    # Fewer samples than blocks: each is one.  In another unit of torque the deviations are the same
-    # share of the values.
-    plant = Cubic(FEW_rad, unit * 0.01 * np.array([1.0, -2.0, 1.5, -1.0, 0.5]))
-    k1, k3 = 10.0, 200.0
-    plant.measured += unit * plant.basis @ [k1, k3]
-    fit = np.linalg.lstsq(plant.basis, plant.measured, rcond=None)[0]
-    rest = plant.measured - plant.basis @ fit
-    assert rest[1:] @ rest[:-1] < 0  # of which neighbours are not alike
-    fits = []
-    for i in range(5):
-        other = np.arange(5) != i
-        # The normal equations of a straight line through the origin and a cube, by hand.
-        x, y = FEW_rad[other], plant.measured[other]
-        m2, m4, m6 = (float(np.sum(x**n)) for n in (2, 4, 6))
-        b1, b3 = float(x @ y), float(x**3 @ y)
-        fits.append(np.array([b1 * m6 - b3 * m4, b3 * m2 - b1 * m4]) / (m2 * m6 - m4**2))
-    expected = np.sqrt(4 / 5 * np.sum((np.array(fits) - np.mean(fits, axis=0)) ** 2, axis=0))
-    values = dict(zip(("k1_Nm_rad", "k3_Nm_rad3"), (fit / unit).tolist(), strict=True))
-    plant.basis = unit * plant.basis
-    told = uncertainty(plant, values)
-    assert told.correlation_factor == 1.0
-    np.testing.assert_allclose([told.sigma[k] for k in values], expected / unit, rtol=1e-6)
-
-
-@pytest.mark.parametrize("unit", [1.0, 1e6, 1e-6])
 def test_a_parameter_without_effect_is_not_determined(unit):
     plant = Cubic(FEW_rad, unit * (10 * FEW_rad + [0.01, -0.02, 0.015, -0.01, 0.005]))
     # As far below the other as rounding may leave it, and as far as any number may tell.
@@ -433,24 +338,13 @@ def test_standard_deviations_of_the_inverse_are_that_scatter_too(rho):
 
 # The National Institute of Standards and Technology, special publication 811, appendix B.
 SI = {
-    ("deflection", "rad"): 1.0,
-    ("deflection", "mrad"): 1e-3,
-    ("deflection", "deg"): np.pi / 180,
-    ("deflection", "m"): 1.0,
-    ("deflection", "cm"): 1e-2,
-    ("deflection", "mm"): 1e-3,
-    ("deflection", "um"): 1e-6,
-    ("deflection", "in"): 0.0254,
-    ("torque", "Nm"): 1.0,
-    ("torque", "mNm"): 1e-3,
-    ("torque", "Ncm"): 1e-2,
-    ("torque", "kNm"): 1e3,
-    ("torque", "N"): 1.0,
-    ("torque", "kN"): 1e3,
-    ("torque", "mN"): 1e-3,
-    ("torque", "tonf"): 9806.65,
-    ("torque", "kgf"): 9.80665,
-    ("torque", "lbf"): 4.4482216152605,
+    **{("deflection", k): v for k, v in {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180}.items()},
+    **{("length", k): v for k, v in {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}.items()},
+    **{("torque", k): v for k, v in {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}.items()},
+    **{("force", k): v for k, v in {"N": 1.0, "kN": 1e3, "mN": 1e-3, "tonf": 9806.65}.items()},
+    ("length", "um"): 1e-6,
+    ("force", "kgf"): 9.80665,
+    ("force", "lbf"): 4.4482216152605,
 }
 
 
@@ -459,14 +353,13 @@ def test_recorded_units_become_si(tmp_path, unit):
     where, name = unit
     factor = SI[unit]
     x, y = sine(4), lossy(sine(4))
-    told = (x / factor, y) if where == "deflection" else (x, y / factor)
-    plain = 'unit = "rad"' if where == "deflection" else 'unit = "Nm"'
+    moved = where in ("deflection", "length")
+    told = (x / factor, y) if moved else (x, y / factor)
+    scale = {"length": "scale_rad_per_m", "force": "scale_Nm_per_N"}.get(where)
     put = f'unit = "{name}"'
-    one = '{ value = 1.0, status = "assumed", source = "a test" }'
-    if name in ("m", "cm", "mm", "um", "in"):
-        put += f"\nscale_rad_per_m = {one}"
-    if name in ("N", "mN", "kN", "kgf", "tonf", "lbf"):
-        put += f"\nscale_Nm_per_N = {one}"
-    (recording,) = loaded(written(tmp_path, MAPPING.replace(plain, put), rig=told))
-    np.testing.assert_allclose(recording.theta_rad, x, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(recording.tau_Nm, y, rtol=1e-12, atol=1e-15)
+    if scale:
+        put += f'\n{scale} = {{ value = 1.0, status = "assumed", source = "a test" }}'
+    mapping = MAPPING.replace('unit = "rad"' if moved else 'unit = "Nm"', put)
+    (recording,) = loaded(written(tmp_path, mapping, rig=told))
+    np.testing.assert_allclose(recording.theta_rad, x, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(recording.tau_Nm, y, rtol=1e-9, atol=1e-12)

@@ -17,6 +17,8 @@ VALUES = {
     "kv_Nm_rad": 5.0,
     "eps2": 0.0131,
 }
+WITHOUT = {k: v for k, v in VALUES.items() if k != "kv_Nm_rad"}
+HIGH = bounds_of("k1_Nm_rad")[1]
 
 
 def verdict_of(rms_Nm=0.05, asymmetry=(0.02,), softening=(None,)):
@@ -30,158 +32,84 @@ def verdict_of(rms_Nm=0.05, asymmetry=(0.02,), softening=(None,)):
 def recording(dropped=0, gap_s=0.01, timed=True):
     times = np.cumsum([0.0, *[0.01] * 97, gap_s])
     theta = 0.2 * np.sin(np.arange(99) / 5)
-    return SimpleNamespace(
-        label="one",
-        dropped=dropped,
-        time_s=times,
-        theta_rad=theta,
-        timed=timed,
-        temperature_C=None,
-    )
+    facts = {"dropped": dropped, "timed": timed, "temperature_C": None}
+    return SimpleNamespace(label="one", time_s=times, theta_rad=theta, tau_Nm=20 * theta, **facts)
 
 
-def told(
-    values=VALUES,
-    sigma=None,
-    recordings=None,
-    verdict=None,
-    pair=None,
-    edges=(),
-    rate_dropped=False,
-):
-    """All notes in one text."""
-    mapping = SimpleNamespace(sampling=SimpleNamespace(min_step_s=0.002))
-    fit = SimpleNamespace(values=values, rate_dropped=rate_dropped, edges=edges)
-    return "\n".join(
-        notes_of(
-            SimpleNamespace(mapping=mapping),
-            recordings or [recording()],
-            fit,
-            SimpleNamespace(sigma=sigma or {}),
-            verdict or verdict_of(),
-            pair,
-        )
-    )
-
-
-@pytest.fixture(autouse=True)
-def _known_scales(monkeypatch):
-    monkeypatch.setattr("esea_gen.identify.notes.largest_torque", lambda source, recordings: 4.0)
-    monkeypatch.setattr("esea_gen.identify.notes.scales_assumed", lambda source: False)
-
-
-def test_assumed_scales_are_told(monkeypatch):
-    assert "scales" not in told()
-    monkeypatch.setattr("esea_gen.identify.notes.scales_assumed", lambda source: True)
-    assert "The scales from the specimen to a coupling are assumed." in told()
+def told(values=VALUES, sigma=None, recordings=None, verdict=None, pair=None, **fit):
+    """All notes in one text; full scale is 4 Nm."""
+    tables = {
+        "sampling": SimpleNamespace(min_step_s=0.002),
+        "full_scale_Nm": SimpleNamespace(value=4.0),
+        "deflection": SimpleNamespace(scale_rad_per_m=None),
+        "torque": SimpleNamespace(scale_Nm_per_N=None),
+    }
+    source = SimpleNamespace(mapping=SimpleNamespace(**tables))
+    fitted = SimpleNamespace(**{"values": values, "rate_dropped": False, "edges": ()} | fit)
+    spread = SimpleNamespace(sigma=sigma or {})
+    given = recordings or [recording()], fitted, spread, verdict or verdict_of(), pair
+    return "\n".join(notes_of(source, *given))
 
 
 @pytest.mark.parametrize(
-    ("worst", "side"), [(0.049, "within"), (-0.049, "within"), (0.051, "above"), (-0.3, "above")]
-)
-def test_asymmetry_is_judged_by_the_worst_of_all_sets_against_5_percent(worst, side):
-    text = told(verdict=verdict_of(asymmetry=(0.01, worst, None)))
-    assert f"up to {100 * worst:+.1f} %, {side} our limit of 5 %" in text
-    assert "one side only" not in text
-
-
-def test_one_sided_loading_and_softening():
-    text = told(verdict=verdict_of(asymmetry=(None,)))
-    assert "Loaded to one side only" in text
-    assert "our limit" not in text
-    assert "Mullins" not in text
-    text = told(verdict=verdict_of(asymmetry=(0.0, 0.0, 0.0), softening=(0.1, 0.25, None)))
-    assert "up to 25 % less work" in text
-    text = told(verdict=verdict_of(asymmetry=(0.0,), softening=(0.0101,)))
-    assert "up to 1 % less work" in text
-    text = told(verdict=verdict_of(asymmetry=(0.0, 0.0), softening=(-0.004, 0.009)))
-    assert "none seen, no block's last cycle loses 1 % less work than its first" in text
-    assert "up to" not in text.split("scragging")[1].split("\n")[0]
-
-
-@pytest.mark.parametrize(
-    ("rms_Nm", "verdict"),
+    ("given", "said", "unsaid"),
     [
-        (0.08, "the rate terms help"),
-        (0.05, "the rate terms do not help, and are left out"),
-        (0.04, "the rate terms do not help, and are left out"),
+        ({}, "eps2 is fixed at 0.0131", "dropped by"),
+        ({"verdict": verdict_of(asymmetry=(0.01, -0.049, None))}, "-4.9 %, within our limit", ""),
+        ({"verdict": verdict_of(asymmetry=(0.01, 0.051))}, "+5.1 %, above our limit of 5 %", ""),
+        ({"verdict": verdict_of(asymmetry=(None,))}, "Loaded to one side only", "Mullins"),
+        (
+            {"verdict": verdict_of(asymmetry=(0.0,) * 3, softening=(0.1, 0.25, None))},
+            "up to 25 % less work",
+            "none seen",
+        ),
+        (
+            {"verdict": verdict_of(asymmetry=(0.0,) * 2, softening=(-0.004, 0.009))},
+            "none seen, no block's last cycle loses 1 % less",
+            "",
+        ),
+        (
+            {"pair": (verdict_of(0.08), verdict_of(0.05))},
+            "element 2.00 %, with it 1.25 % of full scale: the rate terms help",
+            "",
+        ),
+        ({"pair": (verdict_of(0.05),) * 2}, "the rate terms do not help, and are left out", ""),
+        ({"pair": (verdict_of(),) * 2, "rate_dropped": True}, "", "Held-out error without"),
+        ({"values": WITHOUT, "rate_dropped": True}, "no stiffness, so it is left out", ""),
+        ({"values": WITHOUT, "recordings": [recording(timed=False)]}, "no time was recorded", ""),
+        ({"values": WITHOUT}, "rate_terms = false", ""),
+        ({"recordings": [recording(timed=False)]}, "marked assumed too", ""),
+        (
+            {"recordings": [recording(dropped=2), recording(dropped=1)]},
+            "3 of 201 samples dropped by sampling.min_step_s = 0.002 s",
+            "",
+        ),
+        ({"recordings": [recording(gap_s=0.11)]}, "largest gap between samples is 0.11 s", ""),
+        ({"recordings": [recording(gap_s=0.09)]}, "", "gap"),
+        ({"sigma": {"k1_Nm_rad": 4.9}}, "", "poorly"),
+        ({"sigma": {"k1_Nm_rad": 5.1}}, "poorly determined (standard deviation 5.1)", ""),
+        ({"sigma": {"k1_Nm_rad": np.inf}}, "poorly determined (standard deviation infinite)", ""),
+        (
+            {"values": VALUES | {"k1_Nm_rad": HIGH}, "sigma": {"k1_Nm_rad": 9 * HIGH}},
+            "is at its upper bound",
+            "poorly",
+        ),
+        ({"edges": ["omega is low"]}, "Omega is low.", ""),
+        ({"values": VALUES | {"omega_rad": 0.21}}, "No stop slips", ""),
+        ({"values": VALUES | {"alpha_Nm_rad": 0.0}}, "carry no torque", "No stop slips"),
     ],
 )
-def test_what_the_rate_terms_are_worth_in_per_cent_of_full_scale(rms_Nm, verdict):
-    text = told(pair=(verdict_of(rms_Nm), verdict_of(0.05)))
-    assert f"element {100 * rms_Nm / 4:.2f} %, with it 1.25 % of full scale" in text
-    assert verdict in text
-    assert "Held-out error without" not in told()
-    assert "Held-out error without" not in told(pair=(verdict_of(rms_Nm),) * 2, rate_dropped=True)
-
-
-def test_why_there_are_no_rate_terms():
-    without = {k: v for k, v in VALUES.items() if k != "kv_Nm_rad"}
-    assert "eps2 is fixed at 0.0131" in told()
-    assert "no stiffness, so it is left out" in told(without, rate_dropped=True)
-    assert "no time was recorded" in told(without, recordings=[recording(), recording(timed=False)])
-    assert "rate_terms = false" in told(without)
-    assert "as good or better" in told(without, pair=(verdict_of(),) * 2)
-    assert "marked assumed too" in told(recordings=[recording(timed=False)])
-    assert "marked assumed too" not in told()
-
-
-def test_samples_that_are_missing_are_counted():
-    two = [recording(dropped=2), recording(dropped=1)]
-    assert "3 of 201 samples dropped by sampling.min_step_s = 0.002 s" in told(recordings=two)
-    text = told()
-    assert "dropped" not in text
-    assert "gap" not in text
-    assert "one: the largest gap between samples is 0.11 s" in told(
-        recordings=[recording(gap_s=0.11)]
-    )
-    assert "gap" not in told(recordings=[recording(gap_s=0.09)])
-
-
-@pytest.mark.parametrize(
-    ("sigma", "said"), [(4.9, ""), (5.1, "deviation 5.1"), (np.inf, "deviation infinite")]
-)
-def test_what_is_known_to_half_of_itself_only_is_called_out(sigma, said):
-    text = told(sigma={"k1_Nm_rad": sigma})
-    assert ("k1_Nm_rad = 10 is poorly determined" in text) == bool(said)
+def test_a_note_where_it_applies(given, said, unsaid):
+    text = told(**given)
     assert said in text
+    assert not unsaid or unsaid not in text
 
 
-def test_bounds_and_edges():
-    high = bounds_of("k1_Nm_rad")[1]
-    text = told(VALUES | {"k1_Nm_rad": high}, sigma={"k1_Nm_rad": 9 * high}, edges=["omega is low"])
-    assert f"k1_Nm_rad = {high:.4g} is at its upper bound" in text
-    assert "poorly" not in text
-    assert "Omega is low." in text
-
-
-@pytest.mark.parametrize(("omega_rad", "said"), [(0.19, False), (0.21, True)])
-def test_stops_that_never_slip(omega_rad, said):
-    # 0.2 rad is the farthest that was recorded.
-    assert ("No stop slips" in told(VALUES | {"omega_rad": omega_rad})) == said
-
-
-@pytest.mark.parametrize(("alpha", "said"), [(0.0, True), (1e-9, False)])
-def test_stops_without_torque(alpha, said):
-    assert ("carry no torque" in told(VALUES | {"alpha_Nm_rad": alpha})) == said
-
-
-@pytest.mark.parametrize(("friction_Nm", "way"), [(0.08, "0.08 Nm more"), (-0.08, "0.08 Nm less")])
-def test_friction_that_the_residuals_show_has_no_sign(friction_Nm, way):
-    verdict = SimpleNamespace(torque_Nm={})
-    spread = SimpleNamespace(band_Nm=0.1, friction_Nm=friction_Nm)
-    none = SimpleNamespace(label="one", tau_Nm=np.zeros(2), sets=[SimpleNamespace(held_out=[0, 1])])
-    verdict.torque_Nm["one"] = np.array([0.05, 0.2])
-    told_Nm = "\n".join(band_notes([none], verdict, spread, 4.0))
-    assert f"show {way} friction than the model has" in told_Nm
-    assert "50 % are" in told_Nm
-
-
-def test_the_band_is_told_in_percent_of_full_scale_and_beside_what_was_held_out():
+def test_the_band_in_percent_of_full_scale_beside_what_was_held_out():
     r = SimpleNamespace(label="one", tau_Nm=np.zeros(5), sets=[SimpleNamespace(held_out=[0, 2, 4])])
     verdict = SimpleNamespace(torque_Nm={"one": np.array([0.01, 9.0, -0.02, 9.0, 0.4])})
-    spread = SimpleNamespace(band_Nm=0.396, friction_Nm=None)
-    assert band_notes([r], verdict, spread, 4.0) == [
-        "Torque: 95 % of errors in blocks left out are below 0.396 Nm (9.9 % of full scale); of "
-        "the held-out samples 67 % are."
-    ]
+    spread = SimpleNamespace(band_Nm=0.396, friction_Nm=-0.08)
+    band, friction = band_notes([r], verdict, spread, 4.0)
+    assert "below 0.396 Nm (9.9 % of full scale)" in band
+    assert "67 % are" in band
+    assert "0.08 Nm less friction than the model has" in friction

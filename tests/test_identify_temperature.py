@@ -21,13 +21,12 @@ from esea_gen.identify.family.fit import UnitTerms, fit_member, misfits_of
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.family.members import members
 from esea_gen.identify.notes import temperature_notes
-from esea_gen.identify.recording.conditions import splits_of
 from esea_gen.identify.recording.temperatures import searched_factor
 from esea_gen.model.family import Member, Rise, Term
 from esea_gen.model.temperature import TemperatureFactor
-from esea_gen.report.identification import identification_page
 from tests.conftest import require_tool
-from tests.test_identify import MAPPING, says, table
+from tests.rigs import says, table
+from tests.test_recordings import MAPPING
 
 PER_K, AT_23_C, NOISE_Nm = -0.004, 23.0, 0.01
 MODEL = "stops, Maxwell, offset"
@@ -107,7 +106,6 @@ def test_it_is_in_the_device_file_and_in_the_result(found, tmp_path):
     said = "\n".join(found.summary())
     assert "% a kelvin (95 %: -0.4" in said
     assert "temperature_C is the reference until somebody sets it" in said
-    assert "Temperature T multiplies every term but the offset" in identification_page(found)
 
 
 def test_its_own_c_is_judged_at_each_temperature(found):
@@ -154,34 +152,6 @@ def springs(theta: np.ndarray, temperature_C: float, per_K: float) -> np.ndarray
     return (1 + per_K * (temperature_C - AT_23_C)) * (8 * theta + 180 * theta**3) - 0.06
 
 
-def test_weights_are_those_at_the_reference(tmp_path):
-    """Also where one temperature has three data sets and the other one."""
-    path = recorded(tmp_path, {15.0: "cycles", 31.0: "train"}, law=springs, noise_Nm=1e-5)
-    recordings = load_recordings(load_mapping(path))
-    assert [len(r.sets) for r in recordings] == [3, 1]
-    rises = (Term("spring", Rise("power", 1)), Term("spring", Rise("power", 3)), Term("offset"))
-    fitted = fit_member(
-        UnitTerms(Member("three", "three", rises), recordings, 100.0), recordings, 3.0
-    )
-    assert fitted.temperature.per_K == pytest.approx(PER_K, rel=1e-3)
-    scale = fitted.scale_rad
-    assert fitted.weights_Nm == pytest.approx((8 * scale, 180 * scale**3, -0.06), rel=1e-3)
-
-
-def test_each_temperature_is_a_condition_to_leave_out(tmp_path):
-    path = recorded(tmp_path, THREE | {15.2: "cycles"})
-    splits = splits_of(load_recordings(load_mapping(path)))
-    warm = [s for s in splits if s.condition.endswith("degC")]
-    assert [s.condition for s in warm] == ["15 degC", "23 degC", "31 degC"]
-    assert all(s.whole for s in warm)
-    judged = {r.label for r in warm[0].recordings for s in r.sets if len(s.held_out)}
-    assert judged == {"at15", "at15.2"}
-    text = path.read_text().replace("hold_out_last = 1", 'hold_out = "31 degC"')
-    path.write_text(text)
-    held = {r.label for r in load_recordings(load_mapping(path)) for s in r.sets if len(s.held_out)}
-    assert held == {"at31"}
-
-
 @pytest.mark.parametrize(
     ("uses", "said"),
     [
@@ -198,11 +168,6 @@ def test_too_near_or_one_temperature_tells_nothing(tmp_path, uses, said):
     (note,) = temperature_notes(recordings)
     assert "not known" in note
     assert said in note
-
-
-def test_the_published_model_is_said_to_have_none(tmp_path):
-    (note,) = temperature_notes(load_recordings(load_mapping(recorded(tmp_path, THREE))))
-    assert "published model has no factor" in note
 
 
 def test_no_change_is_not_told_from_none(tmp_path):
@@ -237,15 +202,6 @@ def test_the_search_is_the_optimum_of_another_solver(truth):
         np.column_stack([x, x * (at_C - 23.3), np.ones(600)]), y, rcond=None
     )[0]
     assert factor.per_K == pytest.approx(slope / k, abs=1e-7)
-
-
-def test_what_the_device_file_cannot_hold_is_not_searched(tmp_path):
-    """A rubber that loses 9 % a kelvin ends at the bound."""
-    recordings = load_recordings(load_mapping(recorded(tmp_path, THREE, -0.09)))
-    member = Member("one", "one", (Term("spring", Rise("power", 1)),))
-    fitted = fit_member(UnitTerms(member, recordings, 100.0), recordings, 3.0)
-    low = field_facts("family.temperature.per_K")["low"]
-    assert fitted.temperature.per_K == pytest.approx(low, rel=1e-3)
 
 
 @pytest.mark.parametrize(("side", "room_K"), [(1, 42.5), (-1, 8.5)])
@@ -296,35 +252,6 @@ def test_a_column_gives_its_mean(tmp_path):
     rows[:, 3] += np.linspace(0, 4, len(t))
     np.savetxt(tmp_path / "rig.csv", rows, delimiter=",", header="t,x,y,T", comments="")
     says(error(section), "more than 3 K", "one temperature")
-
-
-@pytest.mark.parametrize(
-    ("change", "parts"),
-    [
-        (
-            lambda s: s.replace(
-                "temperature_C = { value = 23.0", "temperature_C = { value = 230.0"
-            ),
-            ["recording[1].temperature_C = 230 is above its limit 200"],
-        ),
-        (
-            lambda s: s.replace("temperature_C = { value = 23.0", "# = { value = 23.0"),
-            ["recording[1].temperature_C is missing"],
-        ),
-        (
-            lambda s: s.replace("[[rec", '[temperature]\ncolumn = "T"\n\n[[rec', 1),
-            ["recording[0].temperature_C and [temperature] are both"],
-        ),
-    ],
-)
-def test_a_wrong_temperature_is_refused(tmp_path, change, parts):
-    path = recorded(tmp_path, THREE)
-    text = change(path.read_text())
-    assert text != path.read_text()
-    path.write_text(text)
-    with pytest.raises(UserError) as caught:
-        load_mapping(path)
-    says(caught.value, *parts)
 
 
 def test_a_recording_beyond_the_range_is_not_judged(found, tmp_path):

@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
-import struct
 import zlib
 from contextlib import nullcontext
 from types import SimpleNamespace
 
+import cffi
 import pytest
 from typer.testing import CliRunner
 
 from esea_gen.board.blackbox import blackbox_csv, read_record
-from esea_gen.board.sim import SimBoard
 from esea_gen.emit.states import BOARD_FAULTS
 from esea_gen.link.kept import kept_use, name_encoders, read_blackbox, release_blackbox
 from esea_gen.link.transport import LinkError
 from esea_host.cli import app
 from esea_host.cli import board as commands
 
-from .conftest import require_tool
+from .sim_drive import ANGLES, active, powered_on, texts, zeroed
 
-ANGLES = {"count_motor": 700.0, "count_load": 900.0, "count_gear": 5.0}
 WATCHDOG = next(f.value for f in BOARD_FAULTS if f.name == "WATCHDOG")
 
 
 @pytest.fixture(scope="module")
 def powered(drive):
-    require_tool("gcc")
-    board = SimBoard(drive)
-    yield board
-    board.close()
+    yield from powered_on(drive)
 
 
 @pytest.fixture
@@ -43,26 +38,12 @@ def board(powered):
     return powered
 
 
-def zeroed(board) -> None:
-    board.zero()
-    board.ticks(230)
-    assert board.state_now == "READY"
-
-
 def again(board, **angles: float) -> str:
     """Power off and on; the state that it comes to."""
     board.restart()
     board.measure(**ANGLES | angles)
     board.ticks(20)
     return board.state_now
-
-
-def active(board) -> None:
-    board.arm()
-    board.ticks(1)
-    board.want(mode=1.0, tau_desired_Nm=0.2)
-    board.ticks(5)
-    assert board.state_now == "ACTIVE"
 
 
 def test_a_zero_of_encoders_that_nobody_named_lasts_until_power_off(board):
@@ -86,7 +67,7 @@ def test_the_zero_of_named_encoders_is_put_back(board):
     assert told.encoders == ((11, taken[0]), (12, taken[1]))
     assert board.parameter("encoder_motor.zero_rad") == taken[0]
     assert board.parameter("encoder_load.zero_rad") == taken[1]
-    active(board)  # it can be worked with
+    active(board, 0.2, 5)  # it can be worked with
     board.disarm()
     board.ticks(600)
     board.reset()  # and a reset puts it back too
@@ -120,7 +101,7 @@ def test_what_makes_a_kept_zero_invalid(board):
     # A fault of the sensors under torque.
     zeroed(board)
     assert again(board) == "READY"
-    active(board)
+    active(board, 0.2, 5)
     board.measure(**ANGLES | {"frame_error_load": 64.0})
     board.ticks(20)
     assert board.state_now == "FAULT"
@@ -138,7 +119,7 @@ def test_a_fault_that_has_nothing_to_do_with_sensors_leaves_the_zero(board):
     name_encoders(board, [11, 12])
     board.ticks(20)
     zeroed(board)
-    active(board)
+    active(board, 0.2, 5)
     board.lib.sim_tick(5, True)  # lost ticks: CLOCK
     board.ticks(20)
     assert board.state_now == "FAULT"
@@ -152,14 +133,10 @@ def test_encoders_are_named_with_the_motor_off_and_once_each(board):
         with pytest.raises(LinkError, match="no serial numbers"):
             name_encoders(board, wrong)
     zeroed(board)
-    active(board)
+    active(board, 0.2, 5)
     with pytest.raises(LinkError, match="motor off"):
         name_encoders(board, [11, 12])
     assert kept_use(board).encoders == ((0, None), (0, None))
-
-
-def texts(board) -> list[str]:
-    return [m.text for m in board.pending() if m.get_type() == "STATUSTEXT"]
 
 
 def test_of_what_is_kept_it_says_what_is_so(board):
@@ -194,7 +171,7 @@ def test_a_cut_while_a_zero_is_kept_leaves_the_old_one_or_the_new_one(board):
     whole = [bytes(a) for a in board.flash]
     board.measure(**ANGLES | {"count_motor": 740.0})
     board.ticks(60)
-    zeroed(board)
+    zeroed(board, count_motor=740.0)
     new = dict(kept_use(board).encoders)
     assert new[11] != old[11]
     after = [bytes(a) for a in board.flash]
@@ -235,20 +212,6 @@ def test_use_is_counted_and_outlasts_the_power(board):
     assert saves >= 3  # a start and a fault each
 
 
-def test_a_second_of_use_is_a_thousand_ticks_with_the_motor_on(board):
-    zeroed(board)
-    board.arm()
-    on = 0
-    while on < 1999:
-        if on % 50 == 0:
-            board.want(mode=0.0)
-        board.ticks()
-        on += board.motor[0]
-    assert kept_use(board).counters["active_s"] == 1
-    board.ticks()
-    assert kept_use(board).counters["active_s"] == 2
-
-
 @pytest.mark.parametrize("place", [0, 17, 31])
 def test_a_key_of_one_byte_that_is_not_zero_is_a_key(board, place):
     enum = board.dialect
@@ -257,21 +220,9 @@ def test_a_key_of_one_byte_that_is_not_zero_is_a_key(board, place):
     board.send(board.message("SETUP_SIGNING", 1, 1, list(key), 0))
     board.restart()
     assert board.command(enum.MAV_CMD_USER_1) == enum.MAV_RESULT_DENIED
-    board._sign(bytes(key))
+    board.sign_with(bytes(key))
     board.reset()
-    board._sign(None)
-
-
-def test_another_firmwares_set_is_not_replaced_by_counters(board):
-    board.save_parameters()
-    data = bytearray(bytes(board.flash[0]))
-    at = data.rfind(b"1ASE")
-    assert at >= 0
-    board.flash[0][at + 4 : at + 5] = b"\x63"  # its layout: the checksum no longer fits either
-    kept = bytes(board.flash[0])
-    again(board)
-    assert kept_use(board).counters["starts"] >= 1
-    assert bytes(board.flash[0])[: at + 24] == kept[: at + 24]
+    board.sign_with(None)
 
 
 # -- black box -------------------------------------------------------------------------------------
@@ -284,22 +235,6 @@ def sets(board):
         for at in range(0, len(area) - size + 1, size):
             if area[at : at + 4] == b"1ASE":
                 yield area, at, size
-
-
-def test_a_save_keeps_each_parameter_that_can_be_set_once(board):
-    def key(name: str) -> int:
-        found = 0x811C9DC5
-        for byte in name.encode():
-            found = (found ^ byte) * 0x01000193 % 2**32
-        return found
-
-    board.save_parameters()
-    wanted = {key(n): v for n, v in board.parameters().items() if ".zero" not in n}
-    area, at, _ = max(sets(board), key=lambda s: struct.unpack_from("<I", s[0], s[1] + 16))
-    (count,) = struct.unpack_from("<I", area, at + 24)
-    kept = struct.iter_unpack("<If", bytes(area[at + 28 : at + 28 + 8 * count]))
-    assert dict(kept) == wanted
-    assert count == len(wanted)
 
 
 def test_counters_do_not_replace_the_set_of_another_device(board):
@@ -317,7 +252,7 @@ def test_counters_do_not_replace_the_set_of_another_device(board):
 def frozen(board):
     """A board whose black box holds a fault."""
     zeroed(board)
-    active(board)
+    active(board, 0.2, 5)
     board.ticks(30)
     board.lib.sim_tick(5, True)
     board.ticks(3)
@@ -340,7 +275,8 @@ def test_the_black_box_comes_over_the_link_as_it_is(frozen, drive):
 
 
 def test_a_record_that_is_corrupt_is_told(frozen):
-    memory = frozen._ffi.buffer(frozen.lib.sim_blackbox_memory(), frozen.lib.sim_blackbox_bytes())
+    size = frozen.lib.sim_blackbox_bytes()
+    memory = cffi.FFI().buffer(frozen.lib.sim_blackbox_memory(), size)
     memory[36 + 52 * 20 + 30] = bytes([memory[36 + 52 * 20 + 30][0] ^ 4])
     found = read_blackbox(frozen)
     assert [k for k, r in enumerate(found.records) if r is None] == [20]
@@ -354,7 +290,7 @@ def test_it_is_released_by_who_may_command(frozen, tmp_path):
 
 def test_a_stranger_reads_it_and_does_not_release_it(frozen, tmp_path):
     frozen.pair(tmp_path / "key")
-    frozen._sign(None)
+    frozen.sign_with(None)
     assert len(read_blackbox(frozen).records) > 250
     with pytest.raises(LinkError, match="not released"):
         release_blackbox(frozen)
@@ -387,7 +323,7 @@ def test_the_commands_show_and_name_and_read(run, board, tmp_path):
     assert "encoder_motor, encoder_load" in str(few.exception)
     table = tmp_path / "box.csv"
     assert "not frozen" in str(run("blackbox", "sim:elbow_drive", "--out", str(table)).exception)
-    active(board)
+    active(board, 0.2, 5)
     board.lib.sim_tick(5, True)
     board.ticks(3)
     done = run("blackbox", "sim:elbow_drive", "--out", str(table), "--release")

@@ -10,6 +10,7 @@ import pytest
 
 from esea_gen.control.limits.block import limits
 from esea_gen.control.limits.faults import Fault
+from esea_gen.hostlib.codec import block_field
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
@@ -52,7 +53,7 @@ def quiet(steps: int) -> dict[str, np.ndarray]:
 
 def flips(runner: CRunner, prepared: np.ndarray):
     """The prepared state with each single bit of each state field flipped."""
-    for name in (f.c_name for f in runner.state_fields):
+    for name in (f.name for f in runner.state_fields):
         raw = prepared[name].tobytes()
         for bit in range(8 * len(raw)):
             data = bytearray(raw)
@@ -178,7 +179,7 @@ def test_a_flipped_sign_gives_no_energy_credit(runners, real):
     x["tau_Nm"][200:] = 7.5
     x["omega_load_rad_s"][200:] = 7.0
     ran(runner, {k: v[:400] for k, v in x.items()})
-    (slots,) = (f.c_name for f in runner.state_fields if f.name == "slots_J")
+    (slots,) = (f.name for f in runner.state_fields if f.name == "slots_J")
     state = runner.state
     state[slots] = -state[slots]
     runner.state = state
@@ -260,7 +261,7 @@ class Memory:
         library = runner.library
         self.bytes = runner.coefficient_memory
         self.fields = {
-            p.name: library.codec.field(runner.owner, "coeffs", p)
+            p.name: block_field(library.naming, runner.owner, "coeffs", p)
             for p in runner.owner.coefficients
         }
         kind = {"f64": "f8", "f32": "f4", "q31": "i4"}[library.real]

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 import socket
-import struct
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
@@ -18,7 +16,6 @@ from esea_gen.device import load_device
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.link.frames import FrameReader
 from esea_gen.link.session import BOARD, HOST, Session
-from esea_gen.link.streams import BoardStream, StreamSignal, by_choice
 from esea_gen.link.transport import LinkError, ProcessTransport, SocketTransport
 
 DIALECT = load_dialect(load_device("elbow"))
@@ -232,14 +229,6 @@ def test_a_command_takes_its_own_answer(peer):
     assert (sent.get_srcSystem(), sent.get_srcComponent()) == HOST
 
 
-def test_frames_of_the_host_are_numbered(peer):
-    for _ in range(257):
-        peer.session.send(heartbeat())
-        peer.heard()
-    assert peer.reader.health.frames == 257
-    assert peer.reader.health.lost_frames == 0
-
-
 def test_a_refused_reset_tells_the_fault(peer):
     peer.say(
         stamp(), ack(31010, DIALECT.MAV_RESULT_FAILED), ack(512), info(DIALECT.ESEA_FAULT_PROCESSOR)
@@ -334,19 +323,3 @@ def test_the_link_needs_no_other_room_and_none_of_its_dependencies():
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_samples_of_an_earlier_choice_are_none_of_the_present_one():
-    signal = StreamSignal("tau_Nm", "sense", 4, False, "Nm")
-    stream = BoardStream(2, 7, "sense", (signal,), 5, 2, 200.0)
-    given = {"stream": 2, "time": 100, "sequence": 40, "count": 2, "interval": 5}
-    data = struct.pack("<ff", 1.5, -2.0)
-    (now, before, other) = (
-        SimpleNamespace(**(given | change), data=data)
-        for change in ({"choice": 7}, {"choice": 6}, {"choice": 7, "stream": 1})
-    )
-    found = by_choice({2: stream}, now)
-    assert (found.names, found.values) == (("sense.tau_Nm",), ((1.5,), (-2.0,)))
-    assert (found.times, found.sequences) == ((100, 105), (40, 45))
-    assert by_choice({2: stream}, before) is None
-    assert by_choice({2: stream}, other) is None

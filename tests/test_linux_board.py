@@ -22,7 +22,6 @@ from esea_gen.board.firmware import build_firmware
 from esea_gen.cli import app
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.dialect import load_dialect
-from esea_gen.errors import UserError
 from esea_gen.export.model import controller_model
 from esea_gen.export.package import build_package
 from esea_gen.link.session import Session
@@ -260,7 +259,7 @@ def test_who_comes_beside_a_host_is_let_go_and_may_stop(device, native):
         first = session()
         assert first.clock().state == 5
         second = session()
-        time_of_it = second.message("ESEA_STAMP", 0, *first._time_now(0.0))
+        time_of_it = second.message("ESEA_STAMP", 0, *first.time_now(0.0))
         values = (1, 1, second.dialect.MAV_CMD_USER_1, 0, *[0.0] * 7)
         reset = second.message("COMMAND_LONG", *values)
         second.send_bytes(second.pack(time_of_it) + second.pack(reset))
@@ -443,16 +442,3 @@ def test_the_package_is_whole(device, arm, packed):
     assert files["./usr/lib/libesea_elbow_drive.so"] == packed[0].read_bytes()
     assert files["./usr/sbin/esea_elbow_drive"] == arm.elf.read_bytes()
     assert files["./usr/share/esea_elbow_drive/calls.md"] == packed[1].read_bytes()
-
-
-def test_a_board_without_packages_says_so(device, native, tmp_path):
-    with pytest.raises(UserError, match="host takes no packages"):
-        build_package(device, native, tmp_path)
-
-
-def test_nobody_answers_after_the_daemon_has_gone(device, native):
-    with daemon(device, [native.elf], "tcp:0") as (run, session):
-        run.kill()
-        run.wait()
-        with pytest.raises(LinkError):
-            session()

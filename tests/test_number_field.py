@@ -63,16 +63,8 @@ def test_point_and_comma_are_the_same_in_every_locale(field, leave):
 
 @pytest.mark.parametrize("leave", [False, True])
 def test_any_other_text_changes_nothing_and_says_why(field, leave):
-    grouped = (
-        "1,234.5",
-        "1.234,5",
-        "1 234",
-        "1'234",
-        "1\u00a0234",
-        "1\u202f234",
-        "1.234.567",
-        "1_0",
-    )
+    grouped = ["1,234.5", "1.234,5", "1_0", "1'234", "1.234.567"]
+    grouped += ["1 234", "1\u00a0234", "1\u202f234"]
     others = ("", " ", "-", ".", "nan", "inf", "0x1", "--5", "5-", "٢", "２", "2.5 Nm")
     for text in (*grouped, *others, "100.1", "-1e3", "1e400"):
         assert typed(field, text, leave) == []

@@ -16,17 +16,15 @@ from esea_gen.language.ports import (
     Flag,
     Port,
     Tunable,
-    around,
     clip,
     f32_inside,
     flag_word,
     in_range,
     port_ok,
-    symbols_of,
     threshold,
     unit_of,
 )
-from esea_gen.language.start import check_ports, collect, start_functions
+from esea_gen.language.start import check_ports
 
 UNITS = {
     "rad": "rad",
@@ -81,20 +79,6 @@ def test_ends_are_the_nearest_float32_numbers_inside(low, width):
         beyond = float(np.nextafter(np.float32(end), np.float32(way * np.inf)))
         assert way * beyond > way * given_end
     assert threshold(width) == f32_inside(0.0, width)[1]
-
-
-def test_a_port_has_a_range_and_a_size():
-    for low, high in ((1.0, 1.0), (1.0, 0.5), (math.nan, 1.0)):
-        with pytest.raises(ValueError, match=r"port x: range .* is empty"):
-            Port("x", low, high, "made up")
-    with pytest.raises(ValueError, match="port x: size 0 is below 1"):
-        Port("x", 0.0, 1.0, "made up", 0)
-    even = around("x_rad", 0.1, "either way", 2, "(1.2)", init=0.05)
-    assert even.high == -even.low == threshold(0.1)
-    assert (even.name, even.meaning, even.size, even.equation) == (
-        *("x_rad", "either way", 2, "(1.2)"),
-    )
-    assert (even.init, even.on_invalid, even.repair, even.finer) == (0.05, 0.0, "init", 1.0)
 
 
 def test_a_bound_that_somebody_names_is_the_bound():
@@ -169,11 +153,6 @@ def test_flags_stand_in_a_word_first_one_lowest():
     assert float(flag_word([])) == 0
 
 
-def test_symbols_are_columns_of_the_ports_sizes():
-    found = symbols_of([Port("a", 0, 1, "a"), Port("b", 0, 1, "b", 3), Tunable("t", 0, 0, 1, "t")])
-    assert {n: x.shape for n, x in found.items()} == {"a": (1, 1), "b": (3, 1), "t": (1, 1)}
-
-
 TAKEN = """
 int,xor,co_await,char8_t,typeof,_Bool,_x,a__b,NAN,INFINITY,EOF,errno,assert,I,abs,B0,F,PI,DEC,bit,
 round,sq,radians,word,min,1x,theta-rad,größe,,a b"""
@@ -194,61 +173,6 @@ def test_a_name_that_c_or_arduino_has_taken_is_rejected(define, name):
     with pytest.raises(ValueError, match=r"(port|tunable|block) name ") as told:
         define(name)
     define(str(told.value).rpartition("take ")[2].split("'")[1])
-
-
-@pytest.mark.parametrize("period_s", [0.0, -1e-3, math.inf, math.nan])
-def test_a_period_is_a_positive_number(period_s):
-    with pytest.raises(ValueError, match="block b: period_s must be positive"):
-        check_ports("b", period_s)
-    check_ports("b", 1e-9)
-
-
-def test_ports_are_named_once_and_given_once():
-    a, b, pair = Port("a", 0, 1, "a"), Port("b", 0, 1, "b"), Port("p", 0, 1, "p", 2)
-    check_ports("x", 1.0, (a, b), (a,))  # of two groups they may be namesakes
-    with pytest.raises(ValueError, match=r"block x: a port name occurs twice in .'a', 'b', 'a'."):
-        check_ports("x", 1.0, (b,), (a, b, a))
-    x = ca.SX.sym("x")
-    found = collect("x", "output", (pair, a), {"a": 2, "p": [x, 3]})
-    assert [v.shape for v in found] == [(2, 1), (1, 1)]
-    assert str(found[0]) == "[x, 3]"
-    assert str(found[1]) == "2"
-    with pytest.raises(ValueError, match=r"block x: outputs missing .'p'., unknown .'q'."):
-        collect("x", "output", (pair, a), {"a": 2, "q": 3})
-    with pytest.raises(ValueError, match=r"outputs missing .'p'., unknown \[\]"):
-        collect("x", "output", (pair, a), {"a": 2})
-    with pytest.raises(ValueError, match=r"block x: output p has shape \(1, 1\), not 2"):
-        collect("x", "output", (pair,), {"p": 2})
-
-
-def test_what_prepares_and_what_starts():
-    state = (Port("s", -9, 9, "s", init=2.5), Port("v", -9, 9, "v", 3, init=-1.0))
-    gain, slow = Tunable("gain", 2.0, 0.0, 9.0, "g"), Tunable("slow_s", 0.5, 0.1, 9.0, "s")
-    made = (Port("gain", 0, 9, "g"), Port("both", 0, 99, "b", 2))
-    prepare, init = start_functions(
-        *("x", (gain, slow), made, state),
-        lambda t: {"both": [t.gain * t.slow_s, t.gain - t.slow_s], "gain": 1 * t.gain},
-    )
-    assert (prepare.name(), prepare.name_in(), prepare.name_out()) == (
-        *("x_prepare", ["gain", "slow_s"], ["c_gain", "c_both"]),
-    )
-    assert [v.full().ravel().tolist() for v in prepare(3.0, 0.25)] == [[3.0], [0.75, 2.75]]
-    assert (init.name(), init.name_in(), init.name_out()) == (
-        *("x_init", ["gain", "both"], ["s_0", "v_0"]),
-    )
-    assert [v.full().ravel().tolist() for v in init(0, [0, 0])] == [[2.5], [-1.0, -1.0, -1.0]]
-    with pytest.raises(ValueError, match=r"block x: coefficient both has shape \(3, 1\), not 2"):
-        start_functions("x", (gain,), made, state, lambda t: {"gain": 1.0, "both": [1, 2, 3]})
-    for tunables, coefficients, by in (
-        ((gain,), (), None),
-        ((), made, None),
-        ((), (), lambda t: {}),
-        ((gain,), made, None),
-        ((gain,), (), lambda t: {}),
-        ((), made, lambda t: {}),
-    ):
-        with pytest.raises(ValueError, match="block x: tunables, coefficients and prepare go tog"):
-            start_functions("x", tunables, coefficients, state, by)
 
 
 # -- the guard, and what a Block refuses -----------------------------------------------------------
@@ -363,36 +287,6 @@ def test_the_guard_holds_replaces_and_starts_afresh():
 def test_what_a_block_refuses(more, words):
     with pytest.raises(ValueError, match=words):
         guarded(**more)
-
-
-def test_what_a_block_takes():
-    solved = {"kept": Solved("y_ok", 0.0, 1e-9, 0.0)}
-    facts = {"kept": (-1.0, 1.0)}
-    split = {"s_sum": (1.0,), "u_x_rad": (0.5,), "kept": (0.1,)}
-    block = guarded(facts=facts, solved=solved, split=split)
-    assert (block.facts, block.solved, block.split) == (facts, solved, split)
-
-    def loose(c, s, u, guard, label):
-        label(s.name, u.x_rad)
-        rest = {"last_rad": u.x_rad, "sum": ca.SX.sym("free"), "own": s.own}
-        return rest, {"x_rad": 0, "pair": [0, 0], "status": 0}
-
-    for name, words in (
-        ("more", r"uses unbound symbols \['free'\]"),
-        ("y_ok", "a label occurs"),
-    ):
-
-        def step(c, s, u, guard, label, name=name):
-            s.name = name
-            return loose(c, s, u, guard, label)
-
-        with pytest.raises(ValueError, match=f"block guarded: .*{words}"):
-            guarded(step=step)
-    for doubled in ("state", "inputs", "outputs", "tunables", "coefficients"):
-        kept = {"state": (), "inputs": (), "outputs": ()}
-        kept |= {doubled: 2 * (Port("z", 0, 1, "z"),)}
-        with pytest.raises(ValueError, match=r"block b: a port name occurs twice in .'z', 'z'."):
-            Block.define("b", "b", period_s=1.0, step=loose, **kept)
 
 
 def test_what_is_set_is_known_and_inside():

@@ -9,33 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.emit.program_c import loop_lines, loop_totals
-from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.builder import Builder, declare_ports, guard_inputs
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.program import Program
-from esea_gen.language.statements import EPSILON, WORK_RANGE, Ix, ProgramError
+from esea_gen.language.statements import ProgramError
 
 from .conftest import require_tool
-
-
-@given(
-    st.lists(st.tuples(st.integers(-9, 9), st.sampled_from("abc")), max_size=6),
-    st.integers(-50, 50),
-    st.integers(-4, 4),
-    st.dictionaries(st.sampled_from("abc"), st.integers(-20, 20), min_size=3, max_size=3),
-)
-def test_index_arithmetic(terms, constant, factor, env):
-    x = Ix(constant)
-    for c, v in terms:
-        x = x + c * Ix(0, ((1, v),))
-    expected = constant + sum(c * env[v] for c, v in terms)
-    assert x.value(env, {}) == expected
-    assert (x * factor - 3).value(env, {}) == expected * factor - 3
-    assert (5 - x).value(env, {}) == 5 - expected
-    partly = x.fold({"a": env["a"]}, {})
-    assert partly.value(env, {}) == expected
-    assert all(v != "a" for _, v in partly.terms)
+from .rendered_program import render_program
 
 
 def bubble(n: int, unroll: bool) -> Program:
@@ -139,13 +120,6 @@ def sorters():
         (u, r): library(p, r).block("bubble") for u, p in programs.items() for r in ("f64", "f32")
     }
     return programs, made
-
-
-def test_what_it_shows_of_itself_leaves_out_its_arrays_and_its_body():
-    shown = repr(bubble(7, True))
-    assert "name='bubble'" in shown
-    assert "memory=" not in shown
-    assert "parts=" not in shown
 
 
 @settings(max_examples=40)
@@ -253,24 +227,6 @@ def _define(b: Builder) -> Program:
     return Program.define("p", "p", period_s=0.1, builder=b, inputs=x, outputs=y)
 
 
-def test_a_program_may_not_write_to_inputs_or_tables():
-    for name in ("in.x", "numbers"):
-        b = Builder()
-        b.table("numbers", [1.0])
-        with b.part("step"):
-            b.memory.setdefault("in.x", b.memory["numbers"])
-            b.call("zero", [], [b.memory["numbers"][0]], lambda: ca.SX(0))
-        b.memory.pop("in.x")
-        if name == "numbers":
-            with pytest.raises(ProgramError, match="writes to numbers"):
-                _define(b)
-    b = Builder()
-    with b.part("other"):
-        pass
-    with pytest.raises(ProgramError, match="no part 'step'"):
-        _define(b)
-
-
 def test_a_loop_that_outruns_its_bound_is_caught():
     b = Builder()
     count = b.index_table("count", [5])
@@ -280,12 +236,3 @@ def test_a_loop_that_outruns_its_bound_is_caught():
     program = _define(b)
     with pytest.raises(ProgramError, match="5 passes, bound 4"):
         program.simulator().step(x=0.0)
-
-
-def test_work_is_of_the_numbers_that_a_format_has():
-    for name, kind in (("f64", np.float64), ("f32", np.float32)):
-        # Half of the distance from 1 to the next number.
-        assert EPSILON[name] == float(np.finfo(kind).eps) / 2
-    # Any number of f32, less a hundredth at its end.
-    assert pytest.approx(float(np.finfo(np.float32).max), rel=0.12) == WORK_RANGE
-    assert WORK_RANGE == 3e38

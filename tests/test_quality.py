@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-import h5py
 import numpy as np
-import pyarrow
-import pyarrow.parquet
 import pytest
-import scipy.io
 
-from esea_gen.device import parse_device
-from esea_gen.errors import UserError
 from esea_gen.identify import identification as identification_file
 from esea_gen.identify import identify, load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
@@ -23,67 +16,10 @@ from esea_gen.identify.recording.quality import Finding, after_gaps, jumps
 from esea_gen.identify.recording.quality_gate import gate_notes
 from tests.conftest import require_tool
 
+from .rigs import mapped, refused, rig, written
+
 DATA = Path(__file__).parent / "data" / "hdrb"
-MAPPING = """\
-schema = 1
-[device]
-name = "rig"
-title = "Rig"
-rate_terms = false
-[deflection]
-column = "x"
-unit = "rad"
-[torque]
-column = "y"
-unit = "Nm"
-[sampling]
-time_column = "t"
-[[recording]]
-files = ["rig.csv"]
-"""
 PERIOD = 'time_column = "t"', 'period_s = { value = VALUE, status = "assumed", source = "why" }'
-PER = 200  # samples a cycle, of 2 s
-
-
-def play(x: np.ndarray, r: float) -> np.ndarray:
-    out, state = [], 0.0
-    for value in x:
-        state = min(max(state, value - r), value + r)
-        out.append(state)
-    return np.array(out)
-
-
-def rig(*amplitudes: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time, deflection and torque of springs and two stops; by default eight equal cycles."""
-    sizes = np.repeat(amplitudes or (0.1,) * 8, PER)
-    angle = 2 * np.pi * np.arange(len(sizes)) / PER
-    x = np.append(sizes * np.sin(angle), 0.0)
-    t = np.arange(len(x)) * 2 / PER
-    y = 20 * x + 500 * x**3 + 8 * (x - play(x, 0.01)) + 5 * (x - play(x, 0.04))
-    rng = np.random.default_rng(4)
-    return t, x, y + rng.normal(0, 0.002, len(y))
-
-
-def written(folder: Path, t: object, x: object, y: object, *changes: tuple[str, str]) -> Path:
-    rows = [f"{a:.12g},{b:.12g},{c:.12g}" for a, b, c in zip(t, x, y, strict=True)]
-    (folder / "rig.csv").write_text("\n".join(["t,x,y", *rows]) + "\n")
-    return mapped(folder, *changes)
-
-
-def mapped(folder: Path, *changes: tuple[str, str]) -> Path:
-    text = MAPPING
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    (folder / "map.toml").write_text(text)
-    return folder / "map.toml"
-
-
-def refused(path: Path) -> str:
-    with pytest.raises(UserError) as caught:
-        load_recordings(load_mapping(path))
-    assert caught.value.fix
-    return str(caught.value)
 
 
 def found(path: Path) -> dict[str, str]:
@@ -114,12 +50,6 @@ def test_a_wrong_unit_of_time_is_refused(tmp_path, unit, parts):
     said = refused(written(tmp_path, 1000 * t if unit == "min" else t, x, y, change))
     for part in parts:
         assert part in said
-
-
-def test_a_period_of_minutes_is_refused(tmp_path):
-    said = refused(written(tmp_path, *rig(), (PERIOD[0], PERIOD[1].replace("VALUE", "100"))))
-    assert "1.6e+05 s, 1.6e+08 steps" in said
-    assert "Check sampling.period_s" in said
 
 
 # What is masked.
@@ -165,16 +95,6 @@ def test_a_drop_out_is_not_trained_on(clean, tmp_path):
     assert held_out(result) == pytest.approx(held_out(clean), abs=0.05)
 
 
-def test_what_stood_in_a_spikes_place_neither_trains_nor_judges(tmp_path):
-    t, x, y = rig()
-    spikes = [310, 555, 900, 901, 1333]
-    y[spikes] = [15, -9, 12, 12, 6]
-    (r,) = load_recordings(load_mapping(written(tmp_path, t, x, y)))
-    used = np.concatenate([u for s in r.sets for u in (s.training, s.held_out)])
-    assert len(used) > 1000
-    assert not set(spikes) & set(used.tolist())
-
-
 JUMPS = {310: 0.02, 555: -0.02, 900: 0.03, 901: 0.03, 1333: -0.02}
 
 
@@ -192,14 +112,6 @@ def test_a_deflection_that_jumps_and_comes_back_changes_nothing(clean, tmp_path)
     assert not set(JUMPS) & set(used.tolist())
     result = identify_member(path, "stops")
     assert held_out(result) == pytest.approx(held_out(clean), abs=0.01)
-
-
-@pytest.mark.parametrize("width", [1, 2, 3, 4])
-def test_a_jump_lasts_three_samples_at_most(width):
-    x = np.linspace(0, 1, 1001)
-    x[400 : 400 + width] += 0.01
-    expected = range(400, 400 + width) if width < 4 else ()
-    assert np.flatnonzero(jumps(x)).tolist() == list(expected)
 
 
 def test_a_motion_that_turns_or_a_sensor_that_flickers_does_not_jump():
@@ -341,34 +253,6 @@ def test_rate_terms_that_do_not_help_are_left_out(tmp_path, monkeypatch):
 # Files.
 
 
-@pytest.mark.parametrize("kind", ["mat", "mat 7.3", "hdf5", "parquet", "json", "json rows"])
-def test_every_kind_of_file_gives_the_same(tmp_path, kind):
-    columns = dict(zip("txy", rig(*(0.1,) * 4), strict=True))
-    wanted = load_recordings(load_mapping(written(tmp_path, *columns.values())))[0]
-    name = f"rig.{kind.split()[0]}"
-    if kind == "mat":
-        scipy.io.savemat(tmp_path / name, columns)
-    elif kind in ("hdf5", "mat 7.3"):
-        # MATLAB puts its text into the 512 bytes before HDF5's own, and a vector into a column.
-        with h5py.File(tmp_path / name, "w", userblock_size=512) as file:
-            for key, values in columns.items():
-                file[key] = values.reshape(1, -1) if kind == "mat 7.3" else values
-        if kind == "mat 7.3":
-            with (tmp_path / name).open("r+b") as raw:
-                raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512))
-    elif kind == "parquet":
-        pyarrow.parquet.write_table(pyarrow.table(columns), tmp_path / name)
-    else:
-        content = {k: v.tolist() for k, v in columns.items()}
-        rows = [dict(zip("txy", row, strict=True)) for row in zip(*content.values(), strict=True)]
-        (tmp_path / name).write_text(json.dumps(rows if "rows" in kind else content))
-    form = f'[format]\nkind = "{kind.split()[0]}"\n[[recording]]'
-    path = mapped(tmp_path, ("rig.csv", name), ("[[recording]]", form))
-    got = load_recordings(load_mapping(path))[0]
-    assert np.abs(got.tau_Nm - wanted.tau_Nm).max() < 1e-7
-    assert len(got.time_s) == len(wanted.time_s)
-
-
 @pytest.mark.parametrize(("kind", "package"), [("hdf5", "h5py"), ("parquet", "pyarrow")])
 def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, kind, package):
     monkeypatch.setitem(sys.modules, package, None)
@@ -379,16 +263,6 @@ def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, kind, package
 
 
 # What the device file and verification let pass.
-
-
-def test_a_rate_that_no_board_runs_is_refused(elbow):
-    """333.3 Hz stood in the header as 3000 us and in the model as 3000.3."""
-    text = elbow.toml()
-    assert "{ value = 1000.0, status" in text
-    with pytest.raises(UserError, match=r"period of 3000\.3 us.*333\.333333 Hz"):
-        parse_device(text.replace("{ value = 1000.0, status", "{ value = 333.3, status"), "x.toml")
-    whole = text.replace("{ value = 1000.0, status", "{ value = 333.333333, status")
-    assert round(1e6 * parse_device(whole, "x.toml").period_s) == 3000
 
 
 # Sign and lag of the torque.
@@ -447,12 +321,3 @@ def test_an_offset_of_the_model_excuses_an_offset_and_nothing_else(offset_fitted
     assert ("Quality gate: offset" in notes("offset", "spike")) is not offset_fitted
     assert "Quality gate: frozen" in notes("frozen")
     assert "Quality gate" not in notes("spike")
-
-
-def test_what_all_recordings_have_is_said_once():
-    told = [Finding("frozen", t, True) for t in ("one", "both")]
-    made = [
-        SimpleNamespace(label=label, findings=found)
-        for label, found in (("first", told), ("second", told[1:]))
-    ]
-    assert gate_notes(made)[1:] == ("Quality, first: one.", "Quality, all: both.")

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from esea_gen.errors import UserError
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
-from esea_gen.identify.recording.quality import Finding, offset_Nm, runs, spikes, still, stuck
-from esea_gen.identify.recording.quality_gate import gate_notes
-from esea_gen.identify.recording.temperatures import temperature_name
+from esea_gen.identify.recording.cycles import Cycle
+from esea_gen.identify.recording.quality import backlash_rad, offset_Nm, runs, spikes, still, stuck
 from tests.conftest import require_tool
-from tests.test_quality import DATA, found, held_out, mapped, rig, written
+from tests.rigs import rig, written
+from tests.test_quality import DATA, found, held_out
 
 ENDS = 310, 555, 900, 1100, 1333
 
@@ -151,23 +150,37 @@ def test_what_is_spoilt_makes_no_offset():
     assert offset_Nm(x, y, np.arange(len(x)) >= 49) is None
 
 
-def test_who_has_an_offset_is_not_sent_for_one():
-    made = Finding("offset", "an offset", True, "; take a member with one")
-    recordings = [SimpleNamespace(label="a", findings=[made])]
-    assert gate_notes(recordings)[1:] == ("Quality, a: an offset; take a member with one.",)
-    assert gate_notes(recordings, {"offset"}) == ("Quality, a: an offset.",)
+# A joint with play: no torque inside, a spring outside.  60 samples a quarter of a cycle.
+QUARTER, REACH, STIFF = 60, 0.2, 20.0
 
 
-def test_names_of_temperatures_have_no_minus_before_zero():
-    names = [temperature_name(SimpleNamespace(temperature_C=c)) for c in (-0.0007, -0.6, 22.5, 0.4)]
-    assert names == ["0 degC", "-1 degC", "22 degC", "0 degC"]
+def loose(play_rad: float, start: int = 0) -> tuple[np.ndarray, np.ndarray, list[Cycle]]:
+    turn = np.arange(start, start + 8 * QUARTER + 1) * 0.5 * np.pi / QUARTER
+    theta = REACH * 2 / np.pi * np.arcsin(np.sin(turn))  # a triangle
+    tau = STIFF * np.sign(theta) * np.maximum(np.abs(theta) - play_rad / 2, 0)
+    marks = [4 * QUARTER * k for k in range(3)]
+    return theta, tau, [Cycle(a, b, REACH, 0, "training") for a, b in pairwise(marks)]
 
 
-@pytest.mark.parametrize(
-    ("key", "offered"), [("lag_s", ' or "fit".'), ("scale_Nm_per_N", 'source = "why" }.')]
-)
-def test_who_misspells_fit_is_told_of_it_where_it_goes(tmp_path, key, offered):
-    path = mapped(tmp_path, ("[torque]\n", f'[torque]\n{key} = "fitt"\n'))
-    with pytest.raises(UserError) as caught:
-        load_mapping(path)
-    assert caught.value.fix.endswith(offered)
+@pytest.mark.parametrize("start", [0, 7, QUARTER, 2 * QUARTER + 20])
+def test_play_is_measured_wherever_a_cycle_starts(start):
+    step = REACH / QUARTER
+    for play in (0.04, 0.08):
+        theta, tau, cycles = loose(play, start)
+        found = backlash_rad(theta, tau, float(np.abs(tau).max()), cycles)
+        assert found == pytest.approx(play, abs=2 * step)
+    theta, tau, cycles = loose(0.0, start)
+    assert backlash_rad(theta, tau, float(np.abs(tau).max()), cycles) == 0
+
+
+@pytest.mark.parametrize("offset", [-0.3, 0.0, 0.7])
+def test_an_offset_is_found_beside_a_lossy_and_uneven_spring(offset):
+    turn = np.linspace(0, 6 * np.pi, 1801)
+    theta = 0.2 * np.sin(turn)
+    tau = 8 * theta + 90 * theta**3 + 3 * theta * np.abs(theta) + 0.5 * np.cos(turn) + offset
+    # The direction of the deflection is taken over five samples: at the turns it lags a little.
+    assert offset_Nm(theta, tau) == pytest.approx(offset, abs=2e-3)
+    # Of a side that is hardly reached there is no middle: a fifth of the other is the least.
+    assert offset_Nm(theta + 0.13, tau) is not None
+    assert offset_Nm(theta + 0.137, tau) is None
+    assert offset_Nm(np.abs(theta), tau) is None

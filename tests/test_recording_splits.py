@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +12,8 @@ from esea_gen.errors import UserError
 from esea_gen.identify.recording.conditions import conditions_of, divided, splits_of
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.misfit import Misfits
-from esea_gen.identify.recording.recorded import Recording, recording_rows
-from esea_gen.identify.recording.replay import _replay, recorded_deflections, recordings_for
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.replay import recorded_deflections, recordings_for
 from esea_gen.identify.recording.tables import Cycles
 
 BOTH, ONLY, JUDGE, UNUSED = ([0, 1], [2]), ([0, 1, 2], []), ([], [0, 1, 2]), ([], [])
@@ -70,13 +69,6 @@ def test_each_condition_judges_once_beside_the_files_own_cycles():
         "a": "train", "b": "train", "c": "judge", "d": "judge", "e": "train []"}  # fmt: skip
 
 
-def test_what_has_all_data_sets_leaves_nothing_to_train_on():
-    one = splits_of([recording(data("a", BOTH))])
-    assert told(one) == [("last cycles", True, False)]
-    two = [recording(data(k, BOTH), conditions=("x",)) for k in "ab"]
-    assert told(splits_of(two)) == [("last cycles", True, False)]
-
-
 def test_a_condition_that_the_file_holds_out_stands_for_both():
     made = [recording(data("a", ONLY)), recording(data("b", ONLY)), recording(data("c", JUDGE))]
     assert told(splits_of(made)) == [("a", False, True), ("b", False, True), ("c", True, True)]
@@ -122,19 +114,6 @@ def test_of_three_conditions_the_one_of_middle_amplitude_judges():
     assert {k for k, v in used(divided(made, Cycles())).items() if v == "judge"} == set("xyz")
 
 
-def test_what_is_said_or_not_of_cycles_alone_stays_as_it_is():
-    three = amplitudes(0.1, 0.2, 0.3)
-    for made, rules in (
-        (amplitudes(0.1, 0.2), Cycles()),
-        (three, Cycles(hold_out_last=1)),
-        ([*three, recording(data("d", ONLY))], Cycles()),
-        ([*three, recording(data("d", BOTH), conditions=("x", "y"))], Cycles()),
-    ):
-        assert divided(made, rules) is made
-    unused = [*three, recording(data("d", UNUSED))]
-    assert {k for k, v in used(divided(unused, Cycles())).items() if v == "judge"} == {"b"}
-
-
 def test_a_condition_that_is_asked_for_judges_if_it_can_be_left_out():
     made = amplitudes(0.1, 0.2)
     assert used(divided(made, Cycles(hold_out="b"))) == {"a": "train", "b": "judge"}
@@ -146,39 +125,6 @@ def test_a_condition_that_is_asked_for_judges_if_it_can_be_left_out():
 
 
 # At a device's rate.
-
-
-def test_a_replay_is_on_the_devices_grid_and_knows_what_was_not_seen():
-    t = np.array([2.0, 2.25, 2.5, 3.0, 3.5])
-    x, y = np.array([0.0, 1.0, -2.0, 0.0, 2.0]), np.array([0.0, 4.0, 8.0, 16.0, 8.0])
-    sets = (data("a", ([0], [1])), data("b", ([2], [3])))
-    r = Recording("own", "own.csv", "12" * 8, t, x, y, False, 0, (), sets)
-    limits = SimpleNamespace(theta_rad=SimpleNamespace(value=2.0))
-    device = SimpleNamespace(name="rig", period_s=0.125, file=SimpleNamespace(limits=limits))
-    found = _replay(device, "map.toml", r)
-    grid = 0.125 * np.arange(12)  # up to just before the last sample
-    assert found.time_s.tolist() == grid.tolist()
-    assert found.theta_rad.tolist() == [
-        0, 0.5, 1, -0.5, -2, -1.5, -1, -0.5, 0, 0.5, 1, 1.5]  # fmt: skip
-    assert found.tau_Nm.tolist() == [0, 2, 4, 6, 8, 10, 12, 14, 16, 14, 12, 10]
-    # Between two samples what counts is the later one: the second and the fourth judge.
-    assert np.flatnonzero(found.held_out).tolist() == [1, 2, 5, 6, 7, 8]
-    assert (found.label, found.timed, found.digest) == ("own", False, "12" * 8)
-    limits.theta_rad.value = 1.99
-    with pytest.raises(UserError, match=r"own reaches 2 rad, above rig's limits.theta_rad = 1.99"):
-        _replay(device, "map.toml", r)
-
-
-def test_a_grid_that_rounding_puts_behind_the_last_sample_ends_with_it():
-    t = np.append(0.1 + 0.02 * np.arange(2), 0.137)  # 0.1 + 37 * 0.001 is more than 0.137
-    r = replace(recording(data("a", ([0, 1], [2]))), time_s=t)
-    limits = SimpleNamespace(theta_rad=SimpleNamespace(value=9.0))
-    device = SimpleNamespace(name="rig", period_s=0.001, file=SimpleNamespace(limits=limits))
-    found = _replay(device, "map.toml", r)
-    assert 0.1 + found.time_s[-1] >= 0.137
-    assert len(found.held_out) == 38
-    assert found.held_out[-17:].all()
-    assert not found.held_out[:20].any()
 
 
 def test_replays_of_a_mapping_are_by_its_own_folder_or_another(tmp_path, elbow):
@@ -201,22 +147,6 @@ def test_replays_of_a_mapping_are_by_its_own_folder_or_another(tmp_path, elbow):
     np.testing.assert_array_equal(told["rig"], found.theta_rad)
     (tmp_path / "data" / "map.toml").write_text((tmp_path / "map.toml").read_text())
     assert len(recordings_for(elbow, tmp_path / "data" / "map.toml")[0].time_s) == 5000
-
-
-def test_what_a_result_was_made_of():
-    one = replace(recording(data("a", BOTH), temperature=21.5), time_s=np.array([0.0, 1.0, 7.5]))
-    assert recording_rows([replace(one, dropped=3)]) == [
-        {
-            "label": "a",
-            "file": "a.csv",
-            "sha256": "ab" * 8,
-            "samples": 3,
-            "dropped": 3,
-            "timed": True,
-            "duration_s": 7.5,
-            "temperature_C": 21.5,
-        }
-    ]
 
 
 # Errors.

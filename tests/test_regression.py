@@ -31,13 +31,6 @@ def test_an_interval_is_students_with_a_degree_less_than_blocks(degrees):
     assert Estimate.of(3.0, 0.5, 1) == Estimate.of(3.0, 0.5, 2)
 
 
-def test_an_estimate_has_its_unit_in_every_key():
-    e = Estimate(2.0, 1.5, 3.5)
-    assert e.half == 1.0
-    assert e.to_dict("Nm") == {"value_Nm": 2.0, "low_Nm": 1.5, "high_Nm": 3.5}
-    assert e.to_dict("1") == {"value": 2.0, "low": 1.5, "high": 3.5}
-
-
 def clustered(jacobian: np.ndarray, residual: np.ndarray, blocks: np.ndarray) -> np.ndarray:
     """Sum over blocks, one after another; m/(m-1) and n/(n-p) as of Cameron and Miller."""
     n, p = jacobian.shape
@@ -147,28 +140,3 @@ def test_a_fit_of_a_few_more_parameters_is_that_of_another_solver(middle):
     np.testing.assert_allclose(found.residual, left, atol=1e-12)
     np.testing.assert_allclose(found.covariance, clustered(jacobian, left, blocks), rtol=2e-8)
     assert found.blocks == 10
-
-
-@pytest.mark.parametrize("end", [(0, 1), (1, 0)])
-def test_at_an_end_the_derivative_is_taken_inside(end):
-    x = np.linspace(0, 4, 80)
-    true = np.where(np.array(end) == 1, HIGH + 0.1, LOW - 0.1)
-    y = 3 * np.exp(-true[0] * x) + np.sin(true[1] * x)
-    wanted, _ = curved(x, y)
-    found = fit_separable(np.ones((80, 1)), wanted, true, LOW, HIGH, np.arange(80) // 8)
-    edges = np.where(np.array(end) == 1, HIGH, LOW)
-    assert np.any(np.abs(found.values[:2] - edges) < 1e-6)
-    assert found.values.shape == (3,)
-
-
-def test_a_range_that_ends_at_zero_or_below_is_searched_as_any_other():
-    x = np.linspace(0, 4, 60)
-    for shift in (0.0, -3.0):
-        # exp(-(p - shift) x), p as far below the end.
-        low, high, true = np.array([shift - 2.0]), np.array([shift]), shift - 0.4
-
-        def wanted(p, shift=shift, true=true):
-            return np.exp((p[0] - shift) * x) - np.exp((true - shift) * x) + 1.5
-
-        found = fit_separable(np.ones((60, 1)), wanted, low, low, high, np.arange(60) // 6)
-        assert found.values == pytest.approx([true, 1.5], abs=1e-6)

@@ -14,13 +14,13 @@ from esea_gen.board.release import TaskTimes, task_times
 from esea_gen.control.predictive.drive import LEAST_SHARE
 from esea_gen.device import load_device, parse_device
 from esea_gen.devices.file import controller_document
-from esea_gen.emit.program_render import render_program
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.targets import BOARDS
 from tests.benchmarks.predictive import stress_rows
 
 from .conftest import require_tool
+from .rendered_program import render_program
 
 M4F = BOARDS["netduinoplus2"]
 NOT_CONVEX, CAP_REACHED, NOT_OPTIMAL = 4, 8, 16

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-import os
 import re
 import shutil
 from dataclasses import replace
@@ -23,7 +22,7 @@ from esea_gen.report import builder, sensing
 from esea_gen.report.board import BoardRun, run_board
 from esea_gen.report.builder import Report, gather
 from esea_gen.report.identification import identification_page
-from esea_gen.report.page import finite, for_people, number, plain
+from esea_gen.report.page import number
 from esea_gen.verify import equivalence
 from esea_gen.verify.streams import streams
 
@@ -105,9 +104,9 @@ def chirped(elbow: Device) -> Report:
     """The elbow without a recording, its board left out: that has a test of its own."""
     require_tool("gcc")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(builder, "run_board", _no_board)
-        patch.setattr(sensing, "domain_chirp", _ramp)
-        _shorten(patch)
+        patch.setattr(builder, "run_board", no_board)
+        patch.setattr(sensing, "domain_chirp", ramp)
+        shorten(patch)
         return gather(elbow)
 
 
@@ -115,7 +114,7 @@ def chirped(elbow: Device) -> Report:
 def recorded(identification: Identification, mapping: Path) -> Report:
     """The identified rubber with its own recording, board and all."""
     with pytest.MonkeyPatch.context() as patch:
-        _shorten(patch)
+        shorten(patch)
         return gather(identification.device, mapping)
 
 
@@ -129,18 +128,18 @@ def recorded_page(recorded: Report) -> str:
     return recorded.html()
 
 
-def _shorten(patch: pytest.MonkeyPatch) -> None:
+def shorten(patch: pytest.MonkeyPatch) -> None:
     # Every stream, but shorter: verification has tests of its own.
     patch.setattr(equivalence, "streams", lambda block, seed: streams(block, seed, 400))
-    patch.setattr(equivalence, "domain_chirp", _ramp)
+    patch.setattr(equivalence, "domain_chirp", ramp)
 
 
-def _ramp(device: Device) -> np.ndarray:
+def ramp(device: Device) -> np.ndarray:
     theta = device.file.domain.theta_max_rad.value
     return np.float64(np.float32(theta * np.sin(np.arange(1500) * 0.004)))
 
 
-def _no_board(device: Device, board: str, deflections: object, say: object) -> BoardRun:
+def no_board(device: Device, board: str, deflections: object, say: object) -> BoardRun:
     return BoardRun(board, "a board", skipped="The emulator is not installed.")
 
 
@@ -183,15 +182,7 @@ def test_the_page_shows_every_equation_and_the_content_hash(
         assert e.number in page.text
         assert e.text in page.text
     assert chirped.verification.content_hash in page.text
-
-
-def test_the_page_shows_every_stream_and_file(recorded: Report, recorded_page: str) -> None:
-    text = Page(recorded_page).text
-    for c in recorded.verification.comparisons:
-        assert c.stream in text
-    for bundle in recorded.bundles:
-        for name in bundle.files:
-            assert name in text or bundle.folder == "dialect"
+    assert all(c.stream in page.text for c in chirped.verification.comparisons)
 
 
 def test_a_measured_torque_is_compared(recorded: Report, recorded_page: str) -> None:
@@ -228,7 +219,10 @@ def test_the_fit_is_that_of_the_identification(
         assert fit["mean_rms_percent"][role] == pytest.approx(expected, rel=2e-3)
 
 
-def test_hostile_text_is_escaped(chirped: Report) -> None:
+def test_hostile_text_is_escaped(chirped: Report, identification: Identification) -> None:
+    named = identification.device.file.model_copy(update={"title": HOSTILE})
+    hostile = replace(identification, device=Device(named, "x.toml"), notes=(HOSTILE,))
+    assert identification_page(hostile).count("<script") == 1
     file = chirped.device.file
     bad = file.elastomer.model_copy(
         update={"k1_Nm_rad": file.elastomer.k1_Nm_rad.model_copy(update={"source": HOSTILE})}
@@ -238,12 +232,6 @@ def test_hostile_text_is_escaped(chirped: Report) -> None:
     assert text.count("<script") == 1
     assert "&lt;script&gt;" in text
     assert HOSTILE in Page(text).text
-
-
-def test_a_hostile_identification_is_escaped(identification: Identification) -> None:
-    file = identification.device.file.model_copy(update={"title": HOSTILE})
-    hostile = replace(identification, device=Device(file, "x.toml"), notes=(HOSTILE,))
-    assert identification_page(hostile).count("<script") == 1
 
 
 def test_two_renders_are_equal(
@@ -333,26 +321,6 @@ def test_a_build_that_breaks_is_a_finding(elbow: Device, monkeypatch: pytest.Mon
     assert "float-only" in board.failed
 
 
-def test_the_json_holds_what_is_promised(chirped: Report, recorded: Report) -> None:
-    for findings in (chirped, recorded):
-        content = json.loads(json.dumps(findings.to_dict(), allow_nan=False))
-        assert content["content_hash"] == findings.verification.content_hash
-        assert [p["key"] for p in content["parameters"]] == [
-            k for k, _ in findings.device.quantities()
-        ]
-        assert all(p["status"] and p["source"] for p in content["parameters"])
-        assert {c["format"] for c in content["verification"]["comparisons"]} == {"f64", "f32"}
-        assert {e["number"] for e in content["equations"]} >= {"(3.1)", "(3.2)", "(3.9)"}
-        assert {d["folder"] for d in content["code"]["folders"]} == {"f64", "f32", "dialect"}
-        assert all(k["total"] > 0 for k in content["code"]["kernels"])
-        assert content["worst"]["f32"]["percent"] < content["worst"]["f32"]["bound_percent"]
-        assert "duration_s" not in json.dumps(content["board"])
-        assert os.sep + "tmp" not in json.dumps(content)
-        assert content["command"].startswith("esea-gen report")
-    assert recorded.to_dict()["fit"]["sets"]
-    assert "sampling.period_s" in recorded.to_dict()["assumed"]
-
-
 def test_the_identification_page_shows_what_was_found(identification: Identification) -> None:
     text = Page(identification_page(identification)).text
     content = identification.to_dict()
@@ -382,21 +350,6 @@ def test_the_identification_page_shows_what_was_found(identification: Identifica
 )
 def test_numbers_are_written_for_people(value: float | None, digits: int, expected: str) -> None:
     assert number(value, digits) == expected
-
-
-def test_values_keep_their_digits() -> None:
-    assert plain(0.0197) == "0.0197"
-    assert plain(-0.35) == "−0.35"
-    assert "1·10" in plain(1e-6)
-    assert "1.25·10" in plain(1.25e-6)
-    assert for_people(0.2007128639793479, "rad") == "11.5°"
-    assert "1\u202f432°/s" in for_people(25.0, "rad/s")
-    assert for_people(1.0, "Nm") == ""
-
-
-def test_json_content_is_finite() -> None:
-    raw = {"a": np.float32(1.5), "b": [float("nan"), np.inf, np.int64(3)], "c": (True, None, "x")}
-    assert finite(raw) == {"a": 1.5, "b": [None, None, 3], "c": [True, None, "x"]}
 
 
 def test_pages_are_read_on_a_telephone_by_day_and_by_night(

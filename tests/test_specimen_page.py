@@ -18,7 +18,7 @@ from esea_gen.identify.worth import JudgedSamples, torque_worth
 
 from .browser import browser, readable
 from .result_schemas import held
-from .test_quality import rig, written
+from .rigs import rig, written
 from .test_report import Page
 
 pytestmark = pytest.mark.ci
@@ -72,13 +72,6 @@ def test_each_class_has_the_band_of_its_own_errors():
     assert cells["75-100 %", None].band_Nm == 0.1
     alike = torque_worth(judged(error, torque, rate), unseen, 10.0, 2.0)
     assert {(w.torque, w.rate): w for w in alike}["75-100 %", "35-100 %"].band_Nm == 0.5
-
-
-def test_without_time_there_are_classes_of_torque_only():
-    of = JudgedSamples(np.full(30, 0.2), np.full(30, 1.0), None, np.ones(30))
-    found = torque_worth(of, of, 10.0, 2.0)
-    assert [(w.torque, w.rate) for w in found if w.samples] == [(None, None), ("5-25 %", None)]
-    assert {w.rate for w in found} == {None}
 
 
 @pytest.fixture(scope="module")
@@ -236,13 +229,6 @@ def test_a_life_without_a_curve_is_not_known(at):
     assert "life used not known the device file of elbow has no [fatigue]" in text
     assert "No fatigue curve" in text
     assert "203.5" in text
-
-
-def test_without_an_identification_the_chosen_model_is_identified(at):
-    text = page(f"map.toml {compared()}")
-    assert "torque model springs and slip operators" in text
-    assert "made for this page: esea-gen identify map.toml" in text
-    assert "another one" not in text
 
 
 def change(name: str, **new) -> str:

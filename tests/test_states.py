@@ -6,52 +6,37 @@ against is written a second time below, by rules about events, not by states.
 
 from __future__ import annotations
 
-import contextlib
 import itertools
-import re
-import shutil
-import subprocess
-from html import escape as quoted
 
 import cffi
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from esea_gen.board.emulator import RunningBoard
-from esea_gen.board.firmware import build_firmware
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import load_device
-from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.states import (
-    BOARD_FAULTS,
     EVENTS,
     GUARDS,
     STATES,
-    TABLE,
     TIMES_MS,
     follow,
     state_tables,
     states_header,
 )
-from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import firmware_folder
 
 from .conftest import ROOT, require_tool
+from .sim_drive import ANGLES, powered_on, zeroed
 
+FFI = cffi.FFI()
 NAMES = [s.name for s in STATES]
 TORQUE = {"ARMED", "ACTIVE", "LETTING_GO"}
-ANGLES = {"count_motor": 700, "count_load": 900, "count_gear": 5}
 
 
 @pytest.fixture(scope="module")
 def powered(drive):
-    require_tool("gcc")
-    board = SimBoard(drive)
-    yield board
-    board.close()
+    yield from powered_on(drive)
 
 
 @pytest.fixture
@@ -64,11 +49,7 @@ def board(powered):
 
 @pytest.fixture
 def ready(board):
-    board.ticks(20)
-    board.zero()
-    board.ticks(230)
-    assert board.state_now == "READY"
-    return board
+    return zeroed(board)
 
 
 @pytest.fixture
@@ -134,7 +115,7 @@ def every_guard():
 
 
 def test_an_event_of_no_number_is_refused_in_every_state(powered):
-    held, guards = powered._ffi.new("uint32_t *"), powered._ffi.new("bool[]", [True] * len(GUARDS))
+    held, guards = FFI.new("uint32_t *"), FFI.new("bool[]", [True] * len(GUARDS))
     for state in STATES:
         for event in (0, 11, 31, 41, 0xFFFFFFFF):
             held[0] = state.value
@@ -143,7 +124,7 @@ def test_an_event_of_no_number_is_refused_in_every_state(powered):
 
 
 def test_from_a_state_that_is_none_every_event_leads_to_the_fault(powered):
-    held, guards = powered._ffi.new("uint32_t *"), powered._ffi.new("bool[]", [True] * len(GUARDS))
+    held, guards = FFI.new("uint32_t *"), FFI.new("bool[]", [True] * len(GUARDS))
     fault = next(s.value for s in STATES if s.name == "FAULT")
     for state in (11, 77, 2**32 - 1):
         for event in EVENTS:
@@ -172,42 +153,12 @@ def test_no_way_leads_to_torque_but_arm_and_on(board):
             assert (state.name, event.name) == ("ARMED", "ON")
 
 
-def test_numbers_are_used_once_and_keep_their_meaning():
-    for numbers in ([s.value for s in STATES], [e.value for e in EVENTS]):
-        assert len(set(numbers)) == len(numbers)
-    # As they were first given out: a number is never used again for something else.
-    assert {s.name: s.value for s in STATES} == {
-        "BOOT": 0, "READY": 1, "REPLAY": 2, "FAULT": 3, "SELF_TEST": 4, "UNREFERENCED": 5,
-        "ZEROING": 6, "ARMED": 7, "ACTIVE": 8, "LETTING_GO": 9, "STOPPED": 10,
-    }  # fmt: skip
-    assert {c.name: c.value for c in BOARD_FAULTS} == {
-        "NONE": 0, "PREPARE_REFUSED": 101, "STACK_EXHAUSTED": 102, "PROCESSOR": 103,
-        "SELF_TEST": 104, "STATE_UNKNOWN": 105, "MOTOR_CURRENT": 106, "WATCHDOG": 107,
-        "BROWN_OUT": 108, "SLOW_CLOCK": 109,
-    }  # fmt: skip
-    assert set(TABLE) == set(NAMES)
-
-
 def test_header_and_documentation_are_those_of_the_table(drive):
     """Written by ``python -m esea_gen.emit.states``."""
     header = (firmware_folder() / "app" / "states.h").read_text(encoding="utf-8")
     assert header == states_header()
     page = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
     assert state_tables() in page
-
-
-def test_the_compiler_finds_a_forgotten_event(drive, tmp_path, monkeypatch):
-    """Armed: one case taken away, and the build fails."""
-    require_tool("gcc")
-    from esea_gen.board import firmware
-
-    shutil.copytree(firmware_folder(), tmp_path / "firmware")
-    path = tmp_path / "firmware" / "app" / "machine.c"
-    text = path.read_text(encoding="utf-8")
-    path.write_text(text.replace("    case ESEA_EVENT_LINK_LOST:\n", "", 1), encoding="utf-8")
-    monkeypatch.setattr(firmware, "firmware_folder", lambda: tmp_path / "firmware")
-    with pytest.raises(RuntimeError, match="ESEA_EVENT_LINK_LOST"):
-        firmware.build_firmware(drive, "sim", tmp_path / "out")
 
 
 # -- what it does ----------------------------------------------------------------------------------
@@ -500,149 +451,6 @@ def test_late_runs_of_the_slower_task_latch(armed):
     assert armed.clock().late_runs - before == 12
 
 
-def test_runs_that_find_no_room_are_counted(ready):
-    ready.tell("ESEA_SENSE_OUT", 1000)
-    ready.ticks(1)
-    before = ready.clock().dropped
-    ready.ticks(10, poll=False)  # four may wait
-    ready.lib.sim_poll()
-    assert ready.clock().dropped == before + 6
-    ready.tell("ESEA_SENSE_OUT", 0)
-
-
-# -- any order of all that -------------------------------------------------------------------------
-
-
-class Person:
-    """What the states should be, from what was done to the board; time in ticks."""
-
-    def __init__(self) -> None:
-        self.state, self.referenced, self.held, self.line = "UNREFERENCED", False, False, False
-        self.mode_on = False
-        self.link = self.deadline = self.fade = self.still = 0
-
-    def guards(self, event: str) -> set[str]:
-        held = self.held and event != "RELEASE"
-        found = {
-            "drive": True,
-            "encoders": True,
-            "referenced": self.referenced,
-            "stop_clear": not held and not self.line,
-            "link_live": self.link > 0,
-            "mode_off": not self.mode_on,
-            "released": True,  # a tick passes before every deed
-            "clearable": True,
-        }
-        return {n for n, holds in found.items() if holds}
-
-    def event(self, event: str) -> None:
-        before, after = self.state, rule(self.state, event, self.guards(event))
-        if event == "STOP":
-            self.held = True
-        if after is None:
-            return
-        self.held = self.held and event != "RELEASE"
-        self.state = after
-        if before == after:
-            return
-        if after == "BOOT":
-            self.state, self.referenced, self.mode_on = "UNREFERENCED", False, False
-            self.state = "STOPPED" if self.held or self.line else "UNREFERENCED"
-            return
-        if after not in TORQUE or after == "ARMED":
-            self.mode_on, self.deadline = False, 0
-        if after == "LETTING_GO":
-            self.fade = TIMES_MS["FADE"][0]
-        if after == "ZEROING":
-            self.referenced, self.still = False, TIMES_MS["ZEROING"][0]
-
-    def tick(self) -> None:
-        if self.line:
-            self.event("STOP")
-        self.link = max(0, self.link - 1)
-        if self.link == 0:
-            self.event("LINK_LOST")
-        if self.deadline:
-            self.deadline -= 1
-            if self.deadline == 0:
-                self.event("EXPIRED")
-        if self.state == "LETTING_GO":
-            self.fade -= 1
-            if self.fade == 0:
-                self.event("FADED")
-        if self.state == "ZEROING":
-            self.still -= 1
-            if self.still == 0:
-                self.referenced = True
-                self.event("ZEROED")
-
-    def told(self, event: str) -> None:
-        self.link = TIMES_MS["LINK_LOST"][0]
-        if event in ("ON", "OFF"):
-            self.mode_on = event == "ON"
-        self.event(event)
-        if event == "ON" and self.state == "ACTIVE":
-            self.deadline = TIMES_MS["DEADLINE"][0]
-
-
-DEEDS = {
-    "STOP": lambda b: b.stop(),
-    "RELEASE": lambda b: b.release(),
-    "CLEAR": lambda b: b.clear(),
-    "RESET": lambda b: b.reset(),
-    "ZERO": lambda b: b.zero(),
-    "ARM": lambda b: b.arm(),
-    "DISARM": lambda b: b.disarm(),
-    "OFF": lambda b: b.want(mode=0.0),
-    "ON": lambda b: b.want(mode=1.0),
-}
-# A controller needs a moment before the limits take its word: those who arm or zero wait for it.
-deeds = st.one_of(
-    st.sampled_from([*DEEDS, *["ARM", "ON", "ZERO"] * 2]),
-    st.sampled_from(["open", "close", "close"]),
-    st.sampled_from([1, 7, 99, 100, 101, 200, 499, 501, 1001]),
-)
-
-
-@settings(max_examples=60, deadline=None)
-@given(done=st.lists(deeds, min_size=3, max_size=25))
-def test_any_order_of_commands_and_time_gives_the_states_of_the_model(powered, done):
-    board, person = powered, Person()
-    board.restart()
-    board.lib.sim_stop_line(False)
-    board.measure(**ANGLES)
-
-    def wait(ticks):
-        for _ in range(ticks):
-            board.ticks()
-            person.tick()
-            assert board.state_now == person.state
-            on, u_Nm = board.motor
-            assert on == (person.state in TORQUE)
-            assert u_Nm == 0 or person.state in ("ACTIVE", "LETTING_GO", "ARMED")
-
-    for deed in ["ZERO", 230, *done]:
-        if isinstance(deed, int):
-            wait(deed)
-        elif deed in ("open", "close"):
-            person.line = deed == "open"
-            board.lib.sim_stop_line(person.line)
-        else:
-            wait(30 if deed in ("ARM", "ZERO") else 1)
-            with contextlib.suppress(LinkError):
-                DEEDS[deed](board)
-            person.told(deed)
-            assert board.state_now == person.state, deed
-    board.pending()
-
-
-def test_the_library_is_not_emulated(drive, tmp_path):
-    require_tool("gcc")
-    image = build_firmware(drive, "sim", tmp_path)
-    with pytest.raises(UserError, match="Board 'sim' is a library"):
-        RunningBoard(drive, image)
-
-
 # -- other devices ---------------------------------------------------------------------------------
 
 
@@ -698,98 +506,3 @@ def test_what_cannot_be_wanted_or_measured_is_refused(board):
         board.measure(theta_rad=0.1)
     with pytest.raises(LinkError, match="does not tell ESEA_SENSE_IN"):
         board.tell("ESEA_SENSE_IN", float("nan"))
-
-
-def escape(text: str) -> str:
-    """As XML has it."""
-    return quoted(text).replace("&#x27;", "&#39;")
-
-
-def test_texts_of_the_dialect_are_the_tables(drive):
-
-    xml = render_dialect(drive).files["esea_elbow_drive.xml"]
-    for state in STATES:
-        entry = f'<entry value="{state.value}" name="ESEA_STATE_{state.name}">'
-        assert f"{entry}<description>{escape(state.meaning)}" in xml
-    for fault in BOARD_FAULTS[1:]:
-        assert f'value="{fault.value}" name="ESEA_FAULT_{fault.name}"' in xml
-        assert f"Cure: {escape(fault.cure)}. Found: {fault.bound}." in xml
-
-
-# -- are these tests themselves any good -----------------------------------------------------------
-
-SIGNATURE = "bool esea_machine_take(uint32_t *state, uint32_t event, const bool *guards);"
-
-
-def mutants() -> list[tuple[str, str]]:
-    """The transition function with one change each; what was changed, and the whole text."""
-    text = (firmware_folder() / "app" / "machine.c").read_text(encoding="utf-8")
-    changes = [
-        (r"return to\(state, ESEA_STATE_(\w+)\);", "return false;"),
-        (r"&& to\(state, ESEA_STATE_(\w+)\);", ";"),
-        (r"to\(state, ESEA_STATE_(?!READY)\w+\)", "to(state, ESEA_STATE_READY)"),
-        (r"to\(state, ESEA_STATE_READY\)", "to(state, ESEA_STATE_ARMED)"),
-        (r"return true;\n    case", "return false;\n    case"),
-        (r"return false;\n    \}", "return true;\n    }"),
-        (r"guards->(\w+)", "true"),
-        (r"guards->(\w+)", "!guards->\\1"),
-        (r"(!stopped|stopped|!booting|!active|active|booting) &&", "true &&"),
-        (r"\(active \|\| guards->released\)", "active"),
-        (r"active \? (\w+) : (\w+)", r"active ? \2 : \1"),
-        (r"\*state = ESEA_STATE_FAULT;", ";"),
-        (r"return event == ESEA_EVENT_STOP;", "return true;"),
-    ]
-    found = []
-    for old, new in changes:
-        for at in re.finditer(old, text):
-            changed = text[: at.start()] + at.expand(new) + text[at.end() :]
-            line = text.count("\n", 0, at.start()) + 1
-            found.append((f"line {line}: {at.group(0)!r} -> {new!r}", changed))
-    # Of the dispatcher: a state's events go to another's function.
-    for name in ("starting", "waiting", "armed", "held"):
-        call = f"        return {name}(state, event, guards);"
-        assert call in text
-        found.append((name, text.replace(call, "        return replay(state, event);", 1)))
-    return found
-
-
-def holds_all_rules(library) -> bool:
-    ffi, lib = library
-    held = ffi.new("uint32_t *")
-    cases = itertools.product(STATES, EVENTS, GUARD_SETS)
-    for state, event, (flags, guards) in cases:
-        held[0] = state.value
-        taken = lib.esea_machine_take(held, event.value, flags)
-        expected = rule(state.name, event.name, guards)
-        if taken != (expected is not None) or held[0] != VALUES[expected or state.name]:
-            return False
-    held[0] = 77
-    taken = lib.esea_machine_take(held, 9, GUARD_SETS[0][0])
-    return not taken and held[0] == VALUES["FAULT"]
-
-
-VALUES = {s.name: s.value for s in STATES}
-GUARD_SETS: list = []
-
-
-@pytest.mark.slow
-def test_a_change_of_any_transition_is_found(tmp_path):
-    require_tool("gcc")
-    ffi = cffi.FFI()
-    ffi.cdef(SIGNATURE)
-    GUARD_SETS[:] = [(ffi.new("bool[]", [g.name in s for g in GUARDS]), s) for s in every_guard()]
-    original = (firmware_folder() / "app" / "machine.c").read_text(encoding="utf-8")
-
-    def built(number: int, text: str):
-        source, target = tmp_path / f"{number}.c", tmp_path / f"{number}.so"
-        source.write_text(text, encoding="utf-8")
-        app = firmware_folder() / "app"
-        command = ["gcc", "-std=c99", "-w", "-shared", "-fPIC", f"-I{app}", source, "-o", target]
-        subprocess.run(command, check=True)
-        return ffi, ffi.dlopen(str(target))
-
-    assert holds_all_rules(built(0, original))
-    made = mutants()
-    alive = [what for k, (what, text) in enumerate(made, 1) if holds_all_rules(built(k, text))]
-    assert len(made) > 60
-    assert alive == []

@@ -23,7 +23,7 @@ from esea_host.study.log import read_log
 from esea_host.study.session import COMPLETED, FAILED, StudySession
 from esea_host.study.task import task_named
 
-from .test_study_windows import calibration, of_tasks
+from .conducted import calibration, of_tasks, opening, study_of
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 TRACKING = (
@@ -43,8 +43,7 @@ def begun(tmp_path, lockstep) -> Iterator:
     sources = []
 
     def begin(protocol, drive=True) -> tuple[StudySession, BoardSource]:
-        study = StudyFolder.create(tmp_path / "s", protocol, simulated=True, durable=False)
-        study.enrol("P01", True)
+        study = study_of(tmp_path / "s", protocol)
         folder = study.log_of("P01", 0).parent
         sources.append(BoardSource(lockstep, folder, drive, lockstep.advance))
         return study.session("P01", 0, sources[-1]), sources[-1]
@@ -154,9 +153,10 @@ def test_a_fault_ends_the_trial_and_a_stopped_board_starts_nothing(begun, lockst
     again.close()
 
 
-def test_torque_at_rest_starts_nothing(begun, monkeypatch):
-    session, source = begun(of_tasks(TRACKING), drive=False)
-    monkeypatch.setitem(source._limits, "limits.tau_max_Nm", 1e-3)
+def test_torque_at_rest_starts_nothing(begun, lockstep, monkeypatch):
+    known = lockstep.parameters()
+    monkeypatch.setattr(lockstep, "parameters", lambda: known | {"limits.tau_max_Nm": 1e-3})
+    session, _ = begun(of_tasks(TRACKING), drive=False)
     assert "unload the joint and zero it" in session.run()
 
 
@@ -172,17 +172,12 @@ def test_silence_is_told(begun, lockstep, monkeypatch):
         source.pull()
 
 
-def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot):
+def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot, monkeypatch):
     """From the participant's window, by a key, over a real connection."""
     from PySide6.QtCore import Qt
 
-    from esea_host.windows.study.operator import OperatorWindow
-    from esea_host.windows.study.participant import ParticipantWindow
-
     simulated_elbow.restart()
-    protocol = of_tasks(TRACKING.replace("1.0", "60.0"))
-    study = StudyFolder.create(tmp_path / "s", protocol, simulated=True)
-    study.enrol("P01", True)
+    study = study_of(tmp_path / "s", of_tasks(TRACKING.replace("1.0", "60.0")))
     with socket.create_server(("127.0.0.1", 0)) as listener:
         given = simulated_elbow, listener, 3.0, False
         thread = threading.Thread(target=serve_hosts, args=given)
@@ -190,38 +185,26 @@ def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot):
         with esea_host.open_device(f"tcp:127.0.0.1:{listener.getsockname()[1]}") as device:
             source = BoardSource(device, study.log_of("P01", 0).parent, drive=False)
             conductor = Conductor(study, "P01", 0, source, float("inf"))
-            windows = ParticipantWindow(conductor), OperatorWindow(conductor, device)
-            for window in windows:
-                qtbot.addWidget(window)
-                window.show()
+            participant, operator = opening(qtbot)(conductor, device)
             conductor.start()
             qtbot.waitUntil(lambda: conductor.trial_s > 0.1, timeout=120_000)
-            qtbot.keyClick(windows[0], Qt.Key.Key_Escape)
+            qtbot.keyClick(participant, Qt.Key.Key_Escape)
             board = simulated_elbow.board
             qtbot.waitUntil(lambda: board.state_now == "STOPPED", timeout=120_000)
             qtbot.waitUntil(lambda: conductor.over, timeout=120_000)
             assert conductor.error is None
             assert "the operator stopped it" in conductor.reason
             # A board that does not confirm it is told in the largest letters.
-            windows[1].board = replace_state(device, "ACTIVE")
-            windows[1]._stop_asked_s = 1.0
-            windows[1].refresh()
-            assert "NOT CONFIRMED: SWITCH" in windows[1].state.text()
-            windows[1].close()
+            monkeypatch.setattr(device, "state", lambda: "ACTIVE")
+            operator.stop_asked_s = 1.0
+            operator.refresh()
+            assert "NOT CONFIRMED: SWITCH" in operator.state.text()
+            monkeypatch.undo()
+            operator.close()
             source.close()
         listener.close()
         thread.join(5.0)
     assert not thread.is_alive()
-
-
-def replace_state(device, state: str):
-    """Something that says it is in a state."""
-
-    class Told:
-        def state(self) -> str:
-            return state
-
-    return Told()
 
 
 def test_every_shipped_task_says_what_it_cannot_do_without():

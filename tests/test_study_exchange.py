@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.cli import app
-from esea_host.study.acting import SimulatedSource
-from esea_host.study.exchange import _tsv, to_bids, to_parquet, traces
+from esea_host.study.exchange import to_bids, to_parquet, traces, write_tsv
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.protocol import load_protocol
+from esea_host.study.source import SimulatedSource
 
 from .conftest import ROOT
 
@@ -48,9 +48,14 @@ def study(tmp_path_factory) -> StudyFolder:
     return study
 
 
-def test_a_bids_data_set_by_its_specification(study, tmp_path):
-    out = tmp_path / "bids"
-    assert to_bids(study, out) == 24
+@pytest.fixture(scope="module")
+def out(study, tmp_path_factory) -> Path:
+    made = tmp_path_factory.mktemp("bids") / "bids"
+    assert to_bids(study, made) == 24
+    return made
+
+
+def test_a_bids_data_set_by_its_specification(out):
     files = [p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file()]
     top = {"dataset_description.json", "participants.tsv", "README"}
     scans = {f"sub-{s}/ses-1/sub-{s}_ses-1_scans.tsv" for s in ("S001", "S002")}
@@ -89,9 +94,7 @@ def test_a_bids_data_set_by_its_specification(study, tmp_path):
         assert re.sub("[^0-9a-zA-Z]", "", about["TaskName"]) == "steadyhold"
 
 
-def test_samples_and_events_are_those_of_the_log(study, tmp_path):
-    out = tmp_path / "bids"
-    to_bids(study, out)
+def test_samples_and_events_are_those_of_the_log(study, out):
     code = study.new_codes(0)["S001"]
     (stem,) = out.glob("sub-S001/ses-1/motion/*_run-4_motion.tsv")
     motion = np.loadtxt(stem, delimiter="\t")
@@ -134,8 +137,8 @@ def test_rows_as_parquet(study, tmp_path):
 
 def test_a_tab_is_not_written_into_a_table(tmp_path):
     with pytest.raises(UserError, match="tab"):
-        _tsv(tmp_path / "a.tsv", [["a\tb"]])
-    _tsv(tmp_path / "b.tsv", [[None, "", True, 0.1, 3]])
+        write_tsv(tmp_path / "a.tsv", [["a\tb"]])
+    write_tsv(tmp_path / "b.tsv", [[None, "", True, 0.1, 3]])
     assert Path(tmp_path / "b.tsv").read_text() == "n/a\tn/a\ttrue\t0.1\t3\n"
 
 

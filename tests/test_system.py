@@ -11,7 +11,7 @@ import pytest
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.alike import alike, emitted_once, joined
+from esea_gen.language.alike import alike
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
@@ -130,30 +130,10 @@ def test_latched_values_do_not_depend_on_preemption(release):
 def test_the_c_does_what_the_symbolic_system_does(real: str, gain: bool, lateness: int):
     require_tool("gcc")
     system = two_rates(3, gain)
-    library = compile_system(system, real)
-    quick, lazy = library.task("quick"), library.task("lazy")
-    lazy._state = quick._state  # one instance, two tasks
-
-    def c_step(task: str, **inputs):
-        runner = quick if task == "quick" else lazy
-        if task == "lazy":
-            packed = np.zeros(1, lazy._in_type)
-            out = np.zeros(1, lazy._out_type)
-            library.lib.esea_twotasks_lazy_step(
-                *lazy._coeffs,
-                lazy._cast("esea_twotasks_state_t", quick._state),
-                lazy._cast("esea_twotasks_lazy_in_t", packed),
-                lazy._cast("esea_twotasks_lazy_out_t", out),
-            )
-            return {"slow_y": out["slow_y"][0]}
-        return runner.step(**inputs)
-
-    def c_release(tick: int) -> None:
-        library.lib.esea_twotasks_release(quick._cast("esea_twotasks_state_t", quick._state), tick)
-
+    board = compile_system(system, real).board()
     simulator = system.simulator()
     expected = run(simulator.step, simulator.release, 0)
-    got = run(c_step, c_release, lateness)
+    got = run(board.step, board.release, lateness)
     for a, b in zip(expected, got, strict=True):
         assert a["y"] == b["y"]
         assert np.array_equal(a["both"], b["both"])
@@ -243,25 +223,6 @@ def test_blocks_that_differ_in_words_only_are_emitted_once():
     assert not [n for n in files if "load_rate" in n or "encoder_motor" in n]
 
 
-def test_a_shared_block_has_the_words_that_its_names_have_in_common():
-    base, other = summing(1e-3, gain=True), summing(2e-3, gain=True)
-
-    def shared(first, second, **more):
-        pair = [replace(base, name=n, title=f"rate of the {n}, filtered") for n in (first, second)]
-        found = emitted_once({"a": pair[0], "b": pair[1], **more})
-        assert list(found) == ["a", "b", *more]
-        assert found["a"] is found["b"]
-        return found["a"].name, found["a"].title
-
-    title = "rate of the load_rate, or motor_rate, filtered"
-    assert shared("load_rate", "motor_rate") == ("rate", title)
-    # Another Block is called so, or they have no word in common: as the first.
-    assert shared("load_rate", "motor_rate", c=replace(other, name="rate"))[0] == "load_rate"
-    assert shared("left", "right")[0] == "left"
-    apart = emitted_once({"a": base, "b": other})
-    assert (apart["a"], apart["b"]) == (base, other)
-
-
 def test_blocks_that_differ_in_a_number_are_not():
     text = load_device("elbow_drive").toml()
     assert "load_velocity_Hz = { value = 30.0" in text
@@ -269,11 +230,3 @@ def test_blocks_that_differ_in_a_number_are_not():
     blocks = parse_device(other, "own.toml").system.blocks
     assert blocks["motor_rate"] is not blocks["load_rate"]
     assert blocks["motor_rate"] is blocks["set_rate"]
-
-
-def test_words_that_differ_stand_side_by_side():
-    texts = ["angle, motor side of it", "angle, load side of it", "angle, motor side of it"]
-    assert joined(texts) == "angle, motor or load side of it"
-    assert joined(["one thing", "something else entirely"]) == (
-        "one thing; or: something else entirely"
-    )

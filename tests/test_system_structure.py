@@ -10,8 +10,8 @@ import pytest
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable
 from esea_gen.language.system import System
-from esea_gen.language.watch import WATCHED, Watched
-from esea_gen.language.wires import External, Latch, Signal, Task
+from esea_gen.language.watch import WATCHED
+from esea_gen.language.wires import Task
 
 H = 1e-3
 
@@ -83,43 +83,6 @@ def parts(asked: str = "coeffs_ok") -> dict:
     }
 
 
-def test_the_structure():
-    s = System(**parts())
-    _, medium, lazy = s.tasks
-    assert [t.release_ticks for t in s.tasks] == [1, 2, 3]
-    assert s.task("medium") is medium
-    assert s.task_of("also") is lazy
-    assert [b.name for b in s.kinds] == ["shared", "middle", "slow", "also"]
-    assert [(i, t.name) for i, t in s.tunables] == [("middle", "gain"), ("slow", "gain")]
-    assert [s.is_tuned(t) for t in s.tasks] == [False, True, True]
-    assert s.resumed == ("slow",)
-    y, twice, _ = s.blocks["first"].outputs
-    latches = {
-        "slow_y_rad": Latch("slow_y_rad", Signal("slow", "y_rad"), y, "lazy"),
-        "first_y_rad": Latch("first_y_rad", Signal("first", "y_rad"), y, "fast"),
-        "first_twice_rad": Latch("first_twice_rad", Signal("first", "twice_rad"), twice, "fast"),
-    }
-    assert {x.name: x for x in s.latches} == latches
-    assert [x.name for x in s.latches] == list(latches)  # as the wires are listed
-    for x in s.latches:
-        assert s.latch_for(x.source) is x
-    assert [[x.name for x in s.latches_read(t)] for t in s.tasks] == [
-        *(["slow_y_rad"], ["first_y_rad"], ["first_twice_rad"])
-    ]
-    assert [[x.name for x in s.task_inputs(t)] for t in s.tasks] == [["given_rad"], [], []]
-    assert [[x.name for x in s.task_outputs(t)] for t in s.tasks] == [
-        *(["told_rad", "pair"], ["middle_rad"], ["lazy_rad"])
-    ]
-    x = Port("x_rad", -9e9, 9e9, "x")
-    given = External("given_rad", x, (Signal("first", "x_rad"),))
-    assert s.inputs == (given,)
-    assert s.feed(Signal("first", "x_rad")) == given
-    assert s.feed(Signal("again", "x_rad")) == latches["slow_y_rad"]
-    assert s.feed(Signal("also", "x_rad")) == Signal("slow", "y_rad")
-    assert s.feed(Signal("middle", "coeffs_ok")) == Watched(WATCHED["coeffs_ok"])
-    assert [[p.name for p in s.watched(t)] for t in s.tasks] == [[], ["coeffs_ok"], []]
-
-
 def test_the_slowest_tuned_task_checks_where_that_is_asked():
     assert System(**parts()).checker == "lazy"
     assert System(**parts("late_level")).checker == ""
@@ -181,30 +144,6 @@ def test_tasks_fit_their_blocks(task, words):
     for release in (1, 4, None):  # the ends are taken
         given["tasks"] = (*given["tasks"][:2], Task("lazy", ("slow", "also"), 4, 3, release))
         assert System(**given).tasks[2].phase == 3
-
-
-def test_ports_of_one_external_input_are_alike():
-    given = parts()
-    given["wires"].pop("again.x_rad")
-    given["inputs"] = {"given_rad": ("first.x_rad", "again.x_rad")}
-    s = System(**given)
-    assert s.inputs[0].signals == (Signal("first", "x_rad"), Signal("again", "x_rad"))
-    assert s.feed(Signal("again", "x_rad")) is s.inputs[0]
-    for port in (
-        Port("x_rad", -8e9, 9e9, "x"),
-        Port("x_rad", -9e9, 8e9, "x"),
-        Port("x_rad", -9e9, 9e9, "x", 2),
-    ):
-        given["blocks"]["again"] = Block.define(
-            *("again", "made up"),
-            period_s=H,
-            state=(),
-            inputs=(port,),
-            outputs=block("any").outputs,
-            step=lambda c, s, u, guard, label: ({}, {"y_rad": 0, "twice_rad": 0, "pair": [0, 0]}),
-        )
-        with pytest.raises(ValueError, match="given_rad feeds ports of different unit, size or ra"):
-            System(**given)
 
 
 def test_a_schedule_by_hand():

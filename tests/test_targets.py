@@ -45,32 +45,11 @@ def test_the_help_names_every_board_with_firmware():
         assert name in said
 
 
-@pytest.mark.parametrize(
-    ("toolchain", "tool", "expected"),
-    [
-        (targets.HOST_GCC, "nm", ("nm", "binutils")),
-        (targets.ARM_GCC, "nm", ("arm-none-eabi-nm", "binutils-arm-none-eabi")),
-        (targets.ARM_LINUX_GCC, "size", ("arm-linux-gnueabi-size", "binutils-arm-linux-gnueabi")),
-    ],
-)
-def test_tools_and_their_debian_packages(toolchain, tool, expected):
-    assert toolchain.tool(tool) == expected
-
-
 def test_the_set_up_installs_every_compiler_from_its_package():
     setup = (ROOT / ".ci" / "setup").read_text()
     for processor in targets.PROCESSORS.values():
         command, package = processor.toolchain.gcc
         assert re.search(rf'need {command} "{package}', setup), processor.name
-
-
-def test_every_use_has_one_board_a_core():
-    for use in ("instructions", "bits"):
-        cores = [b.core for b in targets.boards_for(use)]
-        assert cores
-        assert len(set(cores)) == len(cores)
-        assert all(b.machine and b.code_bytes and b.ram_bytes for b in targets.boards_for(use))
-        assert use == "bits" or all(b.clock_Hz for b in targets.boards_for(use))
 
 
 def test_no_flag_of_a_processor_stands_outside_the_table():

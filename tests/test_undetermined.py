@@ -20,11 +20,12 @@ from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.family.members import members
 from esea_gen.identify.notes import temperature_notes, told_apart_notes
 from esea_gen.identify.recording.resampling import FitRows, resampled
-from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
+from esea_gen.model.family import FittedMember, Member, Rise, Term
 from esea_gen.model.temperature import TemperatureFactor
 from tests.conftest import require_tool
-from tests.test_identify import MAPPING, table
+from tests.rigs import table
 from tests.test_identify_temperature import THREE, motion, recorded, springs
+from tests.test_recordings import MAPPING
 
 PER, CYCLES = 100, 4
 
@@ -175,13 +176,6 @@ def test_a_weight_that_is_not_determined_is_assumed():
     assert spring[0].text not in note
 
 
-def test_softening_by_path_has_its_own_words():
-    terms = (Term("spring"), Term("spring", softening=Softening("path", 40.0)))
-    (note,) = told_apart_notes(FittedMember(Member("p", "p", terms), 0.1, (1.0, 0.0)), {1: 0}, {})
-    assert "Softening by path is not seen" in note
-    assert "1 softened term is not" in note
-
-
 # The change a kelvin.
 
 FORM = Member(
@@ -226,16 +220,6 @@ def test_the_interval_of_the_change_a_kelvin_is_as_wide_as_its_error(tmp_path, u
     error, said = kelvins(tmp_path, uses, range(20))
     assert 0.6 < np.sqrt(np.mean((error / said) ** 2)) < 1.6
     assert 0.6 < np.sqrt(np.mean(error**2) / np.mean(said**2)) < 1.6
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("uses", USES.values(), ids=USES)
-def test_the_interval_of_the_change_a_kelvin_over_many_runs(tmp_path, uses):
-    require_tool("gcc")
-    error, said = kelvins(tmp_path, uses, range(1000, 1200))
-    ratio = float(np.sqrt(np.mean((error / said) ** 2)))
-    print(f"{list(uses)} degC: error over deviation {ratio:.2f}")
-    assert 0.8 < ratio < 1.25
 
 
 def test_a_change_at_the_end_of_the_search_is_called_out(tmp_path):

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.emit.error_bounds import Bound
+from esea_gen.emit.step_errors import Bound
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port
 from esea_gen.language.stream import Stream

@@ -16,13 +16,10 @@ from esea_gen.emit.walker import (
     StatusWord,
     UnsupportedOperationError,
     fuse_selects,
-    labelled_kernel,
     status_words,
     use_counts,
     walk,
 )
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port
 
 
 def evaluate(kernel, inputs):
@@ -155,34 +152,6 @@ def test_bits_of_a_status_word_from_the_lowest_up():
         assert status_words(other, (1,), use_counts(other)) == found
 
 
-def test_what_no_result_needs_and_a_constant_have_no_label():
-    def step(_c, _s, u, _guard, label):
-        label("unread", u.x * 3)
-        label("number", ca.SX(2.5))
-        return {}, {"y": label("sum", u.x + 2.5, "why")}
-
-    block = Block.define(
-        "labelled",
-        "Labels",
-        period_s=0.001,
-        state=(),
-        inputs=(Port("x", -1.0, 1.0, "in", on_invalid=0.0),),
-        outputs=(Port("y", -9.0, 9.0, "out"),),
-        step=step,
-    )
-    kernel, labels = labelled_kernel(block, lambda k: k)
-    named = {name: (kernel.nodes[i].op, said) for i, name, said in labels}
-    assert named["sum"] == ("add", "why")
-    assert not {"unread", "number"} & set(named)
-
-
-def test_the_listing_tells_every_constant_exactly():
-    x = ca.SX.sym("x")
-    one = walk(ca.Function("f", [x], [x * 0.1])).listing()
-    other = walk(ca.Function("f", [x], [x * np.nextafter(0.1, 1)])).listing()
-    assert one != other
-
-
 def test_what_cannot_be_emitted_is_refused():
     x = ca.SX.sym("x")
     number = ca.OP_ERF
@@ -197,13 +166,6 @@ def test_what_cannot_be_emitted_is_refused():
     kernel = walk(ca.Function("f", [x], [x + 1e60]))
     with pytest.raises(UnsupportedOperationError, match="float32"):
         print_kernel(kernel, FORMATS["f32"], lambda a, e: ("x", "in->x"), {})
-
-
-@given(st.floats(allow_nan=False, allow_infinity=False))
-def test_double_literals_read_back(value: float):
-    text = FORMATS["f64"].literal(value)
-    assert float(text) == value
-    assert "." in text or "e" in text
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False, width=32))

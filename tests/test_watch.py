@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from esea_gen.language.watch import LATE_MOST, WATCHED, TaskWatch
+from esea_gen.language.watch import LATE_MOST, TaskWatch
 
 
 def seen(watch):
@@ -55,18 +55,6 @@ def test_a_run_that_has_ended_is_in_time_and_each_task_has_its_own():
     assert seen(watch)["late_level"] == 16
 
 
-@pytest.mark.parametrize("level", [0, 16])
-def test_late_runs_are_forgotten_down_to_none_and_only_by_ticks_in_order(level):
-    watch = TaskWatch()
-    watch.see(0)
-    watch.late_level = level
-    watch.see(0)
-    assert seen(watch)["late_level"] == level
-    for tick in range(1, 31):
-        watch.see(tick)
-        assert seen(watch)["late_level"] == max(level - tick, 0)
-
-
 @pytest.mark.parametrize(
     ("before", "now", "ok"),
     [
@@ -89,15 +77,6 @@ def test_a_tick_follows_the_one_before(before, now, ok):
     assert seen(watch)["clock_ok"] == 1
 
 
-def test_what_is_no_number_counts_as_the_worst():
-    ends = {k: (p.low, p.high, p.on_invalid) for k, p in WATCHED.items()}
-    assert ends == {
-        "clock_ok": (0, 1, 0),
-        "late_level": (0, 255, 255),
-        "coeffs_ok": (0, 1, 0),
-    }
-
-
 @pytest.mark.parametrize("start", [0, 7, 2**32 - 1])
 def test_only_the_next_tick_is_in_order_however_far_the_other_is(start):
     """Lost, repeated, backward; by one more than any power of two as well."""
@@ -106,33 +85,3 @@ def test_only_the_next_tick_is_in_order_however_far_the_other_is(start):
         watch.see(start)
         watch.see((start + jump) % 2**32)
         assert seen(watch)["clock_ok"] == (jump == 1), jump
-
-
-def test_before_the_first_tick_all_is_in_order_but_the_coefficients_which_nobody_saw():
-    assert TaskWatch().values() == {"clock_ok": 1.0, "late_level": 0.0, "coeffs_ok": 0.0}
-
-
-def test_each_run_has_an_end_of_its_own():
-    watch = TaskWatch()
-    watch.end("control")  # of what never started nothing ends, and nothing is due
-    watch.due("control")
-    for run in range(1, 4):
-        watch.start("control")
-        watch.end("control")
-        watch.due("control")
-        assert seen(watch)["late_level"] == 0, run
-    # The fourth goes on; the end of a fifth, started meanwhile, is the end of both.
-    watch.start("control")
-    watch.due("control")
-    assert seen(watch)["late_level"] == 16
-    watch.start("control")
-    watch.end("control")
-    watch.due("control")
-    assert seen(watch)["late_level"] == 16
-
-
-def test_coefficients_are_told_as_found():
-    watch = TaskWatch()
-    watch.coeffs_ok = 1
-    watch.see(5)
-    assert seen(watch) == {"clock_ok": 1, "late_level": 0, "coeffs_ok": 1}

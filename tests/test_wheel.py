@@ -112,8 +112,8 @@ def test_build_gives_the_committed_bytes(installed, tmp_path):
 def test_the_first_minute_needs_no_file_of_ones_own(installed, tmp_path):
     """The recording that comes along is found from any folder."""
     program = (
-        "from pathlib import Path; from esea_gen.cli.options import _mapping; "
-        "found = _mapping(Path('hdrb')); print(found.is_file(), found)"
+        "from esea_gen.files import sample_folder; "
+        "found = sample_folder() / 'hdrb'; print(found.is_dir(), found)"
     )
     there, path = call(installed / "python", "-c", program, cwd=tmp_path).split()
     assert there == "True"
@@ -136,14 +136,3 @@ def test_library_works(installed, tmp_path):
     )
     model, c = map(float, call(installed / "python", "-c", program, cwd=tmp_path).split())
     assert model == pytest.approx(c, rel=1e-5)
-
-
-def test_a_missing_module_skips_unless_everything_is_required(monkeypatch):
-    """Armed: where tools are required nothing is passed over in silence."""
-    monkeypatch.delenv("ESEA_REQUIRE_TOOLS", raising=False)
-    with pytest.raises(pytest.skip.Exception, match="not installed"):
-        require_module("no_such_module")
-    monkeypatch.setenv("ESEA_REQUIRE_TOOLS", "1")
-    for missing in (require_module, require_tool):
-        with pytest.raises(pytest.fail.Exception, match="not installed"):
-            missing("no_such_thing")

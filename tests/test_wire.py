@@ -5,66 +5,35 @@ from __future__ import annotations
 import binascii
 import json
 import re
-import shutil
-import stat
 import struct
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from pymavlink.dialects.v20 import common
 
-from esea_gen.board import firmware
-from esea_gen.board.emulator import RunningBoard
-from esea_gen.board.firmware import build_firmware
-from esea_gen.board.sim import SimBoard
-from esea_gen.device import load_device
 from esea_gen.emit.dialect import render_dialect
-from esea_gen.emit.parameters import fnv1a, link_parameters
-from esea_gen.emit.telemetry import cost_table, stream_costs
-from esea_gen.link.signing import read_key
-from esea_gen.link.streams import gaps
+from esea_gen.emit.telemetry import stream_costs
 from esea_gen.link.transport import LinkError
-from esea_gen.targets import BOARDS, firmware_folder
 
-from .conftest import require_tool
+from .sim_drive import ANGLES, active, powered_on, texts, zeroed
 
 pytestmark = pytest.mark.ci
 
-ANGLES = {"count_motor": 700, "count_load": 900, "count_gear": 5}
 STOP, RESET = "MAV_CMD_USER_4", "MAV_CMD_USER_1"
 
 
 @pytest.fixture(scope="module")
 def powered(drive):
-    require_tool("gcc")
-    board = SimBoard(drive)
-    yield board
-    board.close()
+    yield from powered_on(drive)
 
 
 @pytest.fixture
 def board(powered):
     powered.restart(blank=True)
-    powered._sign(None)
-    powered._streams.clear()
+    powered.sign_with(None)
+    powered.stop_streams()
     powered.measure(**ANGLES)
     return powered
-
-
-def zeroed(board):
-    board.ticks(20)
-    board.zero()
-    board.ticks(230)
-    assert board.state_now == "READY"
-
-
-def active(board):
-    zeroed(board)
-    board.arm()
-    board.ticks(1)
-    board.want(mode=1.0, tau_desired_Nm=0.1)
-    board.ticks(1)
-    assert board.state_now == "ACTIVE"
 
 
 def samples_of(board, stream):
@@ -72,8 +41,10 @@ def samples_of(board, stream):
     return [s for s in found if s.names == stream.names]
 
 
-def texts(board):
-    return [m.text for m in board.pending() if m.get_type() == "STATUSTEXT"]
+def gaps(samples, interval):
+    """Samples that are missing between those that came."""
+    times = [t for s in samples for t in s.times]
+    return sum((b - a) // interval - 1 for a, b in pairwise(times))
 
 
 # -- streams ---------------------------------------------------------------------------------------
@@ -103,18 +74,6 @@ def test_every_value_of_every_task_streams_as_its_own_message_has_it(board):
                 assert np.array_equal(value, runs[task, tick][field], equal_nan=True), (name, tick)
                 compared += 1
     assert compared >= 45 * 53 + 5 * 12
-
-
-def test_every_tick_of_a_few_values_comes_packed_and_with_the_device_clock(board):
-    (stream,) = board.stream(["tau_Nm", "theta_motor_rad", "u_Nm"])
-    assert stream.samples == 19  # of 59 words
-    board.ticks(1000)
-    found = samples_of(board, stream)
-    times = [t for s in found for t in s.times]
-    assert len(times) == 19 * (1000 // 19)
-    assert times == list(range(times[0], times[0] + len(times)))
-    assert gaps(found, stream.interval) == 0
-    assert board.traffic().stream_dropped == 0
 
 
 def test_no_sample_waits_longer_than_20_ms_for_others(board):
@@ -214,8 +173,11 @@ def test_names_that_are_not_clear_are_refused_before_anything_is_sent(board):
     [(6, 0, [0]), (0, 2, [0]), (0, 0, [54]), (0, 1, [13]), (0, 0, [])],
 )
 def test_a_stream_of_what_there_is_not_is_denied(board, number, task, signals):
-    with pytest.raises(LinkError, match="does not stream"):
-        board._ask_stream(number, task, 1, 1, signals)
+    fields = {"interval": 1, "stream": number, "task": task, "choice": 1, "samples": 0, "result": 0}
+    filled = signals + [0] * (59 - len(signals))
+    ask = board.dialect.MAVLink_esea_stream_message
+    board.send(ask(**fields, count=len(signals), signals=filled))
+    assert board.wait_for("ESEA_STREAM").result == board.dialect.MAV_RESULT_DENIED
     board.ticks(40)
     assert not [m for m in board.pending() if m.get_type() == "ESEA_DATA"]
 
@@ -231,17 +193,12 @@ def bytes_in_a_second(board):
 
 @pytest.mark.parametrize(
     ("what", "names"),
-    [
-        ("sense: one value (1)", ["theta_motor_rad"]),
-        ("sense: everything (53)", ["sense.*"]),
-        ("control: one value (1)", ["u_command_Nm"]),
-        ("control: everything (12)", ["control.*"]),
-    ],
+    [("sense: everything (53)", ["sense.*"]), ("control: one value (1)", ["u_command_Nm"])],
 )
 def test_streams_cost_what_build_says(board, drive, what, names):
     """Counted on the line; what ends in zeros costs less, by less than those values."""
     costs = {c.what: c for c in stream_costs(drive.system)}
-    active(board)
+    active(zeroed(board))
     idle = bytes_in_a_second(board)
     (stream,) = board.stream(names)
     told = bytes_in_a_second(board) - idle
@@ -252,36 +209,7 @@ def test_streams_cost_what_build_says(board, drive, what, names):
     assert stream.samples == cost.samples
 
 
-def test_what_does_not_fit_a_line_is_marked(drive):
-    rows = {r.split("  ")[0]: r for r in cost_table(drive.system).splitlines()}
-    # 40 values: 12 bytes of frame, 17 of head, 160 of values, a thousand times a second.
-    assert " 189000  does not fit  does not fit " in rows["sense: all outputs (40)"]
-    # 20 values a message, 50 messages a second: of 11520 bytes 47 %.
-    assert re.search(r" 5450 +47 % +6 % +0 %$", rows["sense: one value (1)"])
-
-
 # -- parameters ------------------------------------------------------------------------------------
-
-
-def test_all_tunables_are_parameters_at_their_defaults(board, drive):
-    values = board.parameters()
-    wanted = {f"{i}.{t.name}": t.default for i, t in drive.system.tunables}
-    zeros = {"encoder_motor.zeroed", "encoder_load.zeroed"}  # not calibrated
-    assert list(values) == list(wanted)
-    assert {n: np.float32(v) for n, v in values.items()} == {
-        n: np.float32(0 if n in zeros else v) for n, v in wanted.items()
-    }
-
-
-def test_ids_are_short_and_unlike(drive):
-    for name in ("elbow", "elbow_drive", "elbow_mpc", "wrist"):
-        found = link_parameters(load_device(name).system)
-        ids = [p.id for p in found]
-        assert len(set(ids)) == len(ids)
-        assert all(re.fullmatch(r"[.\-a-zA-Z0-9_]{1,16}", i) for i in ids)
-        assert len({p.key for p in found}) == len(found)
-    # The published values of FNV-1a, 32 bits.
-    assert (fnv1a(""), fnv1a("a"), fnv1a("foobar")) == (0x811C9DC5, 0xE40C292C, 0xBF9CF968)
 
 
 def test_the_metadata_is_as_the_standard_has_it(drive):
@@ -321,7 +249,6 @@ def test_a_parameter_that_is_set_is_in_the_next_step_and_outlives_reset_and_zero
         for c in counts:
             board.measure(**ANGLES | {"count_motor": float(c)})
             board.ticks(1)
-        board._streams.clear()
         found = [s for m in board.pending() if m.get_type() == "ESEA_DATA"
                  for s in [stream.decode(m)]]  # fmt: skip
         return np.array([row for s in found for row in s.values], np.float32)
@@ -445,11 +372,11 @@ def test_parameters_and_key_outlive_power_off(board, tmp_path):
 
     board.pair(tmp_path / "key")
     board.restart()
-    board._sign(None)
+    board.sign_with(None)
     assert board.command(board.dialect.MAV_CMD_USER_1) == board.dialect.MAV_RESULT_DENIED
     board.use_key(tmp_path / "key")
     assert board.traffic().paired == 1
-    board._sign(None)
+    board.sign_with(None)
 
 
 # -- time ------------------------------------------------------------------------------------------
@@ -467,228 +394,11 @@ def test_the_clocks_are_compared_by_the_device_clock_of_the_samples(board):
     assert samples_of(board, stream)[0].times[-1] == 1234 + 20
 
 
-# -- who may command -------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def paired(board, tmp_path):
-    path = tmp_path / "board.key"
-    board.pair(path)
-    return board, path
-
-
-def test_the_key_is_its_owners_alone(paired, tmp_path):
-    board, path = paired
-    assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    board.use_key(path)
-    path.chmod(0o640)
-    with pytest.raises(LinkError, match="read or written by others"):
-        board.use_key(path)
-    other = tmp_path / "other"
-    other.write_text("no key")
-    other.chmod(0o600)
-    with pytest.raises(LinkError, match="is no key file"):
-        read_key(other)
-    with pytest.raises(LinkError, match="paired already"):
-        board.pair(tmp_path / "second")
-    assert not (tmp_path / "second").exists()
-
-
-def test_a_paired_board_takes_a_stop_from_anybody_and_nothing_else_unsigned(paired):
-    board, path = paired
-    zeroed(board)
-    before = board.traffic().unsigned_refused
-    board._sign(None)
-    refused = 0
-    enum = board.dialect.enums["MAV_CMD"]
-    for command in [c for c in enum if not enum[c].name.endswith("ENUM_END")]:
-        if command not in (board.dialect.MAV_CMD_USER_4, board.dialect.MAV_CMD_REQUEST_MESSAGE):
-            assert board.command(command, 1.0) == board.dialect.MAV_RESULT_DENIED
-            refused += 1
-    with pytest.raises(LinkError, match="does not arm"):
-        board.arm()
-    with pytest.raises(LinkError, match="takes what is signed"):
-        board.set_parameter("smc.margin", 1.5)
-    board.want(mode=1.0)
-    board.send(board.message("ESEA_SENSE_IN", 0, *[0.0] * 12))
-    board.send(board.message("SETUP_SIGNING", 1, 1, [7] * 32, 2**47))
-    with pytest.raises(LinkError):
-        board.stream(["tau_Nm"])
-    assert board.state_now == "READY"
-    # What changes nothing is answered.
-    assert len(board.parameters()) == 44
-    board.time_sync(1)
-    board.stop()
-    assert board.state_now == "STOPPED"
-    with pytest.raises(LinkError):
-        board.release()
-    assert board.state_now == "STOPPED"
-    board.use_key(path)
-    board.release()
-    assert board.state_now == "READY"
-    assert board.traffic().unsigned_refused > before + refused
-
-
-def test_what_was_signed_is_taken_once(paired):
-    board, _ = paired
-    zeroed(board)
-    arm = board.message("COMMAND_LONG", 1, 1, 400, 0, 1.0, *[0.0] * 6)
-    frame = board.frames(arm)
-    board.send_bytes(frame)
-    assert board.state_now == "ARMED"
-    board.disarm()
-    before = board.traffic().replayed
-    for _ in range(3):
-        board.send_bytes(frame)
-    assert board.state_now == "READY"
-    assert board.traffic().replayed == before + 3
-    # One that was signed earlier and held back is old as well.
-    held, later = board.pack(arm), board.pack(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3))
-    board.send_bytes(later + held)
-    assert board.state_now == "READY"
-    # Under another sender's address the old one is still old: and its signature no longer fits.
-    forged = bytearray(held)
-    forged[5] ^= 1
-    board.send_bytes(bytes(forged))
-    assert board.state_now == "READY"
-
-
-@pytest.mark.parametrize("where", [4, 12, 30, -13, -12, -1])
-def test_a_signed_frame_with_any_byte_another_is_refused(paired, where):
-    board, _ = paired
-    zeroed(board)
-    frame = bytearray(board.pack(board.message("COMMAND_LONG", 1, 1, 400, 0, 1.0, *[0.0] * 6)))
-    crc_at = len(frame) - 15
-    frame[where] ^= 0x10
-    # With a checksum that fits again, so that only the signature can tell.
-    crc = common.x25crc(bytes(frame[1:crc_at]))
-    crc.accumulate(bytes([152]))
-    frame[crc_at : crc_at + 2] = crc.crc.to_bytes(2, "little")
-    board.send_bytes(bytes(frame))
-    assert board.state_now == "READY"
-    traffic = board.traffic()
-    assert traffic.bad_signatures + traffic.replayed >= 1
-
-
-def test_a_wrong_key_commands_nothing_but_a_stop(paired):
-    board, _ = paired
-    zeroed(board)
-    board._sign(bytes(range(32)))
-    assert board.command(board.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == 2
-    assert board.state_now == "READY"
-    board.command(board.dialect.MAV_CMD_USER_4)
-    assert board.state_now == "STOPPED"
-
-
-def test_strangers_do_not_keep_the_link_alive(paired):
-    board, path = paired
-    zeroed(board)
-    board.arm()
-    for _ in range(60):  # signed, for longer than the link may be silent
-        board.send(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3))
-        board.ticks(20)
-    assert board.state_now == "ARMED"
-    board._sign(None)
-    for _ in range(60):
-        board.send(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3))
-        board.ticks(20)
-    assert board.state_now == "READY"
-    board.use_key(path)
-
-
-def test_a_board_is_not_paired_with_the_motor_on(board, tmp_path):
-    active(board)
-    with pytest.raises(LinkError, match="does not pair now: it is ACTIVE"):
-        board.pair(tmp_path / "key")
-    assert not (tmp_path / "key").exists()
-    assert board.traffic().paired == 0
-
-
-def test_a_signed_key_of_zeros_takes_the_key_away(paired):
-    board, _ = paired
-    board.send(board.message("SETUP_SIGNING", 1, 1, [0] * 32, 0))
-    assert board.traffic().paired == 0
-    board._sign(None)
-    board.reset()
-
-
-def test_a_stop_in_the_first_version_of_mavlink_is_a_stop(paired):
-    board, _ = paired
-    board._sign(None)
-    values = (1, 1, board.dialect.MAV_CMD_USER_4, 0, *[0.0] * 7)
-    plain = board.dialect.MAVLink(None, 99, 99)
-    message = board.message("COMMAND_LONG", *values)
-    board.send_bytes(bytes(message.pack(plain, force_mavlink1=True)))
-    assert board.state_now == "STOPPED"
-
-
-# -- armed -----------------------------------------------------------------------------------------
-
-
-def strangers_may_stop_only(board):
-    board._sign(bytes(32))
-    board._sign(None)
-    board.send(board.message("SETUP_SIGNING", 1, 1, [9] * 32, 1))
-    assert board.command(board.dialect.MAV_CMD_USER_1) == board.dialect.MAV_RESULT_DENIED
-    board.command(board.dialect.MAV_CMD_USER_4)
-    assert board.state_now == "STOPPED"
-
-
-def bounds_hold(board):
-    with pytest.raises(LinkError, match="outside"):
-        board.set_parameter("velocity.bandwidth_Hz", 100.5)
-    assert board.set_parameter("velocity.bandwidth_Hz", 50.0) == 50
-
-
-WRONG = {
-    "as it is": ("link.c", "", ""),
-    "drops by samples": ("streams.c", "stream->left_out = stream->samples - 1u;", ""),
-    "packs across a gap": ("streams.c", "!= stream->count * stream->interval", "== 0u"),
-    "no key": ("signing.c", "signing->paired = on;", "signing->paired = false;"),
-    "a stop needs a key": ("link.c", "is_command(message, ESEA_LINK_CMD_STOP) ||", ""),
-    "coefficients not taken": ("parameters.c", "esea_link_take(&app->control);", ""),
-}  # fmt: skip
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize(
-    "wrong",
-    [w if w == "drops by samples" else pytest.param(w, marks=pytest.mark.slow) for w in WRONG],
-)
-def test_a_board_that_does_it_wrong_is_found(wrong, tmp_path, monkeypatch):
-    """Armed: the checks above on a firmware with one place changed."""
-    require_tool("gcc")
-    file, find, put = WRONG[wrong]
-    shutil.copytree(firmware_folder(), tmp_path / "firmware")
-    path = tmp_path / "firmware" / "app" / file
-    text = path.read_text(encoding="utf-8")
-    assert find in text
-    path.write_text(text.replace(find, put), encoding="utf-8")
-    monkeypatch.setattr(firmware, "firmware_folder", lambda: tmp_path / "firmware")
-    board = SimBoard(load_device("elbow"))
-    checks = (
-        test_what_finds_no_room_is_dropped_by_whole_messages_and_counted,
-        test_a_lost_tick_ends_a_message_so_that_every_sample_has_its_own_time,
-        bounds_hold,
-        strangers_may_stop_only,
-    )
-    found = []
-    for check in checks:
-        board.restart()
-        board._streams.clear()
-        try:
-            check(board)
-        except (AssertionError, LinkError, pytest.fail.Exception):
-            found.append(check.__name__)
-    assert bool(found) == (wrong != "as it is"), found
-    board.close()
-
-
 # -- texts -----------------------------------------------------------------------------------------
 
 
 def test_faults_and_refusals_are_said(board):
-    active(board)
+    active(zeroed(board))
     board.measure(count_motor=700, count_load=1200, count_gear=5)
     board.want(mode=1.0)
     board.ticks(20)
@@ -713,97 +423,8 @@ def test_an_input_is_answered_by_its_run_or_by_the_state(board):
     board.send(board.message("ESEA_SENSE_IN", 0, *[0.0] * 12))
     assert "ESEA_SENSE_OUT" in kinds(board)
     board.reset()
-    active(board)
+    active(zeroed(board))
     board.pending()
     board.send(board.message("ESEA_SENSE_IN", 0, *[0.0] * 12))
     assert kinds(board) == ["HEARTBEAT"]
     assert board.state_now == "ACTIVE"
-
-
-def test_numbers_of_a_replay_that_are_out_of_order_are_counted(board):
-    def gaps(*ticks):
-        for tick in ticks:
-            board.send(board.message("ESEA_CONTROL_IN", tick))
-        return board.info().sequence_gaps
-
-    assert gaps(40, 45, 50) == 0  # the first may be any
-    assert gaps(60, 65) == 1
-    assert gaps(65, 70, 71) == 3
-    board.reset()
-    assert gaps(5) == 0
-
-
-def test_what_is_known_is_no_unknown_message(board):
-    said = board.info().unknown_messages
-    board.send(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3))
-    board.send(board.message("TIMESYNC", 5, 5))  # an answer: not a question
-    assert board.info().unknown_messages == said
-    board.send(board.message("COMMAND_ACK", 400, 0, 0, 0, 0, 0))
-    assert board.info().unknown_messages == said + 1
-
-
-def test_a_key_frame_comes_at_once_and_then_at_its_interval(board):
-    board.ticks(30)
-    board.tell("ESEA_KEY", 50_000)
-    ticks = []
-    for _ in range(200):
-        board.ticks(1)
-        ticks += [m.sequence for m in board.pending() if m.get_type() == "ESEA_KEY"]
-    first = sorted(set(ticks))
-    assert first == [30, 80, 130, 180]
-    board.tell("ESEA_KEY", 0)
-
-
-# -- bytes of any kind -----------------------------------------------------------------------------
-
-
-def frame_of_any_content(board, rng):
-    """One well-formed frame of any message, its fields of any bits."""
-    cls = list(board._classes.values())[rng.integers(len(board._classes))]
-    size = cls.unpacker.size
-    payload = rng.integers(0, 256, size).astype(np.uint8).tobytes()
-    if rng.random() < 0.5:  # mostly small numbers: indices that are just in or out of range
-        payload = bytes(b if rng.random() < 0.2 else b % 4 for b in payload)
-    head = bytes([0xFD, size, 0, 0, 0, 255, 190]) + int(cls.id).to_bytes(3, "little")
-    crc = common.x25crc(head[1:] + payload)
-    crc.accumulate(bytes([cls.crc_extra]))
-    return head + payload + crc.crc.to_bytes(2, "little")
-
-
-@pytest.mark.parametrize("signed", [False, True])
-def test_frames_of_any_content_leave_a_board_that_answers(board, tmp_path, signed):
-    """Under the sanitizer that the simulated board is built with; no torque without the states."""
-    rng = np.random.default_rng(12)
-    if signed:
-        board.pair(tmp_path / "key")
-        board._sign(None)
-    for _ in range(1500):
-        board.send_bytes(frame_of_any_content(board, rng))
-        if rng.random() < 0.2:
-            board.send_bytes(rng.integers(0, 256, 40).astype(np.uint8).tobytes())
-        board.ticks(1)
-        board.pending()
-        on, u_Nm = board.motor
-        assert on or u_Nm == 0
-        if signed:
-            assert board.state_now in ("UNREFERENCED", "STOPPED")
-    board.send_bytes(bytes(600))
-    board.pending()
-    board.time_sync(1)
-
-
-@pytest.mark.ci
-def test_the_same_under_the_address_sanitizer(tmp_path):
-    """The board on standard input and output, without a clock."""
-    rng = np.random.default_rng(13)
-    elbow = load_device("elbow")
-    image = build_firmware(elbow, "host", tmp_path)
-    assert any("address" in f for f in BOARDS["host"].flags)
-    with RunningBoard(elbow, image) as board:
-        for _ in range(60):
-            frames = [frame_of_any_content(board, rng) for _ in range(50)]
-            board.send_bytes(b"".join(frames))
-            board.pending()
-        board.send_bytes(bytes(600))
-        board.send(board.message("SETUP_SIGNING", 1, 1, [0] * 32, 0))
-        board.time_sync(1)

@@ -23,9 +23,9 @@ from esea_host.study.session import COMPLETED, FAILED, replay
 from esea_host.study.task import Situation, task_named
 from esea_host.wrist.virtual import VirtualPerson
 
+from .conducted import of_tasks, study_of
 from .conftest import require_tool
 from .test_host_link import Proxy
-from .test_study_windows import of_tasks
 
 NEUTRAL = (
     'task = "wrist.neutral"\n'
@@ -74,9 +74,9 @@ class Looking(VirtualPerson):
         return told
 
 
-def test_ten_participants_get_over_the_link_what_the_application_has(begun):
+def test_participants_get_over_the_link_what_the_application_has(begun):
     """Rows made of the application's memory are those of the session, to the bit."""
-    for number in range(10):
+    for number in range(3):
         session, source = begun(
             NEUTRAL % HEALTHY, RANGE % ("RU", HEALTHY), code=f"P{number:02d}", kind=Looking
         )
@@ -183,10 +183,7 @@ def test_a_device_that_does_not_fit_is_refused_beforehand(device, words):
 def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path):
     """Over TCP: the board switches its motor off; connected again it is armed, and told so."""
     require_tool("gcc")
-    study = StudyFolder.create(
-        tmp_path / "s", of_tasks(*(RANGE % ("FE", HEALTHY),) * 2), simulated=True
-    )
-    study.enrol("P01", True)
+    study = study_of(tmp_path / "s", of_tasks(*(RANGE % ("FE", HEALTHY),) * 2))
     board = SimulatedBoard("wrist_drive", person="nobody")
     with socket.create_server(("127.0.0.1", 0)) as listener:
         thread = threading.Thread(target=serve_hosts, args=(board, listener, 1.0, False))

@@ -17,11 +17,11 @@ from esea_gen.errors import UserError
 from esea_host.connection import Batch
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.identity import column_texts
+from esea_host.wrist.calibration import cursor_maps
 from esea_host.wrist.display import WristDisplay
 from esea_host.wrist.guide import CalibrationGuide
-from esea_host.wrist.past import cursor_maps
-from esea_host.wrist.simple_person import Follower
 from esea_host.wrist.stored import calibration_of, load_calibration, save_calibration
+from esea_host.wrist.tasks import Follower
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 DEVICE_AXES = {"fe_deg": "flexion", "ru_deg": "deviation"}

@@ -31,7 +31,7 @@ class Bandwidth:
     drop_dB: float
     peak_dB: float
     peak_Hz: float
-    returns: bool
+    returns: bool  # above the level at a higher frequency: the figure hangs on the definition
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class FrequencyResponse:
     frequency_Hz: Array
     response: Complex
     coherence: Array | None
-    sigma: Array | None
+    sigma: Array | None  # relative to the gain, from noise alone
     method: str
 
     def __post_init__(self) -> None:
@@ -71,21 +71,17 @@ class FrequencyResponse:
 
     @property
     def gain(self) -> Array:
-        """Magnitude, shape (n,)."""
         return np.abs(self.response)
 
     @property
     def gain_dB(self) -> Array:
-        """Magnitude in dB, shape (n,)."""
         return np.asarray(20 * np.log10(np.maximum(self.gain, 1e-300)))
 
     @property
     def phase_deg(self) -> Array:
-        """Unwrapped phase in degrees, shape (n,)."""
         return np.asarray(np.degrees(np.unwrap(np.angle(self.response))))
 
     def band(self, low_Hz: float = 0.0, high_Hz: float = math.inf) -> FrequencyResponse:
-        """The part within a band."""
         keep = (self.frequency_Hz >= low_Hz) & (self.frequency_Hz <= high_Hz)
         if np.count_nonzero(keep) < 4:
             raise UserError(

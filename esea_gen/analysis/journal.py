@@ -31,7 +31,6 @@ def canonical(content: Any) -> str:
 
 
 def files_digest(files: Mapping[str, str]) -> str:
-    """SHA-256 of generated files, for a configuration."""
     return hashlib.sha256(json.dumps(sorted(files.items())).encode()).hexdigest()
 
 
@@ -49,7 +48,6 @@ def rooms_digest() -> str:
 
 
 def file_digest(path: Path | str) -> str:
-    """SHA-256 of a file, for a configuration."""
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError as error:
@@ -83,10 +81,8 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Result:
-    """One case."""
-
     case: dict[str, Any]
-    values: dict[str, float] | None
+    values: dict[str, float] | None  # None: it failed
     failure: str = ""
 
 

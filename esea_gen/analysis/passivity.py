@@ -20,8 +20,6 @@ from esea_gen.errors import UserError
 
 @dataclass(frozen=True)
 class Hand:
-    """A passive hand or arm."""
-
     name: str
     inertia_kgm2: float = 0.0
     damping_Nms_rad: float = 0.0

@@ -58,7 +58,6 @@ def checked_time(time_s: npt.ArrayLike) -> Array:
 
 
 def checked_period(period_s: float) -> float:
-    """A sample period above 0."""
     if not (math.isfinite(period_s) and period_s > 0):
         raise UserError(f"period_s: {period_s} s.", "Give a sample period above 0.")
     return period_s

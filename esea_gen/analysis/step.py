@@ -28,12 +28,12 @@ class StepMetrics:
     initial: float | None = None
     final: float | None = None
     rise_s: float | None = None
-    settling_2_s: float | None = None
+    settling_2_s: float | None = None  # None: not within the record, its tail excluded
     settling_5_s: float | None = None
     overshoot_percent: float | None = None
     steady_error: float | None = None
     steady_error_percent: float | None = None
-    tail_rms: float | None = None
+    tail_rms: float | None = None  # about its mean: noise, creep or ringing
     oscillation_Hz: float | None = None
 
     @property
@@ -128,7 +128,6 @@ def _oscillation(
 
 
 def _way(t: Array, way: Array, step_s: float, tail_s: float) -> dict[str, float | None]:
-    """Rise, settling and overshoot of a response as a share of its way from 0 to 1."""
     # The tail's mean is 1: both levels are reached.
     return {
         "rise_s": _crossing(t, way, 0.9) - _crossing(t, way, 0.1),
@@ -146,7 +145,6 @@ def _checked_step(
     tail: float,
     limit: float,
 ) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Times, values, and which are after the step."""
     time = checked_time(time_s)
     values = np.asarray(response, dtype=np.float64)
     if values.shape != time.shape:

@@ -62,8 +62,6 @@ def _segments(samples: int, segment_s: float, rate: float) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A linear sine sweep."""
-
     start_Hz: float
     end_Hz: float
     duration_s: float
@@ -81,11 +79,9 @@ class Sweep:
 
     @property
     def rate_Hz_s(self) -> float:
-        """Change of frequency."""
         return (self.end_Hz - self.start_Hz) / self.duration_s
 
     def phase_rad(self, time_s: Array) -> Array:
-        """Phase, the integral of the frequency."""
         t = time_s - self.start_s
         return 2 * np.pi * (self.start_Hz + 0.5 * self.rate_Hz_s * t) * t
 
@@ -152,7 +148,6 @@ def _windows(
 def _local(
     time: Array, phase: Array, both: Array, centre: float, half: float
 ) -> tuple[complex, float, float]:
-    """Response, explained share and relative deviation of one window."""
     s = (time - centre) / half
     window = np.cos(0.5 * np.pi * s) ** 2
     c, d = np.cos(phase), np.sin(phase)

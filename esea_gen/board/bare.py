@@ -196,7 +196,7 @@ def run_bare(
         columns.append(column)
         for i in range(x.port.size):
             index = "" if x.port.size == 1 else f"[{i}]"
-            name = f"{renderer.naming.external(x)}{index}"
+            name = f"{x.name}{index}"
             words.append({"name": name, "word": bool(x.port.flags)})
     return _judged(
         renderer,
@@ -249,7 +249,7 @@ def _scheduled(
         for x in system.task_outputs(task):
             for i in range(x.port.size):
                 index = "" if x.port.size == 1 else f"[{i}]"
-                name = f"{task.name}_out.{naming.external(x)}{index}"
+                name = f"{task.name}_out.{x.name}{index}"
                 words.append({"name": name, "word": bool(x.port.flags), "from": (task, x, i)})
     expected = np.zeros((ticks, len(words)), dtype=np.uint32)
     held: dict[str, dict[str, Any]] = {}

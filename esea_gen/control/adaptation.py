@@ -1,12 +1,8 @@
 """Adaptation of the wish to the rubber at hand, learnt while a known mass hangs on the drive.
 
-A rubber that is softer than its model gives less torque than the sensor shows, and no law notices.
-So what is wanted is turned into what the model must show for it: a gain, a loss and an offset.
-They stand outside every loop: what law, passivity and limits do is that of the model, as before.
-
-The three are learnt where the true torque is known and changes: from the weight of a mass on the
-joint.  The motor's side cannot tell them: over the few degrees that the rubber is wound up, the
-gear's disturbance looks like a stiffness of ten per cent (docs/control.md has the trial).
+A rubber softer than its model gives less torque than the sensor shows.  Gain, loss and offset of
+the wish stand outside every loop.  The motor's side cannot tell them: over the few degrees that the
+rubber is wound up, the gear's disturbance looks like a stiffness of ten per cent (docs/control.md).
 """
 
 from __future__ import annotations
@@ -15,11 +11,11 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
-from esea_gen.control.adaptation_streams import STREAMS
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -27,9 +23,10 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
+from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -53,42 +50,24 @@ MOST_RAD = 1.6
 """From where the mass hangs: beyond the horizontal nothing is compared."""
 
 
+# E is the stop operator of STOP_NM on x.  While a mass hangs on the joint x is known, and gain a,
+# loss c and offset o follow its gradient (B. Widrow and S. D. Stearns, "Adaptive Signal
+# Processing", 1985).
 def adaptation(device: DeviceData) -> Block:
-    r"""What the sensor's model must show for the torque that is wanted.
-
-    With the true torque x, and E the stop operator of :data:`STOP_NM` on it, the model shows
-
-    .. math:: \hat\tau = a x + c E(x) + o
-
-    a is one over the scale of the rubber's torque, c stands for loss that the model has too much or
-    too little, o for an offset.  The same line turns a wish into what is asked of the model.  While
-    a mass hangs on the joint (``mass_Nm`` above 0) x is known, and a, c and o are learnt by its
-    gradient (LMS).
-
-    References
-    ----------
-    .. [1] B. Widrow and S. D. Stearns, "Adaptive Signal Processing", 1985 (LMS).
-    """
+    """What the sensor's model must show for a wanted torque x: a x + c E(x) + o, by LMS."""
     law = _Adaptation(device)
-    return Block.define(
+    return Block.of(
+        law,
         "adaptation",
         "Wish for the rubber at hand, learnt with a known mass",
-        period_s=law.h,
         constants=device.constants("adaptation"),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
         prepare=vars,
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=_equations(),
-        step=law.step,
         streams=STREAMS,
     )
 
 
 def adaptation_section(device: DeviceData) -> Adaptation:
-    """Section ``[adaptation]`` of a device file."""
     found = device.file.adaptation
     if found is None:
         raise UserError(f"{device.origin}: section [adaptation] is missing.", "Add it.")
@@ -109,8 +88,6 @@ def gain_port(device: DeviceData) -> Port:
 
 
 class _Adaptation:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         self.own, drive = adaptation_section(device), drive_of(device)
         self.h = device.period_s
@@ -132,9 +109,7 @@ class _Adaptation:
             1.01 * (self.tau_lim + self.gain_high * self.full + self.shift_lim)
         )
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         hangs = label("hangs", c.mass_Nm > 0, "a mass is known to hang on the joint")
         sound = ca.logic_and(guard.inputs_ok, u.sensing_ok >= 0.5)
         weighs = label("weighs", ca.logic_and(hangs, sound), "its torque can be compared")
@@ -184,14 +159,8 @@ class _Adaptation:
             "loss": loss,
             "offset_Nm": offset,
             "missed_Nm": ca.if_else(weighs, missed, 0.0),
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    learns,
-                    beyond > 0,
-                    ca.logic_and(informed, ca.logic_not(plausible)),
-                ]
+            "status": guard.status(
+                learns, beyond > 0, ca.logic_and(informed, ca.logic_not(plausible))
             ),
         }
         return next_state, outputs
@@ -241,9 +210,7 @@ class _Adaptation:
             (-self.offset_lim, self.offset_lim),
         )
 
-    def applied(
-        self, c: Any, s: Any, u: Any, totals: tuple[Any, ...], label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def applied(self, c: Any, s: Any, u: Any, totals: tuple[Any, ...], label: Labels) -> StepResult:
         """What turns the wish, fading to it."""
         gain, loss, offset = totals
         now = {}
@@ -257,13 +224,8 @@ class _Adaptation:
             now[name] = label(f"next_{name}", last + self.fade * (asked - last), "fading")
         stop, stopped = self.stop(s.stop_wish_Nm, u.tau_desired_Nm)
         shift = now["wish_loss"] * stop + now["wish_offset_Nm"]
-        return (
-            {
-                "wish_gain": now["wish_gain"],
-                "wish_shift_Nm": shift,
-            },
-            {**now, "stop_wish_Nm": ca.if_else(s.wished, stopped, u.tau_desired_Nm), "wished": 1},
-        )
+        kept = {"stop_wish_Nm": ca.if_else(s.wished, stopped, u.tau_desired_Nm), "wished": 1}
+        return {"wish_gain": now["wish_gain"], "wish_shift_Nm": shift}, now | kept
 
     def tunables(self) -> tuple[Tunable, ...]:
         rows = (
@@ -319,13 +281,6 @@ class _Adaptation:
         )
 
     def outputs(self) -> tuple[Port, ...]:
-        flags = (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; nothing is learnt", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; what was learnt is lost", True),
-            Flag("LEARNS", "the known mass moves: gain, loss and offset are learnt"),
-            Flag("AT_BOUND", "what would be learnt lies beyond its bound"),
-            Flag("IMPLAUSIBLE", "no rubber misses the known torque by so much: nothing is learnt"),
-        )
         return (
             self.gain_port,
             around("wish_shift_Nm", self.shift_lim, "loss and offset of the wish, in force"),
@@ -333,7 +288,16 @@ class _Adaptation:
             around("loss", self.loss_lim, "stop operator's share in the model's torque"),
             around("offset_Nm", self.offset_lim, "what the model shows without torque"),
             around("missed_Nm", self.missed_lim, "sensor less what is expected of the known mass"),
-            Port("status", 0, 31, "what is known of it", flags=flags),
+            status_port(
+                "what is known of it",
+                "an input was NaN or outside its range; nothing is learnt",
+                "the state was corrupt; what was learnt is lost",
+                Flag("LEARNS", "the known mass moves: gain, loss and offset are learnt"),
+                Flag("AT_BOUND", "what would be learnt lies beyond its bound"),
+                Flag(
+                    "IMPLAUSIBLE", "no rubber misses the known torque by so much: nothing is learnt"
+                ),
+            ),
         )
 
 
@@ -358,6 +322,51 @@ def _equations() -> tuple[Equation, ...]:
             "[adapt 7]", "tau_model", gain * sp.Symbol("tau_d") + loss * e + offset, "wish, E of it"
         ),
     )
+
+
+COUNT = 1600
+
+
+def _masses(block: Block, _dtype: np.dtype[Any], rng: np.random.Generator) -> list[Stream]:
+    # The arm swings; the sensor shows the mass's torque scaled, within and beyond the bounds, none
+    # of it, and after a while it is not to be trusted.
+    ports = {p.name: p for p in block.inputs}
+    mass = 0.6 * next(t.high for t in block.tunables if t.name == "mass_Nm")
+    t = np.arange(COUNT) * block.period_s
+    found = []
+    ends = {t.name: (t.low, t.high) for t in block.tunables}
+    swing = math.pi * t
+    angle, rate = 1.2 + 1.3 * np.sin(swing), 1.3 * math.pi * np.cos(swing)
+    for name, scale, offset, zero in (
+        ("a mass", 1.1, 0.02, 1.2),
+        ("a soft rubber", 1.6, 0.4, 1.2),
+        ("a stiff rubber", 0.6, -0.4, 1.2),
+        ("another mass", -1.0, 0.0, 1.2),
+        ("beyond the horizontal", 1.0, 0.0, 0.0),
+    ):
+        torque = scale * mass * np.sin(angle - zero) + offset + 0.2 * np.sign(rate)
+        sound = np.ones(COUNT)
+        sound[COUNT // 2 : COUNT // 2 + 5] = 0
+        sound[-2:] = np.nan
+        inputs = {
+            "tau_desired_Nm": rng.uniform(-3, 3, COUNT),
+            "tau_Nm": np.clip(torque, 0.9 * ports["tau_Nm"].low, 0.9 * ports["tau_Nm"].high),
+            "theta_load_rad": angle,
+            "omega_load_rad_s": rate,
+            "sensing_ok": sound,
+        }
+        hung = {"mass_Nm": mass, "mass_angle_rad": zero, "share": 1.0}
+        if "rubber" in name:
+            # As far as it may be from the start.
+            hung |= {n: ends[n]["stiff" not in name] for n in ("gain", "loss", "offset_Nm")}
+        changes = {0: {k: np.array([v]) for k, v in hung.items()}}
+        if name == "a mass":
+            changes[COUNT - 100] = {"mass_Nm": np.array([0.0])}
+        found.append(Stream(name, {k: single(v) for k, v in inputs.items()}, {}, changes))
+    return found
+
+
+STREAMS = OwnStreams(memories=_masses)
 
 
 __all__ = ["adaptation", "adaptation_section", "gain_port", "shift_limit_Nm"]

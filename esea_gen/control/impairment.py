@@ -1,8 +1,6 @@
 """Simulated impairment: a wall with damping that only pushes out, and resistance to speed.
 
-Thesis chapter 7.  As printed, ``tau = -sgn(omega) [Kp (theta - theta_w) + Kd omega + Kv omega]``
-pushes along with a wrist that moves out: for a negative speed both damping terms have the sign of
-the motion and feed it.  What is workable, and passive, is here.
+As printed (thesis 7.1, 7.2) both damping terms feed a motion out; what is passive is here.
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ import sympy as sp
 
 from esea_gen.control.limits.safety import JOINT_RAD
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -23,7 +21,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.language.stream import OwnStreams, Stream, single
@@ -54,48 +52,29 @@ RESISTANCE = -KV * OMEGA
 
 
 def has_wall(device: DeviceData, axis: str) -> bool:
-    """Whether the impairment of an axis has a wall, or resistance to speed only."""
     section = device.file.impairment
     return section is not None and (not section.wall_axes or axis in section.wall_axes)
 
 
+# With d = max(theta - theta_w, 0) and W = max(Kp (theta - theta_w) + Kd omega, 0) inside the wall,
+# the torque sat(-Kv omega - W) is passive with the storage S(d) = integral_0^d min(Kp s, tau_max)
+# ds: for omega >= 0, Kv omega + W >= Kp d; for omega <= 0 it is <= Kp d, and the saturation keeps
+# that order, so that -tau omega >= dS/dt either way.  It is switched only where the wrist rests
+# outside the wall.
 def impairment(device: DeviceData, *, wall: bool = True) -> Block:
-    """Torque of a simulated impairment of one axis.
-
-    With d = max(theta - theta_w, 0) and W = max(Kp (theta - theta_w) + Kd omega, 0) for d > 0, else
-    0, the torque is tau = sat(-Kv omega - W).  It is passive with the storage
-    S(d) = integral_0^d min(Kp s, tau_max) ds.  For omega >= 0, Kv omega + W >= Kp d; for
-    omega <= 0, Kv omega + W <= Kp d, since W <= Kp d there.  The saturation keeps that order, so
-    that -tau omega >= min(Kp d, tau_max) omega = dS/dt either way: over any closed path the wrist
-    gets no energy.  That is of the law; what sampling and the torque controller's lag add, they
-    answer for.
-    It is switched only where the wrist rests outside the wall, where no torque jumps.  What the
-    wall asks for beyond the allowed torque is held there, and is no fault.
-
-    References
-    ----------
-    Thesis equations 7.1 and 7.2, with the sign of the damping put right.
-    """
+    """Torque of a simulated impairment of one axis (7.1, 7.2; the damping's sign put right)."""
     law = _Impairment(device, wall)
-    return Block.define(
+    return Block.of(
+        law,
         "impairment" if wall else "resistance",
         f"Simulated impairment: {'wall and ' if wall else ''}resistance",
-        period_s=device.period_s,
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
         prepare=lambda t: {n: getattr(t, n) for n in law.names},
         state=(Port("on", 0.0, 1.0, "1 while it acts"),),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
-        equations=law.equations(),
-        step=law.step,
         streams=OwnStreams(events=_events),
     )
 
 
 class _Impairment:
-    """Numbers, step and ports."""
-
     names = ("wall_rad", "Kp_Nm_rad", "Kd_Nms_rad", "Kv_Nms_rad", "tau_max_Nm")
 
     def __init__(self, device: DeviceData, wall: bool) -> None:
@@ -105,7 +84,7 @@ class _Impairment:
                 "Add it; wrist_drive.toml shows the form.",
             )
         self.section, self.wall = device.file.impairment, wall
-        self.theta = threshold(JOINT_RAD)
+        self.h, self.theta = device.period_s, threshold(JOINT_RAD)
         self.omega = threshold(device.file.limits.omega_rad_s.value)
         self.tau = threshold(device.tau_full_scale_Nm)
 
@@ -147,24 +126,17 @@ class _Impairment:
             around("tau_set_Nm", self.tau, "torque wanted on the wrist", equation="(7.1), (7.2)"),
             Port("acts", 0.0, 1.0, "1 while the impairment acts"),
             Port("usable", 0.0, 1.0, "1 while nothing here was invalid or corrupt"),
-            Port(
-                *("status", 0, 31, "what is known of it"),
-                flags=(
-                    Flag("INPUT_INVALID", "an input was NaN or outside its range; no torque", True),
-                    Flag("STATE_REPAIRED", "the state was corrupt; it no longer acts", True),
-                    Flag("IN_WALL", "the wrist is in the wall"),
-                    Flag(
-                        *("SATURATED", "the allowed torque is held", False, ("tau_set_Nm",)),
-                        self.tau,
-                    ),
-                    Flag("SWITCH_WAITS", "switched once the wrist rests outside the wall"),
-                ),
+            status_port(
+                "what is known of it",
+                "an input was NaN or outside its range; no torque",
+                "the state was corrupt; it no longer acts",
+                Flag("IN_WALL", "the wrist is in the wall"),
+                Flag("SATURATED", "the allowed torque is held", False, ("tau_set_Nm",), self.tau),
+                Flag("SWITCH_WAITS", "switched once the wrist rests outside the wall"),
             ),
         )
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         depth = label("depth_rad", u.theta_rad - c.wall_rad, "into the wall")
         inside = label("inside", depth > 0)
         resting = ca.logic_and(ca.fabs(u.omega_rad_s) <= threshold(REST_RAD_S), guard.inputs_ok)
@@ -180,18 +152,15 @@ class _Impairment:
         raw = label("tau_raw_Nm", to_casadi(RESISTANCE, values) - push, "(7.1), (7.2)")
         torque = clip(raw, -c.tau_max_Nm, c.tau_max_Nm)
         acts = ca.logic_and(on, guard.inputs_ok)
-        flags = [
-            ca.logic_not(guard.inputs_ok),
-            ca.logic_not(guard.state_ok),
-            ca.logic_and(inside, acts),
-            ca.logic_and(ca.fabs(raw) > c.tau_max_Nm, acts),
-            ca.logic_and(asked != on, guard.inputs_ok),
-        ]
         return {"on": on}, {
             "tau_set_Nm": ca.if_else(acts, torque, 0),
             "acts": acts,
             "usable": ca.logic_and(guard.inputs_ok, guard.state_ok),
-            "status": flag_word(flags),
+            "status": guard.status(
+                ca.logic_and(inside, acts),
+                ca.logic_and(ca.fabs(raw) > c.tau_max_Nm, acts),
+                ca.logic_and(asked != on, guard.inputs_ok),
+            ),
         }
 
     def equations(self) -> tuple[Equation, ...]:

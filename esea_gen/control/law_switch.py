@@ -3,49 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import sympy as sp
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.language.block import Block, Guard, Labels, StepFn
-from esea_gen.language.ports import Equation, Flag, Port, Tunable, clip, flag_word
+from esea_gen.language.block import Block, Guard, Labels, StepFn, StepResult
+from esea_gen.language.ports import Equation, Flag, Port, Tunable, clip, status_port
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
 FADE_S = 0.1  # three times the motor's lag: the torque follows, the person feels no edge
 MOST_LAWS = 8
-FLAGS = (
-    Flag("INPUT_INVALID", "a command was NaN or outside its range; 0 stands for it", True),
-    Flag("STATE_REPAIRED", "the state was corrupt: the first law is in force", True),
-    Flag("LAW_UNKNOWN", "no law has that place; the one in force stays", True),
-)
-
-
-def _flags(reach: float) -> tuple[Flag, ...]:
-    text = "the joined command was clipped at the motor's limit"
-    return (*FLAGS, Flag("CLIPPED", text, True, ("u_command_Nm",), reach))
 
 
 def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] = ()) -> Block:
-    r"""The command of the law that is asked for, joined to what was commanded before.
-
-    All laws compute at every step, from the same measurements and from what the limits let through,
-    so that each is ready.  At a change the command goes on from its last value, and the difference
-    fades: with :math:`o_k` the offset, :math:`v_k` the command of the law in force,
-
-    .. math::
-
-        u_k = v_k + o_k, \quad
-        o_k = u_{k-1} - v_k \text{ at a change, else } o_{k-1} e^{-T/\tau}.
-    """
+    """The command of the law asked for, joined to the one before by an offset that fades."""
     if not 2 <= len(laws) <= MOST_LAWS:
         raise ValueError(f"{len(laws)} laws to switch between; 2 to {MOST_LAWS} can be")
     drive = drive_of(device)
     period, reach, last = drive.control_period_s, drive.u_Nm, len(laws) - 1
-
+    places = [f"{k} {n}" for k, n in enumerate(laws)]
+    clipped = "the joined command was clipped at the motor's limit"
     return Block.define(
         "law",
         "Switch between control laws, without a bump",
@@ -61,13 +41,7 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
             Port("u_last_Nm", -reach, reach, "last command"),
         ),
         inputs=(
-            Port(
-                "law",
-                0,
-                last,
-                f"wanted: {', '.join(f'{k} {n}' for k, n in enumerate(laws))}",
-                on_invalid="law_held",
-            ),
+            Port("law", 0, last, f"wanted: {', '.join(places)}", on_invalid="law_held"),
             *(Port(f"u_{n}_Nm", -reach, reach, f"command of {n}") for n in laws),
             *(Port(f"ok_{n}", 0, 1, f"1 while what {n} is asked for is sound") for n in checked),
         ),
@@ -75,7 +49,13 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
             Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
             Port("request_ok", 0, 1, "1 while what the law in force is asked for is sound"),
             Port("law_held", 0, last, "place of the law in force"),
-            Port("status", 0, 15, "what is known of the choice", flags=_flags(reach)),
+            status_port(
+                "what is known of the choice",
+                "a command was NaN or outside its range; 0 stands for it",
+                "the state was corrupt: the first law is in force",
+                Flag("LAW_UNKNOWN", "no law has that place; the one in force stays", True),
+                Flag("CLIPPED", clipped, True, ("u_command_Nm",), reach),
+            ),
         ),
         equations=_equations(),
         step=_joining(laws, checked, reach),
@@ -83,9 +63,7 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
 
 
 def _joining(laws: Sequence[str], checked: Sequence[str], reach: float) -> StepFn:
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         known = [u.law == k for k in range(len(laws))]
         unknown = label("unknown", ca.logic_not(sum(known[1:], known[0])), "no law's place")
         held = label("law_in_force", ca.if_else(unknown, s.law_held, u.law))
@@ -113,14 +91,7 @@ def _joining(laws: Sequence[str], checked: Sequence[str], reach: float) -> StepF
                 "u_command_Nm": joined,
                 "request_ok": ca.logic_and(guard.inputs_ok, ok == 1),
                 "law_held": held,
-                "status": flag_word(
-                    [
-                        ca.logic_not(guard.inputs_ok),
-                        ca.logic_not(guard.state_ok),
-                        unknown,
-                        ca.fabs(wanted) > reach,
-                    ]
-                ),
+                "status": guard.status(unknown, ca.fabs(wanted) > reach),
             },
         )
 

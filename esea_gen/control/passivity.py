@@ -1,9 +1,8 @@
 """Passivity of what a hand meets, whatever the law.
 
-Two guards, for two ways in which a law can be active.  A law that swings a limb up gives a little
-energy in every period: the Block measures the mean power that its error gives, as a damping, and
-adds what is missing to what is wanted.  A law that runs away gives much at once: the Block adds up
-what the drive has given and closes the command in time, so that the sum stays below a bound.
+A law that swings a limb up gives a little energy in every period: the mean power of its error is
+measured, as a damping, and what is missing is added to what is wanted.  A law that runs away gives
+much at once: what the drive has given is added up, and the command closed in time.
 """
 
 from __future__ import annotations
@@ -13,13 +12,14 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
-from esea_gen.control.passivity_streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
+    Array,
     Constant,
     Equation,
     Flag,
@@ -27,10 +27,11 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
     in_range,
+    status_port,
     threshold,
 )
+from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import filter_delay_s
@@ -49,7 +50,6 @@ FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long
 
 
 def passivity_section(device: DeviceData) -> PassiveInteraction:
-    """Section ``[passivity]``, without which there is no such Block."""
     found = device.file.passivity
     if found is None:
         raise UserError(
@@ -59,50 +59,25 @@ def passivity_section(device: DeviceData) -> PassiveInteraction:
     return found
 
 
+# V = E + J omega_m^2/2 + Omega n (T v + h kappa m) is held below E_m: E given beyond the wanted
+# torque, v the most the motor may give behind its lag, m the most that the rate limit may have left
+# of a command, T the lag and the delay of the speed's filter.  In a sample that is not good E grows
+# by the most the motor can have worked.  Proven in docs/stability.md.
 def passivity(device: DeviceData) -> Block:
-    r"""Damping that the error of a law lacks, and a bound of the energy that the drive gives.
-
-    Error is the torque beyond what is wanted; a wanted damping Kd counts as none, so that what it
-    takes in may be given.  With means over ``window_s``, P of the error's power and N of the joint
-    speed's square, -P/N is the damping that the hand feels.  The added damping b goes up while that
-    is below ``least_Nms_rad``, down while it is above:
-
-    .. math:: \dot b = \frac{\gamma (P + b_0 N) + (b_1 - b) n_0/T_r}{N + n_0}, \quad
-        0 \le b \le b_1 = \max(0, b_m - K_d)
-
-    It asks for ratios only: a swing is met at any size.  A limb at rest finds all of b_m.  To b_0
-    comes Kp times the motor's lag: so much a spring takes that comes late.
-
-    Given is :math:`E = \max(0, E + \tau \Delta\theta_m - \max(0, \tau_w \Delta\theta_m))`, held
-    :math:`V = E + J \omega_m^2/2 + \Omega n (T v + h \kappa m)` with the most that the motor
-    may give behind its lag, v, and the most that the rate limit may have left of a command, m; T is
-    the lag and the delay of the speed's filter.  In a sample that is not good, E grows by the most
-    that the motor can have worked, and by what the drive's motion has lost since it was seen.  The
-    command is at most
-    :math:`(E_m - V + \Omega n h \kappa m)/(\Omega n h (1 + \epsilon + \kappa))`: then V never
-    passes :math:`E_m` by what a law commands, proven in ``docs/stability.md``.
-    """
+    """Damping that the error of a law lacks, and a bound of the energy that the drive gives."""
     law = _Passivity(device)
-    return Block.define(
+    return Block.of(
+        law,
         "passivity",
         "Damping that a law lacks, and a bound of the energy that the drive gives",
-        period_s=law.h,
         constants=(*device.constants("passivity"), *law.constants()),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
         prepare=lambda t: {"least_Nms_rad": t.least_Nms_rad, "energy_J": t.energy_J},
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=_equations(),
-        step=law.step,
         streams=STREAMS,
     )
 
 
 class _Passivity:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         self.own, self.drive = passivity_section(device), drive_of(device)
         safety = device.file.safety
@@ -166,14 +141,7 @@ class _Passivity:
             derived("open_Nm_J", self.open_Nm_J, "[pas 6] command let by for the energy left"),
         )
 
-    def step(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         seen = ca.logic_and(guard.inputs_ok, u.sensing_ok > 0.5)
         going = label("going", ca.logic_and(seen, s.seen > 0.5), "two samples in a row are good")
         whole = {p.name: in_range(getattr(c, p.name), p.low, p.high) for p in self.coefficients()}
@@ -203,13 +171,11 @@ class _Passivity:
             "seen": seen,
         }
         closed = ca.logic_not(passed == u.u_command_Nm)
-        flags = [
-            ca.logic_not(guard.inputs_ok),
-            ca.logic_not(guard.state_ok),
+        status = guard.status(
             ca.logic_and(on, told["damping_Nms_rad"] > 0),
             ca.logic_and(guard.inputs_ok, closed),
             ca.fabs(u.omega_motor_rad_s) > self.omega_most,
-        ]
+        )
         outputs = told | {
             # What was given is forgotten with the memory, and a bound outside its range bounds
             # nothing: the limits latch.
@@ -217,13 +183,11 @@ class _Passivity:
             "u_command_Nm": passed,
             "given_J": held["given_J"],
             "held_J": gated.held_J,
-            "status": flag_word(flags),
+            "status": status,
         }
         return next_state, outputs
 
-    def _damping(
-        self, c: Any, s: Any, u: Any, now: SimpleNamespace, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _damping(self, c: Any, s: Any, u: Any, now: SimpleNamespace, label: Labels) -> StepResult:
         error = label(
             "error_Nm",
             u.tau_Nm - u.tau_set_Nm - now.kd * u.omega_load_rad_s,
@@ -307,33 +271,18 @@ class _Passivity:
 
     def tunables(self) -> tuple[Tunable, ...]:
         least, energy = self.own.least_Nms_rad, self.own.energy_J
+        felt = "damping that a hand feels at least: more is calmer and less transparent"
+        held = "energy that drive and command may hold and give: less is weaker"
         return (
-            Tunable(
-                "least_Nms_rad",
-                least.value,
-                least.value,
-                self.damping,
-                "damping that a hand feels at least: more is calmer and less transparent",
-                least.source,
-                least.status,
-                "high",
-            ),
-            Tunable(
-                "energy_J",
-                self.energy,
-                0.1 * self.energy,
-                self.energy,
-                "energy that drive and command may hold and give: less is weaker",
-                energy.source,
-                energy.status,
-                "low",
-            ),
+            least.tunable("least_Nms_rad", least.value, self.damping, felt, "high"),
+            energy.tunable("energy_J", 0.1 * self.energy, self.energy, held, "low"),
         )
 
     def coefficients(self) -> tuple[Port, ...]:
         return tuple(Port(t.name, t.low, t.high, t.meaning.split(":")[0]) for t in self.tunables())
 
     def state(self) -> tuple[Port, ...]:
+        u_room = 1.001 * self.u_max
         return (
             around("power_W", self.power_lim, "mean power that the error gives to the limb"),
             Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of its speed"),
@@ -347,13 +296,8 @@ class _Passivity:
             Port(
                 "moving_J", 0.0, self.moving_lim, "energy of the drive's own motion when last seen"
             ),
-            Port(
-                "v_Nm",
-                0.0,
-                1.001 * self.u_max,
-                "largest |motor torque| behind the lag, at the shaft",
-            ),
-            Port("most_Nm", 0.0, 1.001 * self.u_max, "largest |command| that the rate limit left"),
+            Port("v_Nm", 0.0, u_room, "largest |motor torque| behind the lag, at the shaft"),
+            Port("most_Nm", 0.0, u_room, "largest |command| that the rate limit left"),
             Port("seen", 0.0, 1.0, "1 when the last sample was good"),
         )
 
@@ -374,17 +318,6 @@ class _Passivity:
         )
 
     def outputs(self) -> tuple[Port, ...]:
-        flags = (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; the command is 0", True),
-            Flag(
-                "STATE_REPAIRED",
-                "the state was corrupt, all is forgotten: the limits latch",
-                True,
-            ),
-            Flag("DAMPED", "damping is added to what is wanted"),
-            Flag("COMMAND_CLOSED", "the command was cut: the drive holds as much as it may give"),
-            Flag("FAST", "the drive is faster than the bound reckons with"),
-        )
         return (
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
             Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
@@ -395,7 +328,16 @@ class _Passivity:
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
             Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
             Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),
-            Port("status", 0, 31, "what is known of this step", flags=flags),
+            status_port(
+                "what is known of this step",
+                "an input was NaN or outside its range; the command is 0",
+                "the state was corrupt, all is forgotten: the limits latch",
+                Flag("DAMPED", "damping is added to what is wanted"),
+                Flag(
+                    "COMMAND_CLOSED", "the command was cut: the drive holds as much as it may give"
+                ),
+                Flag("FAST", "the drive is faster than the bound reckons with"),
+            ),
         )
 
 
@@ -406,26 +348,40 @@ def _equations() -> tuple[Equation, ...]:
     E, d, J, wm, big, late, v = sp.symbols("E Delta_theta_m J omega_m Omega T v")
     h, k, n, m, most, extra = sp.symbols("h kappa n m E_m epsilon")
     base = E + J * wm**2 / 2 + big * n * late * v
+    rises = (gamma * (P + b0 * N) + (b1 - b) * n0 / tr) / (N + n0)
+    given = sp.Max(0, E + tau * d - sp.Max(0, tau_w * d))
+    let_by = (most - base) / (big * n * h * (1 + extra + k))
     return (
         equation("[pas 1]", "e", tau - tau_w - kd * w, "torque beyond what is wanted"),
         equation("[pas 2]", "b_felt", -P / N, "damping that the hand feels, by the error"),
-        equation(
-            "[pas 3]",
-            "b'",
-            (gamma * (P + b0 * N) + (b1 - b) * n0 / tr) / (N + n0),
-            "damping that is added, between 0 and b_1",
-        ),
-        equation(
-            "[pas 4]", "E", sp.Max(0, E + tau * d - sp.Max(0, tau_w * d)), "energy that was given"
-        ),
+        equation("[pas 3]", "b'", rises, "damping that is added, between 0 and b_1"),
+        equation("[pas 4]", "E", given, "energy that was given"),
         equation("[pas 5]", "V", base + big * n * h * k * m, "given, and what may still follow"),
-        equation(
-            "[pas 6]",
-            "u_most",
-            (most - base) / (big * n * h * (1 + extra + k)),
-            "largest command let by",
-        ),
+        equation("[pas 6]", "u_most", let_by, "largest command let by"),
     )
+
+
+def _bad_coefficients(block: Block, dtype: np.dtype[Any], rng: np.random.Generator) -> list[Stream]:
+    # Each just inside and just outside its range, and no number at all; both at once.
+    cases: list[dict[str, float]] = [{}]
+    for p in block.coefficients:
+        low, high = dtype.type(p.low), dtype.type(p.high)
+        below, above = (np.nextafter(x, dtype.type(s * np.inf)) for x, s in ((low, -1), (high, 1)))
+        cases += [{p.name: float(v)} for v in (low, high, below, above, *SPECIAL)]
+    cases.append({p.name: float("nan") for p in block.coefficients})
+    each = 8
+    count = each * len(cases)
+    inputs = {p.name: single(rng.uniform(0.5 * p.low, 0.5 * p.high, count)) for p in block.inputs}
+    inputs["mode"] = np.repeat(np.arange(len(cases)) % 3, each).astype(float)
+    for name in ("sensing_ok", "request_ok"):
+        inputs[name] = np.ones(count)
+    changes: dict[int, dict[str, Array]] = {
+        k * each: {name: np.array([v]) for name, v in case.items()} for k, case in enumerate(cases)
+    }
+    return [Stream("coefficients out of their ranges", inputs, {}, changes)]
+
+
+STREAMS = OwnStreams(memories=_bad_coefficients)
 
 
 __all__ = ["passivity", "passivity_section"]

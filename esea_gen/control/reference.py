@@ -6,12 +6,12 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
 from esea_gen.control.adaptation import gain_port, shift_limit_Nm
-from esea_gen.control.reference_streams import STREAMS
 from esea_gen.devices.fields import field_facts
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -19,9 +19,10 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
+from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 
@@ -49,41 +50,31 @@ def largest_gains(device: DeviceData) -> tuple[float, float]:
     return kp, kd
 
 
+# From off, the difference between measured torque and law becomes an offset that decays with
+# blend_s; from one law to another the set torque goes on from where it was.  An invalid input or
+# corrupt state means off for that step, and request_ok 0, on which the limits latch.
 def reference(device: DeviceData) -> Block:
-    """Set torque from the mode, the wanted torque and the impedance law.
-
-    Off, the set torque is the measured one.  When a law takes over from off, the difference between
-    the measured torque and the law becomes an offset that decays with ``blend_s``: the set torque
-    starts where the coupling is, whatever was wanted before.  From one law to another it goes
-    on from where the set torque was.  An invalid input or a corrupt state means off for that
-    step, with the last set torque held, and ``request_ok`` 0, on which the limits latch; what was
-    set before an off does not come back.
-    """
+    """Set torque from mode, wanted torque and impedance law, started from where the torque is."""
     law = _Reference(device)
-    facts = "impedance: the law of the mode that was left does not count"
-    return Block.define(
+    text = (
+        "from the law to where the torque was; impedance: the law of the mode that was left does "
+    )
+    text += "not count"
+    return Block.of(
+        law,
         "reference",
         "Set torque from mode, wanted torque and impedance law",
-        period_s=law.h,
         constants=(*device.constants("impedance"), *device.constants("domain")),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
-        prepare=law.prepare,
         state=(
             Port("mode_last", OFF, IMPEDANCE, "mode of the last step"),
-            around("offset_Nm", law.widest, "from the law to where the torque was; " + facts),
+            around("offset_Nm", law.widest, text),
             around("tau_set_Nm", law.full_scale, "set torque of the last step"),
         ),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
-        equations=law.equations(),
-        step=law.step,
         streams=STREAMS,
     )
 
 
 def adapted_inputs(device: DeviceData) -> tuple[Port, ...]:
-    """What an adaptation makes of a wish, as inputs."""
     if device.file.adaptation is None:
         return ()
     return (
@@ -93,20 +84,16 @@ def adapted_inputs(device: DeviceData) -> tuple[Port, ...]:
 
 
 def impaired_inputs(device: DeviceData) -> tuple[Port, ...]:
-    """What a simulated impairment asks for, as inputs."""
     if device.file.impairment is None:
         return ()
+    full = threshold(device.tau_full_scale_Nm)
     return (
-        around(
-            "tau_impairment_Nm", threshold(device.tau_full_scale_Nm), "torque of the impairment"
-        ),
+        around("tau_impairment_Nm", full, "torque of the impairment"),
         Port("impairment_ok", 0.0, 1.0, "0 where the impairment cannot be computed"),
     )
 
 
 class _Reference:
-    """Numbers, step and ports of the set torque."""
-
     def __init__(self, device: DeviceData) -> None:
         self.drive = drive_of(device)
         self.device, self.h = device, device.period_s
@@ -130,9 +117,7 @@ class _Reference:
             "tau_range_Nm": t.tau_range_Nm,
         }
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
         if self.impaired:
             sound = ca.logic_and(sound, u.impairment_ok > 0.5)
@@ -145,22 +130,17 @@ class _Reference:
         if self.impaired:
             total = clip(tau_d + u.tau_impairment_Nm, -self.tau_lim, self.tau_lim)
             tau_d = label("tau_impaired_Nm", total, "(7.1) the impairment on top")
-        law = label(
-            "law_Nm",
-            to_casadi(
-                IMPEDANCE_LAW,
-                {
-                    TAU_D: tau_d,
-                    KP: ca.if_else(mode > 1.5, c.Kp_Nm_rad, 0),
-                    KD: ca.if_else(mode > 1.5, c.Kd_Nms_rad, 0),
-                    THETA_D: u.theta_desired_rad,
-                    OMEGA_D: u.omega_desired_rad_s,
-                    THETA_L: u.theta_load_rad,
-                    OMEGA_L: u.omega_load_rad_s,
-                },
-            ),
-            "(5.24) with the sign of a stiffness",
-        )
+        values = {
+            TAU_D: tau_d,
+            KP: ca.if_else(mode > 1.5, c.Kp_Nm_rad, 0),
+            KD: ca.if_else(mode > 1.5, c.Kd_Nms_rad, 0),
+            THETA_D: u.theta_desired_rad,
+            OMEGA_D: u.omega_desired_rad_s,
+            THETA_L: u.theta_load_rad,
+            OMEGA_L: u.omega_load_rad_s,
+        }
+        law = to_casadi(IMPEDANCE_LAW, values)
+        law = label("law_Nm", law, "(5.24) with the sign of a stiffness")
         on = mode > 0.5
         changed = label("changed", mode != s.mode_last, "the mode is another than a step ago")
         # From one law to another the set torque goes on from where it was: the measured one would
@@ -168,11 +148,8 @@ class _Reference:
         # rounding error nor an old wish lives on through one change after another.
         gone_on = ca.if_else(changed, s.tau_set_Nm - law, s.offset_Nm) * c.keep
         from_off = ca.logic_and(changed, s.mode_last < 0.5)
-        offset = label(
-            "offset_Nm",
-            ca.if_else(from_off, u.tau_Nm - law, gone_on),
-            "from the law to where the torque was, fading",
-        )
+        offset = ca.if_else(from_off, u.tau_Nm - law, gone_on)
+        offset = label("offset_Nm", offset, "from the law to where the torque was, fading")
         wanted = label("wanted_Nm", ca.if_else(on, law + offset, u.tau_Nm))
         limited = clip(wanted, -c.tau_range_Nm, c.tau_range_Nm)
         tau_set = label(
@@ -187,54 +164,26 @@ class _Reference:
             "tau_set_Nm": tau_set,
             "mode": mode,
             "request_ok": sound,
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(guard.inputs_ok, ca.fabs(wanted) > c.tau_range_Nm),
-                    ca.logic_and(on, changed),
-                ]
+            "status": guard.status(
+                ca.logic_and(guard.inputs_ok, ca.fabs(wanted) > c.tau_range_Nm),
+                ca.logic_and(on, changed),
             ),
         }
         return next_state, outputs
 
     def tunables(self) -> tuple[Tunable, ...]:
+        full = self.full_scale
+        pulls = "stiffness: higher pulls harder to the wanted angle"
+        resists = "damping: higher resists motion other than the wanted one"
+        blends = "time constant from the measured torque to a new law: longer is gentler"
+        soon = "a fifth of a second is felt as smooth and over before a movement is"
+        narrow = "largest |set torque|: may only be narrowed below the identified range"
+        source = "domain.tau_full_scale_Nm"
         return (
-            Tunable(
-                "Kp_Nm_rad",
-                self.kp.value,
-                0.0,
-                self.kp_high,
-                "stiffness: higher pulls harder to the wanted angle",
-                self.kp.source,
-                self.kp.status,
-            ),
-            Tunable(
-                "Kd_Nms_rad",
-                self.kd.value,
-                0.0,
-                self.kd_high,
-                "damping: higher resists motion other than the wanted one",
-                self.kd.source,
-                self.kd.status,
-            ),
-            Tunable(
-                "blend_s",
-                BLEND_S,
-                BLEND_LOW_S,
-                BLEND_HIGH_S,
-                "time constant from the measured torque to a new law: longer is gentler",
-                "a fifth of a second is felt as smooth and over before a movement is",
-            ),
-            Tunable(
-                "tau_range_Nm",
-                self.full_scale,
-                0.01 * self.full_scale,
-                self.full_scale,
-                "largest |set torque|: may only be narrowed below the identified range",
-                "domain.tau_full_scale_Nm",
-                safer="low",
-            ),
+            self.kp.tunable("Kp_Nm_rad", 0.0, self.kp_high, pulls),
+            self.kd.tunable("Kd_Nms_rad", 0.0, self.kd_high, resists),
+            Tunable("blend_s", BLEND_S, BLEND_LOW_S, BLEND_HIGH_S, blends, soon),
+            Tunable("tau_range_Nm", full, 0.01 * full, full, narrow, source, safer="low"),
         )
 
     def coefficients(self) -> tuple[Port, ...]:
@@ -260,35 +209,42 @@ class _Reference:
         )
 
     def outputs(self) -> tuple[Port, ...]:
+        clipped = "the set torque was clipped at tau_range_Nm"
         return (
             around("tau_set_Nm", self.full_scale, "set torque, for the inverse"),
             Port("mode", OFF, IMPEDANCE, "mode that holds in this step"),
             Port("request_ok", 0, 1, "1 while every input and the memory are sound"),
-            Port("status", 0, 15, "what is known of this set torque", flags=self.flags()),
+            status_port(
+                "what is known of this set torque",
+                "an input was NaN or outside its range; the limits latch",
+                "the state was corrupt; the limits latch",
+                Flag("CLIPPED", clipped, True, ("tau_set_Nm",), self.full_scale),
+                Flag("ENTERED", "a law took over in this step, from where the torque was"),
+            ),
         )
 
     def equations(self) -> tuple[Equation, ...]:
-        offset_s, keep_s = sp.Symbol("o_k-1"), sp.Symbol("T_b")
+        law, offset, h, blend = sp.symbols("tau_law o_k-1 h T_b")
+        text = "offset from where the torque was at the change of mode, fading"
         return (
             equation("(5.24), sign of a stiffness", "tau_law", IMPEDANCE_LAW, "impedance law"),
-            equation(
-                "[blend]",
-                "tau_set",
-                sp.Symbol("tau_law") + offset_s * sp.exp(-sp.Symbol("h") / keep_s),
-                "offset from where the torque was at the change of mode, fading",
-            ),
+            equation("[blend]", "tau_set", law + offset * sp.exp(-h / blend), text),
         )
 
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; the limits latch", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; the limits latch", True),
-            Flag(
-                "CLIPPED",
-                "the set torque was clipped at tau_range_Nm",
-                True,
-                ("tau_set_Nm",),
-                self.full_scale,
-            ),
-            Flag("ENTERED", "a law took over in this step, from where the torque was"),
-        )
+
+def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
+    # Modes held for a while, so that offsets fade; samples that are no number in between.
+    steps = 3000
+    t = np.arange(steps)
+    x = {
+        p.name: single(0.5 * (p.low + p.high) + 0.3 * (p.high - p.low) * np.sin(t / (40.0 + 7 * i)))
+        for i, p in enumerate(block.inputs)
+    }
+    x["mode"] = np.array([1.0, 2.0, 0.0, 2.0, 1.0, 0.0])[t // 250 % 6]
+    for p in block.inputs:
+        hit = rng.random(steps) < 0.002
+        x[p.name][hit] = rng.choice(SPECIAL, int(hit.sum()))
+    return [Stream("modes held", x)]
+
+
+STREAMS = OwnStreams(_events)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -17,9 +16,10 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
+from esea_gen.model.filters import triple_pole_gains, triple_pole_ports
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -28,193 +28,106 @@ if TYPE_CHECKING:
 
 Kind = Literal["observer", "differences"]
 
-
-def setpoint_rates(
-    device: DeviceData, kind: Kind = "observer", *, bandwidth_Hz: float | None = None
-) -> Block:
-    """Rate and acceleration of the deflection set-point.
-
-    kind: ``observer``: a third-order tracking observer with a triple real pole, which follows a
-        constant acceleration without error. ``differences``: plain first and second difference, as
-        published.
-    return: input ``theta_set_rad``, the inverse's set-point; outputs ``delta_set_rad``,
-        ``delta_rate_rad_s``, ``delta_acc_rad_s2`` and a status word.
-
-    The set-point carries no encoder noise, but it has corners: where the motion turns round, all
-    stop operators of the inverse begin to move at once and the stiffness jumps.  A second
-    difference makes spikes of these.  The observer gives angle, rate and acceleration that belong
-    together, with one knob.
-    """
-    if kind not in get_args(Kind):
-        raise ValueError(f"kind must be one of {get_args(Kind)}, got {kind!r}")
-    drive = drive_of(device)
-    h = device.period_s
-    delta_lim, rate_lim = drive.delta_rad, drive.rate_rad_s
-    # What the whole motor torque could do to the bare drive, three times over: a larger one is no
-    # acceleration that the drive could follow.
-    acc_lim = threshold(ACCELERATION_ROOM * drive.d4_rad_s2)
-    return (_observer if kind == "observer" else _differences)(
-        device, h, delta_lim, rate_lim, acc_lim, bandwidth_Hz
-    )
-
-
 ACCELERATION_ROOM = 3.0
 SETPOINT_BANDWIDTH_HZ = 50.0
 
 
-def _set_flags(rate_lim: float, acc_lim: float) -> tuple[Flag, ...]:
-    return (
-        Flag("INPUT_INVALID", "the set-point was NaN or outside its range; it is held", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-        Flag(
-            "RATE_CLIPPED",
-            "the rate, or the memory of the set-point, was clipped",
-            True,
-            ("delta_rate_rad_s",),
-            rate_lim,
-        ),
-        Flag(
-            "ACCELERATION_CLIPPED",
-            "the acceleration was clipped",
-            True,
-            ("delta_acc_rad_s2",),
-            acc_lim,
-        ),
-    )
+# At the corners of a set-point all stop operators begin to move at once and the stiffness jumps: a
+# second difference makes spikes of these, the observer gives numbers that belong together.
+def setpoint_rates(device: DeviceData, kind: Kind = "observer") -> Block:
+    """Rate and acceleration of the deflection set-point: observer, or differences as published."""
+    if kind not in get_args(Kind):
+        raise ValueError(f"kind must be one of {get_args(Kind)}, got {kind!r}")
+    law = (_SetObserver if kind == "observer" else _Differences)(device)
+    constants = device.constants("timing")
+    return Block.of(law, "setpoint_rates", f"{TITLE}: {law.by}", constants=constants)
 
 
-def _set_ports(
-    delta_lim: float, rate_lim: float, acc_lim: float, held: str
-) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
-    inputs = (
-        around(
-            "theta_set_rad", delta_lim, "deflection set-point from the inverse", on_invalid=held
-        ),
-    )
-    outputs = (
-        around("delta_set_rad", delta_lim, "deflection set-point"),
-        around("delta_rate_rad_s", rate_lim, "its rate"),
-        around("delta_acc_rad_s2", acc_lim, "its acceleration"),
-        Port(
-            "status", 0, 15, "what is known of this set-point", flags=_set_flags(rate_lim, acc_lim)
-        ),
-    )
-    return inputs, outputs
+TITLE = "Rate and acceleration of the deflection set-point"
 
 
-def _observer(
-    device: DeviceData,
-    h: float,
-    delta_lim: float,
-    rate_lim: float,
-    acc_lim: float,
-    bandwidth_Hz: float | None,
-) -> Block:
-    law = _Observer(device, h, delta_lim, rate_lim, acc_lim, bandwidth_Hz)
-    inputs, outputs = _set_ports(delta_lim, rate_lim, acc_lim, "held_rad")
-    return Block.define(
-        "setpoint_rates",
-        "Rate and acceleration of the deflection set-point: tracking observer",
-        period_s=h,
-        constants=device.constants("timing"),
-        tunables=law.tunables(),
-        coefficients=(
-            Port("alpha", 0.0, 1.0, "position gain"),
-            Port("beta_1_s", 0.0, 3.0 / h, "velocity gain"),
-            Port("gamma_1_s2", 0.0, 1.0 / h**2, "acceleration gain"),
-        ),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=inputs,
-        outputs=outputs,
-        equations=law.equations(),
-        step=law.step,
-    )
+class _SetRates:
+    held: str
+
+    def __init__(self, device: DeviceData) -> None:
+        drive = drive_of(device)
+        self.h = device.period_s
+        self.delta_lim, self.rate_lim = drive.delta_rad, drive.rate_rad_s
+        # What the whole motor torque could do to the bare drive, three times over: a larger one is
+        # no acceleration that the drive could follow.
+        self.acc_lim = threshold(ACCELERATION_ROOM * drive.d4_rad_s2)
+
+    def inputs(self) -> tuple[Port, ...]:
+        text = "deflection set-point from the inverse"
+        return (around("theta_set_rad", self.delta_lim, text, on_invalid=self.held),)
+
+    def outputs(self) -> tuple[Port, ...]:
+        rate, acc = "delta_rate_rad_s", "delta_acc_rad_s2"
+        clipped = "the rate, or the memory of the set-point, was clipped"
+        fast = "the acceleration was clipped"
+        return (
+            around("delta_set_rad", self.delta_lim, "deflection set-point"),
+            around(rate, self.rate_lim, "its rate"),
+            around(acc, self.acc_lim, "its acceleration"),
+            status_port(
+                "what is known of this set-point",
+                "the set-point was NaN or outside its range; it is held",
+                "the state was corrupt; started afresh",
+                Flag("RATE_CLIPPED", clipped, True, (rate,), self.rate_lim),
+                Flag("ACCELERATION_CLIPPED", fast, True, (acc,), self.acc_lim),
+            ),
+        )
 
 
-class _Observer:
-    """Tracking observer: numbers, step and ports."""
+class _SetObserver(_SetRates):
+    by, held = "tracking observer", "held_rad"
 
-    def __init__(
-        self,
-        device: DeviceData,
-        h: float,
-        delta_lim: float,
-        rate_lim: float,
-        acc_lim: float,
-        bandwidth_Hz: float | None,
-    ) -> None:
-        self.h = h
-        self.delta_lim = delta_lim
-        self.rate_lim = rate_lim
-        self.acc_lim = acc_lim
-        self.bandwidth_Hz = bandwidth_Hz
-        self.high = 0.1 / h
+    def __init__(self, device: DeviceData) -> None:
+        super().__init__(device)
+        self.high = 0.1 / self.h
         # The transient of a step over the whole range; an output is clipped, the memory is not.
-        self.delta_room, self.rate_room = 2 * delta_lim, 4 * rate_lim
-        self.acc_room = threshold(self.rate_room / h)
+        self.delta_room, self.rate_room = 2 * self.delta_lim, 4 * self.rate_lim
+        self.acc_room = threshold(self.rate_room / self.h)
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
-        pole = ca.exp(-2 * math.pi * self.h * t.bandwidth_Hz)
-        q = 1 - pole
-        return {
-            "alpha": 1 - pole * pole * pole,
-            "beta_1_s": 1.5 * q * q * (1 + pole) / self.h,
-            "gamma_1_s2": q * q * q / (self.h * self.h),
-        }
+        return triple_pole_gains(t.bandwidth_Hz, self.h)
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         expected = s.delta_rad + self.h * (s.rate_rad_s + 0.5 * self.h * s.acc_rad_s2)
         ok = guard.inputs_ok
-        predicted = label(
-            "predicted_rad", ca.if_else(s.primed, expected, u.theta_set_rad), "prediction"
-        )
+        expected = ca.if_else(s.primed, expected, u.theta_set_rad)
+        predicted = label("predicted_rad", expected, "prediction")
         error = label("innovation_rad", u.theta_set_rad - predicted, "innovation")
         rate = s.rate_rad_s + self.h * s.acc_rad_s2 + c.beta_1_s * error
         acc = s.acc_rad_s2 + c.gamma_1_s2 * error
         # Held: a set-point that stands still where the last valid one was.
-        next_delta = label(
-            "delta_raw_rad", ca.if_else(ok, predicted + c.alpha * error, s.held_rad), "filtered"
-        )
-        next_rate = label("rate_raw_rad_s", ca.if_else(ok, rate, 0), "its rate")
-        next_acc = label("acc_raw_rad_s2", ca.if_else(ok, acc, 0), "its acceleration")
+        delta = ca.if_else(ok, predicted + c.alpha * error, s.held_rad)
+        delta = label("delta_raw_rad", delta, "filtered")
+        rate = label("rate_raw_rad_s", ca.if_else(ok, rate, 0), "its rate")
+        acc = label("acc_raw_rad_s2", ca.if_else(ok, acc, 0), "its acceleration")
         next_state = {
             "primed": ca.logic_or(s.primed, ok),
             "held_rad": u.theta_set_rad,
-            "delta_rad": clip(next_delta, -self.delta_room, self.delta_room),
-            "rate_rad_s": clip(next_rate, -self.rate_room, self.rate_room),
-            "acc_rad_s2": clip(next_acc, -self.acc_room, self.acc_room),
+            "delta_rad": clip(delta, -self.delta_room, self.delta_room),
+            "rate_rad_s": clip(rate, -self.rate_room, self.rate_room),
+            "acc_rad_s2": clip(acc, -self.acc_room, self.acc_room),
         }
+        fast = ca.logic_or(ca.fabs(rate) > self.rate_lim, ca.fabs(delta) > self.delta_room)
         outputs = {
-            "delta_set_rad": clip(next_delta, -self.delta_lim, self.delta_lim),
-            "delta_rate_rad_s": clip(next_rate, -self.rate_lim, self.rate_lim),
-            "delta_acc_rad_s2": clip(next_acc, -self.acc_lim, self.acc_lim),
-            "status": flag_word(
-                [
-                    ca.logic_not(ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_or(
-                        ca.fabs(next_rate) > self.rate_lim, ca.fabs(next_delta) > self.delta_room
-                    ),
-                    ca.fabs(next_acc) > self.acc_lim,
-                ]
-            ),
+            "delta_set_rad": clip(delta, -self.delta_lim, self.delta_lim),
+            "delta_rate_rad_s": clip(rate, -self.rate_lim, self.rate_lim),
+            "delta_acc_rad_s2": clip(acc, -self.acc_lim, self.acc_lim),
+            "status": guard.status(fast, ca.fabs(acc) > self.acc_lim),
         }
         return next_state, outputs
 
     def tunables(self) -> tuple[Tunable, ...]:
-        return (
-            Tunable(
-                "bandwidth_Hz",
-                min(self.bandwidth_Hz or SETPOINT_BANDWIDTH_HZ, self.high),
-                2.0,
-                self.high,
-                "bandwidth of the triple pole: higher follows faster, lower smooths the corners",
-                "docs/control.md",
-            ),
-        )
+        text = "bandwidth of the triple pole: higher follows faster, lower smooths the corners"
+        own = min(SETPOINT_BANDWIDTH_HZ, self.high)
+        return (Tunable("bandwidth_Hz", own, 2.0, self.high, text, "docs/control.md"),)
+
+    def coefficients(self) -> tuple[Port, ...]:
+        return triple_pole_ports(self.h)
 
     def state(self) -> tuple[Port, ...]:
         return (
@@ -235,27 +148,19 @@ class _Observer:
         )
 
 
-def _differences(
-    device: DeviceData,
-    h: float,
-    delta_lim: float,
-    rate_lim: float,
-    acc_lim: float,
-    bandwidth_Hz: float | None,
-) -> Block:
-    if bandwidth_Hz is not None:
-        raise ValueError("plain differences have no bandwidth_Hz")
+class _Differences(_SetRates):
+    by, held = "plain differences", "delta_rad"
 
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        ok = guard.inputs_ok
-        raw = ca.if_else(s.primed, (u.theta_set_rad - s.delta_rad) * (1 / h), 0)
-        rate = label("delta_rate_rad_s", clip(raw, -rate_lim, rate_lim), "first difference")
-        change = ca.if_else(s.moving, (rate - s.rate_rad_s) * (1 / h), 0)
-        acc = label("delta_acc_rad_s2", clip(change, -acc_lim, acc_lim), "second difference")
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
+        per_s = 1 / self.h
+        raw = ca.if_else(s.primed, (u.theta_set_rad - s.delta_rad) * per_s, 0)
+        rate = clip(raw, -self.rate_lim, self.rate_lim)
+        rate = label("delta_rate_rad_s", rate, "first difference")
+        change = ca.if_else(s.moving, (rate - s.rate_rad_s) * per_s, 0)
+        acc = clip(change, -self.acc_lim, self.acc_lim)
+        acc = label("delta_acc_rad_s2", acc, "second difference")
         next_state = {
-            "primed": ca.logic_or(s.primed, ok),
+            "primed": ca.logic_or(s.primed, guard.inputs_ok),
             "moving": s.primed,
             "delta_rad": u.theta_set_rad,
             "rate_rad_s": rate,
@@ -264,35 +169,21 @@ def _differences(
             "delta_set_rad": u.theta_set_rad,
             "delta_rate_rad_s": rate,
             "delta_acc_rad_s2": acc,
-            "status": flag_word(
-                [
-                    ca.logic_not(ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.fabs(raw) > rate_lim,
-                    ca.fabs(change) > acc_lim,
-                ]
-            ),
+            "status": guard.status(ca.fabs(raw) > self.rate_lim, ca.fabs(change) > self.acc_lim),
         }
         return next_state, outputs
 
-    inputs, outputs = _set_ports(delta_lim, rate_lim, acc_lim, "delta_rad")
-    d_k, d_1, d_2, hs = (sp.Symbol(n) for n in ("delta_k", "delta_k-1", "delta_k-2", "h"))
-    return Block.define(
-        "setpoint_rates",
-        "Rate and acceleration of the deflection set-point: plain differences",
-        period_s=h,
-        constants=device.constants("timing"),
-        state=(
+    def state(self) -> tuple[Port, ...]:
+        return (
             Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
             Port("moving", 0.0, 1.0, "1 once a rate is known"),
-            around("delta_rad", delta_lim, "set-point of the last step"),
-            around("rate_rad_s", rate_lim, "rate of the last step"),
-        ),
-        inputs=inputs,
-        outputs=outputs,
-        equations=(
+            around("delta_rad", self.delta_lim, "set-point of the last step"),
+            around("rate_rad_s", self.rate_lim, "rate of the last step"),
+        )
+
+    def equations(self) -> tuple[Equation, ...]:
+        d_k, d_1, d_2, hs = (sp.Symbol(n) for n in ("delta_k", "delta_k-1", "delta_k-2", "h"))
+        return (
             equation("[set 1]", "delta'", (d_k - d_1) / hs, "first difference"),
             equation("[set 2]", "delta''", (d_k - 2 * d_1 + d_2) / hs**2, "second difference"),
-        ),
-        step=step,
-    )
+        )

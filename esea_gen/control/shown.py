@@ -12,12 +12,7 @@ from esea_gen.language.ports import Port
 
 
 def with_outputs(block: Block, more: Sequence[tuple[Port, str]]) -> Block:
-    """A Block that also gives out what it reads or makes anyway.
-
-    more: each further output with what it shows, by its name in ``labelled_step``: ``next_...`` a
-        new state, ``c_...`` a coefficient, ``label_...`` a labelled value.
-    return: the same Block with these outputs after its own; no operation is added.
-    """
+    """A Block that also gives ``next_...``, ``c_...`` or ``label_...`` values of its step."""
     labelled = block.labelled_step
     arguments = labelled.sx_in()
     results = labelled.call(arguments)
@@ -49,10 +44,7 @@ def with_outputs(block: Block, more: Sequence[tuple[Port, str]]) -> Block:
 
 
 def with_state_as_output(block: Block, name: str, meaning: str) -> Block:
-    """A Block that also gives one of its new states as an output.
-
-    return: the same Block with one more output of the state's name; no operation is added.
-    """
+    """A Block that also gives one of its new states as an output."""
     port = next((p for p in block.state if p.name == name), None)
     if port is None:
         raise ValueError(f"block {block.name}: no state {name}")

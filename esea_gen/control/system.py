@@ -1,9 +1,7 @@
 """Torque and impedance control: encoders in, motor torque out, whatever the law.
 
-Task ``sense`` runs at the sensing rate: encoders, deflection, torque, rates, set torque, limits,
-observers.  Task ``control`` runs at the control rate and gives a stamped command, which the limits
-take up from a latch.  So nothing reaches the motor that has not passed the limits, in the very
-period in which it is sent.
+Nothing reaches the motor that has not passed the limits, in the very period in which it is sent:
+the control task gives a stamped command, which the limits in the sensing task take up from a latch.
 """
 
 from __future__ import annotations
@@ -156,8 +154,6 @@ ESTIMATED = {
 
 @dataclass(frozen=True)
 class _Axis:
-    """One axis, wired, before it has a name."""
-
     sense: Mapping[str, Component]
     control: Mapping[str, Component]
     wires: Mapping[str, str]
@@ -172,7 +168,6 @@ def control_system(
     sensor: Block,
     inverse: Callable[[], Block],
 ) -> System:
-    """The controlling System of a device."""
     base = _base(device, velocity, sensor, inverse)
     parts = [law.parts(base) for law in laws]
     sense, control = _blocks(base, laws, parts)

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -18,7 +18,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
@@ -49,46 +49,28 @@ JUMP_NM, STEPPED_S = 0.1, 0.15
 FASTEST_HZ = 3.0
 
 
+# A step moves the observer with it and leaves rate and acceleration alone: then the held torque is
+# asked for, to the bit.  A step is an increment beside the median of the last three.  Noise, by the
+# second difference of the increments, lowers the bandwidth, and much of it the share that is
+# believed.
 def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend") -> Block:
-    """Where the wanted torque goes, when only its past is known.
-
-    A third-order tracking observer of the wanted torque gives rate and acceleration, [trend 1] to
-    [trend 4]; both fade along the horizon, [trend 5].  Two things keep it from making matters worse
-    than a torque that is held still:
-
-    - A step moves the observer with it and leaves rate and acceleration alone: what is asked for
-      is then the held torque, to the bit.  A step is an increment beside the median of the last
-      three.
-    - Noise lowers the bandwidth, and much noise the share of the motion that is believed, down to a
-      torque held still.  Its measure is the second difference of the increments, which a smooth
-      torque does not have.
-
-    The rate is at most that of full torque at 3 Hz, the acceleration likewise, and no value leaves
-    the torque's range.
-    """
+    """Where the wanted torque goes, when only its past is known."""
     law = _Trend(device, ends_s)
-    return Block.define(
+    return Block.of(
+        law,
         name,
         "Wanted torque ahead, from its past",
-        period_s=law.h,
-        tunables=law.tunables(),
         coefficients=(
             Port("quick", 0.0, 1.0, "1 less the pole, without noise"),
             Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 over what halves it"),
         ),
-        prepare=law.prepare,
-        state=law.state(),
         inputs=(around("tau_wanted_Nm", law.tau_lim, "wanted torque now", on_invalid="last_Nm"),),
-        outputs=law.outputs(),
         equations=_equations(),
-        step=law.step,
         streams=OwnStreams(_events),
     )
 
 
 class _Trend:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData, ends_s: Sequence[float]) -> None:
         drive = drive_of(device)
         self.h, self.tau_lim = drive.control_period_s, drive.tau_Nm
@@ -122,9 +104,7 @@ class _Trend:
         step = label("step_Nm", ca.fabs(aside - kept), "what a step has added")
         return label("increment_Nm", middle + kept, "increment without a step"), step
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ok, h = guard.inputs_ok, self.h
         primed = ca.logic_or(s.primed, ok)
         fresh = label("fresh_Nm", ca.if_else(s.primed, u.tau_wanted_Nm - s.last_Nm, 0), "increment")
@@ -172,28 +152,18 @@ class _Trend:
             "tau_curve_Nm_s2": acc,
             "trust": trust,
             "settled": 1 - stepped,
-            "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok), full]),
+            "status": guard.status(full),
         }
         return next_state, outputs
 
     def tunables(self) -> tuple[Tunable, ...]:
+        own, low = min(BANDWIDTH_HZ, self.high_Hz), min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz)
+        sees = "bandwidth without noise: higher sees sooner where it goes"
+        quiet = "noise that halves the bandwidth: lower is calmer, and trusts less"
+        source = "docs/predictive.md"
         return (
-            Tunable(
-                "bandwidth_Hz",
-                min(BANDWIDTH_HZ, self.high_Hz),
-                min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz),
-                self.high_Hz,
-                "bandwidth without noise: higher sees sooner where it goes",
-                "docs/predictive.md",
-            ),
-            Tunable(
-                "quiet_Nm",
-                QUIET_NM,
-                QUIET_LOW_NM,
-                QUIET_HIGH_NM,
-                "noise that halves the bandwidth: lower is calmer, and trusts less",
-                "docs/predictive.md",
-            ),
+            Tunable("bandwidth_Hz", own, low, self.high_Hz, sees, source),
+            Tunable("quiet_Nm", QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM, quiet, source),
         )
 
     def state(self) -> tuple[Port, ...]:
@@ -210,13 +180,6 @@ class _Trend:
         )
 
     def outputs(self) -> tuple[Port, ...]:
-        flags = (
-            Flag(
-                "INPUT_INVALID", "the input was NaN or outside its range; the last one counts", True
-            ),
-            Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-            Flag("CLIPPED", "rate or acceleration is at its range", True),
-        )
         n = len(self.ends_s)
         ahead = around("tau_ahead_Nm", self.tau_lim, "wanted torque at the intervals' ends", n or 1)
         return (
@@ -225,7 +188,12 @@ class _Trend:
             around("tau_curve_Nm_s2", self.acc_lim, "its acceleration now"),
             Port("trust", 0.0, 1.0, "share of both that is believed"),
             Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
-            Port("status", 0, 7, "what is known of it", flags=flags),
+            status_port(
+                "what is known of it",
+                "the input was NaN or outside its range; the last one counts",
+                "the state was corrupt; started afresh",
+                Flag("CLIPPED", "rate or acceleration is at its range", True),
+            ),
         )
 
 
@@ -236,10 +204,7 @@ def motion_limits(device: DeviceData) -> tuple[float, float]:
 
 
 def faded(t_s: float) -> tuple[float, float]:
-    """What a rate and an acceleration of now add in a time, with the rate fading on the way.
-
-    return: integrals over 0 to t of exp(-x/T) and of x exp(-x/T); T is ``FADE_S``.
-    """
+    """What rate and acceleration add: integrals to t of exp(-x/T) and x exp(-x/T)."""
     left = math.exp(-t_s / FADE_S)
     by_rate = FADE_S * (1 - left)
     return by_rate, FADE_S * (by_rate - t_s * left)

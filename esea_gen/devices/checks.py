@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from esea_gen.devices.fields import LAW_SECTIONS, DeviceFile, field_facts, quantities_of, series_of
 from esea_gen.devices.numbers import Quantity, Series
@@ -126,57 +126,67 @@ def _check_relations(file: DeviceFile) -> Iterator[UserError]:
             )
 
 
-def _check_control(file: DeviceFile) -> Iterator[UserError]:
-    drive = ("actuator", "joint", "disturbance", "impedance", "safety")
-    laws = [k for k in LAW_SECTIONS if getattr(file, k) is not None]
-    if file.redundancy is not None and (file.actuator is None or file.joint is None):
-        yield UserError(
-            f"[redundancy] compares the drive with the joint, but section "
-            f"[{'actuator' if file.actuator is None else 'joint'}] is missing.",
-            'Add it, or write extends = "elbow_drive" and give what differs.',
-        )
-    if file.passivity is not None:
-        yield from _check_passivity(file)
-    if file.adaptation is not None:
-        yield from _check_adaptation(file, drive)
-    if file.cable is not None and file.redundancy is None:
-        yield UserError(
-            "[cable] goes with the motor's own encoder, but section [redundancy], which "
-            "brings it in, is missing.",
-            'Add it, or write extends = "elbow_drive" and give what differs.',
-        )
-    for law in laws:
-        control = (*drive, *LAW_SECTIONS[law])
-        needed = [k for k in control if getattr(file, k) is None]
-        if needed:
+DRIVE = ("actuator", "joint", "disturbance", "impedance", "safety")
+EXTEND = 'Add it, or write extends = "elbow_drive" and give what differs.'
+# What a section does, and which others it does it with.
+NEEDS = {
+    "redundancy": ("compares the drive with the joint", ("actuator", "joint")),
+    "passivity": ("bounds what a drive gives", DRIVE),
+    "adaptation": ("turns what a drive is asked for", DRIVE),
+    "cable": ("goes with the motor's own encoder", ("redundancy",)),
+}
+# Numbers of which the first may not be above the second.
+ORDERED = (
+    ("joint.theta_min_rad", "joint.theta_max_rad"),
+    ("safety.rom_min_rad", "safety.rom_max_rad"),
+    ("safety.u_max_Nm", "actuator.u_max_Nm"),
+    ("safety.theta_max_rad", "limits.theta_rad"),
+    ("safety.tau_max_Nm", "limits.tau_Nm"),
+    ("safety.rom_max_rad", "joint.theta_max_rad"),
+    ("joint.theta_min_rad", "safety.rom_min_rad"),
+    ("redundancy.cable_least_Nm_rad", "redundancy.cable_Nm_rad"),
+    ("passivity.least_Nms_rad", "passivity.damping_Nms_rad"),
+    ("cable.backlash_rad", "cable.backlash_most_rad"),
+)
+
+
+def _check_sections(file: DeviceFile) -> Iterator[UserError]:
+    def missing(names: Iterable[str]) -> str:
+        return next((n for n in names if getattr(file, n) is None), "")
+
+    for name, (does, needed) in NEEDS.items():
+        if getattr(file, name) is not None and (lost := missing(needed)):
+            yield UserError(f"[{name}] {does}, but section [{lost}] is missing.", EXTEND)
+    for law, more in LAW_SECTIONS.items():
+        if getattr(file, law) is not None and (lost := missing((*DRIVE, *more))):
+            needs = ", ".join((*DRIVE, *more))
             yield UserError(
-                f"section [{needed[0]}] is missing: torque control by [{law}] needs "
-                f"{', '.join(control)}.",
-                'Add it, or write extends = "elbow_drive" and give what differs.',
+                f"section [{lost}] is missing: torque control by [{law}] needs {needs}.", EXTEND
             )
+
+
+def _check_control(file: DeviceFile) -> Iterator[UserError]:
+    yield from _check_sections(file)
     values = {k: q.value for k, q in quantities_of(file)}
-    pairs = [
-        ("joint.theta_min_rad", "joint.theta_max_rad"),
-        ("safety.rom_min_rad", "safety.rom_max_rad"),
-        ("safety.u_max_Nm", "actuator.u_max_Nm"),
-        ("safety.theta_max_rad", "limits.theta_rad"),
-        ("safety.tau_max_Nm", "limits.tau_Nm"),
-        ("safety.rom_max_rad", "joint.theta_max_rad"),
-        ("joint.theta_min_rad", "safety.rom_min_rad"),
-        ("redundancy.cable_least_Nm_rad", "redundancy.cable_Nm_rad"),
-        ("passivity.least_Nms_rad", "passivity.damping_Nms_rad"),
-        ("cable.backlash_rad", "cable.backlash_most_rad"),
-    ]
-    for low, high in pairs:
+    for low, high in ORDERED:
         if low in values and high in values and values[low] > values[high]:
             yield UserError(
                 f"{low} = {values[low]:g} is above {high} = {values[high]:g}.",
                 f"Lower {low} or raise {high}.",
             )
+    for gain, most in (("Kp_Nm_rad", "Kp_max_Nm_rad"), ("Kd_Nms_rad", "Kd_max_Nms_rad")):
+        own, limit = values.get(f"impedance.{gain}"), values.get(f"passivity.{most}")
+        if own is not None and limit is not None and own > limit:
+            yield UserError(
+                f"impedance.{gain} = {own:g} is above passivity.{most} = {limit:g}: not every hand "
+                "would be stable with it.",
+                f"Lower it; raise passivity.{most} only after esea-gen passivity has found the "
+                "gains up to there passive.",
+            )
     sense = values["timing.sense_rate_Hz"]
     rate = values.get("timing.control_rate_Hz")
     if rate is None:
-        if laws:
+        if any(getattr(file, n) is not None for n in LAW_SECTIONS):
             yield UserError(
                 "timing.control_rate_Hz is missing: torque control needs its rate.",
                 "Give one that divides timing.sense_rate_Hz.",
@@ -199,35 +209,6 @@ def _check_control(file: DeviceFile) -> Iterator[UserError]:
             f"periods ({1 / sense:g} s) up to the control period ({1 / rate:g} s).",
             "Give such a number, or leave it out.",
         )
-
-
-def _check_adaptation(file: DeviceFile, drive: tuple[str, ...]) -> Iterator[UserError]:
-    missing = [name for name in drive if getattr(file, name) is None]
-    if missing:
-        yield UserError(
-            f"[adaptation] turns what a drive is asked for, but section [{missing[0]}] is missing.",
-            'Add it, or write extends = "elbow_drive" and give what differs.',
-        )
-
-
-def _check_passivity(file: DeviceFile) -> Iterator[UserError]:
-    for name in ("actuator", "joint", "disturbance", "impedance", "safety"):
-        if getattr(file, name) is None:
-            yield UserError(
-                f"[passivity] bounds what a drive gives, but section [{name}] is missing.",
-                'Add it, or write extends = "elbow_drive" and give what differs.',
-            )
-            return
-    values = {k: q.value for k, q in quantities_of(file)}
-    for gain, most in (("Kp_Nm_rad", "Kp_max_Nm_rad"), ("Kd_Nms_rad", "Kd_max_Nms_rad")):
-        if values[f"impedance.{gain}"] > values[f"passivity.{most}"]:
-            yield UserError(
-                f"impedance.{gain} = {values[f'impedance.{gain}']:g} is above "
-                f"passivity.{most} = {values[f'passivity.{most}']:g}: not every hand would be "
-                "stable with it.",
-                f"Lower it; raise passivity.{most} only after esea-gen passivity has found the "
-                "gains up to there passive.",
-            )
 
 
 def _dividing(sense: float, every: float) -> float:

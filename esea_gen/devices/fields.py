@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, Field
 
-from esea_gen.devices.numbers import Quantity, Section, Series, number, series
+from esea_gen.devices.numbers import Quantity, Section, Series, number, optional, series, table
 from esea_gen.devices.rubber import Elastomer, Family
 
 SCHEMA = 1
@@ -47,15 +47,14 @@ class Timing(Section):
     """Task rates."""
 
     sense_rate_Hz: Quantity = number(50, 10000, "Rate of the sensing task.")
-    control_rate_Hz: Quantity | None = number(
-        10, 10000, "Rate of the control task; it divides the sensing task's.", default=None
+    control_rate_Hz: Quantity | None = optional(
+        10, 10000, "Rate of the control task; it divides the sensing task's."
     )
-    control_release_s: Quantity | None = number(
+    control_release_s: Quantity | None = optional(
         1e-4,
         0.1,
         "From the start of the control task to the release of its command; leave it out for a "
         "whole period.",
-        default=None,
     )
 
 
@@ -68,41 +67,36 @@ class Velocity(Section):
 class EncoderSide(Section):
     """One encoder: how it is mounted, where its zero is, and what is known of its errors."""
 
-    direction: Quantity | None = number(
+    direction: Quantity | None = optional(
         -1,
         1,
         "1 where the count rises with the joint angle, -1 where it falls; 1 when left out.",
         whole=True,
-        default=None,
     )
-    zero_rad: Quantity | None = number(
+    zero_rad: Quantity | None = optional(
         -math.pi,
         math.pi,
         "What a calibration found: corrected angle of the encoder, times direction, where the "
         "joint stands at 0.  Left out, the encoder is not zeroed, and not usable until a "
         "calibration sets it.",
-        default=None,
     )
-    step_max_rad: Quantity | None = number(
+    step_max_rad: Quantity | None = optional(
         1e-4,
         1.5,
         "Largest believable |step| between two samples; left out, the joint's speed limit times "
         "the period, 0.5 deg for noise, and one count.",
-        default=None,
     )
-    held_max: Quantity | None = number(
+    held_max: Quantity | None = optional(
         1,
         10,
         "Bad frames in a row that are bridged with the last good angle; 3 when left out.",
         whole=True,
-        default=None,
     )
-    orientation_rad: Quantity | None = number(
+    orientation_rad: Quantity | None = optional(
         -math.pi,
         math.pi,
         "Angle at which the encoder is mounted now, from a mark on its part; any fixed mark will "
         "do.  0 when left out.",
-        default=None,
     )
     correction_rad: Series | None = series(
         -0.09,
@@ -111,12 +105,11 @@ class EncoderSide(Section):
         "What is added to the raw angle, at 4, 8, 16, 32 or 64 equal steps of the encoder's turn "
         "from count 0 on.",
     )
-    correction_orientation_rad: Quantity | None = number(
+    correction_orientation_rad: Quantity | None = optional(
         -math.pi,
         math.pi,
         "Angle at which the encoder was mounted when the correction was characterised; needed with "
         "correction_rad, and must be orientation_rad.",
-        default=None,
     )
 
 
@@ -124,8 +117,8 @@ class Encoder(Section):
     """Encoders on either side of the coupling."""
 
     resolution_bits: Quantity = number(8, 24, "Counts per turn, as a power of two.", whole=True)
-    motor: EncoderSide | None = Field(default=None, description="The one on the motor's side.")
-    load: EncoderSide | None = Field(default=None, description="The one on the load's side.")
+    motor: EncoderSide | None = table("The one on the motor's side.")
+    load: EncoderSide | None = table("The one on the load's side.")
 
 
 class Inverse(Section):
@@ -139,15 +132,9 @@ class Inverse(Section):
         default="none",
         description="Filter of the published inverse's disturbance observer; none leaves it out.",
     )
-    kappa_rad: Quantity | None = number(
-        0, 5, "Weight kappa of the play operators, eq. 4.9.", default=None
-    )
-    phi_1_rad: Quantity | None = number(
-        0, 5, "Decay phi of the play operators' weight, eq. 4.9.", default=None
-    )
-    chi_rad: Quantity | None = number(
-        1e-6, 1, "Spacing chi of the play operators, eq. 4.11.", default=None
-    )
+    kappa_rad: Quantity | None = optional(0, 5, "Weight kappa of the play operators, eq. 4.9.")
+    phi_1_rad: Quantity | None = optional(0, 5, "Decay phi of the play operators' weight, eq. 4.9.")
+    chi_rad: Quantity | None = optional(1e-6, 1, "Spacing chi of the play operators, eq. 4.11.")
 
 
 class Actuator(Section):
@@ -167,17 +154,17 @@ class Actuator(Section):
         8, 32, "Counts per turn of the motor shaft, as a power of two.", whole=True
     )
     # What a recording of the drive tells beside these; no controller computes with it.
-    stribeck_Nm: Quantity | None = number(
-        0, 100, "Rise of the Coulomb friction towards rest, at the joint.", default=None
+    stribeck_Nm: Quantity | None = optional(
+        0, 100, "Rise of the Coulomb friction towards rest, at the joint."
     )
-    stribeck_rad_s: Quantity | None = number(
-        1e-6, 100, "Speed of the joint over which that rise fades.", default=None
+    stribeck_rad_s: Quantity | None = optional(
+        1e-6, 100, "Speed of the joint over which that rise fades."
     )
-    backlash_rad: Quantity | None = number(
-        0, 0.5, "Whole backlash between motor and motor side, at the joint.", default=None
+    backlash_rad: Quantity | None = optional(
+        0, 0.5, "Whole backlash between motor and motor side, at the joint."
     )
-    cogging_Nm: Quantity | None = number(
-        0, 100, "Effective torque of gear and cogging over the angle, at the joint.", default=None
+    cogging_Nm: Quantity | None = optional(
+        0, 100, "Effective torque of gear and cogging over the angle, at the joint."
     )
 
 
@@ -225,12 +212,11 @@ class SlidingMode(Section):
     k1_unc_Nm_rad: Quantity = number(0, 1000, "Uncertain torque per deflection, eq. 5.20.")
     k3_unc_Nm_rad3: Quantity = number(0, 2500, "Uncertain torque per deflection cubed, 5.20.")
     eta_rad_s2: Quantity = number(0, 100, "Reaching rate eta, eq. 5.20.")
-    setpoint_filter_Hz: Quantity | None = number(
+    setpoint_filter_Hz: Quantity | None = optional(
         2,
         400,
         "Cut-off of the Butterworth filter (4th order) before the set-point's differentiation; "
         "leave it out for an observer without delay.",
-        default=None,
     )
     setpoint_acceleration: Literal["zero", "model"] = Field(
         description="Acceleration of the set-point: zero as published, or from the model."
@@ -330,11 +316,8 @@ class SimulatedImpairment(Section):
     Kd_Nms_rad: Quantity = number(0, 20, "Damping in the wall.")
     Kv_Nms_rad: Quantity = number(0, 5, "Resistance to speed everywhere.")
     bandwidth_Hz: Quantity = number(2, 100, "Bandwidth of the estimate of the joint's rate.")
-    resistance_Nms_rad: Quantity | None = number(
-        0,
-        5,
-        "Resistance to speed on axes without a wall; without the key Kv_Nms_rad.",
-        default=None,
+    resistance_Nms_rad: Quantity | None = optional(
+        0, 5, "Resistance to speed on axes without a wall; without the key Kv_Nms_rad."
     )
     wall: Literal["given", "published"] = Field(
         "given",
@@ -400,57 +383,48 @@ class DeviceFile(Section):
         description="Control laws of a device with a drive, the first one in force after the "
         "start; predictive where the file has that section, else sliding_mode, when left out.",
     )
-    elastomer: Elastomer | None = Field(
-        default=None,
-        description="Torque model of the rubber coupling, equations 3.1 to 3.11; needed where "
-        "there is no [family].",
+    elastomer: Elastomer | None = table(
+        "Torque model of the rubber coupling, equations 3.1 to 3.11; needed where "
+        "there is no [family]."
     )
-    family: Family | None = Field(
-        default=None,
-        description="Torque model of the rubber coupling: a member of the family, in place of "
-        "[elastomer].",
+    family: Family | None = table(
+        "Torque model of the rubber coupling: a member of the family, in place of [elastomer]."
     )
     domain: Domain
     limits: Limits
     timing: Timing
     velocity: Velocity
     encoder: Encoder
-    inverse: Inverse | None = Field(default=None)
-    actuator: Actuator | None = Field(default=None)
-    joint: Joint | None = Field(default=None)
-    disturbance: Disturbance | None = Field(default=None)
-    sliding_mode: SlidingMode | None = Field(default=None)
-    predictive: Predictive | None = Field(default=None)
-    impedance: Impedance | None = Field(default=None)
-    safety: Safety | None = Field(default=None)
-    redundancy: Redundancy | None = Field(
-        default=None,
-        description="Comparison of all encoders and the motor's torque; left out, a joint encoder "
-        "that is wrong but plausible is not found.",
+    inverse: Inverse | None = None
+    actuator: Actuator | None = None
+    joint: Joint | None = None
+    disturbance: Disturbance | None = None
+    sliding_mode: SlidingMode | None = None
+    predictive: Predictive | None = None
+    impedance: Impedance | None = None
+    safety: Safety | None = None
+    redundancy: Redundancy | None = table(
+        "Comparison of all encoders and the motor's torque; left out, a joint encoder "
+        "that is wrong but plausible is not found."
     )
-    passivity: PassiveInteraction | None = Field(
-        default=None,
-        description="Damping that a law lacks, and a bound of the energy that the drive gives; "
-        "left out, a law may swing a limp hand up.",
+    passivity: PassiveInteraction | None = table(
+        "Damping that a law lacks, and a bound of the energy that the drive gives; "
+        "left out, a law may swing a limp hand up."
     )
-    impairment: SimulatedImpairment | None = Field(
-        default=None,
-        description="Simulated impairment of every axis of a device that measures: torque that it "
-        "wants on the joint, from an encoder there; nothing acts until the parameter asks for it.",
+    impairment: SimulatedImpairment | None = table(
+        "Simulated impairment of every axis of a device that measures: torque that it "
+        "wants on the joint, from an encoder there; nothing acts until the parameter asks for it."
     )
-    cable: Cable | None = Field(
-        default=None,
-        description="The cable, for predictive control that knows it by the motor's own encoder.",
+    cable: Cable | None = table(
+        "The cable, for predictive control that knows it by the motor's own encoder."
     )
-    fatigue: Fatigue | None = Field(
-        default=None,
-        description="What ends the coupling's life, from a test of such couplings; left out, the "
-        "share of its life that is used is not known.",
+    fatigue: Fatigue | None = table(
+        "What ends the coupling's life, from a test of such couplings; left out, the "
+        "share of its life that is used is not known."
     )
-    adaptation: Adaptation | None = Field(
-        default=None,
-        description="Adaptation of the wish to the rubber at hand, learnt with a known mass; left "
-        "out, a rubber that is off is not noticed.",
+    adaptation: Adaptation | None = table(
+        "Adaptation of the wish to the rubber at hand, learnt with a known mass; left "
+        "out, a rubber that is off is not noticed."
     )
 
 

@@ -39,12 +39,10 @@ class DeviceData:
 
     @property
     def name(self) -> str:
-        """Short name, prefix of the generated C."""
         return self.file.name
 
     @property
     def title(self) -> str:
-        """One line for reports."""
         return self.file.title
 
     @property
@@ -59,7 +57,6 @@ class DeviceData:
 
     @property
     def period_s(self) -> float:
-        """Period of the sensing task."""
         return 1.0 / self.file.timing.sense_rate_Hz.value
 
     @property
@@ -91,7 +88,6 @@ class DeviceData:
         yield from quantities_of(self.file)
 
     def constants(self, section: str) -> tuple[Constant, ...]:
-        """The numbers of one section, as Block constants."""
         return tuple(
             Constant(key.rsplit(".", 1)[-1], q.value, q.source, q.status)
             for key, q in self.quantities()
@@ -109,7 +105,6 @@ class DeviceData:
         return hashlib.sha256(self.canonical().encode()).hexdigest()
 
     def toml(self) -> str:
-        """The content as a commented TOML document."""
         return render_toml(self.file)
 
 
@@ -139,7 +134,6 @@ def shipped_controllers() -> dict[str, Path]:
 
 
 def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> DeviceFile:
-    """Validate the text of a device file."""
     document = _with_controllers(_resolved(text, origin), controllers)
     file = checked(DeviceFile, document, origin, _fix, text)
     check_content(origin, text, file)
@@ -254,7 +248,6 @@ def _fix(problem: Problem) -> str | UserError:
 
 
 def copied_file(base: DeviceData, name: str) -> DeviceFile:
-    """A new device with the numbers of another one."""
     if not re.fullmatch(NAME_PATTERN, name):
         raise UserError(
             f"'{name}' cannot be a device's name: it becomes the prefix of the C.",

@@ -6,6 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from esea_gen.language.ports import Constant, Tunable
+
 
 class Quantity(BaseModel):
     """A number with its provenance."""
@@ -18,6 +20,20 @@ class Quantity(BaseModel):
         "assumed: a choice, shown as such in every report."
     )
     source: str = Field(min_length=1, description="Table, recording, or reason for the choice.")
+
+    def constant(self, name: str) -> Constant:
+        return Constant(name, self.value, self.source, self.status)
+
+    def tunable(
+        self,
+        name: str,
+        low: float,
+        high: float,
+        meaning: str,
+        safer: Literal["", "low", "high"] = "",
+    ) -> Tunable:
+        """Tunable that has it as its default."""
+        return Tunable(name, self.value, low, high, meaning, self.source, self.status, safer)
 
 
 class Series(BaseModel):
@@ -38,6 +54,16 @@ class Series(BaseModel):
 def number(low: float, high: float, text: str, *, whole: bool = False, **more: Any) -> Any:
     extra: Any = {"low": low, "high": high, "whole": whole}
     return Field(description=text, json_schema_extra=extra, **more)
+
+
+def optional(low: float, high: float, text: str, *, whole: bool = False) -> Any:
+    """A number that may be left out."""
+    return number(low, high, text, whole=whole, default=None)
+
+
+def table(text: str) -> Any:
+    """A table that may be left out."""
+    return Field(default=None, description=text)
 
 
 def series(low: float, high: float, sizes: tuple[int, ...], text: str) -> Any:

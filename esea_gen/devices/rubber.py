@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from esea_gen.devices.numbers import Quantity, Section, Series, number, series
+from esea_gen.devices.numbers import Quantity, Section, Series, number, optional, series, table
 
 MAX_DEAD_ZONE_RAD = math.radians(6)
 # Of a rubber.
@@ -39,14 +39,13 @@ class Elastomer(Section):
     beta_1_rad: Quantity = number(0, 1000, "Decay beta of the stop weight, eq. 3.10.")
     omega_rad: Quantity = number(1e-6, 0.1, "Spacing omega of the stop thresholds, eq. 3.11.")
     stops: Quantity = number(1, 32, "Number N of stop operators, eq. 3.9.", whole=True)
-    dead_zone_rad: Quantity | None = number(
+    dead_zone_rad: Quantity | None = optional(
         0,
         MAX_DEAD_ZONE_RAD,
         "Half-width of the dead zone, eq. 8.7/8.8; leave the key out where there is none.",
-        default=None,
     )
-    maxwell: Maxwell | None = Field(
-        default=None, description="Rate terms; leave the table out where they are not identified."
+    maxwell: Maxwell | None = table(
+        "Rate terms; leave the table out where they are not identified."
     )
 
 
@@ -62,27 +61,27 @@ class FamilyTerm(Section):
         default="x",
         description="What drives it, x being the deflection over scale_rad; bend: x/(1+|x|/bend).",
     )
-    bend: Quantity | None = number(1e-3, 100, "Where rise 'bend' bends, in x.", default=None)
+    bend: Quantity | None = optional(1e-3, 100, "Where rise 'bend' bends, in x.")
     side: Literal["both", "positive", "negative"] = Field(
         default="both", description="Of an asymmetric coupling each side has terms of its own."
     )
     times_s: Series | None = series(
         1e-4, 1e7, tuple(range(1, MOST_TIMES + 1)), "Of a maxwell term: relaxation times."
     )
-    exponent: Quantity | None = number(
-        0, 2, "Of several times T: their shares are T^-exponent; equal when left out.", default=None
+    exponent: Quantity | None = optional(
+        0, 2, "Of several times T: their shares are T^-exponent; equal when left out."
     )
-    threshold: Quantity | None = number(
-        1e-4, 1000, "Of a stop: its threshold, in units of the rise.", default=None
+    threshold: Quantity | None = optional(
+        1e-4, 1000, "Of a stop: its threshold, in units of the rise."
     )
-    path: Quantity | None = number(
-        1e-4, 1000, "Of a slip: path over which it forgets, in units of the rise.", default=None
+    path: Quantity | None = optional(
+        1e-4, 1000, "Of a slip: path over which it forgets, in units of the rise."
     )
-    strain_softening: Quantity | None = number(
-        1e-3, 1000, "a of the factor 1/(1+m/a), m the largest |x| so far.", default=None
+    strain_softening: Quantity | None = optional(
+        1e-3, 1000, "a of the factor 1/(1+m/a), m the largest |x| so far."
     )
-    path_softening: Quantity | None = number(
-        1e-2, 1e6, "L of the factor exp(-s/L), s the path that x has travelled.", default=None
+    path_softening: Quantity | None = optional(
+        1e-2, 1e6, "L of the factor exp(-s/L), s the path that x has travelled."
     )
 
 
@@ -108,9 +107,8 @@ class Family(Section):
         "trained deflection.",
     )
     scale_rad: Quantity = number(1e-4, 3.2, "Deflection for which x is 1: the largest trained one.")
-    temperature: FamilyTemperature | None = Field(
-        default=None,
-        description="Factor of temperature; leave the table out where it was not identified.",
+    temperature: FamilyTemperature | None = table(
+        "Factor of temperature; leave the table out where it was not identified."
     )
     terms: Annotated[tuple[FamilyTerm, ...], Field(strict=False)] = Field(
         min_length=1, max_length=MOST_TERMS, description="Terms, whose sum is the torque."

@@ -8,8 +8,9 @@ All numbers are in units and the same for every number format.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -17,8 +18,8 @@ import numpy as np
 
 from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.control.reference import OFF, TORQUE
-from esea_gen.emit.example_encoders import SETTLE_TICKS, ExampleEncoder, encoder_of
 from esea_gen.errors import UserError
+from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System, Task
 from esea_gen.model.drive import NominalDrive
@@ -188,6 +189,8 @@ def _number(value: float) -> float:
 
 
 class _Run:
+    # The symbolic System, tick by tick, with inputs that stay until they are given anew.
+
     def __init__(
         self,
         system: System,
@@ -270,78 +273,97 @@ def _wave(x: float) -> float:
     return x * (2.0 - x)
 
 
+SETTLE_TICKS = 20  # encoders and rates have settled
+
+
+def _encoder(block: Block, tunables: Mapping[str, float]) -> Callable[[float], float]:
+    # Which count an encoder gives at an angle: asked of its Block.
+    full = int(next(p for p in block.inputs if p.name == "count").high) + 1
+
+    def angle_rad(count: int) -> float:
+        simulator = block.simulator(tunables)
+        for _ in range(SETTLE_TICKS):
+            out = simulator.step(count=float(count), frame_error=0.0)
+        return float(out["theta_rad"])
+
+    at_zero_rad, sign = 0.0, 1.0
+    if block.name != "encoder_gear":  # that one counts on from wherever it starts
+        at_zero_rad = angle_rad(0)
+        # A hundredth of a turn on, the short way round.
+        rise = math.remainder(angle_rad(full // 100) - at_zero_rad, 2 * math.pi)
+        sign = math.copysign(1.0, rise)
+
+    def count(angle_rad: float) -> float:
+        turns = sign * (angle_rad - at_zero_rad) / (2 * math.pi)
+        return float(round(turns * full) % full)
+
+    return count
+
+
 class _Recording:
-    """The inputs of a drive's example, and what its tasks answer."""
+    # The inputs of a drive's example, and what its tasks answer.
 
     def __init__(self, system: System, most_Nm: float) -> None:
-        self.system = system
-        self.most_Nm = most_Nm
+        self.system, self.most_Nm = system, most_Nm
         every = max(t.every for t in system.tasks)
         self.wait = max(3 * every, LEAST_WAIT)
         self.arm = max(SETTLE_TICKS, 2 * every)
         self.start = self.arm + ARMED_TICKS
         self.end = self.start + MOVE_TICKS
         self.ticks = self.end + max(REST_TICKS, every + 1)
-        unset = {
+        self.tunables = {
             i: {"zeroed": 1.0} for i, t in system.tunables if (t.name, t.default) == ("zeroed", 0.0)
         }
-        self.tunables = unset
         low, high = (_default(system, "limits", f"rom_{end}_rad") for end in ("min", "max"))
         self.middle = 0.5 * (low + high)
         # The nominal drive answers to the command: motor and motion may not contradict each other.
         (observer,) = (b for b in system.kinds if b.name == "drive_observer")
         numbers = {c.name: c.value for c in observer.constants}
         self.drive = NominalDrive(numbers, system.base_period_s, self.middle)
-        self.columns = self._columns()
-        held = {x.name: _rest(x.port) for x in system.inputs}
-        self.held = held
-        self.run = _Run(system, unset, held)
+        self.columns = tuple(self._columns())
+        self.held = {x.name: _rest(x.port) for x in system.inputs}
+        self.run = _Run(system, self.tunables, self.held)
 
-    def _of(self, port: str) -> tuple[External, ...]:
+    def of(self, port: str) -> tuple[External, ...]:
+        """External inputs that feed a port of that name."""
         return tuple(x for x in self.system.inputs if any(s.port == port for s in x.signals))
 
-    def _columns(self) -> tuple[tuple[Column, Callable[[int], float]], ...]:
-        made: list[tuple[Column, Callable[[int], float]]] = []
-        sides = {"motor": self._motor, "load": self._load, "gear": self._gear}
-        for x in self._of("count"):
+    def _columns(self) -> Iterator[tuple[Column, Callable[[int], float]]]:
+        angles: dict[str, Callable[[int], float]] = {
+            "motor": lambda _: self.drive.theta_rad,
+            "load": self._load,
+            "gear": lambda _: self.drive.theta_rad * self.drive.numbers["gear_ratio"],
+        }
+        for x in self.of("count"):
             instance = x.signals[0].instance
-            block = self.system.blocks[instance]
-            encoder = encoder_of(block, self.tunables.get(instance, {}))
-            angle = sides[_side(x)]
-
-            def count(
-                k: int,
-                encoder: ExampleEncoder = encoder,
-                angle: Callable[[int], float] = angle,
-            ) -> float:
-                return encoder.count(angle(k))
-
-            made.append((Column(x.name, (x,)), count))
-        wanted = (*self._of("tau_desired_Nm"), *self._of("tau_preview_Nm"))
-        made.append((Column("mode", self._of("mode")), self._mode))
-        made.append((Column("rearm", self._of("rearm")), lambda k: float(k >= self.arm)))
+            count = _encoder(self.system.blocks[instance], self.tunables.get(instance, {}))
+            yield Column(x.name, (x,)), partial(self._counted, count, angles[_side(x)])
+        yield Column("mode", self.of("mode")), lambda k: float(TORQUE if k >= self.start else OFF)
+        yield Column("rearm", self.of("rearm")), lambda k: float(k >= self.arm)
+        wanted = (*self.of("tau_desired_Nm"), *self.of("tau_preview_Nm"))
         if wanted:
-            made.append((Column("tau_desired_Nm", wanted), self._wanted))
-        return tuple(made)
+            yield Column("tau_desired_Nm", wanted), self._wanted
 
-    def _motor(self, _k: int) -> float:
-        return self.drive.theta_rad
-
-    def _gear(self, _k: int) -> float:
-        return self.drive.theta_rad * self.drive.numbers["gear_ratio"]
+    @staticmethod
+    def _counted(
+        count: Callable[[float], float], angle_rad: Callable[[int], float], k: int
+    ) -> float:
+        return count(angle_rad(k))
 
     def _load(self, k: int) -> float:
-        since = max(k - self.start, 0) * self.system.base_period_s
-        return self.middle + LOAD_RATE_RAD_S * since
-
-    def _mode(self, k: int) -> float:
-        return float(TORQUE if k >= self.start else OFF)
+        return self.middle + LOAD_RATE_RAD_S * max(k - self.start, 0) * self.system.base_period_s
 
     def _wanted(self, k: int) -> float:
         if not self.start <= k < self.end:
             return 0.0
         wave = self.most_Nm * _wave(1.5 * (k - self.start) / MOVE_TICKS)
         return round(wave / WANTED_LATTICE_NM) * WANTED_LATTICE_NM
+
+    def tick(self, k: int) -> tuple[tuple[float, ...], dict[str, float]]:
+        """What is given at a tick, by column, and what comes out."""
+        given = tuple(value(k) for _, value in self.columns)
+        columns = zip(self.columns, given, strict=True)
+        return given, self.run.tick({x.name: v for (c, _), v in columns for x in c.feeds})
 
 
 def _outputs(system: System, kind: str, port: str) -> tuple[External, ...]:
@@ -354,7 +376,7 @@ def drive_example(system: System) -> DriveExample:
     said = ""
     for share in SHARES:
         made, said = _tried(system, share * largest)
-        if made is not None:
+        if not said:
             return made
     raise UserError(
         f"{system.name}: the example program cannot show the drive at work: {said}.",
@@ -363,52 +385,42 @@ def drive_example(system: System) -> DriveExample:
     )
 
 
-def _tried(system: System, most_Nm: float) -> tuple[DriveExample | None, str]:
+def _tried(system: System, most_Nm: float) -> tuple[DriveExample, str]:
+    # The example, and why it does not show the drive at work; empty when it does.
     recording = _Recording(system, most_Nm)
-    commands, faults, torques = (
-        _outputs(system, *end)
-        for end in (("limits", "u_Nm"), ("limits", "fault"), ("sensor", "tau_Nm"))
-    )
+    commands, faults = (_outputs(system, "limits", port) for port in ("u_Nm", "fault"))
+    torques = _outputs(system, "sensor", "tau_Nm")
     checked = (*commands, *torques, *faults)
     rows = []
     for k in range(recording.ticks):
-        given = tuple(value(k) for _, value in recording.columns)
-        columns = zip(recording.columns, given, strict=True)
-        out = recording.run.tick({x.name: v for (c, _), v in columns for x in c.feeds})
+        given, out = recording.tick(k)
         tau = out[torques[0].name] if torques else 0.0
         recording.drive.move(out[commands[0].name], tau)
         rows.append(RecordedTick(given, tuple(_number(out[x.name]) for x in checked)))
-    for x in faults:
-        if out[x.name] != Fault.NONE:
-            reason = Fault(round(out[x.name]))
-            return None, f"on its recording {x.name} is {reason}: {FAULT_TEXT[reason]}"
-    (stop,), (rearm,) = recording._of("stop"), recording._of("rearm")
-    axes = tuple(
-        Axis(
-            next(u for u in commands if _axis(system, u, "limits") == axis),
-            fault,
-        )
-        for fault in faults
-        for axis in [_axis(system, fault, "limits")]
-    )
-    driven = all(out[a.command.name] != 0.0 for a in axes)
-    columns_ = tuple(c for c, _ in recording.columns)
-    moved = {x.name for c in columns_ for x in c.feeds}
+    at = {_axis(system, u, "limits"): u for u in commands}
+    axes = tuple(Axis(at[_axis(system, fault, "limits")], fault) for fault in faults)
+    columns = tuple(c for c, _ in recording.columns)
+    moved = {x.name for c in columns for x in c.feeds}
+    (stop,), (rearm,) = recording.of("stop"), recording.of("rearm")
     made = DriveExample(
-        columns_,
+        columns,
         tuple(rows),
         checked,
         {n: v for n, v in recording.held.items() if n not in moved},
         axes,
-        recording._of("mode"),
+        recording.of("mode"),
         stop,
         rearm,
         recording.wait,
         1,
-        driven,
+        all(out[a.command.name] != 0.0 for a in axes),
         tuple((i, n, v) for i, values in recording.tunables.items() for n, v in values.items()),
     )
-    return (made, "") if (said := _latch_fails(made, recording.run)) == "" else (None, said)
+    for x in faults:
+        if out[x.name] != Fault.NONE:
+            reason = Fault(round(out[x.name]))
+            return made, f"on its recording {x.name} is {reason}: {FAULT_TEXT[reason]}"
+    return made, _latch_fails(made, recording.run)
 
 
 def _latch_fails(made: DriveExample, run: _Run) -> str:
@@ -440,6 +452,3 @@ def _latch_fails(made: DriveExample, run: _Run) -> str:
     if made.driven and any(run.out[a.command.name] == 0.0 for a in made.axes):
         return "after the latch was opened again, the motor is not driven"
     return ""
-
-
-__all__ = ["DriveExample", "Triangle", "example", "has_drive", "tolerance", "triangle"]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
-from esea_gen.language.system import External, Latch, Signal, System, Task
+from esea_gen.language.system import External, Signal, System, Task
 
 
 class Naming:
@@ -17,15 +17,6 @@ class Naming:
 
     def __init__(self, system: System, c_type: str, dtype: np.dtype[Any]) -> None:
         self.system, self.c_type, self.dtype = system, c_type, dtype
-
-    def field(self, block: Block, group: str, port: Any) -> str:
-        return str(port.name)
-
-    def external(self, external: External) -> str:
-        return external.name
-
-    def latch(self, latch: Latch) -> str:
-        return latch.name
 
     def text(self, block: Block | None, group: str, port: Any) -> str:
         """What a header adds to a port's description."""
@@ -56,9 +47,9 @@ class Naming:
         """What a Block's field holds for a value inside the port's range, in its unit."""
         return value
 
-    def tunable(self, block: Block, name: str, value: float) -> tuple[str, float]:
-        """C field of a tunable, and what it holds for any value in its unit."""
-        return name, value
+    def tunable(self, block: Block, name: str, value: float) -> float:
+        """What a tunable's field holds for any value in its unit."""
+        return value
 
     def fraction(self, block: Block, group: str, name: str) -> int | None:
         """Fraction bits of a Block's field; None where it is in units."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from esea_gen.language.block import Block
@@ -60,9 +59,7 @@ class EmittedBlock:
     template: str = "device/esea_block.c.j2"
 
 
-def early_stores(
-    block: Block, step: PrintedKernel, names: Mapping[str, str] | None = None
-) -> tuple[tuple[str, ...], ...]:
+def early_stores(block: Block, step: PrintedKernel) -> tuple[tuple[str, ...], ...]:
     """Where in a step each state can be stored: as soon as the old one is read and the new known.
 
     Stored at the end, every new state would stay alive until there; with ten stop operators and
@@ -74,9 +71,7 @@ def early_stores(
     after: list[list[str]] = [[] for _ in range(count)]
     for p, atoms in zip(block.state, step.results, strict=False):
         for i, atom in enumerate(atoms):
-            place = f"state->{(names or {}).get(p.name, p.name)}" + (
-                "" if p.size == 1 else f"[{i}]"
-            )
+            place = f"state->{p.name}" + ("" if p.size == 1 else f"[{i}]")
             waits = [defined[w] for w in re.findall(r"[A-Za-z_]\w*", atom) if w in defined]
             waits.append(read.get(place, 0))
             after[max(waits)].append(f"{place} = {bare(atom)};")

@@ -5,15 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
-from functools import cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import casadi as ca
 import jinja2
 
-from esea_gen.cache import cache_folder, code_digest
 from esea_gen.emit.example import example, tolerance
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.printed import EmittedBlock, bare, comment
@@ -30,24 +27,21 @@ from esea_gen.language.watch import LATE_FULL, LATE_MOST, LATE_STEP, Watched
 Emitted = Mapping[str, EmittedBlock | EmittedProgram]
 
 
-class _Compiled(jinja2.FileSystemBytecodeCache):
-    # Templates compiled once, for all renderers and processes; a full disk costs time and no more.
+class _Compiled(jinja2.BytecodeCache):
+    # Templates compiled once a process, for all renderers.
+
+    def __init__(self) -> None:
+        self.code: dict[str, bytes] = {}
+
+    def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
+        if bucket.key in self.code:
+            bucket.bytecode_from_string(self.code[bucket.key])
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        with suppress(OSError):
-            super().dump_bytecode(bucket)
+        self.code[bucket.key] = bucket.bytecode_to_string()
 
 
-@cache
-def _compiled() -> _Compiled | None:
-    # Of this room's code, for a filter of a constant is worked out when its template is compiled.
-    digest = code_digest(("emit",))
-    if digest is None:
-        return None
-    folder = cache_folder() / f"templates-{digest[:16]}-{jinja2.__version__}"
-    with suppress(OSError):
-        folder.mkdir(exist_ok=True)
-    return _Compiled(str(folder))
+_COMPILED = _Compiled()
 
 
 def environment() -> jinja2.Environment:
@@ -59,7 +53,7 @@ def environment() -> jinja2.Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
         autoescape=False,
-        bytecode_cache=_compiled(),
+        bytecode_cache=_COMPILED,
     )
     env.filters["bare"] = bare
     env.filters["comment"] = comment
@@ -162,9 +156,6 @@ class Renderer:
             "late": {"step": LATE_STEP, "most": LATE_MOST, "full": LATE_FULL},
             "command": command,
             "field": self.field,
-            "cname": self.naming.field,
-            "xname": self.naming.external,
-            "lname": self.naming.latch,
             "external_scale": self.naming.external_scale,
             "scales": self.naming,
             "literal": self.literal,
@@ -179,12 +170,11 @@ class Renderer:
         """What the device's ``init`` is called in the object code."""
         return f"{self.prefix}_init_{self.identity[len(self.prefix) + 1 :]}"
 
-    def field(self, port: Any, block: Block, group: str) -> str:
-        name = self.naming.field(block, group, port)
+    def field(self, port: Any) -> str:
         if getattr(port, "flags", ()):
-            return f"uint32_t {name};"
+            return f"uint32_t {port.name};"
         size = getattr(port, "size", 1)
-        return f"{self.fmt.c_type} {name}{'' if size == 1 else f'[{size}]'};"
+        return f"{self.fmt.c_type} {port.name}{'' if size == 1 else f'[{size}]'};"
 
     def counter(self, block: Block, port: Port, flag: Flag, form: str = COUNTER) -> str:
         bit = f"{self.prefix}_{block.name}_{flag.name}".upper()
@@ -200,17 +190,17 @@ class Renderer:
         source = self.system.feed(Signal(instance, port.name))
         sink = self.system.blocks[instance], port
         if isinstance(source, External):
-            text, made = f"in->{self.naming.external(source)}", None
+            text, made = f"in->{source.name}", None
         elif isinstance(source, Watched):
             text = f"state->{self.system.task_of(instance).name}_held.{source.port.name}"
             return self.naming.watched(text, *sink)
         elif isinstance(source, Latch):
             held = f"state->{self.system.task_of(instance).name}_held"
-            text, made = f"{held}.{self.naming.latch(source)}", source.source
+            text, made = f"{held}.{source.name}", source.source
         else:
             block = self.system.blocks[source.instance]
             made_port = next(p for p in block.outputs if p.name == source.port)
-            text = f"{source.instance}_out.{self.naming.field(block, 'out', made_port)}"
+            text = f"{source.instance}_out.{made_port.name}"
             made = source
         return self.naming.convert(f"{text}{at}", made, *sink)
 

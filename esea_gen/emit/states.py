@@ -1,14 +1,11 @@
-"""States of the board, what moves it between them, and its own faults: one table.
-
-From it come the C enums (``firmware/app/states.h``), the texts of the dialect, and the tables of
-the documentation; ``firmware/app/machine.c`` writes the transitions out by hand and is held against
-it, pair by pair.  A number is never used again for something else.
-"""
+"""States of the board, what moves it between them, and its own faults: ``states.toml``."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from esea_gen.control.limits.faults import FAULT_CODES
 from esea_gen.language.ports import Code
@@ -44,252 +41,27 @@ class Way:
     when: tuple[str, ...] = ()  # guards that must all hold
 
 
-STATES = (
-    BoardState("BOOT", 0, "Starting.", False, False, "BOOT"),
-    BoardState("READY", 1, "All is known; waits to be armed.", True, False, "STANDBY"),
-    BoardState(
-        "REPLAY",
-        2,
-        "The host's inputs clock the tasks, one run each; drivers and own clock rest.",
-        False,
-        False,
-        "ACTIVE",
-    ),
-    BoardState(
-        "FAULT", 3, "A fault is latched; its number tells which.", True, False, "CRITICAL"
-    ),
-    BoardState("SELF_TEST", 4, "Checks itself.", False, False, "BOOT"),
-    BoardState(
-        "UNREFERENCED", 5, "Encoders have no zero; waits to be zeroed.", True, False, "STANDBY"
-    ),
-    BoardState(
-        "ZEROING",
-        6,
-        "Takes the present angles, which must stand still, as zero.",
-        True,
-        False,
-        "CALIBRATING",
-    ),
-    BoardState(
-        "ARMED", 7, "The motor is on, without torque; waits for a command.", True, True, "ACTIVE"
-    ),
-    BoardState("ACTIVE", 8, "Follows the host's commands.", True, True, "ACTIVE"),
-    BoardState(
-        "LETTING_GO",
-        9,
-        "No command came in time, or disarmed while active: the torque fades to none.",
-        True,
-        True,
-        "ACTIVE",
-    ),
-    BoardState("STOPPED", 10, "Stopped by somebody; waits to be released.", True, False, "STANDBY"),
-)  # fmt: skip
+_DATA = tomllib.loads(Path(__file__).with_name("states.toml").read_text(encoding="utf-8"))
+STATES = tuple(BoardState(**row) for row in _DATA["states"])
+EVENTS = tuple(BoardEvent(**row) for row in _DATA["events"])
+GUARDS = tuple(BoardGuard(name, meaning) for name, meaning in _DATA["guards"].items())
+TIMES_MS: dict[str, tuple[int, str]] = {n: (v, m) for n, (v, m) in _DATA["times_ms"].items()}
+BOARD_FAULTS = tuple(Code(**row) for row in _DATA["faults"])
 
-EVENTS = (
-    BoardEvent("STOP", 1, "Stop, from anybody, or the stop line is open.", True),
-    BoardEvent("RELEASE", 2, "Take the stop back.", True),
-    BoardEvent("CLEAR", 3, "The fault has been seen to.", True),
-    BoardEvent("RESET", 4, "Start afresh.", True),
-    BoardEvent("ZERO", 5, "The joint is at its zero and unloaded: take the angles.", True),
-    BoardEvent("ARM", 6, "Switch the motor on.", True),
-    BoardEvent("DISARM", 7, "Switch the motor off, gently where it holds torque.", True),
-    BoardEvent("OFF", 8, "A command with mode 0.", True),
-    BoardEvent("ON", 9, "A command with mode 1 or 2.", True),
-    BoardEvent("INPUT", 10, "An input of a task: the host clocks.", True),
-    BoardEvent("STARTED", 32, "Memory and port are set up.", False),
-    BoardEvent("PASSED", 33, "The self-test found nothing.", False),
-    BoardEvent("ZEROED", 34, "The angles stood still and are taken.", False),
-    BoardEvent("NOT_ZEROED", 35, "They did not, or an encoder cannot be used.", False),
-    BoardEvent("REFUSED", 36, "The limits did not release.", False),
-    BoardEvent("EXPIRED", 37, "The command's deadline has passed.", False),
-    BoardEvent("LINK_LOST", 38, "Nothing has come from the host for too long.", False),
-    BoardEvent("FADED", 39, "The torque has faded to none.", False),
-    BoardEvent("FAILED", 40, "A fault was found.", False),
-)
 
-GUARDS = (
-    BoardGuard("drive", "the device has a motor"),
-    BoardGuard("encoders", "the device has encoders with a zero"),
-    BoardGuard("referenced", "every encoder has a zero; true where there is none"),
-    BoardGuard("stop_clear", "no stop is held, and the stop line is closed"),
-    BoardGuard("link_live", "the host was heard of late"),
-    BoardGuard("mode_off", "the last command had mode 0, or none came since the motor was off"),
-    BoardGuard("released", "the limits have released, in the tick before"),
-    BoardGuard("clearable", "the fault is one of the limits' (below 100)"),
-)
+def _ways(given: str | list[str]) -> tuple[Way, ...]:
+    parts = [w.partition(" if ") for w in ([given] if isinstance(given, str) else given)]
+    return tuple(Way(to, tuple(when.split(", ")) if when else ()) for to, _, when in parts)
 
-# Compiled in; no message widens them.
-TIMES_MS = {
-    "DEADLINE": (100, "from a command with mode 1 or 2 to the next, where it names no other time"),
-    "DEADLINE_LEAST": (20, "shortest that a command may name"),
-    "DEADLINE_MOST": (1000, "longest; whatever a command names"),
-    "LINK_LOST": (1000, "without anything from the host"),
-    "FADE": (500, "of letting go, from the torque that was set to none"),
-    "ZEROING": (200, "in which the joint must stand still to be zeroed"),
-    "COMMAND_AGE": (500, "oldest that a command with a time may be; as far ahead of the clock"),
-    "FRAME": (200, "longest silence within a frame; what came of it is then searched for others"),
+
+# From each state, by event.
+TABLE: dict[str, dict[str, tuple[Way, ...]]] = {
+    state: {event: _ways(given) for event, given in row.items()}
+    for state, row in _DATA["transitions"].items()
 }
-
-# The board's own faults share one list of numbers with the reasons of the limits, which stay below
-# 100; no number is used again for another fault.
-BOARD_FAULTS = (
-    Code("NONE", 0, "No fault.", "nothing to do"),
-    Code(
-        "PREPARE_REFUSED",
-        101,
-        "A tunable's default is outside its range.",
-        "build the firmware from a device file that esea-gen accepts",
-        "at start, before anything is computed",
-    ),
-    Code(
-        "STACK_EXHAUSTED",
-        102,
-        "The stack has been used to its last word.",
-        "reset; give the stack more memory in the linker script",
-        "1000 ticks; beyond the last word at once, as PROCESSOR",
-    ),
-    Code(
-        "PROCESSOR",
-        103,
-        "The processor took a fault exception.",
-        "reset; if it comes again, service",
-        "at once",
-    ),
-    Code(
-        "SELF_TEST",
-        104,
-        "Freshly started limits did not hold the motor at zero.",
-        "service: program memory is not what was built",
-        "at start, before the motor can be on",
-    ),
-    Code(
-        "STATE_UNKNOWN",
-        105,
-        "The board's state was none of its list: memory was overwritten.",
-        "reset; if it comes again, service",
-        "1 tick",
-    ),
-    Code(
-        "MOTOR_CURRENT",
-        106,
-        "The motor's current was not what was set.",
-        "reset; look at the amplifier, its supply, the wires of motor and current",
-        "20 ticks beyond the bound, while the motor is on",
-    ),
-    Code(
-        "WATCHDOG",
-        107,
-        "The watchdog reset the board: no control cycle had ended in time.",
-        "read the black box, reset; if it comes again, service",
-        "68 to 188 ms after the last cycle, told after the start",
-    ),
-    Code(
-        "BROWN_OUT",
-        108,
-        "The board's supply is too low.",
-        "look at the supply, then reset",
-        "1 tick",
-    ),
-    Code(
-        "SLOW_CLOCK",
-        109,
-        "The board's clock stayed at the one it starts with, too slow for this device.",
-        "reset; if it comes again, service: oscillator or PLL",
-        "at start, before the motor can be on",
-    ),
-)
-
 # Between these comments the documentation's tables are written.
 TABLES_FROM = "<!-- from esea_gen/emit/states.py -->"
 TABLES_TO = "<!-- to here -->"
-
-_LESS = {"DISARM": (Way("same"),), "OFF": (Way("same"),)}  # who asks for less is never refused
-_FAILED = {"FAILED": (Way("FAULT"),)}
-_KNOWN = (Way("READY", ("stop_clear", "referenced")), Way("UNREFERENCED", ("stop_clear",)))
-
-# From each state, by event.  An event that is not listed is refused and changes nothing.
-TABLE: dict[str, dict[str, tuple[Way, ...]]] = {
-    "BOOT": {"STOP": (Way("same"),), "STARTED": (Way("SELF_TEST"),), **_FAILED, **_LESS},
-    "SELF_TEST": {
-        "STOP": (Way("same"),),
-        "PASSED": (*_KNOWN, Way("STOPPED")),
-        **_FAILED,
-        **_LESS,
-    },
-    "UNREFERENCED": {
-        "STOP": (Way("STOPPED"),),
-        "RESET": (Way("BOOT"),),
-        "ZERO": (Way("ZEROING", ("encoders",)),),
-        "INPUT": (Way("REPLAY"),),
-        **_FAILED,
-        **_LESS,
-    },
-    "ZEROING": {
-        "STOP": (Way("STOPPED"),),
-        "ZEROED": (Way("READY"),),
-        "NOT_ZEROED": (Way("UNREFERENCED"),),
-        **_FAILED,
-        **_LESS,
-    },
-    "READY": {
-        "STOP": (Way("STOPPED"),),
-        "RESET": (Way("BOOT"),),
-        "ZERO": (Way("ZEROING", ("encoders",)),),
-        "ARM": (Way("ARMED", ("drive", "referenced", "stop_clear", "link_live", "mode_off")),),
-        "INPUT": (Way("REPLAY"),),
-        **_FAILED,
-        **_LESS,
-    },
-    "ARMED": {
-        "STOP": (Way("STOPPED"),),
-        "DISARM": (Way("READY"),),
-        "OFF": (Way("same"),),
-        "ON": (Way("ACTIVE", ("link_live", "stop_clear", "released")),),
-        "REFUSED": (Way("READY"),),
-        "LINK_LOST": (Way("READY"),),
-        **_FAILED,
-    },
-    "ACTIVE": {
-        "STOP": (Way("STOPPED"),),
-        "DISARM": (Way("LETTING_GO"),),
-        "OFF": (Way("ARMED"),),
-        "ON": (Way("same", ("link_live", "stop_clear")),),
-        "EXPIRED": (Way("LETTING_GO"),),
-        "LINK_LOST": (Way("LETTING_GO"),),
-        **_FAILED,
-    },
-    "LETTING_GO": {
-        "STOP": (Way("STOPPED"),),
-        "FADED": (Way("READY"),),
-        **_FAILED,
-        **_LESS,
-    },
-    "STOPPED": {
-        "STOP": (Way("same"),),
-        "RELEASE": _KNOWN,
-        "RESET": (Way("BOOT"),),
-        **_FAILED,
-        **_LESS,
-    },
-    "FAULT": {
-        "STOP": (Way("same"),),
-        "CLEAR": (
-            Way("READY", ("clearable", "stop_clear", "referenced")),
-            Way("UNREFERENCED", ("clearable", "stop_clear")),
-            Way("STOPPED", ("clearable",)),
-        ),
-        "RESET": (Way("BOOT"),),
-        "FAILED": (Way("same"),),
-        **_LESS,
-    },
-    "REPLAY": {
-        "STOP": (Way("STOPPED"),),
-        "RESET": (Way("BOOT"),),
-        "INPUT": (Way("same"),),
-        **_FAILED,
-        **_LESS,
-    },
-}
 
 
 def follow(state: str, event: str, holds: Collection[str]) -> str | None:

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from esea_gen.emit.messages import (
-    DATA_ID,
+    FIXED,
     STREAM_SPAN_MS,
     STREAM_WORDS,
     Message,
-    messages,
     task_messages,
 )
 from esea_gen.language.system import System
@@ -45,8 +44,7 @@ def stream_bytes_s(width: int, every: int, tick_s: float, head_bytes: int) -> tu
 
 def stream_costs(system: System) -> Iterator[StreamCost]:
     """What streams of a System cost: one value, all outputs, all of a task; and its whole runs."""
-    (data,) = (m for m in messages(system) if m.id == DATA_ID)
-    head_bytes = data.payload_bytes - 4 * STREAM_WORDS
+    head_bytes = FIXED["ESEA_DATA"].payload_bytes - 4 * STREAM_WORDS
     pairs = iter(task_messages(system))
     for task, given, made in zip(system.tasks, pairs, pairs, strict=True):
         every = task.every

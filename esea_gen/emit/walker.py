@@ -16,36 +16,39 @@ import casadi as ca
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 
-# CasADi's operation codes, by the name used here.  An operation that is not in this table cannot be
-# emitted, and the walker says so.
-_OPERATIONS = {
-    ca.OP_NEG: "neg",
-    ca.OP_SQ: "sq",
-    ca.OP_TWICE: "twice",
-    ca.OP_INV: "inv",
-    ca.OP_SQRT: "sqrt",
-    ca.OP_EXP: "exp",
-    ca.OP_LOG: "log",
-    ca.OP_TANH: "tanh",
-    ca.OP_FABS: "fabs",
-    ca.OP_SIGN: "sign",
-    ca.OP_NOT: "not",
-    ca.OP_ADD: "add",
-    ca.OP_SUB: "sub",
-    ca.OP_MUL: "mul",
-    ca.OP_DIV: "div",
-    ca.OP_FMIN: "fmin",
-    ca.OP_FMAX: "fmax",
-    ca.OP_POW: "pow",
-    ca.OP_CONSTPOW: "pow",
-    ca.OP_LT: "lt",
-    ca.OP_LE: "le",
-    ca.OP_EQ: "eq",
-    ca.OP_NE: "ne",
-    ca.OP_AND: "and",
-    ca.OP_OR: "or",
-    ca.OP_IF_ELSE_ZERO: "if_else_zero",
+# Operations by the name used here: CasADi's number, and the C of a floating-point format, where a
+# format has no function of its own for it.  What is not here cannot be emitted, and the walker says
+# so; ``select`` (condition, value if true, value if false) is only made by a format's own pass.
+# Rules of ranges and errors stand in emit.spans, those of whole numbers in emit.fixed.
+OPERATIONS: dict[str, tuple[int | None, str]] = {
+    "neg": (ca.OP_NEG, "-{0}"),
+    "sq": (ca.OP_SQ, "{0} * {0}"),
+    "twice": (ca.OP_TWICE, "{two} * {0}"),
+    "inv": (ca.OP_INV, "{one} / {0}"),
+    "sqrt": (ca.OP_SQRT, ""),
+    "exp": (ca.OP_EXP, ""),
+    "log": (ca.OP_LOG, ""),
+    "tanh": (ca.OP_TANH, ""),
+    "fabs": (ca.OP_FABS, "esea_fabs({0})"),
+    "sign": (ca.OP_SIGN, "esea_sign({0})"),
+    "not": (ca.OP_NOT, "!{0}"),
+    "add": (ca.OP_ADD, "{0} + {1}"),
+    "sub": (ca.OP_SUB, "{0} - {1}"),
+    "mul": (ca.OP_MUL, "{0} * {1}"),
+    "div": (ca.OP_DIV, "{0} / {1}"),
+    "fmin": (ca.OP_FMIN, "esea_fmin({0}, {1})"),
+    "fmax": (ca.OP_FMAX, "esea_fmax({0}, {1})"),
+    "pow": (ca.OP_POW, ""),
+    "lt": (ca.OP_LT, "{0} < {1}"),
+    "le": (ca.OP_LE, "{0} <= {1}"),
+    "eq": (ca.OP_EQ, "{0} == {1}"),
+    "ne": (ca.OP_NE, "{0} != {1}"),
+    "and": (ca.OP_AND, "{0} && {1}"),
+    "or": (ca.OP_OR, "{0} || {1}"),
+    "if_else_zero": (ca.OP_IF_ELSE_ZERO, "{0} ? {1} : {zero}"),
+    "select": (None, "{0} ? {1} : {2}"),
 }
+_BY_CODE = {code: name for name, (code, _) in OPERATIONS.items()} | {ca.OP_CONSTPOW: "pow"}
 BOOLEAN = frozenset({"not", "lt", "le", "eq", "ne", "and", "or"})
 COMMUTATIVE = frozenset({"add", "mul", "eq", "ne", "and", "or"})
 
@@ -126,8 +129,8 @@ def _walked(function: ca.Function) -> Kernel:
             results[result][element] = work[i[0]]
         elif op == ca.OP_ASSIGN:
             work[o[0]] = work[i[0]]
-        elif op in _OPERATIONS:
-            work[o[0]] = add(Node(_OPERATIONS[op], tuple(work[a] for a in i)))
+        elif op in _BY_CODE:
+            work[o[0]] = add(Node(_BY_CODE[op], tuple(work[a] for a in i)))
         else:
             raise UnsupportedOperationError(
                 f"{function.name()}: CasADi operation number {op} at instruction {k} cannot be "

@@ -9,6 +9,7 @@ import hashlib
 import html
 import io
 import json
+import math
 import re
 import zipfile
 from collections.abc import Mapping
@@ -19,7 +20,6 @@ from typing import Any, Literal
 from esea_gen.emit.render import versions
 from esea_gen.errors import UserError
 from esea_gen.export.model import ExportedModel
-from esea_gen.export.units import DEGREES, PER_RADIAN, exponents
 from esea_gen.files import read_whole, template_folder
 from esea_gen.hostlib.compiler import compile_sources
 
@@ -33,6 +33,37 @@ _FLAGS = ("-fvisibility=hidden", "-s")
 _PLAIN = "-DFMI3_OVERRIDE_FUNCTION_PREFIX"
 MOST_BYTES = 1 << 26  # of what is checked, unpacked
 _TIME = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold: no date in the bytes
+
+
+# Exponents of kg, m, s, rad, K; hertz, bits and counts have no dimension of their own here.
+_BASE: dict[str, dict[str, int]] = {
+    "rad": {"rad": 1},
+    "m": {"m": 1},
+    "s": {"s": 1},
+    "kg": {"kg": 1},
+    "Hz": {"s": -1},
+    "Nm": {"kg": 1, "m": 2, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
+    "bit": {},
+    "K": {"K": 1},
+    "degC": {"K": 1},
+    "1": {},
+}
+DEGREES = {"rad": "deg", "rad/s": "deg/s"}
+"""Units that people read in degrees, and what those are called."""
+PER_RADIAN = 180 / math.pi
+
+
+def exponents(unit: str) -> dict[str, int]:
+    """Exponents of the SI base units of a unit as ports write it: ``Nm s/rad``, ``1/(rad s)``."""
+    over, _, under = unit.partition("/")
+    total: dict[str, int] = {}
+    for part, sign in ((over, 1), (under.strip("()"), -1)):
+        for name, power in re.findall(r"([A-Za-z]+|1)(?:\^(\d))?", part):
+            for base, n in _BASE[name].items():
+                total[base] = total.get(base, 0) + sign * n * int(power or 1)
+    return {k: n for k, n in total.items() if n}
 
 
 def _headers(fmi: Version) -> dict[str, str]:

@@ -15,7 +15,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, content_hash
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Port, Tunable
-from esea_gen.language.system import System
+from esea_gen.language.system import External, System
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.plant import plant_system
 
@@ -83,11 +83,12 @@ class _Variables:
     def __init__(self) -> None:
         self.found: list[ModelVariable] = []
 
-    def ports(self, role: Role, task: str, ports: Iterable[tuple[str, str, Port]]) -> None:
-        for name, c, port in ports:
+    def ports(self, role: Role, task: str, ports: Iterable[Port | External]) -> None:
+        for x in ports:
+            port = x.port if isinstance(x, External) else x
             for i in range(port.size):
                 mark, at = (f"[{i + 1}]", f"[{i}]") if port.size > 1 else ("", "")
-                self._add(name + mark, role, c + at, port, task)
+                self._add(x.name + mark, role, x.name + at, port, task)
 
     def tunables(self, prefix: str, given: Iterable[Tunable], values: Mapping[str, float]) -> None:
         for t in given:
@@ -153,14 +154,12 @@ def _renderer(device: Device, real: str) -> tuple[Renderer, str]:
 def controller_model(device: Device, real: str = "f32") -> ExportedModel:
     """All tasks of a device, from encoder counts to motor command."""
     renderer, digest = _renderer(device, real)
-    system, naming, found = device.system, renderer.naming, _Variables()
+    system, found = device.system, _Variables()
     for task in system.tasks:
-        inputs = system.task_inputs(task)
-        found.ports("input", task.name, [(x.name, naming.external(x), x.port) for x in inputs])
+        found.ports("input", task.name, system.task_inputs(task))
     _instances(found, system, {})
     for task in system.tasks:
-        outputs = system.task_outputs(task)
-        found.ports("output", task.name, [(x.name, naming.external(x), x.port) for x in outputs])
+        found.ports("output", task.name, system.task_outputs(task))
     return ExportedModel(
         "controller",
         renderer.prefix,
@@ -184,13 +183,11 @@ def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
     if name not in kinds:
         raise UserError(f"{device.name} has no Block '{name}'.", f"It has {', '.join(kinds)}.")
     renderer, digest = _renderer(device, real)
-    block, naming, found = kinds[name], renderer.naming, _Variables()
+    block, found = kinds[name], _Variables()
     stem = f"{renderer.prefix}_{name}"
-    found.ports("input", "step", [(p.name, naming.field(block, "in", p), p) for p in block.inputs])
+    found.ports("input", "step", block.inputs)
     found.tunables("", block.tunables, {})
-    found.ports(
-        "output", "step", [(p.name, naming.field(block, "out", p), p) for p in block.outputs]
-    )
+    found.ports("output", "step", block.outputs)
     whole = {f"{renderer.prefix}.c", *(f"{renderer.prefix}_{k}.c" for k in kinds if k != name)}
     return ExportedModel(
         "block",
@@ -218,7 +215,7 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
     renderer = Renderer(system, fmt, content, command, title)
     found = _Variables()
     move, encode = system.tasks
-    found.ports("input", "move", [(x.name, x.name, x.port) for x in system.task_inputs(move)])
+    found.ports("input", "move", system.task_inputs(move))
     _instances(found, system, variant.values)
     place = len(found.found)
     angle = next(x.port for x in system.task_inputs(encode) if x.name == ANGLES[0])
@@ -229,9 +226,7 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
         )
     )
     for task in system.tasks:
-        found.ports(
-            "output", task.name, [(x.name, x.name, x.port) for x in system.task_outputs(task)]
-        )
+        found.ports("output", task.name, system.task_outputs(task))
     state = next(p for p in system.blocks["plant"].state if p.name == "theta_rad")
     return ExportedModel(
         "twin",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,6 @@ def from_raw(raw: Array, fraction: int) -> Array:
 @dataclass(frozen=True)
 class Field:
     name: str
-    c_name: str
     port: Port
     fraction: int | None = None  # of its raw numbers; None where the C holds numbers in units
 
@@ -63,17 +63,34 @@ class Field:
         return held * 2.0**-self.fraction
 
 
-class Codec:
-    def __init__(self, naming: Naming) -> None:
-        self.naming = naming
+def block_field(naming: Naming, block: Block, group: str, port: Port) -> Field:
+    """A field of a Block's own struct: ``in``, ``out`` or ``state``."""
+    return Field(port.name, port, naming.fraction(block, group, port.name))
 
-    def field(self, block: Block, group: str, port: Port) -> Field:
-        fraction = self.naming.fraction(block, group, port.name)
-        return Field(port.name, self.naming.field(block, group, port), port, fraction)
 
-    def external(self, external: External) -> Field:
-        fraction = self.naming.external_fraction(external)
-        return Field(external.name, self.naming.external(external), external.port, fraction)
+def external_field(naming: Naming, external: External) -> Field:
+    """A field of a task's struct."""
+    return Field(external.name, external.port, naming.external_fraction(external))
 
-    def tunable(self, block: Block, name: str, value: Any) -> tuple[str, Any]:
-        return self.naming.tunable(block, name, value)
+
+@cache
+def struct_dtype(ffi: Any, c_type: str) -> np.dtype[Any]:
+    """numpy type of a C struct, field for field."""
+
+    def converted(ctype: Any) -> np.dtype[Any]:
+        if ctype.kind == "primitive":
+            primitive = {"double": "f8", "float": "f4", "uint32_t": "u4", "int32_t": "i4"}
+            return np.dtype(primitive[ctype.cname])
+        if ctype.kind == "array":
+            return np.dtype((converted(ctype.item), (ctype.length,)))
+        names, fields = zip(*ctype.fields, strict=True)
+        return np.dtype(
+            {
+                "names": names,
+                "formats": [converted(f.type) for f in fields],
+                "offsets": [f.offset for f in fields],
+                "itemsize": ffi.sizeof(ctype),
+            }
+        )
+
+    return converted(ffi.typeof(c_type))

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.hostlib.codec import Array, Field
-from esea_gen.hostlib.loaded import LoadedC
+from esea_gen.hostlib.codec import Array, Field, external_field
 from esea_gen.language.block import Block
 from esea_gen.language.system import System, SystemSimulator
+
+if TYPE_CHECKING:
+    from esea_gen.hostlib.library import HostLibrary
 
 
 class CRunner:
@@ -18,10 +20,9 @@ class CRunner:
 
     Parameters
     ----------
-    library : LoadedC
+    library : HostLibrary
         Where it lives.
     name : str
-        The Block's or task's.
     owner : Block or System
         Whose params, coefficients and state it has: the Block's own, or the System's for a task.
     inputs, outputs, state : sequence of Field
@@ -30,7 +31,7 @@ class CRunner:
 
     def __init__(
         self,
-        library: LoadedC,
+        library: HostLibrary,
         name: str,
         owner: Block | System,
         inputs: Sequence[Field],
@@ -76,16 +77,16 @@ class CRunner:
 
     def _prepare(self, params: Any, tunables: Mapping[str, Any]) -> int:
         library, owner = self.library, self.owner
-        call, codec = getattr(library.lib, f"{self.prefix}_prepare"), library.codec
+        call, naming = getattr(library.lib, f"{self.prefix}_prepare"), library.naming
         if isinstance(owner, System):
             getattr(library.lib, f"{self.prefix}_default_params")(params)
             for instance, values in tunables.items():
                 for key, value in values.items():
-                    pair = codec.tunable(owner.blocks[instance], key, value)
-                    setattr(getattr(params, instance), *pair)
+                    number = naming.tunable(owner.blocks[instance], key, value)
+                    setattr(getattr(params, instance), key, number)
             return int(call(params, *self._coeffs))
         for key, value in (owner.default_tunables() | dict(tunables)).items():
-            setattr(params, *codec.tunable(owner, key, value))
+            setattr(params, key, naming.tunable(owner, key, value))
         call(params, *self._coeffs)
         return 0
 
@@ -118,10 +119,7 @@ class CRunner:
         """
         known = {f.name: f for f in self.state_fields}
         for name, value in values.items():
-            if name in known:
-                self._state[known[name].c_name] = known[name].encode(value)
-            else:
-                self._state[name] = value
+            self._state[name] = known[name].encode(value) if name in known else value
 
     def pack(self, inputs: Mapping[str, Any]) -> Array:
         """Arrange a stream as an array of the C's input structs.
@@ -135,7 +133,7 @@ class CRunner:
         steps = len(np.atleast_1d(next(iter(inputs.values())))) if inputs else 0
         packed = np.zeros(steps, self._in_type)
         for f in self.inputs:
-            packed[f.c_name] = f.encode(inputs[f.name])
+            packed[f.name] = f.encode(inputs[f.name])
         return packed
 
     def run(
@@ -163,13 +161,10 @@ class CRunner:
             self._cast(f"{self.prefix}_state_t", states) if trace else self.library.ffi.NULL,
             len(packed),
         )
-        known = {f.c_name: f for f in self.state_fields}
-        outputs = {f.name: out[f.c_name] if raw else f.decode(out[f.c_name]) for f in self.outputs}
-        after = {}
-        for c_name in (self._state_type.names or ()) if trace else ():
-            f = known.get(c_name)
-            name, held = f.name if f else c_name, states[c_name]
-            after[name] = f.decode(held) if f and not raw else held
+        known = {f.name: f for f in self.state_fields if not raw}
+        outputs = {f.name: out[f.name] if raw else f.decode(out[f.name]) for f in self.outputs}
+        names = (self._state_type.names or ()) if trace else ()
+        after = {n: known[n].decode(states[n]) if n in known else states[n] for n in names}
         return outputs, after
 
     def step(self, **inputs: Any) -> dict[str, Any]:
@@ -191,7 +186,7 @@ class CBoard:
 
     Parameters
     ----------
-    library : LoadedC
+    library : HostLibrary
         Where it lives.
     tunables : mapping, optional
         ``{instance: {tunable: value}}`` other than the defaults.
@@ -203,14 +198,14 @@ class CBoard:
     """
 
     def __init__(
-        self, library: LoadedC, tunables: Mapping[str, Mapping[str, float]] | None = None
+        self, library: HostLibrary, tunables: Mapping[str, Mapping[str, float]] | None = None
     ) -> None:
         self.library, self.system = library, library.system
-        system, codec = library.system, library.codec
+        system = library.system
         self._fields = {
             t.name: (
-                [codec.external(x) for x in system.task_inputs(t)],
-                [codec.external(x) for x in system.task_outputs(t)],
+                [external_field(library.naming, x) for x in system.task_inputs(t)],
+                [external_field(library.naming, x) for x in system.task_outputs(t)],
             )
             for t in system.tasks
         }
@@ -234,8 +229,8 @@ class CBoard:
         for instance, values in tunables.items():
             for key, value in values.items():
                 taken = known[instance, key].taken(value) if (instance, key) in known else value
-                pair = self.library.codec.tunable(self.system.blocks[instance], key, taken)
-                setattr(getattr(params, instance), *pair)
+                number = self.library.naming.tunable(self.system.blocks[instance], key, taken)
+                setattr(getattr(params, instance), key, number)
 
     def _new(self, kind: str, values: Mapping[str, Any] | None = None) -> Any:
         return self.library.ffi.new(f"{self.library.prefix}_{kind}_t *", values or {})
@@ -249,7 +244,6 @@ class CBoard:
         Parameters
         ----------
         tick : int
-            The base tick.
         """
         if self.system.latches:
             self._call("release", self._state, tick)
@@ -266,7 +260,6 @@ class CBoard:
         Parameters
         ----------
         task_name : str
-            Which.
         **inputs : float or sequence of float
             Its external inputs, in units; in q31, NaN and what does not fit is invalid.
         """
@@ -274,7 +267,7 @@ class CBoard:
         return {
             f.name: f.decode(held if f.port.size == 1 else np.array(list(held)))
             for f in self._fields[task_name][1]
-            for held in [getattr(out, f.c_name)]
+            for held in [getattr(out, f.name)]
         }
 
     def raw_step(self, task_name: str, inputs: Mapping[str, Any]) -> Any:
@@ -288,7 +281,7 @@ class CBoard:
             As for :meth:`step`.
         """
         taken, _ = self._fields[task_name]
-        given = {f.c_name: _held(f, inputs[f.name]) for f in taken}
+        given = {f.name: _held(f, inputs[f.name]) for f in taken}
         out = self._new(f"{task_name}_out")
         values = self._new(f"{task_name}_in", given)
         self._call(f"{task_name}_step", *self._coeffs, self._state, values, out)

@@ -82,8 +82,9 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
     )
     largest = max([full.value, *(float(np.abs(r.tau_Nm).max()) for r in recordings)])
 
-    def trial(value: float) -> Quantity:
-        return Quantity(value=value, status="identified", source="start of the search")
+    def started(**values: float) -> dict[str, Quantity]:
+        text = "start of the search"
+        return {k: Quantity(value=v, status="identified", source=text) for k, v in values.items()}
 
     def factor(value: float, high: float, what: str) -> Quantity:
         text = f"device.limit_factor {d.limit_factor:g} of {source.origin} over {what}"
@@ -91,15 +92,9 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
             value=min(high, round_up(d.limit_factor * value)), status="assumed", source=text
         )
 
-    maxwell = Maxwell(
-        kv_Nm_rad=trial(1.0),
-        A_Nms_rad=trial(1.0),
-        m=trial(1.0),
-        eps1_Nms_rad=trial(0.1),
-        B=trial(1.0),
-        n=trial(0.5),
-        eps2=trial(EPS2_DEFAULT),
-    )
+    viscous = {"A_Nms_rad": 1.0, "m": 1.0, "eps1_Nms_rad": 0.1, "B": 1.0, "n": 0.5}
+    maxwell = Maxwell(**started(kv_Nm_rad=1.0, eps2=EPS2_DEFAULT, **viscous))
+    springs = {"k1_Nm_rad": 1.0, "k3_Nm_rad3": 1.0, "alpha_Nm_rad": 1.0}
     domain_omega = Quantity(
         value=omega,
         status="identified" if timed else "assumed",
@@ -111,11 +106,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
         name=d.name,
         title=d.title,
         elastomer=Elastomer(
-            k1_Nm_rad=trial(1.0),
-            k3_Nm_rad3=trial(1.0),
-            alpha_Nm_rad=trial(1.0),
-            beta_1_rad=trial(1.0),
-            omega_rad=trial(0.01),
+            **started(beta_1_rad=1.0, omega_rad=0.01, **springs),
             stops=d.stops,
             dead_zone_rad=m.deflection.dead_zone_rad,
             maxwell=maxwell if rate_terms else None,

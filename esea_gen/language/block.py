@@ -24,7 +24,15 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.language.component import Component, Executor, in_a_row
-from esea_gen.language.ports import Constant, Equation, Port, Tunable, port_ok, symbols_of
+from esea_gen.language.ports import (
+    Constant,
+    Equation,
+    Port,
+    Tunable,
+    flag_word,
+    port_ok,
+    symbols_of,
+)
 from esea_gen.language.start import PrepareFn, check_ports, collect, start_functions
 from esea_gen.language.stream import OwnStreams
 
@@ -34,6 +42,16 @@ class Guard(SimpleNamespace):
 
     inputs_ok: ca.SX
     state_ok: ca.SX
+
+    def status(self, *bits: Any) -> ca.SX:
+        """Status word of :func:`status_port`: the guard's two flags, then the Block's own.
+
+        Parameters
+        ----------
+        *bits : casadi.SX
+            1 or 0 each.
+        """
+        return flag_word([ca.logic_not(self.inputs_ok), ca.logic_not(self.state_ok), *bits])
 
 
 class Labels:
@@ -48,6 +66,7 @@ class Labels:
         return value
 
 
+StepResult = tuple[dict[str, Any], dict[str, Any]]
 StepFn = Callable[
     [SimpleNamespace, SimpleNamespace, SimpleNamespace, Guard, Labels],
     tuple[Mapping[str, Any], Mapping[str, Any]],
@@ -194,6 +213,32 @@ class Block(Component):
             starts_latched=starts_latched,
         )._known()
 
+    @classmethod
+    def of(cls, parts: Any, name: str, title: str, **more: Any) -> Block:
+        """Build a Block from an object with the Block's numbers, ports and step.
+
+        Parameters
+        ----------
+        parts : object
+            Has ``h``, the period, ``step``, and, by methods of their names, what else
+            :meth:`define` takes; ``prepare`` where it has tunables.
+        name, title
+            As in the class.
+        **more
+            The rest of :meth:`define`, or in place of what the object has.
+
+        Returns
+        -------
+        Block
+            The Block, its step guarded.
+        """
+        names = ("constants", "tunables", "coefficients", "state", "inputs", "outputs")
+        asked = [n for n in (*names, "equations", "facts", "solved") if hasattr(parts, n)]
+        known = {n: getattr(parts, n)() for n in asked if n not in more} | more
+        if known.get("tunables") and "prepare" not in known:
+            known["prepare"] = parts.prepare
+        return cls.define(name, title, period_s=parts.h, step=parts.step, **known)
+
     def _known(self) -> Block:
         # Not where a Block is copied: a deliberate fault may take away what is split.
         labels = {n for n, _ in self.labels}
@@ -293,7 +338,6 @@ class Simulator(Executor):
     Parameters
     ----------
     block : Block
-        What to run.
     tunables : mapping of str to float, optional
         Values other than the defaults.
     """

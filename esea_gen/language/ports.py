@@ -70,7 +70,6 @@ def f32_inside(low: float, high: float) -> tuple[float, float]:
     Parameters
     ----------
     low, high : float
-        Ends of the interval.
     """
     lo, hi = np.float32(low), np.float32(high)
     if float(lo) < low:
@@ -86,7 +85,6 @@ def threshold(value: float) -> float:
     Parameters
     ----------
     value : float
-        Threshold.
     """
     return f32_inside(-value, value)[1]
 
@@ -222,6 +220,28 @@ def around(name: str, limit: float, meaning: str, *more: Any, **named: Any) -> P
     return Port(name, -limit, limit, meaning, *more, **named)
 
 
+def status_port(meaning: str, invalid: str, repaired: str, *more: Flag) -> Port:
+    """A status word that begins with the guard's two flags (``guard.status`` fills it).
+
+    Parameters
+    ----------
+    meaning : str
+        As in :class:`Port`.
+    invalid, repaired : str
+        What an invalid input and a corrupt state mean for the Block.
+    *more : Flag
+        The Block's own flags.
+
+    Returns
+    -------
+    Port
+        The port ``status``.
+    """
+    guarded = Flag("INPUT_INVALID", invalid, True), Flag("STATE_REPAIRED", repaired, True)
+    flags = (*guarded, *more)
+    return Port("status", 0, 2 ** len(flags) - 1, meaning, flags=flags)
+
+
 @dataclass(frozen=True)
 class Tunable:
     """A value that may be changed while the board runs.
@@ -339,7 +359,6 @@ def symbols_of(ports: Iterable[Port | Tunable]) -> dict[str, ca.SX]:
     Parameters
     ----------
     ports : iterable of Port or Tunable
-        The ports.
     """
     return {p.name: ca.SX.sym(p.name, getattr(p, "size", 1)) for p in ports}
 
@@ -369,7 +388,6 @@ def port_ok(x: ca.SX, port: Port) -> ca.SX:
     x : casadi.SX
         The value, ``port.size`` elements.
     port : Port
-        Its port.
     """
     if port.size == 1:
         return in_range(x, port.low, port.high)

@@ -129,13 +129,13 @@ class Messenger:
     def frames(self, message: Any) -> bytes:
         """A message as frames from the host, with the board's time where it needs one."""
         if message.get_type() == "ESEA_WANTED" and message.mode:
-            message.boot, message.time_ms = self._time_now(None)
+            message.boot, message.time_ms = self.time_now(None)
         elif self._expires(message):
-            stamp = self.message("ESEA_STAMP", 0, *self._time_now(FRESH_S))
+            stamp = self.message("ESEA_STAMP", 0, *self.time_now(FRESH_S))
             self._refusal = ""
             return self.pack(stamp) + self.pack(message)
         elif self._key and not self._stops(message):
-            self._time_now(LATEST_S)  # from which count on to sign
+            self.time_now(LATEST_S)  # from which count on to sign
         return self.pack(message)
 
     def _stops(self, message: Any) -> bool:
@@ -154,13 +154,13 @@ class Messenger:
             return bool(message.records == 255)
         return kind in ("PARAM_SET", "SETUP_SIGNING", "ESEA_KEPT", "ESEA_LIFE")
 
-    def _time_now(self, fresh_s: float | None) -> tuple[int, int]:
+    def time_now(self, fresh_s: float | None) -> tuple[int, int]:
         # The board's start, and its time at this moment: how long its answer takes makes what is
         # sent then as old. None: asked for without waiting.
         known, now_s = self._board_time, self.clock_s()
         old_s = 0.0 if known is None else now_s - known.at_s
         if known is None or old_s < 0 or (fresh_s is not None and old_s >= fresh_s):
-            known = self._learn_time()
+            known = self.learn_time()
         elif fresh_s is None:
             known = self._ask_time_in_passing(known)
         passed_ms = int((now_s - known.at_s) * 1e3)
@@ -173,27 +173,19 @@ class Messenger:
         self.send_bytes(self.pack(self.message("ESEA_STAMP", 0, 0, 0)))
         own.sign_outgoing = signs
 
-    def _learn_time(self) -> BoardTime:
-        deadline_s = time.monotonic() + self.timeout_s
-        frames, noise_bytes = self.counters.frames, self.counters.noise_bytes
+    def learn_time(self) -> BoardTime:
         self._board_time = None
         self._ask_time()
-        while self._board_time is None:
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0:
-                frames = self.counters.frames - frames
-                noise_bytes = self.counters.noise_bytes - noise_bytes
-                raise self._too_late("ESEA_STAMP", self.timeout_s, frames, noise_bytes)
-            self._read(left_s)
-        return self._board_time
+        told: BoardTime = self._until(lambda: self._board_time, "ESEA_STAMP", self.timeout_s)
+        return told
 
     def boot_number(self) -> int:
         """Number of the board's start, asked of it: another one after every loss of power."""
-        return self._learn_time().boot
+        return self.learn_time().boot
 
     def take_time_of(self, other: Messenger) -> None:
         """Ask over another way: the one to here is made anew, and the board may be, too."""
-        known = other._learn_time()
+        known = other.learn_time()
         self._board_time = known._replace(at_s=self.clock_s())
         own = self._encoder.signing
         own.timestamp = max(own.timestamp, other._encoder.signing.timestamp)
@@ -257,11 +249,10 @@ class Messenger:
         timeout_s: float | None = None,
         drop_before: bool = False,
     ) -> Any:
-        limit_s = self.timeout_s if timeout_s is None else timeout_s
-        deadline_s = time.monotonic() + limit_s
-        frames, noise_bytes = self.counters.frames, self.counters.noise_bytes
         seen = 0
-        while True:
+
+        def found() -> Any:
+            nonlocal seen
             for i, message in enumerate(islice(self._pending, seen, None), seen):
                 if fits(message):
                     del self._pending[i]
@@ -269,12 +260,21 @@ class Messenger:
                         self._pending.popleft()
                     return message
             seen = len(self._pending)
+            return None
+
+        return self._until(found, name, self.timeout_s if timeout_s is None else timeout_s)
+
+    def _until(self, found: Callable[[], Any], name: str, limit_s: float) -> Any:
+        deadline_s = time.monotonic() + limit_s
+        frames, noise_bytes = self.counters.frames, self.counters.noise_bytes
+        while (message := found()) is None:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0:
                 frames = self.counters.frames - frames
                 noise_bytes = self.counters.noise_bytes - noise_bytes
                 raise self._too_late(name, limit_s, frames, noise_bytes)
             self._read(left_s)
+        return message
 
     def _refuse_beside(self) -> None:
         said = [t for t in self.texts if t.startswith(BUSY)]
@@ -343,7 +343,7 @@ class Messenger:
             if self.was_late:
                 self._board_time = None
 
-    def _sign(self, key: bytes | None) -> None:
+    def sign_with(self, key: bytes | None) -> None:
         # Signs what is sent from now on, once the board has said from which count on; without a key
         # no more.
         own = self._encoder.signing

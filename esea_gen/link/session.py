@@ -156,7 +156,10 @@ class Session(Messenger):
         """The samples in a message; None when it holds none of a stream of this session."""
         if message.get_type() != "ESEA_DATA":
             return None
-        return streams.by_choice(self._streams, message)
+        stream = self._streams.get(message.stream)
+        if stream is None or stream.choice != message.choice:
+            return None
+        return stream.decode(message)
 
     # -- parameters --------------------------------------------------------------------------------
 
@@ -263,9 +266,9 @@ class Session(Messenger):
         key = signing.new_key()
         signing.write_key(path, key)
         self.send(self.message("SETUP_SIGNING", *self.board, list(key), 0))
-        self._sign(key)
+        self.sign_with(key)
         if not self.traffic().paired:
-            self._sign(None)
+            self.sign_with(None)
             path.unlink()
             raise self._refused("pair")
 
@@ -274,11 +277,11 @@ class Session(Messenger):
         self.send(self.message("SETUP_SIGNING", *self.board, [0] * signing.KEY_BYTES, 0))
         if self.traffic().paired:
             raise self._refused("forget its key")
-        self._sign(None)
+        self.sign_with(None)
 
     def use_key(self, path: Path) -> None:
         """Sign from now on, with the key of a board that is paired."""
-        self._sign(signing.read_key(path))
+        self.sign_with(signing.read_key(path))
 
     def traffic(self) -> Any:
         """Counters of the link: streams dropped, signatures refused, whether it is paired."""

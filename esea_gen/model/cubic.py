@@ -13,28 +13,19 @@ from esea_gen.model.elastomer import K1, K3
 from esea_gen.model.symbolic import equation, to_casadi
 
 LINEAR, LOAD = sp.symbols("a d", real=True)
-
 HALF, THIRD, ROOT, RATIO = sp.symbols("b a_3 c q", positive=True)
 
 # Parts of the real root of k3 x^3 + a x = d, without the cancellation of (4.13) near zero.
 ROOT_THIRD = LINEAR / (3 * K3)
-
 ROOT_HALF = sp.Abs(LOAD) / (2 * K3)
-
 ROOT_CUBE = HALF + sp.sqrt(THIRD**3 + HALF**2)
-
 ROOT_RATIO = THIRD / ROOT
-
 ROOT_SIZE = 2 * HALF / (ROOT**2 + THIRD + RATIO**2)
-
 ROOT_WHOLE = ROOT_SIZE.subs(RATIO, ROOT_RATIO)
 
 
 def cubic_root(k3: float, linear: Any, load: Any, label: Labels | None = None) -> ca.SX:
-    """Real root of ``k3 x^3 + linear x = load``, accurate near zero (4.13 without cancellation).
-
-    label: names the parts of the root, of which :func:`root_facts` knows the ranges.
-    """
+    """Real root of ``k3 x^3 + linear x = load``, accurate near zero (4.13 without cancellation)."""
     if k3 == 0:
         return ca.SX(load / linear)
     third = to_casadi(ROOT_THIRD, {LINEAR: linear, K3: k3})
@@ -53,18 +44,13 @@ def cubic_root(k3: float, linear: Any, load: Any, label: Labels | None = None) -
     return ca.SX(ca.sign(load) * size)
 
 
+# With a = linear / (3 k3) > 0 and b = |load| / (2 k3) the radicand of c is b + sqrt(a^3 + b^2) >=
+# sqrt(a^3), so c >= sqrt(a) and a / c <= sqrt(a); c rises with both.  The root of the largest load
+# at the least stiffness is the largest of all.
 def root_facts(
     k3: float, linear: tuple[float, float], load_high: float
 ) -> dict[str, tuple[float, float]]:
-    """Ranges of the labelled parts of :func:`cubic_root`, which intervals cannot see.
-
-    linear: least, above 0, and largest linear stiffness in Nm/rad.
-
-    With ``a = linear / (3 k3) > 0`` and ``b = |load| / (2 k3) >= 0`` the radicand of ``c`` is
-    ``b + sqrt(a^3 + b^2) >= sqrt(a^3)``, so ``c >= sqrt(a)`` and ``a / c <= sqrt(a)``; ``c`` rises
-    with both.  The torque ``k3 x^3 + linear x`` rises with ``x`` and with ``linear``: the root of
-    the largest load at the least stiffness is the largest of all.
-    """
+    """Ranges of the labelled parts of :func:`cubic_root`, which intervals cannot see."""
     if k3 == 0:
         return {}
     low, high = (x / (3 * k3) for x in linear)
@@ -82,28 +68,14 @@ def root_facts(
 
 
 def segment_equations() -> tuple[Equation, ...]:
-    """Equations of the segment and of its root, for documents.
-
-    return: segment, breakpoint, stiffness, and the parts of the root.
-    """
-    x, f_i, r_i, p_i = sp.symbols("x F_i r_i p_i")
-    s = sp.Symbol("s")
+    x, f_i, r_i, p_i, s, g, i, n = sp.symbols("x F_i r_i p_i s g i N")
+    torque = "the torque between two breakpoints, of the deflection beyond the dead zone"
+    stiff = "linear stiffness: spring, Maxwell element, stops not saturated"
+    turned = "where stop i saturates; s is the direction"
     return (
-        equation(
-            "[segment]",
-            "d",
-            K3 * x**3 + LINEAR * x,
-            "the torque between two breakpoints, of the deflection beyond the dead zone",
-        ),
-        equation(
-            "[breakpoint]", "x_i", s * f_i + r_i, "where stop i saturates; s is the direction"
-        ),
-        equation(
-            "[a]",
-            "a",
-            K1 + sp.Symbol("g") + sp.Sum(p_i, (sp.Symbol("i"), 1, sp.Symbol("N"))),
-            "linear stiffness: spring, Maxwell element, stops not saturated",
-        ),
+        equation("[segment]", "d", K3 * x**3 + LINEAR * x, torque),
+        equation("[breakpoint]", "x_i", s * f_i + r_i, turned),
+        equation("[a]", "a", K1 + g + sp.Sum(p_i, (i, 1, n)), stiff),
         equation("[root 1]", THIRD, ROOT_THIRD, "real root of the segment's cubic, first part"),
         equation("[root 2]", HALF, ROOT_HALF, "second part"),
         equation("[root 3]", "c", sp.cbrt(ROOT_CUBE), "third part"),

@@ -9,11 +9,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class NominalDrive:
-    """Motor and drive with the device file's numbers (5.1), (5.2), from rest, a period at a time.
-
-    numbers: of the section ``[actuator]``, by key.
-    theta_rad: angle at the joint.
-    """
+    """Motor and drive with the numbers of ``[actuator]`` (5.1), (5.2), from rest."""
 
     numbers: Mapping[str, float]
     period_s: float

@@ -1,28 +1,15 @@
 """Elastomer torque model: deflection in, interaction torque out (thesis chapter 3).
 
-The spring and the viscosity are written once, as SymPy expressions; the same expressions are
-printed in reports and carried across to CasADi.
+Spring and viscosity are SymPy expressions, printed in reports and carried across to CasADi.  Ours,
+with the evidence in ``docs/sensor.md``: stop operators in play form, F(k) = clip(F(k-1), theta(k) -
+r, theta(k) + r) with E = theta - F, in which nothing is summed; and a Maxwell element whose
+exponential step has exp(x) to third order: exact at rest, positive and monotone for every x >= 0.
 
-Two choices are ours, both with the evidence in ``docs/sensor.md``:
-
-* The stop operators run in their play form.  With E the stop's state (3.5 to 3.7), F = theta - E
-  obeys F(k) = clip(F(k-1), theta(k) - r, theta(k) + r): the same operator, but nothing is summed,
-  so that rounding does not accumulate, however long it runs.
-* The Maxwell element takes an exponential step with exp(x) replaced by its third-order series:
-  steady states stay exact, the step is positive and monotone for every x >= 0, its accuracy at
-  1 kHz equals the true exponential's, and no exponential is needed on the board.
-
-A device may have a dead zone (the knee, 8.7/8.8): the deflection beyond it then stands for the
-deflection in every equation, and its rate for the rate.  That rate is the mid-step rate where the
-step starts outside the dead zone, and 0 where it starts inside (the viscosity is then eps1 / eps2,
-and x one number).  The gate looks at the stored theta(k-1) because every format holds that number
-exactly, so that f32 and f64 decide alike (a predicted mid-step deflection is rounded, and a
-difference quotient of predicted deflections multiplies its rounding by 2/h), and because the
-viscosity then holds nothing of theta(k): torque stays strictly increasing in the deflection beyond
-the dead zone.  The price is the one step in which the coupling leaves the dead zone: the viscosity
-is still that of rest, and the Maxwell element takes up at most kv |thetadot| h too much, which the
-next step lets go: for the knee at 15 deg and 3 Hz at most 0.06 Nm, measured 0.03 Nm or 0.06 % of
-full scale.
+With a dead zone (the knee, 8.7/8.8) the deflection beyond it stands for the deflection, and its
+rate, 0 where the step starts inside, for the rate.  That gate looks at the stored theta(k-1), which
+every format holds exactly, and the viscosity then holds nothing of theta(k): torque stays strictly
+increasing in it.  The price is the one step that leaves the dead zone: at most kv |thetadot| h too
+much, for the knee at 15 deg and 3 Hz 0.06 Nm, which the next step lets go.
 """
 
 from __future__ import annotations
@@ -34,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
     Flag,
@@ -42,7 +29,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.model.plays import STREAMS
@@ -65,25 +52,6 @@ BEYOND = sp.Max(THETA - DEAD_ZONE, 0) + sp.Min(THETA + DEAD_ZONE, 0)
 STOP_WEIGHT = ALPHA * sp.exp(-BETA * RADIUS)
 
 
-def _status(tau_full_scale: float, tau_lim: float) -> tuple[Flag, ...]:
-    invalid = "an input was NaN or outside its physical range; the last deflection is held"
-    return (
-        Flag("INPUT_INVALID", invalid, True),
-        Flag("STATE_REPAIRED", "the state was corrupt; the model was started afresh", True),
-        Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
-        Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
-        Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), tau_full_scale),
-        Flag("STEP_CLIPPED", "deflection jumped by more than its rate allows; clipped", True),
-        Flag(
-            "RATE_TORQUE_CLIPPED",
-            "the Maxwell element's torque was clipped at its limit",
-            True,
-            ("tau_rate_Nm",),
-            tau_lim,
-        ),
-    )
-
-
 MODEL_KEYS = ("k1_Nm_rad", "k3_Nm_rad3", "alpha_Nm_rad", "beta_1_rad", "omega_rad")
 RATE_KEYS = ("kv_Nm_rad", "A_Nms_rad", "m", "eps1_Nms_rad", "B", "n", "eps2")
 
@@ -95,21 +63,23 @@ def stop_grid(p: Mapping[str, Any], stops: int) -> tuple[list[Any], list[Any]]:
     return r, w
 
 
+SYMBOLS = {
+    K1: "k1_Nm_rad",
+    K3: "k3_Nm_rad3",
+    ALPHA: "alpha_Nm_rad",
+    BETA: "beta_1_rad",
+    KV: "kv_Nm_rad",
+    A: "A_Nms_rad",
+    B: "B",
+    M: "m",
+    N: "n",
+    EPS1: "eps1_Nms_rad",
+    EPS2: "eps2",
+}
+
+
 def _symbols_of(p: Mapping[str, Any]) -> dict[sp.Symbol, Any]:
-    names = {
-        K1: "k1_Nm_rad",
-        K3: "k3_Nm_rad3",
-        ALPHA: "alpha_Nm_rad",
-        BETA: "beta_1_rad",
-        KV: "kv_Nm_rad",
-        A: "A_Nms_rad",
-        B: "B",
-        M: "m",
-        N: "n",
-        EPS1: "eps1_Nms_rad",
-        EPS2: "eps2",
-    }
-    return {symbol: p[key] for symbol, key in names.items() if key in p}
+    return {symbol: p[key] for symbol, key in SYMBOLS.items() if key in p}
 
 
 def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str, Any]:
@@ -131,44 +101,22 @@ def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str
 
 
 def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
-    """The torque sensor as a Block."""
     model = _TorqueSensor(device, tunable)
-    return Block.define(
+    return Block.of(
+        model,
         "sensor",
         "Elastomer torque sensor: deflection to interaction torque",
-        period_s=model.h,
         constants=model.constants,
-        **(_tunable_ports(device, model.stops, model.rate_terms) if tunable else {}),
-        state=model.state(),
-        inputs=model.inputs(),
-        outputs=model.outputs(),
+        **_tunable_ports(device, model.stops, model.rate_terms) if tunable else {},
         equations=_equations(model.rate_terms, model.dead_zone > 0),
-        split={
-            "s_theta_prev_rad": _beyond_cuts(
-                model.dead_zone,
-                _power_cuts(
-                    model.values["A_Nms_rad"],
-                    model.values["m"],
-                    model.values["eps1_Nms_rad"],
-                    model.theta_lim - model.dead_zone,
-                ),
-            ),
-            "u_omega_rad_s": _power_cuts(
-                model.values["B"], model.values["n"], model.values["eps2"], model.omega_lim
-            ),
-        }
-        if model.rate_terms
-        else {},
+        split=model.split(),
         # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
         facts={"share": (0.0, 1.0)} if model.rate_terms else {},
-        step=model.step,
         streams=STREAMS,
     )
 
 
 class _TorqueSensor:
-    """The model's numbers, one method an equation group, and the ports."""
-
     def __init__(self, device: DeviceData, tunable: bool) -> None:
         self.tunable = tunable
         file = device.file
@@ -188,14 +136,22 @@ class _TorqueSensor:
         self.tau_domain = threshold(file.domain.tau_full_scale_Nm.value)
         self.step_max = threshold(self.omega_lim * self.h)
 
+    def split(self) -> dict[str, tuple[float, ...]]:
+        if not self.rate_terms:
+            return {}
+        v, reach = self.values, self.theta_lim - self.dead_zone
+        by_angle = _power_cuts(v["A_Nms_rad"], v["m"], v["eps1_Nms_rad"], reach)
+        return {
+            "s_theta_prev_rad": _beyond_cuts(self.dead_zone, by_angle),
+            "u_omega_rad_s": _power_cuts(v["B"], v["n"], v["eps2"], self.omega_lim),
+        }
+
     def beyond(self, theta: ca.SX) -> ca.SX:
         if not self.dead_zone:
             return theta
         return to_casadi(BEYOND, {THETA: theta, DEAD_ZONE: self.dead_zone})
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         p = dict(self.values)
         if self.tunable:
             p |= {k: v for k, v in vars(c).items() if k not in ("r_rad", "p_Nm_rad")}
@@ -205,17 +161,14 @@ class _TorqueSensor:
         symbols = _symbols_of(p)
 
         # The first valid sample defines where the operators start: E_i(0) = 0, tau_r(0) = 0.
-        primed = label(
-            "primed", ca.logic_and(s.primed, guard.state_ok), "0 until a valid sample has been seen"
-        )
-        theta_prev = label(
-            "theta_last_rad", ca.if_else(primed, s.theta_prev_rad, u.theta_rad), "theta(k-1)"
-        )
+        primed = ca.logic_and(s.primed, guard.state_ok)
+        primed = label("primed", primed, "0 until a valid sample has been seen")
+        theta_prev = ca.if_else(primed, s.theta_prev_rad, u.theta_rad)
+        theta_prev = label("theta_last_rad", theta_prev, "theta(k-1)")
         moved = u.theta_rad - theta_prev
         theta, dtheta = self.stretch(u.theta_rad, theta_prev, moved, label)
-        tau_s = label(
-            "tau_s_Nm", to_casadi(sp.horner(TAU_S, wrt=THETA), symbols | {THETA: theta}), "(3.2)"
-        )
+        tau_s = to_casadi(sp.horner(TAU_S, wrt=THETA), symbols | {THETA: theta})
+        tau_s = label("tau_s_Nm", tau_s, "(3.2)")
 
         play, tau_h = self.hysteresis(r, w, s, theta, primed, label)
         tau_r = self.maxwell(p, symbols, s, u, dtheta, label) if self.rate_terms else ca.SX(0)
@@ -224,16 +177,12 @@ class _TorqueSensor:
         tau = label("tau_Nm", tau_s + tau_r_next + tau_h, "(3.1)")
 
         ready = ca.logic_or(primed, guard.inputs_ok)
-        status = flag_word(
-            [
-                ca.logic_not(guard.inputs_ok),
-                ca.logic_not(guard.state_ok),
-                ca.fabs(u.theta_rad) > self.theta_domain,
-                ca.fabs(u.omega_rad_s) > self.omega_domain,
-                ca.fabs(tau) > self.tau_domain,
-                ca.fabs(moved) > self.step_max,
-                ca.fabs(tau_r) > self.tau_lim,
-            ]
+        status = guard.status(
+            ca.fabs(u.theta_rad) > self.theta_domain,
+            ca.fabs(u.omega_rad_s) > self.omega_domain,
+            ca.fabs(tau) > self.tau_domain,
+            ca.fabs(moved) > self.step_max,
+            ca.fabs(tau_r) > self.tau_lim,
         )
         next_state = {
             "primed": ready,
@@ -259,11 +208,9 @@ class _TorqueSensor:
             theta = label("delta_rad", self.beyond(sampled), "(8.7/8.8) beyond the dead zone")
             last = label("delta_last_rad", self.beyond(theta_prev), "delta(k-1)")
             stretched = theta - last
-        dtheta = label(
-            "dtheta_rad",
-            clip(stretched, -self.step_max, self.step_max),
-            "delta(k) - delta(k-1)" if self.dead_zone else "theta(k) - theta(k-1)",
-        )
+        name = "delta" if self.dead_zone else "theta"
+        dtheta = clip(stretched, -self.step_max, self.step_max)
+        dtheta = label("dtheta_rad", dtheta, f"{name}(k) - {name}(k-1)")
         return theta, dtheta
 
     def hysteresis(
@@ -289,11 +236,9 @@ class _TorqueSensor:
     ) -> ca.SX:
         """(3.3, 3.4): torque of the Maxwell element after this step, before its clip."""
         # From the stored deflection even on the first sample: tau_r is then 0 whatever x is.
-        theta_mid = label(
-            "delta_mid_rad" if self.dead_zone else "theta_mid_rad",
-            self.beyond(s.theta_prev_rad) + 0.5 * self.h * u.omega_rad_s,
-            "deflection half a step on",
-        )
+        name = "delta_mid_rad" if self.dead_zone else "theta_mid_rad"
+        theta_mid = self.beyond(s.theta_prev_rad) + 0.5 * self.h * u.omega_rad_s
+        theta_mid = label(name, theta_mid, "deflection half a step on")
         # x = h kv / eta as one quotient of two positive numbers: eta itself is not needed.
         step_kv, sixth = self.h * p["kv_Nm_rad"], 1.0 / 6.0
         if self.dead_zone and not self.tunable:
@@ -319,51 +264,40 @@ class _TorqueSensor:
         return tau_r
 
     def state(self) -> tuple[Port, ...]:
+        plays = "play states F_i = theta - E_i of the stop operators"
         return (
             Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
             around("theta_prev_rad", self.theta_lim, "deflection of the last step"),
             around("tau_r_Nm", self.tau_lim, "torque of the Maxwell element", equation="(3.3)"),
-            around(
-                "play_rad",
-                2 * self.theta_lim,
-                "play states F_i = theta - E_i of the stop operators",
-                self.stops,
-                "(3.5-3.7)",
-                repair="block",
-            ),
+            around("play_rad", 2 * self.theta_lim, plays, self.stops, "(3.5-3.7)", repair="block"),
         )
 
     def inputs(self) -> tuple[Port, ...]:
+        theta = "deflection: motor-side minus load-side angle"
+        omega = "deflection rate in the middle of the step, free of theta(k)"
         return (
-            around(
-                "theta_rad",
-                self.theta_lim,
-                "deflection: motor-side minus load-side angle",
-                on_invalid="theta_prev_rad",
-            ),
-            around(
-                "omega_rad_s",
-                self.omega_lim,
-                "deflection rate in the middle of the step, free of theta(k)",
-                on_invalid=0.0,
-            ),
+            around("theta_rad", self.theta_lim, theta, on_invalid="theta_prev_rad"),
+            around("omega_rad_s", self.omega_lim, omega, on_invalid=0.0),
         )
 
     def outputs(self) -> tuple[Port, ...]:
-        torque = "part of the torque on the load"
+        torque, tau, full = "part of the torque on the load", self.tau_lim, self.tau_domain
+        jumped = "deflection jumped by more than its rate allows; clipped"
+        rate = "the Maxwell element's torque was clipped at its limit"
         return (
-            around("tau_Nm", self.tau_lim, "interaction torque on the load", equation="(3.1)"),
-            around("tau_spring_Nm", self.tau_lim, f"cubic spring: {torque}", equation="(3.2)"),
-            around("tau_rate_Nm", self.tau_lim, f"Maxwell element: {torque}", equation="(3.3)"),
-            around(
-                "tau_hysteresis_Nm", self.tau_lim, f"stop operators: {torque}", equation="(3.9)"
-            ),
-            Port(
-                "status",
-                0,
-                127,
+            around("tau_Nm", tau, "interaction torque on the load", equation="(3.1)"),
+            around("tau_spring_Nm", tau, f"cubic spring: {torque}", equation="(3.2)"),
+            around("tau_rate_Nm", tau, f"Maxwell element: {torque}", equation="(3.3)"),
+            around("tau_hysteresis_Nm", tau, f"stop operators: {torque}", equation="(3.9)"),
+            status_port(
                 "what is known of this sample",
-                flags=_status(self.tau_domain, self.tau_lim),
+                "an input was NaN or outside its physical range; the last deflection is held",
+                "the state was corrupt; the model was started afresh",
+                Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
+                Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
+                Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), full),
+                Flag("STEP_CLIPPED", jumped, True),
+                Flag("RATE_TORQUE_CLIPPED", rate, True, ("tau_rate_Nm",), tau),
             ),
         )
 
@@ -415,33 +349,30 @@ def _equations(rate_terms: bool, dead_zone: bool) -> tuple[Any, ...]:
     f_p, tau_p = sp.Symbol("F_i,k-1"), sp.Symbol("tau_r,k-1")
     p_i, r_i = sp.symbols("p_i r_i")
     total = tau_s + tau_r + tau_h if rate_terms else tau_s + tau_h
+    hysteresis = sp.Sum(p_i * e, (INDEX, 1, sp.Symbol("N")))
+    play = sp.Max(sp.Min(f_p, theta_k + r_i), theta_k - r_i)
     common = (
         equation("(3.1)", "tau_e", total, "torque: spring, rate terms, hysteresis"),
         equation("(3.2)", "tau_s", TAU_S.subs(standing), "cubic spring"),
-        equation("(3.9)", "tau_h", sp.Sum(p_i * e, (INDEX, 1, sp.Symbol("N"))), "hysteresis"),
+        equation("(3.9)", "tau_h", hysteresis, "hysteresis"),
         equation("(3.10)", "p_i", STOP_WEIGHT.subs(RADIUS, r_i), "weight of a stop operator"),
         equation("(3.11)", "r_i", SPACING * INDEX, "threshold of a stop operator"),
         equation(
-            "(3.5-3.7), play form",
-            "F_i",
-            sp.Max(sp.Min(f_p, theta_k + r_i), theta_k - r_i),
-            "stop operator E = theta - F, nothing summed",
+            "(3.5-3.7), play form", "F_i", play, "stop operator E = theta - F, nothing summed"
         ),
     )
-    rate = (
-        equation(
-            "(3.3)",
-            "tau_r",
-            (tau_p + KV * (theta_k - theta_p) * s) / (1 + x * s),
-            "Maxwell element, exponential step, series of third order",
-        ),
+    if not rate_terms:
+        return beyond + common
+    maxwell = (tau_p + KV * (theta_k - theta_p) * s) / (1 + x * s)
+    eta, steps = ETA.subs(standing), "Maxwell element, exponential step, series of third order"
+    return (
+        *beyond,
+        *common,
+        equation("(3.3)", "tau_r", maxwell, steps),
         equation("[series]", "sigma", 1 + x / 2 + x**2 / 6, "(exp(x) - 1)/x to third order"),
         equation("[step]", "x", DT * KV / sp.Symbol("eta"), "step over time constant"),
-        equation(
-            "(3.4)", "eta", ETA.subs(standing), "viscosity, from mid-step deflection and rate"
-        ),
+        equation("(3.4)", "eta", eta, "viscosity, from mid-step deflection and rate"),
     )
-    return beyond + common + (rate if rate_terms else ())
 
 
 __all__ = ["MODEL_KEYS", "RATE_KEYS", "Constant", "stop_grid", "torque_sensor"]

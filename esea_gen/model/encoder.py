@@ -1,25 +1,36 @@
 """Encoder front end: raw counts in, joint angle and whether it can be trusted out.
 
-What the chip gives is a whole number, and a word that says whether the frame can be believed.  All
-that decides anything here is whole numbers below 2^24, which every number format holds exactly, so
-that all formats decide alike; a rounding error enters only where turns and counts become an angle.
+All that decides anything is whole numbers below 2^24, which every number format holds exactly.
 """
 
 from __future__ import annotations
 
 import math
 from enum import IntFlag
+from itertools import product
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
 from esea_gen.devices.fields import EncoderSide
+from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Flag, Port, Status, Tunable, around, clip, flag_word
-from esea_gen.model.encoder_streams import STREAMS
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import (
+    Array,
+    Constant,
+    Flag,
+    Port,
+    Status,
+    Tunable,
+    around,
+    clip,
+    status_port,
+)
+from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:
@@ -37,10 +48,7 @@ NOISE_RAD = math.radians(0.5)
 
 
 class FrameError(IntFlag):
-    """Bits of the frame word; none set is a good frame.
-
-    The driver of the encoder's bus puts them together; the Block only asks whether the word is 0.
-    """
+    """Bits of the frame word, from the driver of the encoder's bus; 0 is a good frame."""
 
     PARITY = 1
     """The parity bit does not fit the frame."""
@@ -61,22 +69,6 @@ class FrameError(IntFlag):
 FRAME_ERROR_MAX = 127
 
 
-def _status() -> tuple[Flag, ...]:
-    return (
-        Flag("INPUT_INVALID", "count or frame word was NaN or outside its range", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; the encoder was started afresh", True),
-        Flag("FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True),
-        Flag("IMPLAUSIBLE_STEP", "the angle moved faster than the joint can; angle held", True),
-        Flag("HELD_TOO_LONG", "more bad frames in a row than may be bridged: not usable", True),
-        Flag("SETTLING", "too few frames that agree since the start: not usable"),
-        Flag("NOT_ZEROED", "no calibration has set the zero: not usable"),
-        Flag(
-            "REFERENCE_LOST",
-            "the angle jumped and stayed away, or left its range of turns: not usable until init",
-        ),
-    )
-
-
 def _snap(x: ca.SX, low: int, high: int) -> ca.SX:
     # Nearest whole number of a few, as a chain of selects: a constant, with no rounding error in
     # any format, so that the error analysis knows that counters do not drift.
@@ -86,22 +78,13 @@ def _snap(x: ca.SX, low: int, high: int) -> ca.SX:
     return value
 
 
-def _fraction_of_turn(count: ca.SX, cells: int, full: int) -> ca.SX:
-    return count * (cells / full)  # a power of two: exact
-
-
+# Nothing to decide, and the table's own value at every node.  Between nodes an error with n periods
+# a turn and amplitude a is missed by at most a (1 - cos(pi n / N)): with 64 values and n = 4, 2 %
+# of it.
 def correction(values: tuple[float, ...], count: ca.SX, bits: int) -> ca.SX:
-    """Periodic piecewise-linear interpolation of a correction table.
-
-    The value at a node and, cell by cell, the rise to the next one times the share of the cell that
-    the count has passed.  There is nothing to decide, the result is continuous, and it is the
-    table's own value at every node.
-
-    Five operations a cell.  Between nodes, an error with n periods a turn and amplitude a is missed
-    by at most ``a (1 - cos(pi n / N))``: with 64 values and n = 4, 2 % of it.
-    """
+    """Periodic piecewise-linear interpolation of a correction table."""
     n = len(values)
-    place = _fraction_of_turn(count, n, 1 << bits)
+    place = count * (n / (1 << bits))  # a power of two: exact
     total = ca.SX(values[0])
     for i, value in enumerate(values):
         rise = values[(i + 1) % n] - value
@@ -145,52 +128,37 @@ def _middle(device: DeviceData) -> float:
     return (low + high) / 2
 
 
+# With c the last good count, a frame is good when its word is 0 and its wrapped step from c is at
+# most the largest believable one times the frames since.  At the start the turn is the one within
+# half a turn of the middle of the range of motion, and SETTLED frames in a row must agree.  After
+# more than held_max bad frames the encoder is not usable: where they could not be read it starts
+# again from the absolute angle; readable but implausible ones say that something slipped, and the
+# reference is lost until init.
 def encoder(device: DeviceData, side: Side) -> Block:
-    """Front end of one encoder.
-
-    Let c be the last good count and d = count - c, wrapped to half a turn either way.  A frame is
-    good when its word is 0 and |d| is at most the largest believable step times the frames since
-    the last good one.  It then becomes the reference, and the number of turns follows from the
-    wrap; else the angle is held.
-
-    At the start the turn is the one that puts the joint within half a turn of the middle of its
-    range of motion, and ``SETTLED`` frames in a row must agree; until then a frame that does not
-    replaces the reference.  More than ``held_max`` bad frames in a row are not bridged: the encoder
-    is not usable, and
-
-    * after frames that could not be read it starts again, from the absolute angle, as at power-up;
-    * a readable frame that is still implausible says that something slipped or that reference and
-      reading belong to different things: the reference is lost until init.
-    """
+    """Front end of one encoder."""
     front = _Encoder(device, side)
-    return Block.define(
+    return Block.of(
+        front,
         f"encoder_{side}",
         f"Encoder front end, {side} side: count to joint angle",
-        period_s=device.period_s,
         constants=_constants(device, side, front.bits, front.step_max, front.held_max),
         tunables=_tunables(front.own),
         coefficients=(
             around("offset_rad", math.pi, "angle of the encoder where the joint is at 0"),
             Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
         ),
-        prepare=front.prepare,
-        state=front.state(),
         inputs=(
             Port("count", 0, front.full - 1, "raw count as the chip gives it, a whole number"),
             Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         ),
-        outputs=front.outputs(),
         equations=_equations(bool(front.table)),
-        step=front.step,
         streams=STREAMS,
     )
 
 
 class _Encoder:
-    """Numbers, step and ports of one encoder's front end."""
-
     def __init__(self, device: DeviceData, side: Side) -> None:
-        self.side = side
+        self.h, self.side = device.period_s, side
         self.own = _side(device, side)
         self.bits = int(device.file.encoder.resolution_bits.value)
         self.full, self.count_rad = 1 << self.bits, 2 * math.pi / (1 << self.bits)
@@ -215,9 +183,7 @@ class _Encoder:
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {"offset_rad": t.zero_rad, "zeroed": t.zeroed}
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         started, settled = s.settled > 0.5, s.settled > SETTLED - 0.5
         lost = s.lost > 0.5
         flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")
@@ -238,9 +204,8 @@ class _Encoder:
         # A frame that disagrees: before the encoder has settled it becomes the new reference.
         odd = ca.logic_and(started, ca.logic_and(readable, ca.logic_not(near)))
         odd = label("implausible", odd, "readable, but farther away than the joint can be")
-        start = label(
-            "start", ca.logic_and(readable, ca.logic_or(ca.logic_not(started), ca.logic_not(near)))
-        )
+        fresh = ca.logic_or(ca.logic_not(started), ca.logic_not(near))
+        start = label("start", ca.logic_and(readable, fresh))
         start = ca.logic_and(start, ca.logic_not(settled))
         good = ca.logic_and(readable, ca.logic_or(start, near))
         good = label("good", ca.logic_and(good, ca.logic_not(lost)), "becomes the reference")
@@ -254,11 +219,8 @@ class _Encoder:
         count = label("count_good", ca.if_else(good, u.count, s.count_last), "last good count")
         away = ca.logic_and(good, ca.fabs(wanted) > TURNS + 0.5)
 
-        held = label(
-            "bad_in_a_row",
-            ca.if_else(good, 0.0, _snap(s.held + 1, 0, self.held_max + 1)),
-            "bad frames in a row",
-        )
+        held = ca.if_else(good, 0.0, _snap(s.held + 1, 0, self.held_max + 1))
+        held = label("bad_in_a_row", held, "bad frames in a row")
         late = label("late", held > self.held_max + 0.5, "more than may be bridged")
         # Readable and implausible with nothing left to bridge: it slipped.  Unreadable: start anew.
         slipped = ca.logic_and(ca.logic_and(settled, odd), late)
@@ -272,16 +234,13 @@ class _Encoder:
 
         angle = (turn * self.full + count) * self.count_rad
         if self.table:
-            angle = angle + label(
-                "correction_rad", correction(self.table, count, self.bits), "[table]"
-            )
+            corrected = correction(self.table, count, self.bits)
+            angle = angle + label("correction_rad", corrected, "[table]")
         theta = label("theta_rad", self.sign * angle - c.offset_rad, "[angle] of the joint")
         doubts = [late, settling, unzeroed, lost_now]
         usable = ca.logic_not(
             ca.logic_or(ca.logic_or(doubts[0], doubts[1]), ca.logic_or(doubts[2], doubts[3]))
         )
-        bad = [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]
-        bad += [ca.logic_and(guard.inputs_ok, flagged), odd]
         next_state = {
             "count_last": count,
             "turn": turn,
@@ -292,7 +251,7 @@ class _Encoder:
         outputs = {
             "theta_rad": clip(theta, -self.theta_max, self.theta_max),
             "usable": usable,
-            "status": flag_word([*bad, *doubts]),
+            "status": guard.status(ca.logic_and(guard.inputs_ok, flagged), odd, *doubts),
         }
         return next_state, outputs
 
@@ -306,42 +265,42 @@ class _Encoder:
         )
 
     def outputs(self) -> tuple[Port, ...]:
+        angle = f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
+        away = "the angle jumped and stayed away, or left its range of turns: not usable until init"
+        late = "more bad frames in a row than may be bridged: not usable"
         return (
-            around(
-                "theta_rad",
-                self.theta_max,
-                f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
-                "the encoder is not usable",
-            ),
+            around("theta_rad", self.theta_max, f"{angle}the encoder is not usable"),
             Port("usable", 0.0, 1.0, "1 when the angle can be used"),
-            Port("status", 0, 255, "what is known of this sample", flags=_status()),
+            status_port(
+                "what is known of this sample",
+                "count or frame word was NaN or outside its range",
+                "the state was corrupt; the encoder was started afresh",
+                Flag(
+                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
+                ),
+                Flag(
+                    "IMPLAUSIBLE_STEP",
+                    "the angle moved faster than the joint can; angle held",
+                    True,
+                ),
+                Flag("HELD_TOO_LONG", late, True),
+                Flag("SETTLING", "too few frames that agree since the start: not usable"),
+                Flag("NOT_ZEROED", "no calibration has set the zero: not usable"),
+                Flag("REFERENCE_LOST", away),
+            ),
         )
 
 
 def _tunables(own: EncoderSide) -> tuple[Tunable, ...]:
-    zero = own.zero_rad
-    source = zero.source if zero else "no calibration"
-    status: Status = zero.status if zero else "assumed"
+    zero = own.zero_rad or Quantity(value=0.0, source="no calibration", status="assumed")
+    zeroed = zero.model_copy(update={"value": 1.0 if own.zero_rad else 0.0})
+    turns = "corrected angle of the encoder, times direction, where the joint is at 0: set it, "
+    says = "1 says that zero_rad comes from a calibration; 0 keeps the encoder unusable"
     return (
-        Tunable(
-            "zero_rad",
-            zero.value if zero else 0.0,
-            -math.pi,
-            math.pi,
-            "corrected angle of the encoder, times direction, where the joint is at 0: set it, "
-            "then init; higher lowers the joint angle",
-            source,
-            status,
+        zero.tunable(
+            "zero_rad", -math.pi, math.pi, f"{turns}then init; higher lowers the joint angle"
         ),
-        Tunable(
-            "zeroed",
-            1.0 if zero else 0.0,
-            0.0,
-            1.0,
-            "1 says that zero_rad comes from a calibration; 0 keeps the encoder unusable",
-            source,
-            status,
-        ),
+        zeroed.tunable("zeroed", 0.0, 1.0, says),
     )
 
 
@@ -349,20 +308,16 @@ def _constants(
     device: DeviceData, side: Side, bits: int, step_max: int, held_max: int
 ) -> tuple[Constant, ...]:
     own, resolution = _side(device, side), device.file.encoder.resolution_bits
-    q = own.step_max_rad
+
+    def given(name: str, value: int, q: Quantity | None, source: str, status: Status) -> Constant:
+        return Constant(name, value, q.source if q else source, q.status if q else status)
+
     by_speed = "speed limit times period, 0.5 deg of noise, one count"
-    held = own.held_max
+    bridged = "3.2 mrad at the elbow's fastest identified rate"
     return (
         Constant("resolution_bits", bits, resolution.source, resolution.status),
-        Constant(
-            "step_max_counts", step_max, q.source if q else by_speed, q.status if q else "derived"
-        ),
-        Constant(
-            "held_max",
-            held_max,
-            held.source if held else "3.2 mrad at the elbow's fastest identified rate",
-            held.status if held else "assumed",
-        ),
+        given("step_max_counts", step_max, own.step_max_rad, by_speed, "derived"),
+        given("held_max", held_max, own.held_max, bridged, "assumed"),
     )
 
 
@@ -372,18 +327,15 @@ def _equations(table: bool) -> tuple[Any, ...]:
     wrap = sp.Piecewise((d + f, d < -f / 2), (d - f, d > f / 2), (d, True))
     place, rise = sp.Symbol("x"), sp.Symbol("r_i")
     i, size = sp.Symbol("i"), sp.Symbol("N")
+    reach, turned = sp.Symbol("d_max") * (k + 1), 2 * sp.pi * (n + c / f)
+    turned = turned + (sp.Symbol("e_c") if table else 0)
     out = [
         equation("[wrap]", "w", wrap, "step, wrapped to half a turn; F counts a turn"),
-        equation(
-            "[reach]",
-            sp.Abs(w),
-            sp.Symbol("d_max") * (k + 1),
-            "largest believable step after k bad frames",
-        ),
+        equation("[reach]", sp.Abs(w), reach, "largest believable step after k bad frames"),
         equation(
             "[angle]",
             theta,
-            s * (2 * sp.pi * (n + c / f) + (sp.Symbol("e_c") if table else 0)) - zero,
+            s * turned - zero,
             "joint angle: n turns, count c, direction sigma, zero",
         ),
     ]
@@ -392,6 +344,116 @@ def _equations(table: bool) -> tuple[Any, ...]:
         total = sp.Symbol("e_0") + sp.Sum(rise * part, (i, 0, size - 1))
         out.append(equation("[table]", "e_c", total, "correction: x = N c / F, rise r_i a cell"))
     return tuple(out)
+
+
+def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
+    # A joint that moves slower than is believed, with frames missing, jumps that are bridged, a
+    # slip that stays, and turns beyond what is counted; back to the start by memory as after init.
+    port = next(p for p in block.inputs if p.name == "count")
+    word = next(p for p in block.inputs if p.name == "frame_error")
+    constant = {c.name: c.value for c in block.constants}
+    full, most = round(port.high) + 1, int(constant["step_max_counts"])
+    held = int(constant["held_max"])
+    parts: list[tuple[Array, Array]] = []
+    fresh: list[int] = []
+    now = 0.37 * full
+
+    def go(steps: int, rate: float, bad: tuple[int, ...] = (), jump: float = 0.0) -> None:
+        nonlocal now
+        path = now + jump + rate * np.arange(1, steps + 1)
+        frame = np.zeros(steps)
+        frame[list(bad)] = rng.integers(1, round(word.high) + 1, len(bad))
+        parts.append((np.floor(path) % full, frame))
+        now = float(path[-1])
+
+    def length() -> int:
+        return sum(len(a) for a, _ in parts)
+
+    def restart() -> None:
+        fresh.append(length())
+
+    for rate in (0.9 * most, -0.9 * most, 3.0):
+        go(60, rate, bad=(20, 30, 31))
+        # As many bad frames as may be bridged, and one more: then it starts again.
+        go(20, rate, bad=tuple(range(8, 8 + held)))
+        go(30, rate, bad=tuple(range(8, 9 + held)))
+    for _ in range(3):  # a jump and back: held, and good again
+        go(held - 1, 0.0, jump=4.0 * most)
+        go(12, 0.0, jump=-4.0 * most)
+    go(12, 0.0, jump=(held + 3.0) * most)  # a slip: it settles, the reference is lost
+    restart()
+    go(4, 0.0)
+    go(3, 0.0, jump=full / 3)  # while settling: the odd frame becomes the reference
+    go(12, 1.0)
+    for rate in (0.9 * most, -0.9 * most):  # more turns than are counted
+        restart()
+        go(int(6.0 * full / (0.9 * most)), rate)
+        go(5, 0.0, bad=(1, 2))
+    start = {p.name: np.full(p.size, p.init) for p in block.state}
+    count = np.concatenate([a for a, _ in parts])
+    frame = np.concatenate([b for _, b in parts])
+    inputs = {"count": count, "frame_error": frame}
+    broken = {k: v.copy() for k, v in inputs.items()}
+    for p in block.inputs:
+        hit = rng.random(len(count)) < 0.04
+        broken[p.name][hit] = rng.choice([*SPECIAL, p.high + 1.0], int(hit.sum()))
+    again = dict.fromkeys(fresh, start)
+    return [
+        Stream("motion, gaps and slips", inputs, again),
+        Stream("the same, with invalid inputs", broken, again),
+    ]
+
+
+def _edges(block: Block, dtype: np.dtype[Any], _rng: np.random.Generator) -> list[Stream]:
+    # Zeros that put a first frame half way between two turns, a hair to either side, and a little
+    # less than a percent; whether zeroed, at its threshold; and steps as far as is believed after
+    # so many bad frames, and one count farther.
+    count, word = block.inputs
+    constant = {c.name: c.value for c in block.constants}
+    most, held = int(constant["step_max_counts"]), int(constant["held_max"])
+    offset, zeroed = block.coefficients
+    start = {p.name: np.full(p.size, p.init) for p in block.state}
+    full = count.high + 1
+    turn = block.step.n_out() + [name for name, _ in block.labels].index("turn_wanted")
+
+    def wanted(zero: float, at: float) -> float:
+        # The Block's own formula: the turn that a first frame asks for.
+        first = [zero, 0.0, *(p.init for p in block.state), at, 0.0]
+        return float(block.labelled_step.call([ca.DM(x) for x in first])[turn])
+
+    frames: list[tuple[dict[str, Array], dict[str, Array], float]] = []
+    for at in (0.0, 1.0, np.floor(full / 3), full - 1):
+        here, slope = wanted(0.0, at), wanted(1.0, at) - wanted(0.0, at)
+        for half in np.arange(-5, 5) + 0.5:
+            zero = (half - here) / slope
+            if not offset.low < zero < offset.high:
+                continue
+            tie = dtype.type(zero)
+            near = [tie + k * np.spacing(tie) for k in range(-6, 7)]
+            near += [dtype.type((half * (1 + s) - here) / slope) for s in (-4e-3, 4e-3)]
+            frames += [(start, {offset.name: np.array([float(z)])}, at) for z in near]
+    edge = dtype.type(0.5)
+    for value in (edge - np.spacing(edge), edge, edge + np.spacing(edge), dtype.type(0.503)):
+        frames.append((start, {zeroed.name: np.array([float(value)])}, 0.0))
+    for bad in range(held + 1):
+        for far in (0, 1):
+            for way in (-1, 1):
+                step = way * (most * (bad + 1) + far)
+                for settled, last in product((2.0, 4.0), (full // 2, 2.0, full - 3.0)):
+                    past = {"held": bad, "settled": settled, "count_last": last, "turn": 1.0}
+                    state = start | {k: np.array([float(v)]) for k, v in past.items()}
+                    frames.append((state, {}, (last + step) % full))
+    return [
+        Stream(
+            "edges of turn, zero and reach",
+            {count.name: np.array([f[2] for f in frames]), word.name: np.zeros(len(frames))},
+            {k: f[0] for k, f in enumerate(frames)},
+            {k: f[1] for k, f in enumerate(frames)},
+        )
+    ]
+
+
+STREAMS = OwnStreams(_events, _edges)
 
 
 __all__ = ["FrameError", "correction", "encoder", "step_max_counts"]

@@ -1,38 +1,20 @@
 """A family of elastomer models: what a member is made of, and what holds for every one of them.
 
-With x the deflection over the largest trained one, a member's torque is a sum of terms
+With x the deflection over the largest trained one, a member's torque is a sum of w d(m, s)
+op[q(x)], w >= 0: ``q`` rises through the origin, ``op`` is a spring (q itself), a Maxwell branch, a
+stop or a slip operator driven by q, and ``d`` a softening that only falls with the largest |x| (m)
+or the path travelled (s).  At most an offset is added.  Whatever the numbers are:
 
-    w d(m, s) op[q(x)],   w >= 0,
+* No closed path gives energy.  Each operator is q(x) - F with an F that only moves towards q(x):
+  in time (Maxwell, Tschoegl 1989), where |q - F| would exceed a threshold (stop), or with the
+  path of q (slip, Dahl 1968).  With Q the integral of q and Q* its conjugate, F moving towards
+  q(x) can only lower the stored Q(x) - F x + Q*(F) >= 0; multiplied by a d that only falls, it
+  falls faster.
+* The torque rises with the deflection, by at least the springs' slope: the inverse is unique.
 
-of which ``q`` is an increasing function through the origin, ``op`` a spring (q itself), a Maxwell
-branch, a stop operator or a slip operator driven by q, and ``d`` a softening that can only fall:
-with the largest |x| so far (m) or with the path travelled (s).  At most an offset is added.
-
-Three things follow from that form, whatever the numbers are:
-
-* **No closed path gives energy.**  Each operator is q(x) - F with an inner value F that only moves
-  towards q(x): in time (Maxwell [1]_), where |q - F| would exceed a threshold (stop), or with the
-  path of q (slip, Dahl's friction [2]_).  With Q the integral of q and Q* its conjugate, the stored
-  energy is Q(x) - F x + Q*(F) >= 0, and F moving towards q(x) can only lower it.  Multiplied by a d
-  that only falls, it falls faster.
-* **The torque rises with the deflection**, whatever has happened before: q rises, the operators are
-  monotone in the present q, and d is that of the step before.  Its slope is at least that of the
-  springs (:attr:`FittedMember.least_slope_Nm_rad`), so that the inverse is unique.
-* **Outside the trained range** nothing bends back, because nothing is negative there either.
-
-A factor for the rubber's temperature multiplies every term but the offset
-(:mod:`esea_gen.model.temperature`).  At a constant temperature it is one more constant, and all
-three hold.  Where it changes under load by dg, the stored energy changes by dg times what would be
-stored at the reference: a rubber that stiffens while it is bent gives that much, and no more.
-
-Softening does not recover while the model runs: stiffness that came back under load would be energy
-from nowhere.  It recovers where the coupling rests unloaded, and for the model that is its start: a
-start is either ``virgin`` or ``conditioned``.
-
-References
-----------
-.. [1] N. W. Tschoegl, "The Phenomenological Theory of Linear Viscoelastic Behavior", Springer 1989.
-.. [2] P. R. Dahl, "A solid friction model", Aerospace Corp. TOR-0158(3107-18)-1, 1968.
+A factor for temperature multiplies every term but the offset; where it changes under load by dg,
+the stored energy changes by dg times that at the reference.  Softening recovers where the coupling
+rests unloaded, which for the model is its start: ``virgin`` or ``conditioned``.
 """
 
 from __future__ import annotations
@@ -56,13 +38,6 @@ PATH_BAND = 0.02
 
 @dataclass(frozen=True)
 class Rise:
-    """An increasing odd function of the scaled deflection, or one side of it.
-
-    kind: x^number (number 1, 3 or 5), or x / (1 + |x| / number), which is steep near 0.
-    number: Above 0.
-    side: an asymmetric spring is one with a term for each side.
-    """
-
     kind: Literal["power", "bend"]
     number: float
     side: Literal["both", "positive", "negative"] = "both"
@@ -75,14 +50,12 @@ class Rise:
 
     @property
     def text(self) -> str:
-        """As a formula."""
         formula = "x" if self.number == 1 else f"x^{self.number:g}"
         if self.kind == "bend":
             formula = f"x/(1+|x|/{self.number:g})"
         return formula if self.side == "both" else f"{formula}, {self.side} side"
 
     def __call__(self, x: ca.SX) -> ca.SX:
-        """Its value."""
         if self.kind == "bend":
             value = x / (1 + ca.fabs(x) * (1 / self.number))
         else:
@@ -94,7 +67,6 @@ class Rise:
         return ca.fmax(value, 0) if self.side == "positive" else ca.fmin(value, 0)
 
     def slope(self, x: ca.SX) -> ca.SX:
-        """Its slope."""
         if self.kind == "bend":
             bent = 1 + ca.fabs(x) * (1 / self.number)
             value = 1 / (bent * bent)
@@ -107,29 +79,20 @@ class Rise:
         return ca.if_else(x >= 0 if self.side == "positive" else x <= 0, value, 0)
 
     def most(self, reach: float) -> float:
-        """Its largest magnitude."""
         power = reach ** int(self.number) if self.kind == "power" else 0.0
         return power or reach / (1 + reach / self.number)
 
     def least_slope(self, reach: float) -> float:
-        """Its smallest slope."""
         if self.side != "both" or (self.kind == "power" and self.number > 1):
             return 0.0
         return 1.0 if self.kind == "power" else (1 + reach / self.number) ** -2
 
     def most_slope(self, reach: float) -> float:
-        """Its largest slope."""
         return 1.0 if self.kind == "bend" else self.number * reach ** (int(self.number) - 1)
 
 
 @dataclass(frozen=True)
 class Softening:
-    """A factor from 1 downwards.
-
-    kind: 1 / (1 + m / number), m the largest |x| so far; or exp(-s / number), s the path travelled.
-    number: Above 0; in units of x.
-    """
-
     kind: Literal["strain", "path"]
     number: float
 
@@ -139,28 +102,15 @@ class Softening:
 
     @property
     def text(self) -> str:
-        """As a formula."""
         n = f"{self.number:g}"
         return f"1/(1+m/{n})" if self.kind == "strain" else f"exp(-s/{n})"
 
     def least(self, reach: float) -> float:
-        """What is left of it at worst."""
         return 1 / (1 + reach / self.number) if self.kind == "strain" else 0.0
 
 
 @dataclass(frozen=True)
 class Term:
-    """One term of a member: one weight, which is solved for.
-
-    kind: the operator.
-    rise: what drives it.
-    numbers: maxwell: relaxation times in s, several for a fractional element.  Stop: threshold of
-        q. Slip: path of q over which it forgets.
-    exponent: of a fractional element: its branches have the fixed shares T^-exponent (1 for a
-        single branch).
-    softening: its factor.
-    """
-
     kind: Kind
     rise: Rise = Rise("power", 1)
     numbers: tuple[float, ...] = ()
@@ -177,7 +127,6 @@ class Term:
 
     @property
     def text(self) -> str:
-        """One line for headers and reports."""
         if self.kind == "offset":
             return "offset"
         words = {"maxwell": "time, s", "stop": "threshold", "slip": "path"}.get(self.kind)
@@ -190,39 +139,25 @@ class Term:
 
     @property
     def shares(self) -> tuple[tuple[float, float], ...]:
-        """Numbers with their fixed shares."""
         return tuple((n, n**-self.exponent) for n in self.numbers)
 
 
 @dataclass(frozen=True)
 class Member:
-    """A member of the family, its weights still unknown.
-
-    name: short, for tables.
-    title: one line for reports.
-    terms: its terms.
-    """
-
     name: str
     title: str
     terms: tuple[Term, ...]
 
     @property
     def timed(self) -> bool:
-        """Whether it needs time."""
         return any(t.kind == "maxwell" for t in self.terms)
 
 
+# weights_Nm: one a term, 0 or above except an offset's.  Slopes and torques here are those at the
+# temperature of the range at which they are least or largest.
 @dataclass(frozen=True)
 class FittedMember:
-    """A member with its weights.
-
-    member: its form.
-    scale_rad: deflection for which x is 1.
-    weights_Nm: one a term; 0 or above, except an offset's.
-    temperature: what the rubber's temperature changes.  Slopes and torques here are those at the
-        temperature of its range at which they are least or largest.
-    """
+    """A member with its weights."""
 
     member: Member
     scale_rad: float
@@ -250,7 +185,6 @@ class FittedMember:
         return (1.0, 1.0) if self.temperature is None else self.temperature.ends
 
     def least_slope_Nm_rad(self, theta_rad: float) -> float:
-        """Least slope of the torque over the present deflection."""
         reach = theta_rad / self.scale_rad
         total = 0.0
         for weight, term in self.used:
@@ -280,7 +214,6 @@ class FittedMember:
         return min(f * total for f in self.factors) / self.scale_rad
 
     def most_slope_Nm_rad(self, theta_rad: float) -> float:
-        """Largest slope of the torque over the present deflection."""
         reach, total = theta_rad / self.scale_rad, 0.0
         for weight, term in self.used:
             if term.kind != "offset":
@@ -290,7 +223,6 @@ class FittedMember:
         return self.factors[1] * total / self.scale_rad
 
     def most_Nm(self, theta_rad: float) -> float:
-        """Largest torque there can be."""
         reach, total = theta_rad / self.scale_rad, 0.0
         for weight, term in self.used:
             size = 1.0 if term.kind == "offset" else self.factors[1] * term.rise.most(reach)

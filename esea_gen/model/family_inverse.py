@@ -1,12 +1,10 @@
 """Exact inverse of a member of the elastomer family: desired torque in, deflection set-point out.
 
-From any memory the torque rises with the present deflection, with a slope of at least that of the
-springs (:mod:`esea_gen.model.family`), so that one set-point gives the request, and a bracket that
-holds it never loses it.  A fixed number of Newton steps is taken from the last set-point; one that
-leaves the bracket is replaced by the bracket's middle.  What is left is computed and reported: the
-flag ``NOT_CONVERGED`` says when a request jumped so far that the steps did not suffice, and the
-next period goes on from there.  (Secant steps cost half as much and miss by 20 times as much where
-the motion turns back, because the slope of a slip operator jumps there.)
+From any memory the torque rises with the present deflection, so that a bracket never loses the
+set-point.  A fixed number of Newton steps is taken from the last one; a step that leaves the
+bracket is replaced by its middle.  ``NOT_CONVERGED`` says when the steps did not suffice; the
+next period goes on from there.  (Secant steps cost half as much and miss by 20 times as much
+where the motion turns back, because the slope of a slip operator jumps there.)
 """
 
 from __future__ import annotations
@@ -15,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from esea_gen.language.block import Block, Guard, Labels, Solved
-from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
+from esea_gen.language.ports import Flag, Port, around, clip, status_port, threshold
 from esea_gen.model.family import FittedMember, Start
 from esea_gen.model.family_sensor import (
     factor_in,
@@ -38,8 +36,6 @@ STEPS = 12
 
 
 class _FamilyInverse:
-    """The equation of one step, its solution and the ports."""
-
     def __init__(self, device: DeviceData, fitted: FittedMember, start: Start, steps: int) -> None:
         file = device.file
         self.model = family_step(device, fitted, start)
@@ -88,9 +84,7 @@ class _FamilyInverse:
             theta = label(f"theta_{k}_rad", ca.if_else(done, theta, safe), "safeguarded step")
         return clip(theta, -self.theta_lim, self.theta_lim)
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         primed = label("ready", ca.logic_and(s.primed, guard.state_ok), "there is a last set-point")
         last = label("theta_from_rad", ca.if_else(primed, s.theta_prev_rad, 0), "theta(k-1)")
         wanted = label("request_Nm", clip(u.tau_Nm, -self.tau_lim, self.tau_lim), "clamped request")
@@ -106,16 +100,12 @@ class _FamilyInverse:
         at_limit = ca.fabs(theta) >= self.theta_lim
         clamped = ca.logic_or(ca.fabs(u.tau_Nm) > self.tau_lim, at_limit)
         missed = ca.logic_and(ca.fabs(residual) > self.good, ca.logic_not(clamped))
-        status = flag_word(
-            [
-                ca.logic_not(guard.inputs_ok),
-                ca.logic_not(guard.state_ok),
-                ca.fabs(theta) > self.domain["theta"],
-                ca.fabs(omega) > self.domain["omega"],
-                ca.fabs(u.tau_Nm) > self.domain["tau"],
-                ca.logic_and(guard.inputs_ok, clamped),
-                ca.logic_and(guard.inputs_ok, missed),
-            ]
+        status = guard.status(
+            ca.fabs(theta) > self.domain["theta"],
+            ca.fabs(omega) > self.domain["omega"],
+            ca.fabs(u.tau_Nm) > self.domain["tau"],
+            ca.logic_and(guard.inputs_ok, clamped),
+            ca.logic_and(guard.inputs_ok, missed),
         )
         room = 2 * REQUEST_ROOM * self.tau_lim
         outputs = {
@@ -147,44 +137,40 @@ class _FamilyInverse:
 
     def outputs(self) -> tuple[Port, ...]:
         room = 2 * REQUEST_ROOM * self.tau_lim
-        d, held = self.domain, "an input was NaN or outside its range; the set-point is held"
+        d = self.domain
         theta = "|set-point| is outside the identified domain"
         rate = "|rate of the set-point| is outside the identified domain"
         short = "the request cannot be reached; the set-point stands at its limit"
         far = "|residual| is above its limit; the next period goes on from here"
-        flags = (
-            Flag("INPUT_INVALID", held, True),
-            Flag("STATE_REPAIRED", "the state was corrupt; the model was started afresh", True),
-            Flag("THETA_OUTSIDE", theta, False, ("theta_rad",), d["theta"]),
-            Flag("RATE_OUTSIDE", rate, False, ("omega_mid_rad_s",), d["omega"]),
-            Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
-            Flag("REQUEST_CLAMPED", short, True, ("theta_rad",), self.theta_lim),
-            Flag("NOT_CONVERGED", far, True, ("residual_Nm",), self.good),
-        )
         return (
             around("theta_rad", self.theta_lim, "deflection set-point"),
             around("omega_mid_rad_s", self.omega_lim, "rate of the set-point over this step"),
             around("tau_model_Nm", self.tau_lim, "the model's torque at the set-point"),
             around("residual_Nm", room, "request less the model's torque"),
-            Port("status", 0, 2 ** len(flags) - 1, "what is known of this set-point", flags=flags),
+            status_port(
+                "what is known of this set-point",
+                "an input was NaN or outside its range; the set-point is held",
+                "the state was corrupt; the model was started afresh",
+                Flag("THETA_OUTSIDE", theta, False, ("theta_rad",), d["theta"]),
+                Flag("RATE_OUTSIDE", rate, False, ("omega_mid_rad_s",), d["omega"]),
+                Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
+                Flag("REQUEST_CLAMPED", short, True, ("theta_rad",), self.theta_lim),
+                Flag("NOT_CONVERGED", far, True, ("residual_Nm",), self.good),
+            ),
         )
 
 
 def family_inverse(
     device: DeviceData, fitted: FittedMember, start: Start = "virgin", steps: int = STEPS
 ) -> Block:
-    """The exact inverse of a fitted member as a Block."""
     inverse = _FamilyInverse(device, fitted, start, steps)
-    return Block.define(
+    return Block.of(
+        inverse,
         "inverse",
         f"Exact inverse: {fitted.member.title}",
-        period_s=device.period_s,
         state=inverse.model.state(),
         inputs=(request_port(inverse.tau_lim),),
-        outputs=inverse.outputs(),
-        facts=inverse.facts(),
         solved=inverse.solved(fitted),
-        step=inverse.step,
         **temperature_parts(device, fitted),
     )
 

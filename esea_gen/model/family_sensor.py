@@ -1,9 +1,7 @@
 """A member of the elastomer family as a Block, and the Block of its unit terms, which fits it.
 
-Both are the same step.  The first has the weights folded in, and terms that share an operator
-merged: Maxwell branches are linear in what drives them, so that those of one time and one softening
-need one state, whatever number of rises drives them.  The second gives one output for each term, so
-that the weights can be solved for from what the very code makes of a recording.
+Both are the same step.  The first has the weights folded in, and terms of one operator merged; the
+second gives one output for each term, of which the weights are solved for.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
     Flag,
@@ -22,7 +20,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.model.family import FittedMember, Member, Start
@@ -53,9 +51,7 @@ def unit_terms(member: Member, period_s: float) -> Block:
     )
     count = len(member.terms)
 
-    def step(
-        c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         state, parts = steps.run(s, u.theta_rad, guard, label)
         columns = [ca.SX(0)] * count
         for p in parts:
@@ -117,47 +113,66 @@ def temperature_parts(device: DeviceData, fitted: FittedMember) -> dict[str, Any
     }
 
 
-def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virgin") -> Block:
-    """A fitted member as a torque sensor Block, with the ports of the thesis' one."""
-    file = device.file
-    theta_lim = threshold(file.limits.theta_rad.value)
-    omega_lim = threshold(file.limits.omega_rad_s.value)
-    tau_lim = torque_limit(device, fitted)
-    domain = file.domain
-    steps = family_step(device, fitted, start)
-    full_scale = threshold(domain.tau_full_scale_Nm.value)
-    theta_most = threshold(domain.theta_max_rad.value)
-    omega_most = threshold(domain.omega_max_rad_s.value)
+class _FamilySensor:
+    def __init__(self, device: DeviceData, fitted: FittedMember, start: Start) -> None:
+        limits, domain = device.file.limits, device.file.domain
+        self.h, self.fitted = device.period_s, fitted
+        self.theta_lim = threshold(limits.theta_rad.value)
+        self.omega_lim = threshold(limits.omega_rad_s.value)
+        self.tau_lim = torque_limit(device, fitted)
+        self.steps = family_step(device, fitted, start)
+        self.state = self.steps.state
+        self.full_scale = threshold(domain.tau_full_scale_Nm.value)
+        self.theta_most = threshold(domain.theta_max_rad.value)
+        self.omega_most = threshold(domain.omega_max_rad_s.value)
 
-    def step(
-        c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        state, sums = steps.torque(s, u.theta_rad, guard, label, factor_in(c))
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
+        state, sums = self.steps.torque(s, u.theta_rad, guard, label, factor_in(c))
         sums = {k: label(f"tau_{k}_Nm", v, f"{k}: sum of its terms") for k, v in sums.items()}
         tau = label("tau_Nm", sums["spring"] + sums["rate"] + sums["hysteresis"], "torque")
-        status = flag_word(
-            [
-                ca.logic_not(guard.inputs_ok),
-                ca.logic_not(guard.state_ok),
-                ca.fabs(u.theta_rad) > theta_most,
-                ca.fabs(u.omega_rad_s) > omega_most,
-                ca.fabs(tau) > full_scale,
-            ]
+        status = guard.status(
+            ca.fabs(u.theta_rad) > self.theta_most,
+            ca.fabs(u.omega_rad_s) > self.omega_most,
+            ca.fabs(tau) > self.full_scale,
         )
-        outputs = {f"tau_{k}_Nm": clip(v, -tau_lim, tau_lim) for k, v in sums.items()}
-        outputs |= {"tau_Nm": clip(tau, -tau_lim, tau_lim), "status": status}
-        return state, outputs
+        most = self.tau_lim
+        outputs = {f"tau_{k}_Nm": clip(v, -most, most) for k, v in sums.items()}
+        return state, outputs | {"tau_Nm": clip(tau, -most, most), "status": status}
 
-    return Block.define(
+    def inputs(self) -> tuple[Port, ...]:
+        text = "deflection: motor-side minus load-side angle"
+        rate = "deflection rate in the middle of the step"
+        return (
+            around("theta_rad", self.theta_lim, text, on_invalid="theta_prev_rad"),
+            around("omega_rad_s", self.omega_lim, rate, on_invalid=0.0),
+        )
+
+    def outputs(self) -> tuple[Port, ...]:
+        part, tau, full = "part of the torque on the load", self.tau_lim, self.full_scale
+        return (
+            around("tau_Nm", tau, "interaction torque on the load"),
+            around("tau_spring_Nm", tau, f"springs and offset: {part}"),
+            around("tau_rate_Nm", tau, f"Maxwell branches: {part}"),
+            around("tau_hysteresis_Nm", tau, f"stop and slip operators: {part}"),
+            status_port(
+                "what is known of this sample",
+                "an input was NaN or outside its physical range",
+                "the state was corrupt; the model was started afresh",
+                Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
+                Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
+                Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), full),
+            ),
+        )
+
+
+def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virgin") -> Block:
+    """A fitted member as a torque sensor Block, with the ports of the thesis' one."""
+    return Block.of(
+        _FamilySensor(device, fitted, start),
         "sensor",
         f"Elastomer torque sensor: {fitted.member.title}",
-        period_s=device.period_s,
         constants=family_constants(device, fitted),
-        state=steps.state(),
-        inputs=_inputs(theta_lim, omega_lim),
-        outputs=_outputs(tau_lim, full_scale),
         equations=_equations(fitted),
-        step=step,
         **temperature_parts(device, fitted),
     )
 
@@ -176,54 +191,22 @@ def family_constants(device: DeviceData, fitted: FittedMember) -> tuple[Constant
             Constant(f"w{i}_Nm", w, t.text, "identified") for i, (w, t) in enumerate(fitted.used, 1)
         )
         return (scale, *weights)
-    q = family.scale_rad
-    found = [Constant("scale_rad", q.value, q.source, q.status)]
+    found = [family.scale_rad.constant("scale_rad")]
     for known, term in zip(family.terms, fitted.member.terms, strict=True):
         q = known.weight_Nm
         if q.value:
             said = f"{term.text}; {q.source}"
             found.append(Constant(f"w{len(found)}_Nm", q.value, said, q.status))
     t = family.temperature
-    warm = () if t is None else (("reference_C", t.reference_C), ("per_K", t.per_K))
-    return (*found, *(Constant(name, q.value, q.source, q.status) for name, q in warm))
-
-
-def _inputs(theta_lim: float, omega_lim: float) -> tuple[Port, ...]:
-    text = "deflection: motor-side minus load-side angle"
-    rate = "deflection rate in the middle of the step"
-    return (
-        around("theta_rad", theta_lim, text, on_invalid="theta_prev_rad"),
-        around("omega_rad_s", omega_lim, rate, on_invalid=0.0),
-    )
-
-
-def _outputs(tau_lim: float, full_scale: float) -> tuple[Port, ...]:
-    flags = (
-        Flag("INPUT_INVALID", "an input was NaN or outside its physical range", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; the model was started afresh", True),
-        Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
-        Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
-        Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), full_scale),
-    )
-    part = "part of the torque on the load"
-    return (
-        around("tau_Nm", tau_lim, "interaction torque on the load"),
-        around("tau_spring_Nm", tau_lim, f"springs and offset: {part}"),
-        around("tau_rate_Nm", tau_lim, f"Maxwell branches: {part}"),
-        around("tau_hysteresis_Nm", tau_lim, f"stop and slip operators: {part}"),
-        Port("status", 0, 2 ** len(flags) - 1, "what is known of this sample", flags=flags),
-    )
+    if t is None:
+        return tuple(found)
+    return (*found, t.reference_C.constant("reference_C"), t.per_K.constant("per_K"))
 
 
 def _equations(fitted: FittedMember) -> tuple[Any, ...]:
     x, q, last, inner = sp.symbols("x q q_k-1 F_k-1")
     a, b, r, length, m, moved = sp.symbols("a b r L m s", positive=True)
-    weight, factor, value, index = (
-        sp.Symbol("w_i"),
-        sp.Symbol("d_i"),
-        sp.Symbol("z_i"),
-        sp.Symbol("i"),
-    )
+    weight, factor, value, index = sp.symbols("w_i d_i z_i i")
     total = sp.Sum(weight * factor * value, (index, 1, sp.Symbol("N")))
     warm: tuple[Any, ...] = ()
     if fitted.temperature is not None:
@@ -231,11 +214,10 @@ def _equations(fitted: FittedMember) -> tuple[Any, ...]:
         total = warmth * total
         text = "factor of all terms but the offset; c_T: per_K, T_0: reference_C"
         warm = (equation("[temperature]", "g", 1 + change * apart, text),)
+    others = "others are x, x^3, x^5"
     return (
         equation("[family]", "tau", total, "every weight 0 or above"),
-        equation(
-            "[rise]", "q", x / (1 + sp.Abs(x) / a), "a rise that bends; others are x, x^3, x^5"
-        ),
+        equation("[rise]", "q", x / (1 + sp.Abs(x) / a), f"a rise that bends; {others}"),
         equation("[maxwell]", "F", (1 - a - b) * inner + a * q + b * last, "z = q - F"),
         equation("[stop]", "F", sp.Max(sp.Min(inner, q + r), q - r), "z = q - F"),
         equation("[slip]", "z'", 1 - sp.Symbol("z") * sp.sign(q - last) / length, "over q; Dahl"),

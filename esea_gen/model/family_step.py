@@ -32,10 +32,7 @@ Factors = dict[Softening | None, ca.SX]
 
 @dataclass(frozen=True)
 class FamilyElement:
-    """One operator with one state: what drives it, and what its value is multiplied with.
-
-    gains: weight, softening and column of the result.
-    """
+    """One operator with one state: what drives it, and its gains: weight, softening, column."""
 
     kind: str
     number: float
@@ -51,12 +48,6 @@ class FamilyElement:
 
 @dataclass(frozen=True)
 class OperatorStep:
-    """What one operator gives in a step.
-
-    value, slope: of weight 1, not softened; the slope is over x.
-    factors, softening: each softening's factor, and the slope of that over x.
-    """
-
     element: FamilyElement
     value: ca.SX
     slope: ca.SX
@@ -64,14 +55,10 @@ class OperatorStep:
     softening: Factors
 
     def gain(self) -> ca.SX:
-        """Its weights, softened."""
         return sum((w * self.factors[soft] for w, soft, _ in self.element.gains), ca.SX(0))
 
     def torque_slope(self) -> ca.SX:
-        """Of its torque over x.
-
-        Only at the first sample does a factor depend on x, and all but springs are at rest then.
-        """
+        """Of its torque over x; only at the first sample does a factor depend on x."""
         total = self.gain() * self.slope
         if self.element.kind == "spring":
             for w, soft, _ in self.element.gains:
@@ -80,7 +67,6 @@ class OperatorStep:
 
 
 def unit_elements(member: Member) -> tuple[FamilyElement, ...]:
-    """Every term by itself, with weight 1."""
     out = []
     for column, t in enumerate(member.terms):
         drive: Drive = ((1.0, t.rise),)
@@ -122,10 +108,7 @@ def maxwell_shares(ratio: float) -> tuple[float, float]:
 
 
 class FamilyStep:
-    """The step of any member: operators, softening, memory.
-
-    derived: whether its derivative will be taken; the values are the same.
-    """
+    """The step of any member; with ``derived`` its derivative will be taken, of the same values."""
 
     def __init__(
         self,
@@ -165,7 +148,6 @@ class FamilyStep:
     def run(
         self, s: Any, theta: ca.SX, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], list[OperatorStep]]:
-        """The next state, and what each operator gives."""
         # The first valid sample defines where the operators start: nothing is stored in them.
         primed = ca.logic_and(s.primed, guard.state_ok)
         primed = label("primed", primed, "0 until a valid sample has been seen")
@@ -182,22 +164,16 @@ class FamilyStep:
     def torque(
         self, s: Any, theta: ca.SX, guard: Guard, label: Labels, factor: Any = None
     ) -> tuple[dict[str, Any], dict[str, ca.SX]]:
-        """The next state, and the torque of the springs, of the branches and of the hysteresis.
-
-        factor: of temperature, for all but the offset; None for a member without one.
-        """
+        """The next state, and the torque of the springs, of the branches and of the hysteresis."""
         state, sums, _ = self.torque_and_slope(s, theta, guard, label, factor)
         return state, sums
 
+    # Written out and not CasADi's: the series of a slip is its own equation's to third order, so
+    # that its slope costs a quotient whose factors lie between 0 and 2, which intervals see.
     def torque_and_slope(
         self, s: Any, theta: ca.SX, guard: Guard, label: Labels, factor: Any = None
     ) -> tuple[dict[str, Any], dict[str, ca.SX], ca.SX]:
-        """As :meth:`torque`, and the whole torque's slope over this step's deflection, Nm/rad.
-
-        Written out and not CasADi's: the series of a slip is its own equation's to third order, so
-        that its slope costs a quotient, and every factor of it lies between 0 and 2, where
-        intervals see no more than that a difference of large products is divided.
-        """
+        """As :meth:`torque`, and the whole torque's slope over this step's deflection, Nm/rad."""
         state, parts = self.run(s, theta, guard, label)
         steady = ca.SX(0)
         sums = {"spring": ca.SX(0), "rate": ca.SX(0), "hysteresis": ca.SX(0)}

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Flag,
     Port,
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -26,75 +26,55 @@ if TYPE_CHECKING:
     from esea_gen.devices.numbers import Quantity
 
 
-def _status(omega_lim: float, what: str) -> tuple[Flag, ...]:
-    held = f"the {what} was NaN or outside its range; the last estimate is held"
-    return (
-        Flag("INPUT_INVALID", held, True),
-        Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
-        Flag(
-            "RATE_CLIPPED",
-            "the estimate was clipped at the rate's physical range",
-            True,
-            ("omega_rad_s", "omega_mid_rad_s"),
-            omega_lim,
-        ),
-    )
-
-
 BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 2.0, 100.0
 # The viscosity is steepest at rate zero: with the general aim q31's rate comes to rest 3e-5 rad/s
 # off and its torque errs by 0.06 % of full scale, with this one by 0.02 %.
 FINER = 25.0
 
 
+def triple_pole_gains(bandwidth_Hz: Any, h: float) -> dict[str, Any]:
+    """Gains of a third-order tracking observer whose errors have one pole, three times."""
+    pole = ca.exp(-2 * math.pi * h * bandwidth_Hz)
+    q = 1 - pole
+    return {
+        "alpha": 1 - pole * pole * pole,
+        "beta_1_s": 1.5 * q * q * (1 + pole) / h,
+        "gamma_1_s2": q * q * q / (h * h),
+    }
+
+
+def triple_pole_ports(h: float) -> tuple[Port, ...]:
+    return (
+        Port("alpha", 0.0, 1.0, "position gain"),
+        Port("beta_1_s", 0.0, 3.0 / h, "velocity gain"),
+        Port("gamma_1_s2", 0.0, 1.0 / h**2, "acceleration gain"),
+    )
+
+
+# A constant acceleration leaves no steady error.  The rate for the middle of the coming step is
+# from past samples only: the viscosity then holds nothing of theta(k), which keeps the sensor's
+# inverse unique.
 def tracking_observer(
     device: DeviceData, joint_rad: float | None = None, bandwidth_Hz: Quantity | None = None
 ) -> Block:
-    """Third-order tracking observer (alpha-beta-gamma filter) with a triple real pole.
-
-    It follows position, velocity and acceleration, so that a constant acceleration leaves no
-    steady error and the rate has no group delay at low frequency.  Besides the present rate it
-    gives the rate predicted for the middle of the coming step, from past samples only: the
-    viscosity then holds nothing of theta(k), which keeps the sensor's inverse unique.
-
-    Delay, gain and noise follow from the bandwidth alone:
-    :func:`esea_gen.model.velocity_properties.velocity_properties`.
-
-    References
-    ----------
-    .. [1] P. R. Kalata, "The tracking index: a generalized parameter for alpha-beta and
-       alpha-beta-gamma target trackers", IEEE Trans. AES 20(2), 1984 (the gains are the
-       critically damped, fading-memory ones).
-    """
+    """Third-order tracking observer (Kalata 1984) with a triple real pole."""
     law = _TrackingObserver(device, joint_rad, bandwidth_Hz)
     p, q, hs, e, v, a = sp.symbols("p q h e v a")
-    return Block.define(
+    return Block.of(
+        law,
         "velocity" if joint_rad is None else "joint_rate",
         f"{law.what.capitalize()} rate: third-order tracking observer",
-        period_s=law.h,
         constants=device.constants("timing"),
-        tunables=law.tunables(),
-        coefficients=(
-            Port("alpha", 0.0, 1.0, "position gain"),
-            Port("beta_1_s", 0.0, 3.0 / law.h, "velocity gain"),
-            Port("gamma_1_s2", 0.0, 1.0 / law.h**2, "acceleration gain"),
-        ),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
+        coefficients=triple_pole_ports(law.h),
         equations=(
             equation("[obs 1]", "v_k", v + hs * a + sp.Symbol("beta") * e, "rate"),
             equation("[obs 2]", "omega_m", v + hs * a / 2, "rate in the middle of the step"),
             equation("[obs 3]", "beta", sp.Rational(3, 2) * q**2 * (1 + p) / hs, "velocity gain"),
         ),
-        step=law.step,
     )
 
 
 class _TrackingObserver:
-    """Numbers, step and ports."""
-
     def __init__(
         self, device: DeviceData, joint_rad: float | None, bandwidth_Hz: Quantity | None
     ) -> None:
@@ -113,35 +93,19 @@ class _TrackingObserver:
         self.high = min(BANDWIDTH_MAX_HZ, 0.1 / self.h)
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
-        pole = ca.exp(-2 * math.pi * self.h * t.bandwidth_Hz)
-        q = 1 - pole
-        return {
-            "alpha": 1 - pole * pole * pole,
-            "beta_1_s": 1.5 * q * q * (1 + pole) / self.h,
-            "gamma_1_s2": q * q * q / (self.h * self.h),
-        }
+        return triple_pole_gains(t.bandwidth_Hz, self.h)
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        predicted = label(
-            "theta_predicted_rad",
-            ca.if_else(
-                s.primed,
-                s.theta_hat_rad + self.h * (s.v_rad_s + 0.5 * self.h * s.a_rad_s2),
-                u.theta_rad,
-            ),
-            "[1] prediction",
-        )
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
+        expected = s.theta_hat_rad + self.h * (s.v_rad_s + 0.5 * self.h * s.a_rad_s2)
+        expected = ca.if_else(s.primed, expected, u.theta_rad)
+        predicted = label("theta_predicted_rad", expected, "[1] prediction")
         error = label("innovation_rad", u.theta_rad - predicted, "[1] innovation")
         mid = s.v_rad_s + 0.5 * self.h * s.a_rad_s2
         v = label("rate_raw_rad_s", s.v_rad_s + self.h * s.a_rad_s2 + c.beta_1_s * error, "[obs 1]")
         theta_hat, a = predicted + c.alpha * error, s.a_rad_s2 + c.gamma_1_s2 * error
-        label(
-            "memory_clipped",
-            ca.logic_or(ca.fabs(theta_hat) > 2 * self.theta_lim, ca.fabs(a) > self.a_lim),
-            f"{self.what} or acceleration is clipped for the next step",
-        )
+        clipped = ca.logic_or(ca.fabs(theta_hat) > 2 * self.theta_lim, ca.fabs(a) > self.a_lim)
+        text = f"{self.what} or acceleration is clipped for the next step"
+        label("memory_clipped", clipped, text)
         next_state = {
             "primed": ca.logic_or(s.primed, guard.inputs_ok),
             "theta_hat_rad": clip(theta_hat, -2 * self.theta_lim, 2 * self.theta_lim),
@@ -152,29 +116,14 @@ class _TrackingObserver:
         outputs = {
             "omega_rad_s": clip(v, -limit, limit),
             "omega_mid_rad_s": clip(mid, -limit, limit),
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    # A clip of the memory takes a rate beyond its range (test_clips).
-                    ca.logic_or(ca.fabs(v) > limit, ca.fabs(mid) > limit),
-                ]
-            ),
+            # A clip of the memory takes a rate beyond its range (test_clips).
+            "status": guard.status(ca.logic_or(ca.fabs(v) > limit, ca.fabs(mid) > limit)),
         }
         return next_state, outputs
 
     def tunables(self) -> tuple[Tunable, ...]:
-        return (
-            Tunable(
-                "bandwidth_Hz",
-                self.bandwidth.value,
-                BANDWIDTH_MIN_HZ,
-                self.high,
-                "bandwidth of the triple pole: higher follows faster and passes more noise",
-                self.bandwidth.source,
-                self.bandwidth.status,
-            ),
-        )
+        text = "bandwidth of the triple pole: higher follows faster and passes more noise"
+        return (self.bandwidth.tunable("bandwidth_Hz", BANDWIDTH_MIN_HZ, self.high, text),)
 
     def state(self) -> tuple[Port, ...]:
         return (
@@ -185,31 +134,21 @@ class _TrackingObserver:
         )
 
     def inputs(self) -> tuple[Port, ...]:
-        return (
-            around(
-                "theta_rad",
-                self.theta_lim,
-                "deflection: motor-side minus load-side angle"
-                if self.what == "deflection"
-                else "angle of the joint",
-                on_invalid="theta_hat_rad",
-            ),
-        )
+        text = "deflection: motor-side minus load-side angle"
+        text = text if self.what == "deflection" else "angle of the joint"
+        return (around("theta_rad", self.theta_lim, text, on_invalid="theta_hat_rad"),)
 
     def outputs(self) -> tuple[Port, ...]:
+        both = ("omega_rad_s", "omega_mid_rad_s")
+        mid = f"{self.what} rate predicted for the middle of this step from past samples"
+        clipped = "the estimate was clipped at the rate's physical range"
         return (
-            around("omega_rad_s", self.omega_lim, f"{self.what} rate at this sample"),
-            around(
-                "omega_mid_rad_s",
-                self.omega_lim,
-                f"{self.what} rate predicted for the middle of this step from past samples",
-                finer=FINER,
-            ),
-            Port(
-                "status",
-                0,
-                7,
+            around(both[0], self.omega_lim, f"{self.what} rate at this sample"),
+            around(both[1], self.omega_lim, mid, finer=FINER),
+            status_port(
                 "what is known of this sample",
-                flags=_status(self.omega_lim, self.what),
+                f"the {self.what} was NaN or outside its range; the last estimate is held",
+                "the state was corrupt; the observer was started afresh",
+                Flag("RATE_CLIPPED", clipped, True, both, self.omega_lim),
             ),
         )

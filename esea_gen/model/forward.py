@@ -51,7 +51,6 @@ class Forward:
         return known["label_share"]
 
     def of(self, s: SimpleNamespace) -> dict[str, Any]:
-        """The model's part of a Block's state."""
         return {p.name: getattr(s, p.name) for p in self.state}
 
 

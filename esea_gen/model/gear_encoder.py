@@ -1,7 +1,6 @@
 """The motor's own encoder: counts of its shaft in, how far the drive has turned the joint out.
 
-It turns many times over the joint's range, so it knows no absolute angle: what it gives counts from
-the first frame on.  Everything that decides is whole numbers below 2^24, as for the joint encoders.
+It knows no absolute angle: it counts from the first frame on, in whole numbers below 2^24.
 """
 
 from __future__ import annotations
@@ -14,8 +13,8 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX
 from esea_gen.model.symbolic import equation
@@ -26,35 +25,25 @@ if TYPE_CHECKING:
 WHOLE = 1 << 24  # every number format holds whole numbers below exactly
 
 
+# A bad frame, or one farther away than the drive can be, is bridged.  After more than can be
+# bridged the encoder is not usable for a frame and goes on from there: what was turned meanwhile is
+# unknown.
 def gear_encoder(device: DeviceData) -> Block:
-    """Front end of the encoder on the motor's shaft.
-
-    A bad frame, or one that is farther from the last good one than the drive can be, is bridged:
-    angle and rate are held.  After more than can be bridged the encoder is not usable for a frame
-    and goes on from where it then is: what was turned meanwhile is unknown, so ``gear_usable`` says
-    that an angle from before means nothing any more.
-    """
+    """Front end of the encoder on the motor's shaft."""
     law = _GearEncoder(device)
-    return Block.define(
+    return Block.of(
+        law,
         "encoder_gear",
         "Encoder front end, motor's shaft: count to the angle that the drive has turned",
-        period_s=device.period_s,
-        constants=law.constants(),
-        state=law.state(),
         inputs=(
             Port("count", 0, law.full - 1, "raw count of the shaft, a whole number"),
             Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         ),
-        outputs=law.outputs(),
-        equations=law.equations(),
-        step=law.step,
         streams=OwnStreams(_events),
     )
 
 
 class _GearEncoder:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         a, j = device.file.actuator, device.file.joint
         if a is None or j is None:
@@ -90,18 +79,13 @@ class _GearEncoder:
                 "in actuator.encoder_bits.",
             )
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         started = s.started > 0.5
         flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")
         readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
         raw = label("raw_step", u.count - s.count_last, "[wrap] counts since the last good frame")
-        over = ca.if_else(
-            raw < -self.full / 2,
-            float(self.full),
-            ca.if_else(raw > self.full / 2, -float(self.full), 0.0),
-        )
+        back = ca.if_else(raw > self.full / 2, -float(self.full), 0.0)
+        over = ca.if_else(raw < -self.full / 2, float(self.full), back)
         moved = label("step", raw + over, "the short way round")
         reach, share = ca.SX(self.step_max + 0.5), ca.SX(1.0)
         for k in range(1, self.held_max + 1):
@@ -111,21 +95,15 @@ class _GearEncoder:
         near = ca.fabs(moved) <= reach
         good = label("good", ca.logic_and(readable, ca.logic_and(started, near)), "goes on")
         late = label("late", s.held > self.held_max - 0.5, "no more may be bridged")
-        first = label(
-            "first",
-            ca.logic_and(readable, ca.logic_or(ca.logic_not(started), late)),
-            "starts here, at first or again",
-        )
+        first = ca.logic_and(readable, ca.logic_or(ca.logic_not(started), late))
+        first = label("first", first, "starts here, at first or again")
         fresh = ca.logic_and(first, ca.logic_not(good))
         total = label("moved_counts", s.moved + ca.if_else(good, moved, 0.0), "[angle]")
         outside = label("outside", ca.fabs(total) > self.moved_max + 0.5, "more than the joint can")
         bad = ca.if_else(late, float(self.held_max), s.held + 1.0)
         held = ca.if_else(ca.logic_or(good, fresh), 0.0, bad)
-        rate = label(
-            "rate_rad_s",
-            moved * share * (1 / (self.h * self.counts_rad)),
-            "[rate] a frame that was bridged counts as moved evenly",
-        )
+        rate = moved * share * (1 / (self.h * self.counts_rad))
+        rate = label("rate_rad_s", rate, "[rate] a frame that was bridged counts as moved evenly")
         # Of a frame that is farther away; a good one is within, but for two counts' worth.
         rate = clip(rate, -self.rate_lim, self.rate_lim)
         rate = ca.if_else(good, rate, ca.if_else(fresh, 0.0, s.omega_rad_s))
@@ -145,28 +123,19 @@ class _GearEncoder:
             "theta_gear_rad": clip(total, -limit, limit) * (1 / self.counts_rad),
             "omega_gear_rad_s": rate,
             "gear_usable": usable,
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(guard.inputs_ok, flagged),
-                    odd,
-                    ca.logic_not(usable),
-                    outside,
-                ]
+            "status": guard.status(
+                ca.logic_and(guard.inputs_ok, flagged), odd, ca.logic_not(usable), outside
             ),
         }
         return next_state, outputs
 
     def constants(self) -> tuple[Constant, ...]:
-        a = self.actuator
         return (
-            Constant("encoder_bits", self.actuator.encoder_bits.value, a.encoder_bits.source,
-                     a.encoder_bits.status),
-            Constant("gear_ratio", a.gear_ratio.value, a.gear_ratio.source, a.gear_ratio.status),
+            self.actuator.encoder_bits.constant("encoder_bits"),
+            self.actuator.gear_ratio.constant("gear_ratio"),
             Constant("step_max_counts", self.step_max, "speed limit times period", "derived"),
             Constant("held_max", self.held_max, "short of half a turn of the shaft", "derived"),
-        )  # fmt: skip
+        )
 
     def state(self) -> tuple[Port, ...]:
         return (
@@ -178,15 +147,25 @@ class _GearEncoder:
         )
 
     def outputs(self) -> tuple[Port, ...]:
+        most = self.moved_max / self.counts_rad * (1 + 1e-6)
+        lost = "no frame yet, or more were bad than may be bridged: starts again"
         return (
             around(
-                "theta_gear_rad",
-                self.moved_max / self.counts_rad * (1 + 1e-6),
-                "by what the drive has turned the joint since the start",
+                "theta_gear_rad", most, "by what the drive has turned the joint since the start"
             ),
             around("omega_gear_rad_s", self.rate_lim, "its rate, without a filter"),
             Port("gear_usable", 0.0, 1.0, "1 when the angle goes on from the step before"),
-            Port("status", 0, 63, "what is known of this sample", flags=_status()),
+            status_port(
+                "what is known of this sample",
+                "count or frame word was NaN or outside its range",
+                "the state was corrupt; the encoder was started afresh",
+                Flag(
+                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
+                ),
+                Flag("IMPLAUSIBLE_STEP", "the shaft moved faster than it can; angle held", True),
+                Flag("NOT_USABLE", lost, True),
+                Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
+            ),
         )
 
     def equations(self) -> tuple[Any, ...]:
@@ -197,19 +176,6 @@ class _GearEncoder:
             equation("[wrap]", "w", wrap, "step, the short way round; F counts a turn"),
             equation("[angle]", "theta_g", turned, "turned since the start, at the joint; ratio i"),
         )
-
-
-def _status() -> tuple[Flag, ...]:
-    return (
-        Flag("INPUT_INVALID", "count or frame word was NaN or outside its range", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; the encoder was started afresh", True),
-        Flag("FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True),
-        Flag("IMPLAUSIBLE_STEP", "the shaft moved faster than it can; angle held", True),
-        Flag(
-            "NOT_USABLE", "no frame yet, or more were bad than may be bridged: starts again", True
-        ),
-        Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
-    )
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

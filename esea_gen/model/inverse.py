@@ -1,18 +1,13 @@
 """Inverse of the elastomer model: desired torque in, deflection set-point out (thesis chapter 4).
 
-Two Blocks.  :func:`exact_inverse` solves the discrete torque sensor itself for its deflection;
-:func:`published_inverse` is the generalised play operator of the thesis with its disturbance
-observer.  Both carry the forward model by calling the kernel of the sensor Block, so that model and
-inverse are one set of equations, whatever the device file says.
-
-The exact inverse is a finite method, not an iteration.  At each step the torque is a strictly
-increasing function of the deflection beyond the dead zone, delta: a cubic, one Maxwell term that
-is linear until its clip, and stop operators that are linear until they saturate.  Moving away from
-the last deflection, the stops saturate in the order of their thresholds, because play states with a
-common history are nested, ``|F_i - F_(i-1)| <= r_i - r_(i-1)``.  So the torque at each of the N
-breakpoints needs only sums that are carried along, comparing it with the request finds the
-segment, and the segment's equation ``k3 x^3 + a x = d`` has one real root in closed form.  One
-Newton step, on the torque written out in moves, takes the rounding of the closed form away.
+The exact inverse is a finite method, not an iteration, and carries the model by calling the
+sensor's kernel.  The torque is a strictly increasing function of the deflection beyond the dead
+zone: a cubic, a Maxwell term that is linear until its clip, and stop operators that are linear
+until they saturate, in the order of their thresholds, because play states with a common history
+are nested, ``|F_i - F_(i-1)| <= r_i - r_(i-1)``.  So sums that are carried along give the torque
+at each of N breakpoints, the request finds its segment, and ``k3 x^3 + a x = d`` one real
+root.  One Newton step, on the torque written out in moves, takes the rounding of the closed form
+away.
 """
 
 from __future__ import annotations
@@ -26,15 +21,15 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels, Solved
-from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
+from esea_gen.language.ports import Flag, Port, around, clip, flag_word, status_port, threshold
 from esea_gen.language.system import System, Task
 from esea_gen.model.cubic import cubic_root, root_facts, segment_equations
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, K1, K3, TAU_S, THETA, stop_grid
 from esea_gen.model.forward import REQUEST_ROOM, Forward, rate_facts, rate_split, request_port
 from esea_gen.model.plays import NESTING_ROOM_RAD, STREAMS
 from esea_gen.model.published_inverse import published_inverse
-from esea_gen.model.set_rate import Rate, rate_source
+from esea_gen.model.set_rate import SetRate
 from esea_gen.model.symbolic import to_casadi
 
 if TYPE_CHECKING:
@@ -49,103 +44,64 @@ BANDWIDTH_HZ = 100.0
 RESIDUAL_SHARE = 5e-6
 
 
-def _exact_flags(device: DeviceData, theta_high: float, omega_high: float) -> tuple[Flag, ...]:
+def _exact_status(device: DeviceData, theta_high: float, omega_high: float) -> Port:
     d = device.file.domain
-    held = "an input was NaN or outside its range; the set-point is held"
-    afresh = "the state was corrupt; the model was started afresh"
-    return (
-        Flag("INPUT_INVALID", held, True),
-        Flag("STATE_REPAIRED", afresh, True),
-        Flag(
-            "THETA_OUTSIDE",
-            "|set-point| is outside the identified domain",
-            False,
-            ("theta_rad",),
-            threshold(d.theta_max_rad.value),
-        ),
-        Flag(
-            "RATE_OUTSIDE",
-            "|rate of the set-point| is outside the identified domain",
-            False,
-            ("omega_mid_rad_s",),
-            threshold(d.omega_max_rad_s.value),
-        ),
+    theta, omega = ("theta_rad",), ("omega_mid_rad_s",)
+    outside, faster = "|set-point| is outside", "|rate of the set-point| is outside"
+    short = "the request cannot be reached; the set-point stands at its limit"
+    jumps = (
+        "the set-point jumps by more than its rate allows, or the memory of its rate or of the "
+        "model's rate torque is at its range; clipped"
+    )
+    missed = "the model's torque at the set-point misses the request"
+    most_Nm = threshold(RESIDUAL_SHARE * device.file.limits.tau_Nm.value)
+    why = (
+        "the inverse is exact: from 60 000 memories of the model its residual stayed below 1e-14 "
+        "Nm in f64"
+    )
+    theta_most, omega_most = threshold(d.theta_max_rad.value), threshold(d.omega_max_rad_s.value)
+    step_most = threshold(omega_high * device.period_s)
+    return status_port(
+        "what is known of this set-point",
+        "an input was NaN or outside its range; the set-point is held",
+        "the state was corrupt; the model was started afresh",
+        Flag("THETA_OUTSIDE", f"{outside} the identified domain", False, theta, theta_most),
+        Flag("RATE_OUTSIDE", f"{faster} the identified domain", False, omega, omega_most),
         Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
-        Flag(
-            "REQUEST_CLAMPED",
-            "the request cannot be reached; the set-point stands at its limit",
-            True,
-            ("theta_rad",),
-            theta_high,
-        ),
-        Flag(
-            "STEP_CLIPPED",
-            "the set-point jumps by more than its rate allows, or the memory of its rate or of the "
-            "model's rate torque is at its range; clipped",
-            True,
-            ("step_rad",),
-            threshold(omega_high * device.period_s),
-        ),
-        Flag(
-            "NOT_CONVERGED",
-            "the model's torque at the set-point misses the request",
-            True,
-            ("residual_Nm",),
-            threshold(RESIDUAL_SHARE * device.file.limits.tau_Nm.value),
-            "the inverse is exact: from 60 000 memories of the model its residual stayed below "
-            "1e-14 Nm in f64",
-        ),
+        Flag("REQUEST_CLAMPED", short, True, theta, theta_high),
+        Flag("STEP_CLIPPED", jumps, True, ("step_rad",), step_most),
+        Flag("NOT_CONVERGED", missed, True, ("residual_Nm",), most_Nm, why),
     )
 
 
-def exact_inverse(
-    device: DeviceData, *, rate: Rate = "observer", bandwidth_Hz: float = BANDWIDTH_HZ
-) -> Block:
-    """The exact inverse of the discrete torque sensor as a Block.
-
-    Straight-line: one viscosity, N breakpoints, one cubic root, one Newton step and one run of the
-    sensor, whatever the request.  Every state of the model and its clips are the sensor's, so that
-    a sensor fed with the set-point and the rate used holds the same state, bit for bit.
-    """
-    inverse = _Exact(device, rate, bandwidth_Hz)
-    return Block.define(
+def exact_inverse(device: DeviceData) -> Block:
+    """The exact inverse of the discrete torque sensor, with the sensor's own state."""
+    inverse = _Exact(device)
+    return Block.of(
+        inverse,
         "inverse",
         "Exact inverse of the torque sensor: desired torque to deflection set-point",
-        period_s=inverse.h,
         constants=device.constants("elastomer") + device.constants("domain"),
-        tunables=inverse.rate_source.tunables,
-        coefficients=inverse.rate_source.coefficients,
-        prepare=inverse.rate_source.prepare,
+        tunables=inverse.set_rate.tunables,
+        coefficients=inverse.set_rate.coefficients,
+        prepare=inverse.set_rate.prepare,
         # The called kernels guard their own state: these checks and theirs are then shared.
         state=tuple(
-            replace(p, repair="block") for p in inverse.forward.state + inverse.rate_source.state
+            replace(p, repair="block") for p in inverse.forward.state + inverse.set_rate.state
         ),
         inputs=(request_port(inverse.tau_lim),),
-        outputs=inverse.outputs(),
         equations=segment_equations(),
         facts=_exact_facts(device, inverse.forward, inverse.values, inverse.w),
         split=rate_split(inverse.forward, "omega_mid_rad_s"),
         # The torque rises by k1 at least with the deflection beyond the dead zone, as every other
         # part of it rises or stays: a small residual means a set-point near the exact one.
-        solved={
-            "set_point_rad": Solved(
-                "residual_Nm",
-                inverse.limit["NOT_CONVERGED"],
-                inverse.k1,
-                2 * float(inverse.dead_zone),
-            )
-        },
-        step=inverse.step,
+        solved={"set_point_rad": inverse.solved_by()},
         streams=STREAMS,
     )
 
 
 class _Exact:
-    """Numbers of the segments, the finite method top-down, and the ports."""
-
-    def __init__(
-        self, device: DeviceData, rate: Rate = "observer", bandwidth_Hz: float = BANDWIDTH_HZ
-    ) -> None:
+    def __init__(self, device: DeviceData) -> None:
         file = device.file
         self.h = device.period_s
         self.forward = Forward(device)
@@ -165,10 +121,14 @@ class _Exact:
         self.step_max = threshold(file.limits.omega_rad_s.value * self.h)
         # The gaps are all equal, r_i = omega i; squares save the magnitudes.
         self.nesting = float(np.float32((self.r[0] + NESTING_ROOM_RAD) ** 2))
-        self.flags = _exact_flags(device, self.theta_high, file.limits.omega_rad_s.value)
-        self.limit = {f.name: f.threshold for f in self.flags}
+        self.known = _exact_status(device, self.theta_high, file.limits.omega_rad_s.value)
+        self.limit = {f.name: f.threshold for f in self.known.flags}
         self.tau_domain = threshold(file.domain.tau_full_scale_Nm.value)
-        self.rate_source = rate_source(device, rate, bandwidth_Hz)
+        self.set_rate = SetRate(device, BANDWIDTH_HZ)
+
+    def solved_by(self) -> Solved:
+        jump = 2 * float(self.dead_zone)
+        return Solved("residual_Nm", self.limit["NOT_CONVERGED"], self.k1, jump)
 
     def beyond(self, theta: Any) -> ca.SX:
         if not self.dead_zone:
@@ -179,9 +139,7 @@ class _Exact:
         theta = delta + self.dead_zone * ca.sign(delta) if self.dead_zone else delta
         return clip(theta, -self.theta_high, self.theta_high)
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         nested = self.play_nested(s, label)
         primed = label("ready", ca.logic_and(guard.state_ok, ca.logic_and(s.primed, nested)))
         sound = ca.logic_and(guard.state_ok, nested)
@@ -189,7 +147,7 @@ class _Exact:
         if self.forward.has_rate:
             state["tau_r_Nm"] = ca.if_else(primed, s.tau_r_Nm, 0)
 
-        omega = label("omega_mid_rad_s", self.rate_source.predict(c, s, primed), "free of theta(k)")
+        omega = label("omega_mid_rad_s", self.set_rate.predict(c, s, primed), "free of theta(k)")
         known = self.forward.step(state, 0, omega)  # what the model knows before theta(k)
         theta_last = label("theta_from_rad", known["label_theta_last_rad"], "theta(k-1)")
         last = self.beyond(theta_last)
@@ -211,7 +169,7 @@ class _Exact:
         near = turn * clip(root, -self.theta_high, self.theta_high)
         move = label("move_rad", ca.fmin(near - start, reach))
         rated = turn * relaxed + slope * move
-        better = self.newton(near, play, linear, turn * request, primed, rated, label)
+        better = self.newton(near, play, linear, turn * request, (primed, rated), label)
         refined = label("refined_rad", turn * better, "one Newton step")
         solved = self.deflection(refined)
         theta = label(
@@ -226,7 +184,7 @@ class _Exact:
         missed = ca.logic_and(
             ca.fabs(residual) > self.limit["NOT_CONVERGED"], ca.logic_not(clamped)
         )
-        clipped = self.rate_source.clipped(c, s, primed, theta, theta_last)
+        clipped = self.set_rate.clipped(c, s, primed, theta)
         if self.forward.has_rate:
             clipped = ca.logic_or(clipped, self.forward.clipped(end))
         label("memory_clipped", clipped, "of the set-point's rate, or of the model's rate torque")
@@ -243,7 +201,7 @@ class _Exact:
             ]
         )
         next_state = {p.name: end[f"next_{p.name}"] for p in self.forward.state}
-        next_state |= self.rate_source.advance(c, s, primed, theta, theta_last)
+        next_state |= self.set_rate.advance(c, s, primed, theta)
         next_state["primed"] = ca.logic_or(primed, guard.inputs_ok)
         room = REQUEST_ROOM * self.tau_lim
         outputs = {
@@ -287,13 +245,7 @@ class _Exact:
         return label("turn", ca.if_else(request >= rest, 1.0, -1.0), "direction of the move")
 
     def rate_clip(
-        self,
-        start: ca.SX,
-        play: list[ca.SX],
-        load: ca.SX,
-        slope: ca.SX,
-        relaxed: ca.SX,
-        label: Labels,
+        self, start: Any, play: list[Any], load: Any, slope: Any, relaxed: Any, label: Labels
     ) -> tuple[ca.SX, ca.SX, ca.SX]:
         """The rate torque is linear up to its clip: how far, the stiffness, and the load on it."""
         reach: Any = self.step_max
@@ -329,24 +281,16 @@ class _Exact:
         return linear, constant
 
     def newton(
-        self,
-        near: ca.SX,
-        play: list[ca.SX],
-        linear: ca.SX,
-        request: ca.SX,
-        primed: ca.SX,
-        rated: ca.SX,
-        label: Labels,
+        self, near: Any, play: list[Any], linear: Any, request: Any, moves: Any, label: Labels
     ) -> ca.SX:
         """One Newton step on the torque written out in moves, in which nothing cancels."""
-        taken = ca.SX(0)
+        (primed, rated), taken = moves, ca.SX(0)
         for i in range(self.stops):
             taken = taken + self.w[i] * ca.fmin(near - play[i], self.r[i])
         miss = request - (self.k3 * near * near + self.k1) * near
         miss = miss - ca.if_else(primed, rated + taken, 0)
-        tangent = label(
-            "tangent_Nm_rad", 3 * self.k3 * near * near + linear, "d d / d x, at least a"
-        )
+        tangent = 3 * self.k3 * near * near + linear
+        tangent = label("tangent_Nm_rad", tangent, "d d / d x, at least a")
         better: ca.SX = near + miss / tangent
         return better
 
@@ -358,13 +302,7 @@ class _Exact:
             around("tau_model_Nm", self.tau_lim, "the model's torque at the set-point"),
             around("residual_Nm", 2 * room, "request less the model's torque"),
             around("step_rad", 2 * self.theta_high, "move of the set-point in this step"),
-            Port(
-                "status",
-                0,
-                2 ** len(self.flags) - 1,
-                "what is known of this set-point",
-                flags=self.flags,
-            ),
+            self.known,
         )
 
 
@@ -396,7 +334,6 @@ def _exact_facts(
 
 
 def chosen_inverse(device: DeviceData) -> Block:
-    """The inverse that the device file's section ``[inverse]`` asks for."""
     asked = device.file.inverse
     if asked is None or asked.kind == "exact":
         return exact_inverse(device)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import product
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -12,7 +11,7 @@ import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, clip, flag_word, threshold
 from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
@@ -29,9 +28,7 @@ def deflection(device: DeviceData) -> Block:
     compared = device.file.redundancy is not None
     reach = max(abs(joint.theta_min_rad.value), abs(joint.theta_max_rad.value)) + theta_lim
 
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         theta = label("raw_rad", u.theta_motor_rad - u.theta_load_rad, "(5.4) deflection")
         outside = label("outside", ca.fabs(theta) > theta_lim)
         usable = ca.logic_and(u.motor_usable >= 0.5, u.load_usable >= 0.5)
@@ -73,16 +70,11 @@ def deflection(device: DeviceData) -> Block:
 
 
 def _status(theta_lim: float, compared: bool) -> Port:
+    beyond = "the deflection is beyond its physical range and was clipped"
     flags = [
         Flag("INPUT_INVALID", "an angle was NaN or outside its range", True),
         Flag("ENCODER_UNUSABLE", "an encoder says that its angle cannot be used", True),
-        Flag(
-            "DEFLECTION_OUTSIDE",
-            "the deflection is beyond its physical range and was clipped",
-            True,
-            ("theta_rad",),
-            theta_lim,
-        ),
+        Flag("DEFLECTION_OUTSIDE", beyond, True, ("theta_rad",), theta_lim),
     ]
     if compared:
         flags.append(Flag("CONTRADICTED", CONTRADICTED, True))

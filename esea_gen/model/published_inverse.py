@@ -11,7 +11,7 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
     Flag,
@@ -19,7 +19,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.model.cubic import ROOT_WHOLE, cubic_root, root_facts
@@ -47,12 +47,7 @@ PLAY_WEIGHT = KAPPA * sp.exp(-PHI * PLAY_R)
 
 
 def filter_taps(name: FilterName) -> tuple[float, ...]:
-    """Coefficients of the disturbance observer's low-pass, newest sample first.
-
-    name: ``a``: order 30, 10 Hz at 1 kHz, rectangular window, unscaled, as it was used (gain 0.588
-        at rest). ``b``: the eleven printed numbers. ``..._normalised``: scaled to gain 1 at rest.
-        ``b_rounding``: scaled to 1.0165, inside the rounding of the printed digits.
-    """
+    """Low-pass of the disturbance observer, newest first: ``a`` as used, ``b`` as printed."""
     if name not in get_args(FilterName):
         raise ValueError(f"filter must be one of {get_args(FilterName)}, got {name!r}")
     if name.startswith("a"):
@@ -67,10 +62,7 @@ def filter_taps(name: FilterName) -> tuple[float, ...]:
 
 
 def play_parameters(device: DeviceData) -> tuple[Constant, ...]:
-    """Parameters of the play operators: the device file's, table 4.2 where it has none.
-
-    device: its section ``[inverse]`` may hold ``kappa_rad``, ``phi_1_rad`` and ``chi_rad``.
-    """
+    """Parameters of the play operators: of section ``[inverse]``, table 4.2 where it has none."""
     given = device.file.inverse
     out = []
     for name, value in PLAY_DEFAULTS.items():
@@ -78,7 +70,7 @@ def play_parameters(device: DeviceData) -> tuple[Constant, ...]:
         if q is None:
             out.append(Constant(name, value, "thesis table 4.2", "published"))
         else:
-            out.append(Constant(name, q.value, q.source, q.status))
+            out.append(q.constant(name))
     return tuple(out)
 
 
@@ -119,6 +111,8 @@ def _tunable_plays(plays: Sequence[Constant]) -> dict[str, Any]:
     return {"tunables": tunables, "coefficients": coefficients, "prepare": prepare}
 
 
+# The observer closes a loop inside one step: request less the filtered disturbance of the last
+# samples, play operators, forward model driven by the set-point, new disturbance.
 def published_inverse(
     device: DeviceData,
     filter: FilterName | None = None,
@@ -128,52 +122,24 @@ def published_inverse(
     chi: float | None = None,
     tunable: bool = False,
 ) -> Block:
-    """The thesis' partial inverse, with or without its disturbance observer, as a Block.
-
-    filter: low-pass of the disturbance observer (:func:`filter_taps`); none leaves the observer
-        out.
-    kappa, phi, chi: weight (rad), decay (1/rad) and spacing (rad) of the play operators in place of
-        the device file's (:func:`play_parameters`).
-    tunable: make these three tunables instead of constants: what identification runs.
-    return: input ``tau_Nm``; outputs the set-point ``theta_rad``, the corrected request ``u_Nm``
-        and a status word.
-
-    The observer closes a loop inside one step: request less the filtered disturbance of the last
-    samples, play operators, forward model driven by the set-point, new disturbance.  The forward
-    model's viscosity takes the set-point's difference over this step as its rate.
-    """
+    """The thesis' partial inverse, with or without its disturbance observer, as a Block."""
     inverse = _Published(device, filter, kappa, phi, chi, tunable)
     facts, split = inverse.known(device)
-    return Block.define(
+    return Block.of(
+        inverse,
         "inverse" + (f"_{filter}" if filter else "_plays"),
         "Published inverse: play operators"
         + (f", disturbance observer with filter {filter}" if filter else ""),
-        period_s=inverse.h,
         constants=(() if tunable else tuple(inverse.plays)) + device.constants("elastomer"),
-        **(_tunable_plays(inverse.plays) if tunable else {}),
-        state=inverse.state(),
+        **_tunable_plays(inverse.plays) if tunable else {},
         inputs=(request_port(inverse.tau_lim),),
-        outputs=(
-            around("theta_rad", inverse.theta_high, "deflection set-point", equation="(4.7)"),
-            around("u_Nm", inverse.tau_lim, "request corrected by the observed disturbance"),
-            Port(
-                "status",
-                0,
-                (1 << len(inverse.flags)) - 1,
-                "what is known of this set-point",
-                flags=inverse.flags,
-            ),
-        ),
         equations=_published_equations(bool(inverse.taps)),
         facts=facts,
         split=split,
-        step=inverse.step,
     )
 
 
 class _Published:
-    """Numbers and step of the play operators with their disturbance observer."""
-
     def __init__(
         self,
         device: DeviceData,
@@ -205,36 +171,34 @@ class _Published:
         )
         # The envelope of the largest corrected request bounds every play state.
         self.reach = max(2 * self.theta_high, 4 * self.tau_lim / self.k1)
-        self.flags: tuple[Flag, ...] = (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; taken as zero", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-            Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
-            Flag(
-                "REQUEST_CLAMPED",
-                "the corrected request or the set-point was clamped",
-                True,
-                ("u_Nm", "theta_rad"),
-                self.theta_high,
+
+    def outputs(self) -> tuple[Port, ...]:
+        clamped = "the corrected request or the set-point was clamped"
+        fast = "the set-point jumps by more than its rate allows; the model's memory is clipped"
+        both, high = ("u_Nm", "theta_rad"), self.theta_high
+        return (
+            around("theta_rad", high, "deflection set-point", equation="(4.7)"),
+            around("u_Nm", self.tau_lim, "request corrected by the observed disturbance"),
+            status_port(
+                "what is known of this set-point",
+                "an input was NaN or outside its range; taken as zero",
+                "the state was corrupt; started afresh",
+                Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
+                Flag("REQUEST_CLAMPED", clamped, True, both, high),
+                *((Flag("STEP_CLIPPED", fast, True),) if self.taps else ()),
             ),
         )
-        if self.taps:
-            text = "the set-point jumps by more than its rate allows; the model's memory is clipped"
-            self.flags = (*self.flags, Flag("STEP_CLIPPED", text, True))
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         disturbance = ca.SX(0)
         for i, q in enumerate(self.taps):
             disturbance = disturbance + q * s.difference_Nm[i]
         label("disturbance_Nm", disturbance, "low-pass of the past differences")
         wanted = u.tau_Nm - disturbance
-        corrected = label(
-            "corrected_Nm", clip(wanted, -self.tau_high, self.tau_high), "corrected request"
-        )
-        envelope = label(
-            "envelope_rad", cubic_root(self.k3, self.k1, corrected, label), "(4.13) gamma"
-        )
+        corrected = clip(wanted, -self.tau_high, self.tau_high)
+        corrected = label("corrected_Nm", corrected, "corrected request")
+        envelope = cubic_root(self.k3, self.k1, corrected, label)
+        envelope = label("envelope_rad", envelope, "(4.13) gamma")
         r: list[Any] = ca.vertsplit(c.r_rad) if self.tunable else self.fixed_r
         p: list[Any] = ca.vertsplit(c.p_rad) if self.tunable else self.fixed_p
         held, total = [], ca.SX(0)
@@ -245,8 +209,6 @@ class _Published:
         label("unclamped_rad", total, "(4.7), as meant")
         theta = label("set_point_rad", clip(total, -self.theta_high, self.theta_high))
         bits = [
-            ca.logic_not(guard.inputs_ok),
-            ca.logic_not(guard.state_ok),
             ca.fabs(u.tau_Nm) > threshold(self.file.domain.tau_full_scale_Nm.value),
             ca.logic_or(ca.fabs(wanted) > self.tau_high, ca.fabs(total) > self.theta_high),
         ]
@@ -268,7 +230,7 @@ class _Published:
             line = [difference, *ca.vertsplit(s.difference_Nm)[: len(self.taps) - 1]]
             next_state |= {q.name: model[f"next_{q.name}"] for q in self.forward.state}
             next_state["difference_Nm"] = line
-        outputs = {"theta_rad": theta, "u_Nm": corrected, "status": flag_word(bits)}
+        outputs = {"theta_rad": theta, "u_Nm": corrected, "status": guard.status(*bits)}
         return next_state, outputs
 
     def known(
@@ -304,16 +266,12 @@ def _published_equations(observer: bool) -> tuple[Any, ...]:
     f_j, gamma, p_j, r_j = sp.symbols("F_j gamma p_j r_j")
     f_p = sp.Symbol("F_j,k-1")
     j, n = sp.Symbol("j"), sp.Symbol("N")
+    play = sp.Max(gamma - r_j, sp.Min(gamma + r_j, f_p))
     out = (
         equation("(4.7), as meant", "theta_d", sp.Sum(p_j * f_j, (j, 1, n)), "set-point"),
         equation("(4.8)", "p_j", PLAY_WEIGHT.subs(PLAY_R, r_j), "weight of a play operator"),
         equation("(4.9)", "r_j", CHI * PLAY_J, "threshold of a play operator"),
-        equation(
-            "(4.10, 4.11)",
-            "F_j",
-            sp.Max(gamma - r_j, sp.Min(gamma + r_j, f_p)),
-            "play operator round the envelope",
-        ),
+        equation("(4.10, 4.11)", "F_j", play, "play operator round the envelope"),
         equation("(4.13), stable form", "|gamma|", ROOT_WHOLE, "envelope: inverse of the cubic"),
     )
     if not observer:

@@ -1,8 +1,4 @@
-"""The coupling's torque model as the device file has it: published, or a member of the family.
-
-What senses, what inverts and what stands for the rubber in a simulation all ask here, so that a
-device has one torque model.
-"""
+"""The coupling's torque model as the device file has it: published, or a member of the family."""
 
 from __future__ import annotations
 
@@ -50,7 +46,6 @@ def _term(t: FamilyTerm) -> Term:
 
 
 def rubber_sensor(device: DeviceData) -> Block:
-    """The torque sensor of a device's model."""
     family = device.file.family
     if family is None:
         return torque_sensor(device)

@@ -58,12 +58,7 @@ def without_axis(name: str, axis: str) -> str:
 def sensing_system(
     device: DeviceData, velocity: Block, sensor: Block, *, counts: bool = True
 ) -> System:
-    """The measuring System: velocity estimate, smoothed deflection and torque sensor in one task.
-
-    A device with several axes has an instance of each Block for each axis, all in the same task;
-    the names of instances, inputs and outputs then carry the axis (``sensor_flexion``,
-    ``theta_flexion_rad``, ``sensor_flexion_status``).
-    """
+    """Velocity estimate, smoothed deflection and torque sensor of every axis in one task."""
     blocks, wires, inputs, outputs = sensing_parts(device, velocity, sensor)
     order = list(blocks)
     # Not where a loop closes over the torque: it gains nothing, and limp hands were driven into a

@@ -1,12 +1,8 @@
 """A Block with the exact derivatives of its outputs by tunables: forward mode, step by step.
 
-With c the coefficients and s the state, the step is ``s+ = f(c, s, u)``, ``y = g(c, s, u)``.  Along
-it runs ``ds+/dp = df/ds ds/dp + df/dc dc/dp``, kept as further states, of which only those are made
-that a tunable reaches.  All derivatives are CasADi's, of the step as it is emitted [1]_.
-
-References
-----------
-.. [1] A. Griewank, A. Walther, "Evaluating Derivatives", SIAM, 2008, chapter 3.
+Along ``s+ = f(c, s, u)`` runs ``ds+/dp = df/ds ds/dp + df/dc dc/dp``, kept as further states, of
+which only those are made that a tunable reaches (Griewank, Walther, "Evaluating Derivatives",
+2008).
 """
 
 from __future__ import annotations
@@ -45,25 +41,22 @@ def sloped(block: Block, outputs: Sequence[str], by: Sequence[str]) -> Block:
         out = {p.name: v for p, v in zip(block.coefficients, values[:count], strict=True)}
         return out | {kept.name: found(*given)}
 
-    return Block.define(
+    return Block.of(
+        form,
         "slopes",
         f"{block.title}, and its derivatives",
-        period_s=block.period_s,
         tunables=block.tunables,
         coefficients=(*block.coefficients, kept),
         prepare=prepare,
         state=state,
         inputs=block.inputs,
         outputs=(*(p for p in block.outputs if p.name in outputs), slopes),
-        step=form.step,
     )
 
 
 class _Form:
-    """Which states move with which tunables, and the step that carries it along."""
-
     def __init__(self, block: Block, outputs: Sequence[str], by_tunable: ca.SX) -> None:
-        self.block, self.outputs = block, outputs
+        self.h, self.block, self.outputs = block.period_s, block, outputs
         self.tunables = by_tunable.shape[1]
         self.seeds = by_tunable.sparsity()
         groups = (block.coefficients, block.state, block.inputs)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import sympy as sp
 
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Equation, Port, around, clip, status_port, threshold
 from esea_gen.model.symbolic import equation
 
 if TYPE_CHECKING:
@@ -20,22 +20,18 @@ if TYPE_CHECKING:
 CORNER_HZ = 8.0
 
 
+# Quantised counts cost the torque two to three times the error.  Two encoders are off by half a
+# count each at most: a deflection farther than a count from theirs would be wrong.
 def smoothed_deflection(device: DeviceData) -> Block:
-    """Deflection moved on by its rate, corrected by the counts, within one count of them.
-
-    Quantised counts cost the torque two to three times the error.  Each of the two encoders is off
-    by half a count at most, so a deflection farther than a count from theirs would be wrong: it is
-    held within that, lags by no more, and follows a jump at once.  With fine encoders it is the
-    measured one.
-    """
+    """Deflection moved on by its rate, corrected by the counts, within one count of them."""
     h, limit = device.period_s, threshold(device.file.limits.theta_rad.value)
     fastest = threshold(device.file.limits.omega_rad_s.value)
     count = threshold(2 * math.pi / 2**device.file.encoder.resolution_bits.value)
     gain = 1 - math.exp(-2 * math.pi * h * CORNER_HZ)
+    text = "deflection within one count of the measured one; outside the sensor's range while "
+    text += "that one is invalid"
 
-    def step(
-        c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ahead = s.theta_last_rad + h * u.omega_rad_s
         ahead = label("ahead_rad", ca.if_else(s.primed, ahead, u.theta_rad), "[ahead]")
         # Written so that intervals see it forget: its errors have a bound for all time.
@@ -48,7 +44,7 @@ def smoothed_deflection(device: DeviceData) -> Block:
         }
         outputs = {
             "theta_smooth_rad": ca.if_else(ok, clip(near, -limit, limit), 2 * limit),
-            "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok)]),
+            "status": guard.status(),
         }
         return next_state, outputs
 
@@ -65,32 +61,16 @@ def smoothed_deflection(device: DeviceData) -> Block:
             around("theta_rad", limit, "deflection: motor-side minus load-side angle"),
             around("omega_rad_s", fastest, "deflection rate over the step that ends here"),
         ),
-        outputs=_outputs(limit),
-        equations=_equations(),
-        step=step,
-    )
-
-
-def _outputs(limit: float) -> tuple[Port, ...]:
-    held = "deflection or rate was NaN or outside its range; the last one is held"
-    return (
-        around(
-            "theta_smooth_rad",
-            2 * limit,
-            "deflection within one count of the measured one; outside the sensor's range while "
-            "that one is invalid",
-            equation="[near]",
-        ),
-        Port(
-            "status",
-            0,
-            3,
-            "what is known of this sample",
-            flags=(
-                Flag("INPUT_INVALID", held, True),
-                Flag("STATE_REPAIRED", "the state was corrupt; it was started afresh", True),
+        outputs=(
+            around("theta_smooth_rad", 2 * limit, text, equation="[near]"),
+            status_port(
+                "what is known of this sample",
+                "deflection or rate was NaN or outside its range; the last one is held",
+                "the state was corrupt; it was started afresh",
             ),
         ),
+        equations=_equations(),
+        step=step,
     )
 
 

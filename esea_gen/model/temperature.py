@@ -10,12 +10,7 @@ from esea_gen.devices.rubber import LEAST_FACTOR
 
 @dataclass(frozen=True)
 class TemperatureFactor:
-    """What a temperature multiplies every term but the offset with: 1 + per_K (T - reference).
-
-    reference_C: where it is 1: the weights are those at this temperature, degC.
-    per_K: relative change of the weights, 1/K.
-    low_C, high_C: range in which it holds, degC.
-    """
+    """What multiplies every term but the offset: 1 + per_K (T - reference)."""
 
     reference_C: float
     per_K: float
@@ -31,12 +26,10 @@ class TemperatureFactor:
             raise ValueError(f"a factor of temperature falls to {self.ends[0]:g}")
 
     def at(self, temperature_C: Any) -> Any:
-        """The factor."""
         return 1 + self.per_K * (temperature_C - self.reference_C)
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Least and largest factor over the range."""
         low, high = sorted((self.at(self.low_C), self.at(self.high_C)))
         return low, high
 

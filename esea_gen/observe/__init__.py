@@ -13,22 +13,10 @@ if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
 
 
+# Ranges are the largest plausible magnitudes; d4 is the acceleration that the whole motor torque
+# gives, for more than that no command could make up.
 @dataclass(frozen=True)
 class Drive:
-    """Numbers of a device with a drive, and the ranges that its ports share.
-
-    actuator, joint, disturbance, impedance: sections of the device file, none missing.
-    theta_low_rad, theta_high_rad: range of a joint angle, on either side of the coupling.
-    delta_rad: largest plausible |deflection|.
-    omega_rad_s: largest plausible |speed| of either side.
-    rate_rad_s: largest plausible |deflection rate|.
-    tau_Nm: largest plausible |interaction torque|.
-    tau_h_Nm: largest plausible |torque of the person|.
-    u_Nm: largest |motor torque|, at the motor shaft.
-    d4_rad_s2: largest |disturbance| of the drive: the acceleration that the whole motor torque
-        gives, for more than that no command could make up.
-    """
-
     actuator: Actuator
     joint: Joint
     disturbance: Disturbance
@@ -53,7 +41,6 @@ def has_drive(device: DeviceData) -> bool:
 
 
 def drive_of(device: DeviceData) -> Drive:
-    """The drive of a device."""
     f = device.file
     a, j, d, i = f.actuator, f.joint, f.disturbance, f.impedance
     rate = f.timing.control_rate_Hz

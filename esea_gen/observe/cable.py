@@ -10,7 +10,7 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
     Equation,
@@ -18,7 +18,7 @@ from esea_gen.language.ports import (
     Port,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -37,10 +37,10 @@ USED = ("backlash_rad", "backlash_most_rad", "contact_Nm", "rate_1_s")
 LEARN_1_Nm2, MEAN_SHARE = 0.2, 0.25
 # Above this mode an impedance is rendered.
 CLOSED_ABOVE = 1.5
+GIVES = "one over the cable's stiffness"
 
 
 def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
-    """What a device file says of its cable."""
     f = device.file
     if f.cable is None or f.redundancy is None:
         name = "cable" if f.cable is None else "redundancy"
@@ -64,36 +64,22 @@ def give_most_rad_Nm(device: DeviceData) -> float:
     return 1 / redundancy.cable_least_Nm_rad.value
 
 
+# The motor-side part is light, so the cable carries the elastomer's torque and tells by its winding
+# less tau/k where in the gap it is.  Above contact_Nm it lies at an end, which is learnt by a lag
+# of rate_1_s; below it is as measured, between both.  An end not shown yet moves along with the
+# other one.  Unknown zeros of the encoders are in the ends, and fall out of what is given.
 def cable_observer(device: DeviceData) -> Block:
-    """Winding of the cable, and its backlash, from the encoders at both of its ends.
-
-    The motor-side part is light: its torques balance within milliseconds, so that the cable carries
-    the elastomer's torque, and tells by its winding less tau/k where in the gap it is.  Above
-    ``contact_Nm`` it lies at one end: there that end is learnt, by a lag of ``rate_1_s``, and the
-    winding is that of the model, free of the encoders' steps.  Below, it is as measured, between
-    both ends; a measurement beyond an end moves it.  The end that no torque has shown yet moves
-    along with the other one, so that the gap stays the usual one until both are known.
-
-    The motor's encoder knows no absolute angle, and a joint encoder is wrong by an angle that
-    changes slowly with the joint's: both are in the ends, and fall out of what is given.
-    """
+    """Winding of the cable, and its backlash, from the encoders at both of its ends."""
     law = _Cable(device)
-    return Block.define(
+    return Block.of(
+        law,
         "cable",
         "Cable between gear and motor side: winding and backlash",
-        period_s=law.h,
-        constants=law.constants(),
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=_equations(),
-        step=law.step,
     )
 
 
 class _Cable:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         self.own, redundancy = cable_of(device)
         drive = self.drive = drive_of(device)
@@ -113,20 +99,12 @@ class _Cable:
         self.end_lim = 1.01 * (self.seen_lim + self.most)
         self.wound_lim = wound_range_rad(device)
 
-    def step(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
         ok = label("ok", ca.logic_and(guard.inputs_ok, both), "both angles can be compared")
         carried = label("carried_rad", u.tau_Nm * s.give_rad_Nm, "[cable 1] winding by the torque")
-        seen = label(
-            "seen_rad", u.theta_gear_rad - u.theta_motor_rad - carried, "[cable 1] where in the gap"
-        )
+        seen = u.theta_gear_rad - u.theta_motor_rad - carried
+        seen = label("seen_rad", seen, "[cable 1] where in the gap")
         # Without a sample before, the ends lie about this one.
         high = ca.if_else(s.primed, s.high_rad, seen + 0.5 * self.usual)
         low = ca.if_else(s.primed, s.low_rad, seen - 0.5 * self.usual)
@@ -138,18 +116,16 @@ class _Cable:
         at_high = ca.logic_or(pulls, ca.logic_and(ca.logic_not(pushes), seen > high))
         at_low = ca.logic_or(pushes, ca.logic_and(ca.logic_not(pulls), seen < low))
         up, down = s.high_shown > 0.5, s.low_shown > 0.5
-        to_high = ca.if_else(ca.logic_or(at_high, ca.logic_and(at_low, ca.logic_not(up))), off, 0.0)
-        to_low = ca.if_else(
-            ca.logic_or(at_low, ca.logic_and(at_high, ca.logic_not(down))), off, 0.0
-        )
-        new_high, new_low = high + to_high, low + to_low
+        takes_high = ca.logic_or(at_high, ca.logic_and(at_low, ca.logic_not(up)))
+        takes_low = ca.logic_or(at_low, ca.logic_and(at_high, ca.logic_not(down)))
+        new_high = high + ca.if_else(takes_high, off, 0.0)
+        new_low = low + ca.if_else(takes_low, off, 0.0)
         # The gap is no less than none and no more than the largest: the end that moves wins.
         kept_low = ca.if_else(at_low, new_low, clip(new_low, new_high - self.most, new_high))
         kept_high = ca.if_else(at_low, clip(new_high, new_low, new_low + self.most), new_high)
         middle = 0.5 * (kept_high + kept_low)
-        wound = ca.if_else(
-            pulls, kept_high, ca.if_else(pushes, kept_low, clip(seen, kept_low, kept_high))
-        )
+        between = ca.if_else(pushes, kept_low, clip(seen, kept_low, kept_high))
+        wound = ca.if_else(pulls, kept_high, between)
         give = self.learnt_give(s, u, ca.logic_and(ok, ca.logic_or(pulls, pushes)), label)
         # The person's torque as observed trembles by 0.3 Nm with the joint encoders' steps, and
         # what is predicted with it meets the ends of the gap: in the mean the command then holds
@@ -158,6 +134,7 @@ class _Cable:
         wound = ca.if_else(closed, 0.0, wound - middle) + carried
         # To rounding.
         gap = ca.if_else(closed, 0.0, ca.fmin(kept_high - kept_low, self.most))
+        usual = ca.if_else(closed, 0.0, self.usual)
         next_state = {
             "primed": ok,
             "high_rad": ca.if_else(ok, kept_high, s.high_rad),
@@ -169,12 +146,8 @@ class _Cable:
         outputs = {
             "wound_rad": label("wound_rad", ca.if_else(ok, wound, carried), "[cable 2]"),
             "give_rad_Nm": give["give_rad_Nm"],
-            "gap_rad": label(
-                "gap_rad", ca.if_else(ok, gap, ca.if_else(closed, 0.0, self.usual)), "[cable 3]"
-            ),
-            "status": flag_word(
-                [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok), ca.logic_not(ok)]
-            ),
+            "gap_rad": label("gap_rad", ca.if_else(ok, gap, usual), "[cable 3]"),
+            "status": guard.status(ca.logic_not(ok)),
         }
         return next_state, outputs
 
@@ -213,13 +186,7 @@ class _Cable:
             Port("taut", 0.0, 1.0, "1 while the cable is at an end"),
             around("mean_rad", self.turned_lim, "mean of the angle between its ends since then"),
             around("mean_Nm", self.drive.tau_Nm, "mean of the torque since then"),
-            Port(
-                "give_rad_Nm",
-                0.0,
-                self.softest,
-                "one over the cable's stiffness",
-                init=self.give,
-            ),
+            Port("give_rad_Nm", 0.0, self.softest, GIVES, init=self.give),
         )
 
     def inputs(self) -> tuple[Port, ...]:
@@ -234,35 +201,32 @@ class _Cable:
         )
 
     def outputs(self) -> tuple[Port, ...]:
-        flags = (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; the gap is learnt afresh", True),
-            Flag("NOT_COMPARED", "an encoder cannot be used: a cable in the middle of its gap"),
-        )
         return (
             around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
-            Port("give_rad_Nm", 0.0, self.softest, "one over the cable's stiffness"),
+            Port("give_rad_Nm", 0.0, self.softest, GIVES),
             Port("gap_rad", 0.0, threshold(self.most), "whole backlash"),
-            Port("status", 0, 7, "what is known of this sample", flags=flags),
+            status_port(
+                "what is known of this sample",
+                "an input was NaN or outside its range",
+                "the state was corrupt; the gap is learnt afresh",
+                Flag("NOT_COMPARED", "an encoder cannot be used: a cable in the middle of its gap"),
+            ),
         )
 
 
 def _equations() -> tuple[Equation, ...]:
-    g, m, tau, k = sp.symbols("theta_g theta_m tau_e k_c")
-    low, high, seen = sp.symbols("z_low z_high z")
+    g, m, tau, k, tau_0 = sp.symbols("theta_g theta_m tau_e k_c tau_0")
+    low, high, seen, end, rate, h = sp.symbols("z_low z_high z z_e L h")
     inside = sp.Max(low, sp.Min(high, seen))
-    lies = sp.Piecewise((high, tau > sp.Symbol("tau_0")), (low, tau < -sp.Symbol("tau_0")),
-                        (inside, True))  # fmt: skip
+    lies = sp.Piecewise((high, tau > tau_0), (low, tau < -tau_0), (inside, True))
+    learnt = (1 - sp.exp(-rate * h)) * (seen - end)
     return (
         equation("[cable 1]", "z", g - m - tau / k, "where in the gap the cable lies"),
         equation("[cable 2]", "z_e", lies, "at an end while torque says so, else between both"),
         equation(
-            "[cable 3]",
-            "dz_end",
-            (1 - sp.exp(-sp.Symbol("L") * sp.Symbol("h"))) * (seen - sp.Symbol("z_e")),
-            "the end at which it lies is learnt; b = z_high - z_low",
+            "[cable 3]", "dz_end", learnt, "the end at which it lies is learnt; b = z_high - z_low"
         ),
-        equation("[cable 4]", "w", sp.Symbol("z_e") - (high + low) / 2 + tau / k, "winding"),
+        equation("[cable 4]", "w", end - (high + low) / 2 + tau / k, "winding"),
     )
 
 

@@ -10,8 +10,17 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Equation, Flag, Port, Tunable, around, clip, flag_word
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import (
+    Constant,
+    Equation,
+    Flag,
+    Port,
+    Tunable,
+    around,
+    clip,
+    status_port,
+)
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import cutoff_range, filter_delay_s
@@ -33,16 +42,13 @@ DELAY_SHARE = 0.5
 MEANING = "bandwidth L of the observer: higher follows faster and passes more noise; 0 holds it"
 
 
+# A controller that takes the estimate off its command closes a loop through the filter F.  With Q =
+# L/(s + L) and a motor A that follows its command, d (1 - Q A (1 - F)) = Q F d_true: stable
+# whatever A's phase while |Q (1 - F)| < 1.  That gain is below L T, T being the filter's delay at
+# rest, the largest of |1 - F| / omega.  L T = 1/2 leaves a gain margin of two, at the lowest cut-
+# off that may be tuned.
 def bandwidth_limit_1_s(device: DeviceData, cutoff: Quantity) -> float:
-    """Largest bandwidth that the velocity filter allows a disturbance observer.
-
-    A controller that takes the estimate off its command closes a loop through the filter F.  With
-    Q = L/(s + L) and a motor A that follows its command, the estimate obeys
-    ``d (1 - Q A (1 - F)) = Q F d_true``: stable whatever A's phase while |Q (1 - F)| < 1.  That
-    gain is below L T at every frequency, T being the largest of ``|1 - F| / omega``, which is the
-    filter's delay at rest.  L T = 1/2 leaves a gain margin of two, at the lowest cut-off that may
-    be tuned.
-    """
+    """Largest bandwidth that the velocity filter allows a disturbance observer."""
     low, _ = cutoff_range(device, cutoff)
     return DELAY_SHARE / filter_delay_s(low)
 
@@ -62,15 +68,7 @@ def bandwidth_tunable(
             f"Lower it to {math.floor(100 * limit) / 100:g} or raise {cutoff_key} to "
             f"{math.ceil(10 * need) / 10:g} Hz.",
         )
-    return Tunable(
-        "bandwidth_1_s",
-        bandwidth.value,
-        0.0,
-        limit,
-        MEANING,
-        bandwidth.source,
-        bandwidth.status,
-    )
+    return bandwidth.tunable("bandwidth_1_s", 0.0, limit, MEANING)
 
 
 def share_of(bandwidth_1_s: Any, h: float) -> Any:
@@ -78,100 +76,63 @@ def share_of(bandwidth_1_s: Any, h: float) -> Any:
     return 1 - ca.exp(-h * bandwidth_1_s)
 
 
+# d4 = L (omega_m - integral(a_model + d4)) has the state z = omega_m - d4/L.  Kept is d4 itself:
+#
+#         d4 += (1 - exp(-L h)) ((omega_m(k) - omega_m(k-1))/h - a_model - d4)
+#
+# A difference of two near rates is exact, and with L = 0 the estimate rests instead of drifting.
+# a_model is the mean over the step.
 def drive_observer(device: DeviceData) -> Block:
-    """Disturbance of the drive in momentum form, without an acceleration signal (5.5).
-
-    ``d4 = L (omega_m - integral(a_model + d4))`` has the state z = omega_m - d4/L.  Kept here is d4
-    itself, which has the same values: from one sample to the next
-
-        d4 += (1 - exp(-L h)) ((omega_m(k) - omega_m(k-1))/h - a_model - d4)
-
-    A difference of two near rates is exact, so rounding stays that of d4, not of the speed; and
-    with L = 0 the estimate rests instead of drifting.  a_model is the mean over the step: friction
-    and coupling torque of both its ends, and the motor's torque averaged exactly.
-    """
+    """Disturbance of the drive in momentum form, without an acceleration signal (5.5)."""
     law = _DriveObserver(device)
-    return Block.define(
+    return Block.of(
+        law,
         "drive_observer",
         "Disturbance of the drive, and the motor's torque behind its lag",
-        period_s=law.h,
         constants=device.constants("actuator"),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
         outputs=(
             around("d4_rad_s2", law.d_lim, "disturbance of the drive", equation="(5.5)"),
             around("u_a_Nm", law.u_lim, "motor torque by the model of its lag", equation="(5.1)"),
-            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+            law.status(),
         ),
-        equations=law.equations(),
-        step=law.step,
     )
 
 
+# Late by half a period only: the bandwidth may be twenty times what the motor side's filter allows.
 def drive_observer_by_gear(device: DeviceData) -> Block:
-    """Disturbance of the drive (5.5) from the rate of the motor's own encoder.
-
-    That rate needs no filter: it is late by half a period, so that the bandwidth may be twenty
-    times what the filter of the motor side's rate allows.  Seen from the gear, what the cable loses
-    is a disturbance as the others.
-    """
+    """Disturbance of the drive (5.5) from the unfiltered rate of the motor's own encoder."""
     law = _DriveObserver(device, by_gear=True)
-    return Block.define(
+    return Block.of(
+        law,
         "drive_by_gear",
         "Disturbance of the drive, by the motor's own encoder",
-        period_s=law.h,
         constants=(*device.constants("actuator"), *law.cable_constants()),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
         outputs=(
             around("d4_rad_s2", law.d_lim, "disturbance of the drive", equation="(5.5)"),
-            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+            law.status(),
         ),
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 def gear_observer(device: DeviceData) -> Block:
-    """What (5.2) leaves unexplained of the motion of the motor's own encoder.
-
-    ``moves_rad_s2`` is how hard the drive has been moved: its acceleration behind the same lag, the
-    largest of the last ``MOVED_S`` or so.  A wrong inertia leaves a share of it unexplained.
-
-    References
-    ----------
-    .. [1] A. De Luca and R. Mattone, "Actuator failure detection and isolation using generalized
-       momenta", ICRA 2003 (a residual that follows the unexplained torque by a lag).
-    """
+    """What (5.2) leaves unexplained of the motor's own encoder (De Luca, Mattone, ICRA 2003)."""
     if device.file.redundancy is None:
         raise UserError(f"{device.origin}: section [redundancy] is missing.", "Add it.")
     law = _DriveObserver(device, device.file.redundancy.rate_1_s.value)
-    return Block.define(
+    return Block.of(
+        law,
         "gear_observer",
         "What motor and coupling leave unexplained of the drive's motion",
-        period_s=law.h,
         constants=device.constants("actuator"),
-        state=law.state(),
-        inputs=law.inputs(),
         outputs=(
             around("d_gear_rad_s2", law.d_lim, "unexplained acceleration", equation="(5.5)"),
             Port("moves_rad_s2", 0.0, law.a_lim, "largest acceleration of late, behind the lag"),
-            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+            law.status(),
         ),
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 class _DriveObserver:
-    """Numbers, step and ports; with a fixed bandwidth where one is given."""
-
     def __init__(
         self, device: DeviceData, bandwidth_1_s: float | None = None, *, by_gear: bool = False
     ) -> None:
@@ -186,12 +147,8 @@ class _DriveObserver:
         self.drive = drive_of(device)
         a = self.drive.actuator
         self.h = device.period_s
-        self.d_lim, self.u_lim, self.tau_lim, self.omega_lim = (
-            self.drive.d4_rad_s2,
-            self.drive.u_Nm,
-            self.drive.tau_Nm,
-            self.drive.omega_rad_s,
-        )
+        self.d_lim, self.u_lim = self.drive.d4_rad_s2, self.drive.u_Nm
+        self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
         self.a_lim = 4 * self.d_lim  # motor, friction, coupling and a blow together
         tau_c = a.tau_c_s.value
         self.decay = math.exp(-self.h / tau_c)
@@ -205,24 +162,14 @@ class _DriveObserver:
             WIDTH: a.coulomb_width_rad_s.value,
         }
         # Every part of (5.2) at its largest; the port's range only, nothing is clipped there.
-        self.reach = (
-            (
-                self.numbers[N] * self.u_lim
-                + self.numbers[FV] * self.omega_lim
-                + self.numbers[FC]
-                + self.tau_lim * (1 + self.loss)
-            )
-            / self.numbers[J]
-            * 1.001
-        )
+        most = self.numbers[N] * self.u_lim + self.numbers[FV] * self.omega_lim + self.numbers[FC]
+        self.reach = (most + self.tau_lim * (1 + self.loss)) / self.numbers[J] * 1.001
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         share = share_of(t.bandwidth_1_s, self.h)
         return {"share": share, "keep": 1 - share}
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ok = guard.inputs_ok
         ready = label("ready", ca.logic_and(ok, s.primed), "two valid samples in a row")
         omega = vars(u)[self.omega]
@@ -232,30 +179,16 @@ class _DriveObserver:
         if self.loss:
             rubbed = self.loss / self.numbers[J] * ca.fabs(u.tau_Nm)
             passive_model = passive_model - rubbed * ca.tanh(omega / self.numbers[WIDTH])
-        passive = label(
-            "passive_rad_s2",
-            passive_model,
-            "(5.2) without motor and disturbance",
-        )
+        passive = label("passive_rad_s2", passive_model, "(5.2) without motor and disturbance")
         driven = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * self.mean
-        drive_part = self.numbers[N] / self.numbers[J] * driven
-        model = label(
-            "model_rad_s2",
-            drive_part + 0.5 * (passive + s.passive_rad_s2),
-            "(5.2) mean of the model over the step",
-        )
+        model = self.numbers[N] / self.numbers[J] * driven + 0.5 * (passive + s.passive_rad_s2)
+        model = label("model_rad_s2", model, "(5.2) mean of the model over the step")
         seen = (omega - s.omega_last_rad_s) * (1 / self.h)
         moved = s.d4_rad_s2 * keep + share * (seen - model)
-        d4 = label(
-            "d4_rad_s2",
-            ca.if_else(ready, clip(moved, -self.d_lim, self.d_lim), s.d4_rad_s2),
-            "(5.5) disturbance",
-        )
-        u_a = label(
-            "u_a_Nm",
-            s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * self.decay,
-            "(5.1) the motor's torque, exact for a held command",
-        )
+        d4 = ca.if_else(ready, clip(moved, -self.d_lim, self.d_lim), s.d4_rad_s2)
+        d4 = label("d4_rad_s2", d4, "(5.5) disturbance")
+        u_a = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * self.decay
+        u_a = label("u_a_Nm", u_a, "(5.1) the motor's torque, exact for a held command")
         next_state = {
             "primed": ok,
             "omega_last_rad_s": omega,
@@ -274,9 +207,7 @@ class _DriveObserver:
         outputs = {
             self.d: d4,
             **extra,
-            "status": flag_word(
-                [ca.logic_not(ok), ca.logic_not(guard.state_ok), ca.logic_and(ready, clipped)]
-            ),
+            "status": guard.status(ca.logic_and(ready, clipped)),
         }
         return next_state, outputs
 
@@ -289,24 +220,22 @@ class _DriveObserver:
         return tuple(c for c in self.device.constants("cable") if c.name in ("loss", "drive_1_s"))
 
     def coefficients(self) -> tuple[Port, ...]:
+        if self.fixed:
+            return ()
         return (
             Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
             Port("keep", 0.0, 1.0, "kept in one step", equation="(5.5)"),
         )
 
     def tunables(self) -> tuple[Tunable, ...]:
+        if self.fixed:
+            return ()
         if self.by_gear:
             cable = self.device.file.cable
             if cable is None:
                 raise UserError(f"{self.device.origin}: section [cable] is missing.", "Add it.")
-            asked = cable.drive_1_s
             # By bandwidth_limit_1_s, whose filter is here a difference over one period.
-            limit = DELAY_SHARE / self.h
-            return (
-                Tunable(
-                    "bandwidth_1_s", asked.value, 0.0, limit, MEANING, asked.source, asked.status
-                ),
-            )
+            return (cable.drive_1_s.tunable("bandwidth_1_s", 0.0, DELAY_SHARE / self.h, MEANING),)
         return (
             bandwidth_tunable(
                 self.device,
@@ -337,41 +266,30 @@ class _DriveObserver:
         )
 
     def inputs(self) -> tuple[Port, ...]:
+        by_motor = self.omega == "omega_motor_rad_s"
+        rate = "motor side's rate" if by_motor else "rate of the motor's encoder"
+        command = "command that the motor holds from this tick on, at the motor shaft"
         return (
-            around(
-                "u_Nm",
-                self.u_lim,
-                "command that the motor holds from this tick on, at the motor shaft",
-                on_invalid=0.0,
-            ),
-            around(
-                self.omega,
-                self.omega_lim,
-                "motor side's rate"
-                if self.omega == "omega_motor_rad_s"
-                else "rate of the motor's encoder",
-                on_invalid="omega_last_rad_s",
-            ),
+            around("u_Nm", self.u_lim, command, on_invalid=0.0),
+            around(self.omega, self.omega_lim, rate, on_invalid="omega_last_rad_s"),
             around("tau_Nm", self.tau_lim, "interaction torque on the load", on_invalid=0.0),
         )
 
     def equations(self) -> tuple[Equation, ...]:
         d_p, h_s, bandwidth = sp.Symbol("d_4,k-1"), sp.Symbol("h"), sp.Symbol("L")
         rise = (sp.Symbol("omega_m,k") - sp.Symbol("omega_m,k-1")) / h_s
+        following = d_p + (1 - sp.exp(-bandwidth * h_s)) * (rise - sp.Symbol("a_model") - d_p)
+        lag = "disturbance: a lag of bandwidth L behind what the model leaves unexplained"
         return (
             equation("(5.1)", "tau_c u_a'", sp.Symbol("u_c") - U_A, "lag of the motor's torque"),
             equation("(5.2)", "a_model", MODEL_ACCELERATION, "motion of the motor side"),
-            equation(
-                "(5.5)",
-                "d_4,k",
-                d_p + (1 - sp.exp(-bandwidth * h_s)) * (rise - sp.Symbol("a_model") - d_p),
-                "disturbance: a lag of bandwidth L behind what the model leaves unexplained",
-            ),
+            equation("(5.5)", "d_4,k", following, lag),
         )
 
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; d4 is held", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
+    def status(self) -> Port:
+        return status_port(
+            "what is known of this estimate",
+            "an input was NaN or outside its range; d4 is held",
+            "the state was corrupt; the observer was started afresh",
             Flag("CLIPPED", "the estimate was clipped at its range", True, (self.d,), self.d_lim),
         )

@@ -9,8 +9,8 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Array, Flag, Port, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Array, Flag, Port, around, clip, status_port, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -24,51 +24,33 @@ MOST_KEPT = 501
 
 
 def parabola_weights(values: int = VALUES, spacing_s: float = SPACING_S) -> Array:
-    """What each past value adds to the least-squares parabola.
-
-    return: shape (3, values): times the values it gives c with y(t) = c[0] + c[1] t + c[2] t^2, t
-        counted from the newest value on.
-    """
+    """(3, values): times the values c of y(t) = c0 + c1 t + c2 t^2, t from the newest value on."""
     t = -spacing_s * np.arange(values)
     return np.asarray(np.linalg.pinv(np.vander(t, 3, increasing=True)))
 
 
+# At a control rate above 20 Hz the values between are kept too: 11 values 0.05 s apart, of which
+# the newest is now.  Until there are so many, the first one stands for those that are missing.
 def parabola(device: DeviceData) -> Block:
-    """Torque of the person with its slope and curvature, from a parabola through past values.
-
-    device: a device with a drive; the Block runs at the rate of its control task.
-    return: input ``tau_h_Nm``, an observer's estimate; outputs ``tau_h_fit_Nm``,
-        ``tau_h_rate_Nm_s`` and ``tau_h_curve_Nm_s2``, value and derivatives of the parabola now,
-        and a status word.
-
-    At a control rate above 20 Hz the values between are kept too, so that the parabola always goes
-    through the newest value's neighbourhood: 11 values 0.05 s apart, of which the newest is now.
-    Until there are so many, the first one stands for those that are missing.  An invalid input
-    counts as the last valid one.
-    """
+    """Torque of the person with slope and curvature, from a parabola through past values."""
     law = _Parabola(device)
     t, c0, c1, c2 = sp.symbols("t c_0 c_1 c_2")
-    return Block.define(
+    return Block.of(
+        law,
         "parabola",
         "Torque of the person ahead: parabola through its past",
-        period_s=law.h,
         state=(
             Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
             around("last_Nm", law.tau_lim, "value of the last step"),
             around("past_Nm", law.tau_lim, "values before it, newest first", law.count - 2),
         ),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=(
             equation("[parabola]", "tau_h", c0 + c1 * t + c2 * t**2, "least squares, 11 values"),
         ),
-        step=law.step,
     )
 
 
 class _Parabola:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         drive = drive_of(device)
         self.h = drive.control_period_s
@@ -87,9 +69,7 @@ class _Parabola:
         reach = self.tau_lim * np.sum(np.abs(self.weights), axis=1)
         self.rate_lim, self.curve_lim = threshold(1.01 * reach[1]), threshold(2.02 * reach[2])
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ok = guard.inputs_ok
         primed = ca.logic_or(s.primed, ok)
         past = [ca.if_else(s.primed, x, u.tau_h_Nm) for x in (s.last_Nm, *ca.vertsplit(s.past_Nm))]
@@ -105,38 +85,25 @@ class _Parabola:
             "tau_h_fit_Nm": clip(value, -self.tau_lim, self.tau_lim),
             "tau_h_rate_Nm_s": clip(fit[1], -self.rate_lim, self.rate_lim),
             "tau_h_curve_Nm_s2": clip(2 * fit[2], -self.curve_lim, self.curve_lim),
-            "status": flag_word([ca.logic_not(ok), ca.logic_not(guard.state_ok), out]),
+            "status": guard.status(out),
         }
         return next_state, outputs
 
     def inputs(self) -> tuple[Port, ...]:
-        return (
-            around(
-                "tau_h_Nm",
-                self.tau_lim,
-                "estimated torque of the person",
-                1,
-                "(5.10)",
-                on_invalid="last_Nm",
-            ),
-        )
+        text = "estimated torque of the person"
+        return (around("tau_h_Nm", self.tau_lim, text, 1, "(5.10)", on_invalid="last_Nm"),)
 
     def outputs(self) -> tuple[Port, ...]:
+        fit, clipped = ("tau_h_fit_Nm",), "the fit was clipped at its range"
         return (
             around("tau_h_fit_Nm", self.tau_lim, "the parabola's value now"),
             around("tau_h_rate_Nm_s", self.rate_lim, "its slope now"),
             around("tau_h_curve_Nm_s2", self.curve_lim, "its second derivative"),
-            Port("status", 0, 7, "what is known of it", flags=self.flags()),
-        )
-
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag(
-                "INPUT_INVALID", "the input was NaN or outside its range; the last one counts", True
-            ),
-            Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-            Flag(
-                "CLIPPED", "the fit was clipped at its range", True, ("tau_h_fit_Nm",), self.tau_lim
+            status_port(
+                "what is known of it",
+                "the input was NaN or outside its range; the last one counts",
+                "the state was corrupt; started afresh",
+                Flag("CLIPPED", clipped, True, fit, self.tau_lim),
             ),
         )
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +13,7 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Array,
     Equation,
@@ -21,13 +23,13 @@ from esea_gen.language.ports import (
     around,
     clip,
     f32_inside,
-    flag_word,
+    status_port,
     threshold,
 )
+from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import bandwidth_tunable, share_of
-from esea_gen.observe.human_streams import STREAMS
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
@@ -38,63 +40,50 @@ DECAY_FACTOR = 5.0
 SLOWEST_POLE = 0.9999
 
 
+# In float32 an increment below half a unit in the last place is lost: the estimate stops short of
+# its end by up to 2^-25 of its size over L h: at 0.25 1/s and 1 kHz 1.2e-4 of the torque.
 def lag_observer(device: DeviceData) -> Block:
-    """Torque of the person in momentum form, a first-order lag (5.10).
-
-    As :func:`esea_gen.observe.disturbance.drive_observer`, on the load side's (5.3).  In float32
-    an increment below half a unit in the last place is lost, so that the estimate stops short of
-    its end by up to 2^-25 of its size over L h: at 0.25 1/s and 1 kHz 1.2e-4 of the torque.
-    """
+    """Torque of the person in momentum form, a first-order lag (5.10)."""
     law = _Lag(device)
-    return Block.define(
+    clipped = "the estimate was clipped at its range"
+    return Block.of(
+        law,
         "human_lag",
         "Torque of the person: first-order lag",
-        period_s=law.h,
         constants=device.constants("joint"),
-        tunables=law.tunables(),
         coefficients=(Port("share", 0.0, 1.0, "taken up in one step", equation="(5.10)"),),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
         outputs=(
             around("tau_h_Nm", law.tau_h_lim, "torque of the person", equation="(5.10)"),
-            Port("status", 0, 7, "what is known of this estimate", flags=law.flags()),
+            status_port(
+                "what is known of this estimate",
+                "an input was NaN or outside its range; tau_h is held",
+                "the state was corrupt; the observer was started afresh",
+                Flag("CLIPPED", clipped, True, ("tau_h_Nm",), law.tau_h_lim),
+            ),
         ),
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 class _Lag:
-    """(5.10): numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         self.device = device
         self.drive = drive_of(device)
         self.h = device.period_s
         self.inertia = self.drive.joint.Jh_kgm2.value
-        self.tau_lim, self.tau_h_lim, self.omega_lim = (
-            self.drive.tau_Nm,
-            self.drive.tau_h_Nm,
-            self.drive.omega_rad_s,
-        )
+        self.tau_lim, self.tau_h_lim = self.drive.tau_Nm, self.drive.tau_h_Nm
+        self.omega_lim = self.drive.omega_rad_s
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {"share": share_of(t.bandwidth_1_s, self.h)}
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ok = guard.inputs_ok
         ready = label("ready", ca.logic_and(ok, s.primed), "two valid samples in a row")
         rise = (u.omega_load_rad_s - s.omega_last_rad_s) * (self.inertia / self.h)
         model = label("model_Nm", 0.5 * (u.tau_Nm + s.tau_last_Nm), "(5.3) mean over the step")
         moved = s.tau_h_Nm + c.share * (rise - model - s.tau_h_Nm)
-        tau_h = label(
-            "tau_h_Nm",
-            ca.if_else(ready, clip(moved, -self.tau_h_lim, self.tau_h_lim), s.tau_h_Nm),
-            "(5.10)",
-        )
+        tau_h = ca.if_else(ready, clip(moved, -self.tau_h_lim, self.tau_h_lim), s.tau_h_Nm)
+        tau_h = label("tau_h_Nm", tau_h, "(5.10)")
         next_state = {
             "primed": ok,
             "omega_last_rad_s": u.omega_load_rad_s,
@@ -103,13 +92,7 @@ class _Lag:
         }
         outputs = {
             "tau_h_Nm": tau_h,
-            "status": flag_word(
-                [
-                    ca.logic_not(ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(ready, ca.fabs(moved) > self.tau_h_lim),
-                ]
-            ),
+            "status": guard.status(ca.logic_and(ready, ca.fabs(moved) > self.tau_h_lim)),
         }
         return next_state, outputs
 
@@ -133,43 +116,20 @@ class _Lag:
         )
 
     def inputs(self) -> tuple[Port, ...]:
+        rate, torque = "load side's rate", "interaction torque on the load"
         return (
-            around(
-                "omega_load_rad_s",
-                self.omega_lim,
-                "load side's rate",
-                on_invalid="omega_last_rad_s",
-            ),
-            around(
-                "tau_Nm", self.tau_lim, "interaction torque on the load", on_invalid="tau_last_Nm"
-            ),
+            around("omega_load_rad_s", self.omega_lim, rate, on_invalid="omega_last_rad_s"),
+            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
         )
 
     def equations(self) -> tuple[Equation, ...]:
         tau_p, h_s, bandwidth = sp.Symbol("tau_h,k-1"), sp.Symbol("h"), sp.Symbol("L")
         rise_s = (sp.Symbol("omega_l,k") - sp.Symbol("omega_l,k-1")) / h_s
         unexplained = sp.Symbol("J_h") * rise_s - sp.Symbol("tau_e") - tau_p
+        following = tau_p + (1 - sp.exp(-bandwidth * h_s)) * unexplained
         return (
             equation("(5.3)", "J_h omega_l'", sp.Symbol("tau_e") + sp.Symbol("tau_h"), "load side"),
-            equation(
-                "(5.10)",
-                "tau_h,k",
-                tau_p + (1 - sp.exp(-bandwidth * h_s)) * unexplained,
-                "torque of the person: a lag of bandwidth L",
-            ),
-        )
-
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag("INPUT_INVALID", "an input was NaN or outside its range; tau_h is held", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
-            Flag(
-                "CLIPPED",
-                "the estimate was clipped at its range",
-                True,
-                ("tau_h_Nm",),
-                self.tau_h_lim,
-            ),
+            equation("(5.10)", "tau_h,k", following, "torque of the person: a lag of bandwidth L"),
         )
 
 
@@ -191,41 +151,26 @@ def error_matrix(device: DeviceData, decay_s: float | None = None) -> Array:
     return np.asarray(correction @ model)
 
 
+# Angle, rate, torque of the person, and its rate, which decays.  Without a valid angle it predicts
+# only. The predicted angle has room beyond the port's range, which a valid sample never uses up;
+# without samples it may rest at the end of that room, and a flag says so.
 def extended_state(device: DeviceData) -> Block:
-    """Torque of the person, its rate, and the load side's motion, by an extended-state observer.
-
-    Four states: angle, rate, torque of the person, its rate, which decays with its time constant.
-    Each step corrects the prediction by steady gains on the encoder's innovation, and predicts the
-    next step with the torque measured now.  Without a valid angle it predicts only: the rate of the
-    torque decays, and the torque comes to rest.
-
-    The predicted angle has room beyond the port's range, which a valid sample never lets it use
-    up: at an end the estimate is what it is anywhere else.  Without samples it may reach the end of
-    that room, and rests there: the rate towards the end is dropped with the angle, and a flag says
-    so.
-    """
+    """Torque of the person, its rate, and the load side's motion, by an extended-state observer."""
     law = _ExtendedState(device)
-    return Block.define(
+    return Block.of(
+        law,
         "human_eso",
         "Torque of the person: extended-state observer",
-        period_s=law.h,
         constants=(
             *device.constants("joint"),
             *(k for k in device.constants("disturbance") if k.name.startswith("gain_")),
         ),
-        tunables=law.tunables(),
         coefficients=(
             Port("keep", 0.0, 1.0, "share of the torque's rate that a step keeps"),
             Port("reach_s", 0.0, law.h, "torque gained in a step, per rate"),
         ),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
-        equations=law.equations(),
         # Between a prediction and a sample, both of which lie there: gain_theta is at most 1.
         facts={"theta_load_est_rad": (law.theta_low, law.theta_high)},
-        step=law.step,
         streams=STREAMS,
     )
 
@@ -244,22 +189,15 @@ def _check_gains(device: DeviceData, decays_s: tuple[float, ...]) -> None:
 
 
 class _ExtendedState:
-    """Numbers, step and ports of the extended-state observer."""
-
     def __init__(self, device: DeviceData) -> None:
         self.drive = drive_of(device)
         d = self.drive.disturbance
         self.h, self.inertia = device.period_s, self.drive.joint.Jh_kgm2.value
-        self.tau_lim, self.tau_h_lim, self.omega_lim = (
-            self.drive.tau_Nm,
-            self.drive.tau_h_Nm,
-            self.drive.omega_rad_s,
-        )
+        self.tau_lim, self.tau_h_lim = self.drive.tau_Nm, self.drive.tau_h_Nm
+        self.omega_lim = self.drive.omega_rad_s
         self.decay = d.decay_s
-        self.decay_low, self.decay_high = (
-            self.decay.value / DECAY_FACTOR,
-            self.decay.value * DECAY_FACTOR,
-        )
+        self.decay_low = self.decay.value / DECAY_FACTOR
+        self.decay_high = self.decay.value * DECAY_FACTOR
         _check_gains(device, (self.decay_low, self.decay.value, self.decay_high))
         self.gain = {
             "theta": d.gain_theta.value,
@@ -284,34 +222,26 @@ class _ExtendedState:
         keep = ca.exp(-self.h / t.decay_s)
         return {"keep": keep, "reach_s": t.decay_s * (1 - keep)}
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         seen = guard.inputs_ok
         predicted = ca.if_else(s.primed, s.theta_rad, u.theta_load_rad)
-        innovation = label(
-            "innovation_rad",
-            ca.if_else(seen, u.theta_load_rad - predicted, 0),
-            "encoder less prediction; 0 without a valid sample",
-        )
-        theta = label(
-            "theta_load_est_rad", predicted + self.gain["theta"] * innovation, "corrected"
-        )
+        innovation = ca.if_else(seen, u.theta_load_rad - predicted, 0)
+        text = "encoder less prediction; 0 without a valid sample"
+        innovation = label("innovation_rad", innovation, text)
+        theta = predicted + self.gain["theta"] * innovation
+        theta = label("theta_load_est_rad", theta, "corrected")
         omega_raw = s.omega_rad_s + self.gain["omega"] * innovation
         tau_raw = s.tau_h_Nm + self.gain["tau"] * innovation
         rate_raw = s.rate_Nm_s + self.gain["rate"] * innovation
-        omega = label(
-            "omega_load_rad_s", clip(omega_raw, -self.omega_lim, self.omega_lim), "corrected"
-        )
+        omega = clip(omega_raw, -self.omega_lim, self.omega_lim)
+        omega = label("omega_load_rad_s", omega, "corrected")
         tau_h = label("tau_h_Nm", clip(tau_raw, -self.tau_h_lim, self.tau_h_lim), "corrected")
         rate = label("tau_h_rate_Nm_s", clip(rate_raw, -self.rate_lim, self.rate_lim), "corrected")
-        acceleration = label(
-            "acceleration_rad_s2", (u.tau_Nm + tau_h) * (1 / self.inertia), "(5.3)"
-        )
+        acceleration = (u.tau_Nm + tau_h) * (1 / self.inertia)
+        acceleration = label("acceleration_rad_s2", acceleration, "(5.3)")
         start = ca.logic_or(s.primed, seen)
-        following = label(
-            "theta_next_rad", theta + self.h * (omega + 0.5 * self.h * acceleration), "[eso 6]"
-        )
+        following = theta + self.h * (omega + 0.5 * self.h * acceleration)
+        following = label("theta_next_rad", following, "[eso 6]")
         above, below = following > self.theta_high, following < self.theta_low
         # An angle that rests at an end has no rate towards that end.
         omega_next = omega + self.h * acceleration
@@ -330,31 +260,18 @@ class _ExtendedState:
             "tau_h_rate_Nm_s": rate,
             "omega_load_rad_s": omega,
             "theta_load_est_rad": theta,
-            "status": flag_word(
-                [
-                    ca.logic_not(seen),
-                    ca.logic_not(guard.state_ok),
-                    ca.fabs(omega_raw) > self.omega_lim,
-                    ca.fabs(tau_raw) > self.tau_h_lim,
-                    ca.fabs(rate_raw) > self.rate_lim,
-                    ca.logic_or(above, below),
-                ]
+            "status": guard.status(
+                ca.fabs(omega_raw) > self.omega_lim,
+                ca.fabs(tau_raw) > self.tau_h_lim,
+                ca.fabs(rate_raw) > self.rate_lim,
+                ca.logic_or(above, below),
             ),
         }
         return next_state, outputs
 
     def tunables(self) -> tuple[Tunable, ...]:
-        return (
-            Tunable(
-                "decay_s",
-                self.decay.value,
-                self.decay_low,
-                self.decay_high,
-                "decay of the torque's rate: longer trusts a rate longer and overshoots more",
-                self.decay.source,
-                self.decay.status,
-            ),
-        )
+        text = "decay of the torque's rate: longer trusts a rate longer and overshoots more"
+        return (self.decay.tunable("decay_s", self.decay_low, self.decay_high, text),)
 
     def state(self) -> tuple[Port, ...]:
         return (
@@ -367,75 +284,116 @@ class _ExtendedState:
         )
 
     def inputs(self) -> tuple[Port, ...]:
+        ends = self.drive.theta_low_rad, self.drive.theta_high_rad
+        torque = "interaction torque on the load"
         return (
-            Port(
-                "theta_load_rad",
-                self.drive.theta_low_rad,
-                self.drive.theta_high_rad,
-                "load side's angle",
-                on_invalid="theta_rad",
-            ),
-            around(
-                "tau_Nm", self.tau_lim, "interaction torque on the load", on_invalid="tau_last_Nm"
-            ),
+            Port("theta_load_rad", *ends, "load side's angle", on_invalid="theta_rad"),
+            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
         )
 
     def outputs(self) -> tuple[Port, ...]:
+        ends = self.theta_low, self.theta_high
+        unseen = "an input was NaN or outside its range; the observer predicts without correction"
+        past = "the angle was predicted past its range, without a valid sample; it rests there"
+        clipped = (
+            ("OMEGA", "load side's rate", "omega_load_rad_s", self.omega_lim),
+            ("TORQUE", "torque of the person", "tau_h_Nm", self.tau_h_lim),
+            ("TORQUE_RATE", "rate of that torque", "tau_h_rate_Nm_s", self.rate_lim),
+        )
         return (
             around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
             around("tau_h_rate_Nm_s", self.rate_lim, "its rate"),
             around("omega_load_rad_s", self.omega_lim, "load side's rate"),
-            Port(
-                "theta_load_est_rad",
-                self.theta_low,
-                self.theta_high,
-                "load side's angle, corrected",
+            Port("theta_load_est_rad", *ends, "load side's angle, corrected"),
+            status_port(
+                "what is known of this estimate",
+                unseen,
+                "the state was corrupt; the observer was started afresh",
+                *(
+                    Flag(
+                        f"{word}_CLIPPED", f"the {what} was clipped at its range", True, (n,), most
+                    )
+                    for word, what, n, most in clipped
+                ),
+                Flag("ANGLE_CLIPPED", past, True),
             ),
-            Port("status", 0, 63, "what is known of this estimate", flags=self.flags()),
         )
 
     def equations(self) -> tuple[Equation, ...]:
         x, v, a, r, nu, h_s, t_d = sp.symbols("theta_l omega_l tau_h rho nu h T_d")
         tau_e, jh = sp.symbols("tau_e J_h")
         l1, l2, l3, l4 = sp.symbols("l_1 l_2 l_3 l_4")
+        ahead = x + h_s * v + h_s**2 * (tau_e + a) / (2 * jh)
         return (
             equation("[eso 1]", "nu", sp.Symbol("theta_enc") - x, "innovation"),
             equation("[eso 2]", "theta_l", x + l1 * nu, "angle, corrected"),
             equation("[eso 3]", "omega_l", v + l2 * nu, "rate, corrected"),
             equation("[eso 4]", "tau_h", a + l3 * nu, "torque of the person, corrected"),
             equation("[eso 5]", "rho", r + l4 * nu, "its rate, corrected"),
-            equation(
-                "[eso 6]",
-                "theta_l,k+1",
-                x + h_s * v + h_s**2 * (tau_e + a) / (2 * jh),
-                "prediction",
-            ),
+            equation("[eso 6]", "theta_l,k+1", ahead, "prediction"),
             equation("[eso 7]", "omega_l,k+1", v + h_s * (tau_e + a) / jh, "prediction (5.3)"),
             equation("[eso 8]", "tau_h,k+1", a + t_d * (1 - sp.exp(-h_s / t_d)) * r, "prediction"),
             equation("[eso 9]", "rho_k+1", sp.exp(-h_s / t_d) * r, "prediction"),
         )
 
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag(
-                "INPUT_INVALID",
-                "an input was NaN or outside its range; the observer predicts without correction",
-                True,
-            ),
-            Flag("STATE_REPAIRED", "the state was corrupt; the observer was started afresh", True),
-            *(
-                Flag(
-                    f"{word}_CLIPPED", f"the {what} was clipped at its range", True, (name,), limit
-                )
-                for word, what, name, limit in (
-                    ("OMEGA", "load side's rate", "omega_load_rad_s", self.omega_lim),
-                    ("TORQUE", "torque of the person", "tau_h_Nm", self.tau_h_lim),
-                    ("TORQUE_RATE", "rate of that torque", "tau_h_rate_Nm_s", self.rate_lim),
-                )
-            ),
-            Flag(
-                "ANGLE_CLIPPED",
-                "the angle was predicted past its range, without a valid sample; it rests there",
-                True,
-            ),
-        )
+
+# Share of the largest rate and of the largest torque that an ordinary motion takes.
+SHARE = 0.3
+REST = 200
+# Distances from an end at which the joint rests, rad: the end itself, and less than a step away.
+BESIDE_rad = (2e-3, 5e-4, 3e-4, 1e-4, 0.0)
+
+
+def _ramp(a: float, b: float, steps: int) -> Array:
+    # Smooth to its third derivative, so that the torque's rate has no steps either.
+    x = np.linspace(0.0, 1.0, steps)
+    return a + (b - a) * x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3)
+
+
+def _numbers(block: Block) -> tuple[Port, Port, int]:
+    # Angle and torque, and how many steps a sweep over the whole range takes.
+    theta, tau = block.inputs
+    outputs = {p.name: p for p in block.outputs}
+    width = theta.high - theta.low
+    inertia = next(c.value for c in block.constants if c.name == "Jh_kgm2")
+    fastest = SHARE * outputs["omega_load_rad_s"].high
+    strongest = SHARE * outputs["tau_h_Nm"].high / inertia
+    # Largest rate and acceleration of `_ramp` over a time of 1: 35/16, and 7.513.
+    time_s = max(35 / 16 * width / fastest, (7.6 * width / strongest) ** 0.5)
+    return theta, tau, round(time_s / block.period_s)
+
+
+def _moves(ends: Sequence[float], steps: int, width: float) -> Array:
+    # From each end to the next, as fast as a sweep over the whole range, with a rest after it.
+    parts = [np.full(REST, ends[0])]
+    for a, b in pairwise(ends):
+        parts += [_ramp(a, b, max(REST, round(steps * abs(b - a) / width))), np.full(REST, b)]
+    return np.concatenate(parts)
+
+
+def _within(port: Port, values: Array) -> Array:
+    return np.clip(single(values), port.low, port.high)
+
+
+def _events(block: Block, _rng: np.random.Generator) -> list[Stream]:
+    theta, tau, sweep = _numbers(block)
+    low, high, width = theta.low, theta.high, theta.high - theta.low
+    ends = [0.5 * (low + high), *(high - x for x in BESIDE_rad), *(low + x for x in BESIDE_rad)]
+    angles = _within(theta, _moves(ends, sweep, width))
+    ordinary = Stream("sweeps and rests at the ends", {theta.name: angles})
+    # At a steady rate towards each end, and no samples from the middle on, for longer than the way
+    # takes: the angle is predicted on, past the end.
+    ways = [np.linspace(a, b, sweep) for a, b in ((low, high), (high, low))]
+    unseen = _within(theta, np.concatenate([x for w in ways for x in (w, np.full(REST, w[-1]))]))
+    for start in (sweep // 2, sweep + REST + sweep // 2):
+        unseen[start : start + sweep // 2 + REST // 2] = np.nan
+    coasting = Stream(
+        "unseen past the ends", {theta.name: unseen, tau.name: np.zeros(len(unseen))}, rough=True
+    )
+    wave = 0.2 * min(tau.high, next(p.high for p in block.outputs if p.name == "tau_h_Nm"))
+    t = np.arange(ordinary.steps)
+    ordinary.inputs[tau.name] = single(wave * np.sin(2 * np.pi * t / 3000) ** 3)
+    return [ordinary, coasting]
+
+
+STREAMS = OwnStreams(events=_events)

@@ -1,11 +1,8 @@
 """Angular rate of one side of the coupling: fourth-order Butterworth filter, then difference.
 
-Filter and difference commute, so the difference comes first: the angle itself never enters the
-filter, and a large angle costs no precision.  The sections are state-variable filters whose
-integrators follow the trapezoidal rule: the transfer function is that of the bilinear transform,
-but no rounding of a coefficient changes the gain at rest.  At 2 Hz and 1 kHz in float32 that gain
-is right to 1e-5; a direct form, whose rounded coefficients nearly cancel, misses it by more than
-1e-4.
+They commute, so the difference comes first: a large angle costs no precision.  The sections are
+state-variable filters by the trapezoidal rule, in which no rounding of a coefficient changes the
+gain at rest; at 2 Hz and 1 kHz in float32 a direct form misses it by more than 1e-4.
 """
 
 from __future__ import annotations
@@ -18,7 +15,7 @@ import casadi as ca
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
     Flag,
@@ -26,7 +23,7 @@ from esea_gen.language.ports import (
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -74,41 +71,21 @@ def tangent(x: Any) -> Any:
     return x / below
 
 
+# While the input is invalid the rate is held; the sample after a gap stands for the held rate too,
+# so that what was moved meanwhile makes no spike.
 def butterworth_rate(device: DeviceData, name: str, cutoff: Quantity) -> Block:
-    """Rate of a joint angle behind a fourth-order Butterworth filter.
-
-    The first valid sample primes the filter: from rest it starts without a transient.  While the
-    input is invalid the rate is held; the sample after a gap stands for the held rate too, so that
-    what was moved meanwhile makes no spike.  The delay at low frequency is :func:`filter_delay_s`
-    and half a period.
-
-    References
-    ----------
-    .. [1] V. Zavalishin, "The Art of VA Filter Design", 2012 (trapezoidal state-variable filter).
-    """
+    """Rate of a joint angle behind a Butterworth filter of fourth order (Zavalishin 2012)."""
     law = _Butterworth(device, name, cutoff)
-    return Block.define(
+    return Block.of(
+        law,
         name,
         "Angular rate: difference behind a fourth-order Butterworth filter",
-        period_s=law.h,
         constants=device.constants("timing"),
-        tunables=law.tunables(),
         coefficients=tuple(Port(f"gain_{i}", 0.0, 1.0, f"gains of section {i}", 3) for i in (1, 2)),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=(
-            around("omega_rad_s", law.limit, "filtered rate of the angle"),
-            Port("status", 0, 15, "what is known of this sample", flags=law.flags()),
-        ),
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 class _Butterworth:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData, name: str, cutoff: Quantity) -> None:
         self.cutoff = cutoff
         self.drive = drive_of(device)
@@ -118,9 +95,8 @@ class _Butterworth:
         # A twentieth of the range within a period is no motion, whatever the encoder's resolution.
         # A narrower clip would take counts away from the rate's integral, and would act on states
         # that the error analysis has to take as linear.
-        self.reach = threshold(
-            0.05 * (self.drive.theta_high_rad - self.drive.theta_low_rad) / self.h
-        )
+        low, high = self.angles = self.drive.theta_low_rad, self.drive.theta_high_rad
+        self.reach = threshold(0.05 * (high - low) / self.h)
         self.room = STATE_ROOM * self.reach
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
@@ -137,9 +113,7 @@ class _Butterworth:
         low_pass = state[1] + gain[1] * state[0] + gain[2] * driven
         return low_pass, [2 * band - state[0], 2 * low_pass - state[1]]
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         # After a gap, or at the start, there is no difference yet: the rate goes on as it was.
         difference = (u.theta_rad - s.theta_last_rad) * (1 / self.h)
         raw = ca.if_else(s.primed, difference, s.omega_held_rad_s)
@@ -147,11 +121,8 @@ class _Butterworth:
         middle, first = self.section(c.gain_1, s.first_rad_s, clip(raw, -self.reach, self.reach))
         filtered, second = self.section(c.gain_2, s.second_rad_s, middle)
         ok = guard.inputs_ok
-        held = label(
-            "held_rad_s",
-            ca.if_else(ok, filtered, s.omega_held_rad_s),
-            "filtered rate; held while the input is invalid",
-        )
+        held = ca.if_else(ok, filtered, s.omega_held_rad_s)
+        held = label("held_rad_s", held, "filtered rate; held while the input is invalid")
         omega = clip(held, -self.limit, self.limit)
         next_state = {
             "primed": ok,
@@ -162,97 +133,58 @@ class _Butterworth:
         }
         outputs = {
             "omega_rad_s": omega,
-            "status": flag_word(
-                [
-                    ca.logic_not(ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(ok, ca.fabs(raw) > self.reach),
-                    ca.fabs(held) > self.limit,
-                ]
+            "status": guard.status(
+                ca.logic_and(ok, ca.fabs(raw) > self.reach), ca.fabs(held) > self.limit
             ),
         }
         return next_state, outputs
 
     def tunables(self) -> tuple[Tunable, ...]:
-        return (
-            Tunable(
-                "cutoff_Hz",
-                self.cutoff.value,
-                self.low,
-                self.high,
-                "cut-off: higher follows faster and passes more noise",
-                self.cutoff.source,
-                self.cutoff.status,
-            ),
-        )
+        text = "cut-off: higher follows faster and passes more noise"
+        return (self.cutoff.tunable("cutoff_Hz", self.low, self.high, text),)
 
     def state(self) -> tuple[Port, ...]:
         return (
             Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
-            Port(
-                "theta_last_rad",
-                self.drive.theta_low_rad,
-                self.drive.theta_high_rad,
-                "angle, last step",
-            ),
+            Port("theta_last_rad", *self.angles, "angle, last step"),
             around("omega_held_rad_s", self.room, "filtered rate of the last step"),
             around("first_rad_s", self.room, "integrators of the first section", 2),
             around("second_rad_s", self.room, "integrators of the second section", 2),
         )
 
     def inputs(self) -> tuple[Port, ...]:
+        return (Port("theta_rad", *self.angles, "joint angle", on_invalid="theta_last_rad"),)
+
+    def outputs(self) -> tuple[Port, ...]:
+        fast = "the filtered rate was clipped at its physical range"
+        jumped = "the angle jumped by more than a twentieth of its range; clipped"
         return (
-            Port(
-                "theta_rad",
-                self.drive.theta_low_rad,
-                self.drive.theta_high_rad,
-                "joint angle",
-                on_invalid="theta_last_rad",
+            around("omega_rad_s", self.limit, "filtered rate of the angle"),
+            status_port(
+                "what is known of this sample",
+                "the angle was NaN or outside its range; the rate is held",
+                "the state was corrupt; the filter was started afresh",
+                Flag("STEP_CLIPPED", jumped, True),
+                Flag("RATE_CLIPPED", fast, True, ("omega_rad_s",), self.limit),
             ),
         )
 
     def equations(self) -> tuple[Equation, ...]:
-        s, wc, d, x = sp.symbols("s omega_c d x")
+        s, wc, d, x, h = sp.symbols("s omega_c d x h")
         wide, narrow = sp.symbols("k_1 k_2")
+        filtered = 1 / (((s / wc) ** 2 + wide * s / wc + 1) * ((s / wc) ** 2 + narrow * s / wc + 1))
+        change = (sp.Symbol("theta_k") - sp.Symbol("theta_k-1")) / h
+        warped = x / (1 - x**2 / (3 - x**2 / 5))
+        texts = (
+            "Butterworth filter of fourth order; bilinear transform, prewarped at the cut-off",
+            "prewarping: Lambert's continued fraction, eight levels of which three are shown",
+        )
         return (
-            equation(
-                "[rate 1]",
-                "H",
-                1 / (((s / wc) ** 2 + wide * s / wc + 1) * ((s / wc) ** 2 + narrow * s / wc + 1)),
-                "Butterworth filter of fourth order; bilinear transform, prewarped at the cut-off",
-            ),
+            equation("[rate 1]", "H", filtered, texts[0]),
             equation("[rate 2]", "k_1", 2 * sp.cos(sp.pi / 8), "damping of the first section"),
             equation("[rate 3]", "k_2", 2 * sp.cos(3 * sp.pi / 8), "damping of the second section"),
-            equation(
-                "[rate 4]",
-                d,
-                (sp.Symbol("theta_k") - sp.Symbol("theta_k-1")) / sp.Symbol("h"),
-                "difference, taken before the filter",
-            ),
-            equation(
-                "[rate 5]",
-                "tan(x)",
-                x / (1 - x**2 / (3 - x**2 / 5)),
-                "prewarping: Lambert's continued fraction, eight levels of which three are shown",
-            ),
-        )
-
-    def flags(self) -> tuple[Flag, ...]:
-        return (
-            Flag("INPUT_INVALID", "the angle was NaN or outside its range; the rate is held", True),
-            Flag("STATE_REPAIRED", "the state was corrupt; the filter was started afresh", True),
-            Flag(
-                "STEP_CLIPPED",
-                "the angle jumped by more than a twentieth of its range; clipped",
-                True,
-            ),
-            Flag(
-                "RATE_CLIPPED",
-                "the filtered rate was clipped at its physical range",
-                True,
-                ("omega_rad_s",),
-                self.limit,
-            ),
+            equation("[rate 4]", d, change, "difference, taken before the filter"),
+            equation("[rate 5]", "tan(x)", warped, texts[1]),
         )
 
 
@@ -262,5 +194,4 @@ def motor_rate(device: DeviceData) -> Block:
 
 
 def load_rate(device: DeviceData) -> Block:
-    """Rate of the load side, cut-off ``joint.load_velocity_Hz``."""
     return butterworth_rate(device, "load_rate", drive_of(device).joint.load_velocity_Hz)

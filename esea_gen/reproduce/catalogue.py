@@ -32,12 +32,12 @@ class Printed:
     title: str
     kind: Kind
     command: str = ""
-    measure: str = ""
+    measure: str = ""  # of `Measures`; of the host's tools where it begins with ``host.``
     unit: str = ""
     published: Mapping[str, float] = field(default_factory=dict)
-    within: float = 0.0
-    most: float = 0.0
-    least: float = math.inf
+    within: float = 0.0  # share by which ours may miss, as reproduced
+    most: float = 0.0  # the same, with ``because``
+    least: float = math.inf  # how often a claim holds at least, with ``because``
     because: str = ""
     simulated: bool = False
 
@@ -62,8 +62,6 @@ class Misprint:
 
 @dataclass(frozen=True)
 class VerdictOn:
-    """A table or figure with our numbers and the verdict."""
-
     printed: Printed
     verdict: str
     why: str
@@ -92,7 +90,6 @@ class VerdictOn:
 
 @cache
 def published() -> tuple[tuple[Printed, ...], tuple[Misprint, ...]]:
-    """Every table and figure, and every misprint, in the thesis' order."""
     text = (Path(__file__).parent / "published.toml").read_text(encoding="utf-8")
     found = tomllib.loads(text)
     items = tuple(Printed(**entry) for entry in found["item"])
@@ -100,7 +97,6 @@ def published() -> tuple[tuple[Printed, ...], tuple[Misprint, ...]]:
 
 
 def judge_printed(p: Printed, ours: Mapping[str, float] | None) -> VerdictOn:
-    """The verdict on one table or figure."""
     if p.kind in WORDS:
         absent = f" ({NOT_RUN})" if p.measure and ours is None else ""
         return VerdictOn(p, WORDS[p.kind] + absent, p.because, ours or {})

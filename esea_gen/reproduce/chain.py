@@ -6,9 +6,9 @@ Rate and torque together, emitted C, against the continuous model of the whole t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -58,14 +58,9 @@ class ChainRow:
 
 @dataclass(frozen=True)
 class WholeChain:
-    """The table."""
-
     device: str
     rows: list[ChainRow]
     suited_Hz: dict[str, float]
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
     def table(self) -> list[str]:
         names = list(next(iter(self.rows[0].rms_pct.values())))
@@ -82,20 +77,20 @@ class WholeChain:
         return [*lines, f"suited: by the encoder's resolution, {suited}"]
 
     def figure(self) -> Figure:
-        from matplotlib.figure import Figure
+        from esea_gen.analysis.plots import Panel, panels
 
-        figure = Figure(figsize=(7, 4.5), layout="constrained")
-        axes = figure.subplots()
-        for what, style in ((COUNTS, "o--"), (SMOOTHED, "o-")):
+        curves = []
+        for what, line in ((COUNTS, "--"), (SMOOTHED, "-")):
             rows = [r for r in self.rows if r.deflection == what and r.bandwidth_Hz]
+            at = [r.bandwidth_Hz for r in rows]
             for encoder in ENCODERS:
                 y = [next(iter(r.rms_pct[encoder].values())) for r in rows]
-                axes.loglog([r.bandwidth_Hz for r in rows], y, style, label=f"{encoder}, {what}")
-        axes.set_xlabel("bandwidth of the observer / Hz")
-        axes.set_ylabel("RMS error of the torque, sweep / % of full scale")
-        axes.legend(fontsize="small")
-        axes.grid(alpha=0.3)
-        return figure
+                curves.append((at, y, f"{encoder}, {what}", {"ls": line, "marker": "o"}))
+        labels = (
+            "bandwidth of the observer / Hz",
+            "RMS error of the torque, sweep / % of full scale",
+        )
+        return panels([Panel(curves, *labels, {"xscale": "log", "yscale": "log"})], 7, 4.5)
 
 
 class ChainStudy(Reproduction[WholeChain]):

@@ -7,6 +7,7 @@ request.  Everything that is stepped is compiled, generated C; numpy makes signa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,6 +55,7 @@ ROWS = {
     "filter_b_normalised": "observer, filter B scaled to gain 1",
     "exact": "exact inverse",
 }
+BARS = ("no_dob", "filter_a", "filter_b")
 COLUMNS = {
     "thesis": "thesis",
     "printed": "ours, as published",
@@ -70,20 +72,16 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class InverseErrors:
-    """Error of one inverse on one signal, in % of the largest request."""
+    """Errors of one inverse on one signal, in % of the largest request.
 
-    largest: float
-    rms: float
-    largest_interior: float
-    rms_interior: float
-    largest_unfiltered: float
-    rms_unfiltered: float
+    Largest and RMS by part: ``filtered`` as published, its ``interior`` without the ends, and
+    ``unfiltered``; the largest of the inverse's own ``model``; and the filtered one in time.
+    """
+
+    largest: dict[str, float]
+    rms: dict[str, float]
     model: float
     series: Array
-
-
-def _runner(device: Device, block: Block, real: str) -> CRunner:
-    return compile_system(inverse_system(device, block), real).block(block.name)
 
 
 def sensed_torque(device: Device, sensor: CRunner, theta_rad: Array) -> Array:
@@ -95,7 +93,6 @@ def sensed_torque(device: Device, sensor: CRunner, theta_rad: Array) -> Array:
 
 
 def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Array) -> InverseErrors:
-    """One inverse on one signal."""
     inverse.reset()
     y, _ = inverse.run({"tau_Nm": request_Nm}, trace=False)
     theta = np.asarray(y["theta_rad"], dtype=float)
@@ -105,57 +102,46 @@ def evaluate(device: Device, sensor: CRunner, inverse: CRunner, request_Nm: Arra
     def error(motion: Array) -> Array:
         return scale * (sensed_torque(device, sensor, motion) - request_Nm)
 
-    def rms(values: Array) -> float:
-        return float(np.sqrt(np.mean(values**2)))
-
-    def largest(values: Array) -> float:
-        return float(np.max(np.abs(values)))
-
     filtered, raw = error(evaluation_filter(theta, rate_Hz)), error(theta)
     ends = round(END_S * rate_Hz)
     inner = filtered[ends:-ends] if len(filtered) > 2 * ends else filtered
-    model = scale * largest(y["residual_Nm"]) if "residual_Nm" in y else float("nan")
+    parts = {"filtered": filtered, "interior": inner, "unfiltered": raw}
+    own = y.get("residual_Nm")
     return InverseErrors(
-        largest(filtered),
-        rms(filtered),
-        largest(inner),
-        rms(inner),
-        largest(raw),
-        rms(raw),
-        model,
+        {k: float(np.max(np.abs(e))) for k, e in parts.items()},
+        {k: float(np.sqrt(np.mean(e**2))) for k, e in parts.items()},
+        math.nan if own is None else scale * float(np.max(np.abs(own))),
         filtered[:: max(1, len(filtered) // 3000)].astype(np.float32),
     )
 
 
 @dataclass(frozen=True)
 class Chapter4:
-    """The recomputed tables."""
-
     device: str
     rate_Hz: float
     real: str
     errors: dict[str, dict[str, list[InverseErrors]]]
 
+    def _cells(self, name: str, kind: str, row: str) -> dict[str, list[float]]:
+        # Columns of a row: the thesis', and what is shown of each variant.
+        cells = {"thesis": THESIS[name][row]} if row in THESIS[name] else {}
+        for variant, errors in self.errors[row].items():
+            exact = variant == "exact"
+            stem = "" if exact else f"{variant}_"
+            for part in ("filtered", "interior", "unfiltered"):
+                whole = "whole" if exact else variant
+                key = whole if part == "filtered" else f"{stem}{part}"
+                if key in COLUMNS:
+                    cells[key] = [getattr(e, kind)[part] for e in errors]
+            if exact:
+                cells["model"] = [e.model for e in errors]
+        return cells
+
     def to_dict(self) -> dict[str, Any]:
-        tables: dict[str, Any] = {}
-        for name, kind in (("table_4_4", "largest"), ("table_4_5", "rms")):
-            table: dict[str, dict[str, list[float]]] = {}
-            for row, variants in self.errors.items():
-                cells = {"thesis": THESIS[name][row]} if row in THESIS[name] else {}
-                for variant, errors in variants.items():
-                    whole = "whole" if variant == "exact" else variant
-                    stem = "" if variant == "exact" else f"{variant}_"
-                    for key, suffix in (
-                        (whole, ""),
-                        (f"{stem}interior", "_interior"),
-                        (f"{stem}unfiltered", "_unfiltered"),
-                    ):
-                        if key in COLUMNS:
-                            cells[key] = [getattr(e, kind + suffix) for e in errors]
-                    if variant == "exact":
-                        cells["model"] = [e.model for e in errors]
-                table[row] = cells
-            tables[name] = table
+        tables = {
+            name: {row: self._cells(name, kind, row) for row in self.errors}
+            for name, kind in (("table_4_4", "largest"), ("table_4_5", "rms"))
+        }
         return {"device": self.device, "rate_Hz": self.rate_Hz, "format": self.real} | tables
 
     def table(self) -> list[str]:
@@ -176,83 +162,54 @@ class Chapter4:
     def figure(self) -> Figure:
         from matplotlib.figure import Figure
 
-        from esea_gen.plotting import INK
-
         figure = Figure(figsize=(11, 13.5), layout="constrained")
         axes = figure.subplots(SIGNAL_COUNT + 2, 1)
-        shown = {
-            "no_dob": "rounding",
-            "filter_a": "rounding",
-            "filter_b": "rounding",
-            "exact": "exact",
-        }
         for i, ax in enumerate(axes[:SIGNAL_COUNT]):
-            signal = SIGNALS[i]
-            for row, variant in shown.items():
-                series = self.errors[row][variant][i].series
-                t = np.linspace(0, signal.duration_s, len(series))
+            for row in (*BARS, "exact"):
+                series = self.errors[row]["exact" if row == "exact" else "rounding"][i].series
+                t = np.linspace(0, SIGNALS[i].duration_s, len(series))
                 ax.plot(t, series, linewidth=0.7, label=ROWS[row])
             ax.set_ylabel(f"S{i + 1} error / %")
             ax.grid(alpha=0.3)
         # Above the panel: inside it would lie on S1's peaks.
-        axes[0].legend(
-            ncols=len(shown),
-            fontsize="small",
-            loc="lower left",
-            bbox_to_anchor=(0, 1),
-            borderaxespad=0.2,
-            frameon=False,
-        )
+        above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0, 1), "frameon": False}
+        axes[0].legend(ncols=4, fontsize="small", borderaxespad=0.2, **above)
         axes[SIGNAL_COUNT - 1].set_xlabel("time / s")
         content = self.to_dict()
-        width = 0.8 / (2 * 3 + 1)
         for ax, (name, title) in zip(axes[SIGNAL_COUNT:], TITLES.items(), strict=True):
-            bars = [
-                (f"{ROWS[row]}, {label}", content[name][row][key], c, hatch)
-                for c, row in enumerate(("no_dob", "filter_a", "filter_b"))
-                for key, label, hatch in (("thesis", "thesis", "///"), ("rounding", "ours", ""))
-            ]
-            exact = content[name]["exact"]
-            bars.append((f"{ROWS['exact']}, ours", exact["whole"], 3, ""))
-            places = np.arange(1, SIGNAL_COUNT + 1)
-            for k, (label, heights, colour, hatch) in enumerate(bars):
-                x = places + (k - 3) * width
-                ax.bar(x, heights, width, label=label, color=f"C{colour}", hatch=hatch)
-            ax.plot(
-                places + (len(bars) - 4) * width,
-                exact["interior"],
-                linestyle="none",
-                marker="D",
-                markersize=4.5,
-                color=INK,
-                label=f"{ROWS['exact']}, without the first and the last {END_S:g} s",
-            )
-            ax.set_yscale("log")
+            self._bars(ax, content[name])
             ax.set_title(title, fontsize="medium")
-            ax.set_xticks(places, [f"S{i + 1}" for i in places - 1])
-            ax.grid(axis="y", alpha=0.3)
         # Matplotlib names the markers first.
-        (first, *handles), (name, *labels) = axes[-1].get_legend_handles_labels()
-        figure.legend(
-            [*handles, first],
-            [*labels, name],
-            loc="outside lower center",
-            ncols=3,
-            fontsize="small",
-        )
+        handles, labels = axes[-1].get_legend_handles_labels()
+        order = [*range(1, len(labels)), 0]
+        shown = [handles[k] for k in order], [labels[k] for k in order]
+        figure.legend(*shown, loc="outside lower center", ncols=3, fontsize="small")
         return figure
 
+    def _bars(self, ax: Any, content: dict[str, Any]) -> None:
+        from esea_gen.plotting import INK
 
-def reproduce_chapter4(
-    progress: Callable[[str], None] | None = None,
-    *,
-    device: Device | None = None,
-    real: str = "f64",
-    limit_s: float = np.inf,
-) -> Chapter4:
+        bars = [
+            (f"{ROWS[row]}, {label}", content[row][key], c, hatch)
+            for c, row in enumerate(BARS)
+            for key, label, hatch in (("thesis", "thesis", "///"), ("rounding", "ours", ""))
+        ]
+        exact, places = content["exact"], np.arange(1, SIGNAL_COUNT + 1)
+        bars.append((f"{ROWS['exact']}, ours", exact["whole"], 3, ""))
+        width = 0.8 / len(bars)
+        for k, (label, heights, colour, hatch) in enumerate(bars):
+            x = places + (k - 3) * width
+            ax.bar(x, heights, width, label=label, color=f"C{colour}", hatch=hatch)
+        label = f"{ROWS['exact']}, without the first and the last {END_S:g} s"
+        ax.plot(places + 3 * width, exact["interior"], "D", ms=4.5, color=INK, label=label)
+        ax.set_yscale("log")
+        ax.set_xticks(places, [f"S{i}" for i in places])
+        ax.grid(axis="y", alpha=0.3)
+
+
+def reproduce_chapter4(progress: Callable[[str], None] | None = None) -> Chapter4:
     """Recompute tables 4.4 and 4.5 with the emitted C."""
-    device = device or load_device("elbow")
-    say = progress or (lambda _: None)
+    device, say = load_device("elbow"), progress or (lambda _: None)
     kappa = KAPPA_ROUNDING_RAD
     plan: list[tuple[str, str, Block]] = [
         ("no_dob", "printed", published_inverse(device)),
@@ -266,24 +223,22 @@ def reproduce_chapter4(
         ("exact", "exact", exact_inverse(device)),
     ]
     rate_Hz = 1.0 / device.period_s
-    requests = [s.sample(rate_Hz, limit_s) for s in SIGNALS]
-    sensor = compile_device(device, real).block("sensor")
+    requests = [s.sample(rate_Hz) for s in SIGNALS]
+    sensor = compile_device(device, "f64").block("sensor")
     errors: dict[str, dict[str, list[InverseErrors]]] = {}
     for row, variant, block in plan:
         say(f"{ROWS[row]}, {variant}: compiling")
-        inverse = _runner(device, block, real)
+        inverse = compile_system(inverse_system(device, block), "f64").block(block.name)
         found = []
         for i, request in enumerate(requests):
             say(f"{ROWS[row]}, {variant}: signal {i + 1} of {SIGNAL_COUNT}")
             found.append(evaluate(device, sensor, inverse, request))
         errors.setdefault(row, {})[variant] = found
-    return Chapter4(device.name, rate_Hz, real, errors)
+    return Chapter4(device.name, rate_Hz, "f64", errors)
 
 
 @dataclass(frozen=True)
 class ThesisTables:
-    """Tables 4.4 and 4.5, and the forward model's figures that they rest on."""
-
     inverse: Chapter4
     forward: Chapter3
 

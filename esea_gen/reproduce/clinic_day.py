@@ -48,8 +48,6 @@ PUBLISHED = {
 
 @dataclass(frozen=True)
 class Tiring:
-    """Numbers of the model."""
-
     most: float
     length_rad: float
     recovery_s: float
@@ -146,8 +144,6 @@ def fitted(effect: dict[float, float]) -> Tiring:
 
 @dataclass(frozen=True)
 class ClinicDay:
-    """What came of it, simulated."""
-
     tiring: Tiring
     rubber: Rubber
     days: dict[str, tuple[Array, Array]]
@@ -173,9 +169,8 @@ class ClinicDay:
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        t = self.tiring
-        numbers = {"most": t.most, "length_rad": t.length_rad, "recovery_s": t.recovery_s}
-        return {"simulated": True, "device": DEVICE, "tiring": numbers, "intensities": self.rows()}
+        more = {"tiring": self.tiring, "intensities": self.rows()}
+        return {"simulated": True, "device": DEVICE} | more
 
     def table(self) -> list[str]:
         t = self.tiring
@@ -211,23 +206,20 @@ class ClinicDay:
             at = np.arange(1, COUNT + 1)
             looks = (("-", MODEL), ("--", ROUNDING), (":", MEASURED))
             for r, (line, color) in zip(self.rows(), looks, strict=True):
-                stiffness, error = (np.array(r[n]) for n in ("stiffness_Nm_rad", "error_percent"))
-                style: dict[str, Any] = {"ls": line, "color": color, "lw": 1.6}
-                left.plot(at, stiffness[:COUNT], **style, label=r["intensity"])
-                left.plot(COUNT + 2, stiffness[COUNT], "o", color=color, ms=5)
-                right.plot(at, error[:COUNT], **style)
-                right.plot(COUNT + 2, error[COUNT], "o", color=color, ms=5)
-                told = r["morning_published_percent"]
-                right.plot(COUNT + 2.7, told, "x", color=color, ms=6)
+                for axes, key in ((left, "stiffness_Nm_rad"), (right, "error_percent")):
+                    day = r[key]
+                    axes.plot(at, day[:COUNT], line, color=color, lw=1.6, label=r["intensity"])
+                    axes.plot(COUNT + 2, day[COUNT], "o", color=color, ms=5)
                 most = r["first_percent"] + r["change_published_percent"]
-                right.plot(COUNT + 0.7, most, "x", color=color, ms=6)
+                for x, y in ((COUNT + 2.7, r["morning_published_percent"]), (COUNT + 0.7, most)):
+                    right.plot(x, y, "x", color=color, ms=6)
             for axes, text in ((left, "stiffness, N·m/rad"), (right, "error of the sensor, % FSR")):
                 axes.set_xlabel("session; dot: first of the next day")
                 axes.set_title(f"{text}, simulated")
                 axes.set_xticks([1, 4, 8, 12, 16, COUNT + 2], ["1", "4", "8", "12", "16", "+12 h"])
             left.legend()
-            right.plot([], [], "x", color=INK, label="published: largest of the day, next morning")
-            right.legend(loc="lower right")
+            cross = right.plot([], [], "x", color=INK, label="published: largest, next morning")
+            right.legend(handles=cross, loc="lower right")
             right.set_ylim(bottom=0)
             return finished(figure)
 

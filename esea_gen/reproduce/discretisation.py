@@ -126,16 +126,13 @@ class EncodedMotion:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
         return f"{self.amplitude_deg:g} deg, 0 to {self.top_Hz:g} Hz in {self.duration_s:g} s"
 
     def theta(self, t: npt.NDArray[Any]) -> Array:
-        """Deflection in rad at times in s."""
         sweep = self.top_Hz / self.duration_s
         return np.asarray(np.deg2rad(self.amplitude_deg) * np.sin(np.pi * sweep * t * t))
 
     def omega(self, t: npt.NDArray[Any]) -> Array:
-        """Its rate in rad/s at times in s."""
         sweep = self.top_Hz / self.duration_s
         size = np.deg2rad(self.amplitude_deg) * 2 * np.pi * sweep
         return np.asarray(size * t * np.cos(np.pi * sweep * t * t))
@@ -149,11 +146,11 @@ MOTIONS = (
 )
 
 
-def continuous_torque(device: Device, motion: EncodedMotion, duration_s: float) -> Array:
+def continuous_torque(device: Device, motion: EncodedMotion) -> Array:
     """Rate torque of the continuous model, on a grid of ``REFINE_HZ``."""
     fine = with_numbers(device, {SENSE_RATE: REFINE_HZ})
     runner = _compiled(fine, maxwell_block(fine, "exponential"))
-    count = round(duration_s * REFINE_HZ)
+    count = round(motion.duration_s * REFINE_HZ)
     out = np.empty(count)
     for first in range(0, count, CHUNK):
         k = np.arange(first, min(first + CHUNK, count))
@@ -168,8 +165,6 @@ def continuous_torque(device: Device, motion: EncodedMotion, duration_s: float) 
 
 @dataclass(frozen=True)
 class SchemeRow:
-    """One integrator, ideal encoders."""
-
     scheme: str
     largest_pct: dict[float, float]
     rms_pct: dict[float, float]
@@ -179,8 +174,6 @@ class SchemeRow:
 
 @dataclass(frozen=True)
 class RateRow:
-    """One source of the rate, real encoders."""
-
     source: str
     rms_pct: dict[int, float]
     largest_pct: dict[int, float]
@@ -188,68 +181,57 @@ class RateRow:
 
 @dataclass(frozen=True)
 class Discretisation:
-    """Both tables."""
-
     device: str
     ideal: list[SchemeRow]
     real: list[RateRow]
 
     def to_dict(self) -> dict[str, Any]:
-        ideal = {
-            r.scheme: {
-                "largest_pct": {f"{k:g}": v for k, v in r.largest_pct.items()},
-                "rms_pct": {f"{k:g}": v for k, v in r.rms_pct.items()},
-                "stable": r.stable,
-                "monotone": r.monotone,
+        def named(rows: list[Any], key: str) -> dict[str, Any]:
+            return {
+                getattr(r, key): {
+                    k: {f"{x:g}": y for x, y in v.items()} if isinstance(v, dict) else v
+                    for k, v in vars(r).items()
+                    if k != key
+                }
+                for r in rows
             }
-            for r in self.ideal
-        }
-        real = {
-            r.source: {
-                "rms_pct": {str(k): v for k, v in r.rms_pct.items()},
-                "largest_pct": {str(k): v for k, v in r.largest_pct.items()},
-            }
-            for r in self.real
-        }
-        return {"device": self.device, "ideal": ideal, "real": real}
+
+        tables = {"ideal": named(self.ideal, "scheme"), "real": named(self.real, "source")}
+        return {"device": self.device} | tables
 
     def table(self) -> list[str]:
         yes = {True: "yes", False: "no"}
-        lines = ["Ideal encoders: error of the rate torque in % of full scale, RMS / max"]
         heads = "".join(f"{f'{r:g} Hz':>22}" for r in RATES_HZ)
-        lines.append(f"{'':30}{heads}{'stable':>8}{'monotone':>10}")
+        lines = [
+            "Ideal encoders: error of the rate torque in % of full scale, RMS / max",
+            f"{'':30}{heads}{'stable':>8}{'monotone':>10}",
+        ]
         for s in self.ideal:
-            cells = "".join(
-                f"{f'{s.rms_pct[r]:.2g} / {s.largest_pct[r]:.2g}':>22}" for r in RATES_HZ
-            )
+            pairs = [f"{s.rms_pct[r]:.2g} / {s.largest_pct[r]:.2g}" for r in RATES_HZ]
+            cells = "".join(f"{p:>22}" for p in pairs)
             lines.append(f"{s.scheme:30}{cells}{yes[s.stable]:>8}{yes[s.monotone]:>10}")
         lines += [
             "",
             "Real encoders, 1 kHz, moving load side: the same, by what feeds the viscosity",
+            f"{'':46}" + "".join(f"{f'{b} bit':>18}" for b in BITS),
         ]
-        lines.append(f"{'':46}" + "".join(f"{f'{b} bit':>18}" for b in BITS))
         for q in self.real:
-            cells = "".join(f"{f'{q.rms_pct[b]:.3g} / {q.largest_pct[b]:.2g}':>18}" for b in BITS)
-            lines.append(f"{q.source:46}{cells}")
+            pairs = [f"{q.rms_pct[b]:.3g} / {q.largest_pct[b]:.2g}" for b in BITS]
+            lines.append(f"{q.source:46}" + "".join(f"{p:>18}" for p in pairs))
         return lines
 
     def figure(self) -> Figure:
-        from matplotlib.figure import Figure
+        from esea_gen.analysis.plots import Panel, panels
 
-        figure = Figure(figsize=(11, 4.5), layout="constrained")
-        left, right = figure.subplots(1, 2, sharey=True)
-        for s in self.ideal:
-            left.loglog(RATES_HZ, [s.rms_pct[r] for r in RATES_HZ], "o-", label=s.scheme)
-        for q in self.real:
-            right.semilogy(BITS, [q.rms_pct[b] for b in BITS], "o-", label=q.source)
-        left.set_xlabel("rate / Hz, ideal encoders")
-        left.set_ylabel("RMS error of the rate torque / % of full scale")
-        right.set_xlabel("encoder / bit, 1 kHz")
-        right.set_xticks(BITS)
-        for axes in (left, right):
-            axes.legend(fontsize="small")
-            axes.grid(alpha=0.3)
-        return figure
+        dots = {"marker": "o"}
+        ideal = [(RATES_HZ, [s.rms_pct[r] for r in RATES_HZ], s.scheme, dots) for s in self.ideal]
+        real = [(BITS, [q.rms_pct[b] for b in BITS], q.source, dots) for q in self.real]
+        error, logs = "RMS error of the rate torque / % of full scale", {"yscale": "log"}
+        rows = [
+            Panel(ideal, "rate / Hz, ideal encoders", error, logs | {"xscale": "log"}),
+            Panel(real, "encoder / bit, 1 kHz", "", logs | {"xticks": BITS}),
+        ]
+        return panels(rows, 11, 4.5, sharey=True)
 
 
 def _growth(scheme: str) -> tuple[bool, bool]:
@@ -260,10 +242,7 @@ def _growth(scheme: str) -> tuple[bool, bool]:
 
 
 def _ideal(
-    device: Device,
-    limit_s: float,
-    exact: dict[EncodedMotion, Array],
-    say: Callable[[str], None],
+    device: Device, exact: dict[EncodedMotion, Array], say: Callable[[str], None]
 ) -> list[SchemeRow]:
     full = device.tau_full_scale_Nm
     rows = []
@@ -278,7 +257,7 @@ def _ideal(
                 else _compiled(coarse, maxwell_block(coarse, scheme))
             )
             for motion, fine in exact.items():
-                t = np.arange(round(min(limit_s, motion.duration_s) * rate)) / rate
+                t = np.arange(round(motion.duration_s * rate)) / rate
                 runner.reset()
                 omega = motion.omega(t - 0.5 / rate)
                 y, _ = runner.run({"theta_rad": motion.theta(t), "omega_rad_s": omega}, trace=False)
@@ -290,11 +269,11 @@ def _ideal(
     return rows
 
 
-def _real(device: Device, motion: EncodedMotion, fine: Array, limit_s: float) -> list[RateRow]:
+def _real(device: Device, motion: EncodedMotion, fine: Array) -> list[RateRow]:
     from scipy.signal import butter, sosfilt
 
     rate_Hz = 1.0 / device.period_s
-    t = np.arange(round(min(limit_s, motion.duration_s) * rate_Hz)) / rate_Hz
+    t = np.arange(round(motion.duration_s * rate_Hz)) / rate_Hz
     true = fine[:: round(REFINE_HZ / rate_Hz)][: len(t)]
     load = LOAD_RAD * (1 - np.cos(2 * np.pi * LOAD_HZ * t))
     library = compile_device(device, "f64")
@@ -329,26 +308,17 @@ def _real(device: Device, motion: EncodedMotion, fine: Array, limit_s: float) ->
     return list(out.values())
 
 
-def discretisation(
-    progress: Callable[[str], None] | None = None,
-    *,
-    device: Device | None = None,
-    limit_s: float = np.inf,
-) -> Discretisation:
-    """Make both tables with the emitted C."""
-    device = device or load_device("elbow")
-    if device.elastomer.maxwell is None:
-        raise ValueError(f"device {device.name} has no rate terms: nothing to discretise")
-    say = progress or (lambda _: None)
+def discretisation(progress: Callable[[str], None] | None = None) -> Discretisation:
+    """Make both tables with the emitted C of the elbow."""
+    device, say = load_device("elbow"), progress or (lambda _: None)
     exact = {}
     for motion in MOTIONS:
         say(f"continuous model: {motion.name}")
-        exact[motion] = continuous_torque(device, motion, min(limit_s, motion.duration_s))
-    ideal = _ideal(device, limit_s, exact, say)
+        exact[motion] = continuous_torque(device, motion)
+    ideal = _ideal(device, exact, say)
     say("real encoders")
     coarse = with_numbers(device, {SENSE_RATE: RATES_HZ[0]})
-    real = _real(coarse, MOTIONS[0], exact[MOTIONS[0]], limit_s)
-    return Discretisation(device.name, ideal, real)
+    return Discretisation(device.name, ideal, _real(coarse, MOTIONS[0], exact[MOTIONS[0]]))
 
 
 class SensorDiscretisation(Reproduction[Discretisation]):

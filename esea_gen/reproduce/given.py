@@ -35,7 +35,6 @@ class HostResults:
 
     @classmethod
     def read(cls, paths: Sequence[Path]) -> HostResults:
-        """From files."""
         found: dict[str, dict[str, Any]] = {}
         for path in paths:
             try:

@@ -16,6 +16,7 @@ import numpy as np
 
 from esea_gen.device import load_device
 from esea_gen.devices.file import DeviceData
+from esea_gen.devices.numbers import Quantity
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import inverse_system
@@ -34,6 +35,7 @@ from esea_gen.twin.case import Setting
 Numbers = dict[str, float]
 SMC, MPC, BLIND = "smc-published", "mpc-published", "mpc-published-no-preview"
 PLANT = "real"
+SYMBOLS = "alpha", "beta", "omega", "k1", "k3", "A", "B", "m", "n", "eps1", "eps2", "kv"
 # Table 3.5: simple exercises at 0.2, 0.5 and 0.75 Hz, functional ones, rest between two in s.
 SESSIONS = {
     "60 %": ((5, 5, 5), 5, 40),
@@ -52,7 +54,6 @@ class Measures:
         self._errors: dict[tuple[str, str], dict[str, dict[str, Any]]] = {}
 
     def __call__(self, name: str) -> Numbers:
-        """Numbers of a measure."""
         self.say(name.replace("_", " "))
         found: Numbers = getattr(self, name)()
         return found
@@ -68,11 +69,9 @@ class Measures:
         return reproduce_chapter4(self.say).to_dict()
 
     def elbow_parameters(self) -> Numbers:
-        """Of the shipped elbow, whose C runs."""
         return _parameters(load_device("elbow"))
 
     def knee_parameters(self) -> Numbers:
-        """Of the knee as printed."""
         device = load_device("knee_printed")
         dead = device.elastomer.dead_zone_rad
         assert dead is not None
@@ -91,31 +90,26 @@ class Measures:
         return found
 
     def rest_at_80(self) -> Numbers:
-        """Minutes of rest at 80 %."""
         return {"minutes": self.session_minutes()["80 % rest"]}
 
     def _of_chapter3(self, *names: str) -> Numbers:
-        return {f.meaning: f.ours for f in self._chapter3.figures if f.name.startswith(names)}
+        figures = self._chapter3.figures.items()
+        return {f.meaning: f.ours for name, f in figures if name.startswith(names)}
 
     def torque_range(self) -> Numbers:
-        """Largest torque of the published sweep."""
         (value,) = self._of_chapter3("sweep_peak").values()
         return {"largest torque": value}
 
     def relaxation(self) -> Numbers:
-        """Torque lost while held."""
         return self._of_chapter3("relaxation")
 
     def loops(self) -> Numbers:
-        """Slow cycles: peaks and work."""
         return self._of_chapter3("slow", "loop")
 
     def inverse_parameters(self) -> Numbers:
-        """Of the published inverse."""
         return {k.split("_")[0]: v for k, v in PLAY_DEFAULTS.items()}
 
     def torque_signals(self) -> Numbers:
-        """Amplitudes and last frequencies of the requests."""
         found = {f"S{i} amplitude": s.amplitude_Nm for i, s in enumerate(SIGNALS, 1)}
         return found | {f"S{i} end": s.end_Hz for i, s in enumerate(SIGNALS, 1)}
 
@@ -134,11 +128,9 @@ class Measures:
         return named("rounding") | named("printed", ", coefficients to the printed digit")
 
     def table_4_4(self) -> Numbers:
-        """Largest errors of the published inverses."""
         return self._inverse_errors("table_4_4")
 
     def table_4_5(self) -> Numbers:
-        """RMS errors of the published inverses."""
         return self._inverse_errors("table_4_5")
 
     def _setpoint(self, filter_name: FilterName | None, signal: int) -> Array:
@@ -184,7 +176,6 @@ class Measures:
         return {"sum of the coefficients": sum(FILTER_B)} | found
 
     def cubic_root(self) -> Numbers:
-        """Deflection of the cubic spring at 4.5 Nm."""
         p = _parameters(load_device("elbow"))
         roots = np.roots([p["k3"], 0, p["k1"], -4.5])
         return {"root at 4.5 Nm / rad": float(roots[np.abs(roots.imag) < 1e-9].real[0])}
@@ -222,7 +213,6 @@ class Measures:
         return sum(_error(ones[n]) < _error(others[n]) for n in ones)
 
     def grid(self) -> Numbers:
-        """MPC against SMC at the twelve points."""
         failed = self._runs("grid", SMC)["3 Nm 1 Hz"]
         cannot = bool(failed["tripped"] or failed["unstable"])
         ahead = self._ahead("grid", MPC, SMC)
@@ -233,22 +223,18 @@ class Measures:
         }
 
     def backdriven(self) -> Numbers:
-        """SMC against MPC while backdriven."""
         found = self._ahead("backdriven", SMC, MPC)
         return {"frequencies at which SMC is below MPC, of 4": found}
 
     def bread(self) -> Numbers:
-        """SMC against MPC while cutting bread."""
         return {"set torques at which SMC is below MPC, of 2": self._ahead("bread", SMC, MPC)}
 
     def impedance(self) -> Numbers:
-        """MPC against SMC with the three pairs of gains."""
         return {"gains at which MPC is below SMC, of 3": self._ahead("impedance", MPC, SMC)}
 
     # -- chapter 8 -------------------------------------------------------------------------------
 
     def knee_swapped(self) -> Numbers:
-        """Largest torque of the Maxwell element at 15 deg, 3 Hz, as printed and swapped."""
         return {name: _maxwell_peak(load_device(name)) for name in ("knee_printed", "knee")}
 
     def knee_speed(self) -> Numbers:
@@ -263,23 +249,11 @@ def _error(run: Mapping[str, Any]) -> float:
 
 
 def _parameters(device: DeviceData) -> Numbers:
-    e = device.elastomer
-    m = e.maxwell
-    assert m is not None
-    return {
-        "alpha": e.alpha_Nm_rad.value,
-        "beta": e.beta_1_rad.value,
-        "omega": e.omega_rad.value,
-        "k1": e.k1_Nm_rad.value,
-        "k3": e.k3_Nm_rad3.value,
-        "A": m.A_Nms_rad.value,
-        "B": m.B.value,
-        "m": m.m.value,
-        "n": m.n.value,
-        "eps1": m.eps1_Nms_rad.value,
-        "eps2": m.eps2.value,
-        "kv": m.kv_Nm_rad.value,
-    }
+    # By their symbols: what a key has before its unit.
+    sections = device.elastomer, device.elastomer.maxwell
+    numbers = {k: q for part in sections for k, q in vars(part).items() if isinstance(q, Quantity)}
+    short = {k.partition("_")[0]: q.value for k, q in numbers.items()}
+    return {k: short[k] for k in SYMBOLS}
 
 
 def _maxwell_peak(device: DeviceData) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar
 
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import Study
@@ -14,11 +14,9 @@ if TYPE_CHECKING:
 
 
 class Outcome(Protocol):
-    """What any study comes to."""
+    """What any study comes to; its JSON is ``to_dict()``, or its fields."""
 
     def table(self) -> list[str]: ...
-
-    def to_dict(self) -> dict[str, Any]: ...
 
     def figure(self) -> Figure: ...
 

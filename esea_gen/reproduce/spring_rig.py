@@ -65,8 +65,6 @@ def author_bandwidth(time_s: Array, u: Array, y: Array) -> float:
 
 @dataclass(frozen=True)
 class SweepCheck:
-    """One recorded sweep."""
-
     file: str
     loop: str
     published_Hz: float
@@ -83,8 +81,6 @@ class SweepCheck:
 
 @dataclass(frozen=True)
 class DataCheck:
-    """Bandwidths and steps of a folder of recordings."""
-
     sweeps: tuple[SweepCheck, ...]
     steps: dict[str, dict[str, StepMetrics]]
 

@@ -39,18 +39,14 @@ NOTE = (
 
 @dataclass(frozen=True)
 class Recomputed:
-    """Every table and figure, judged, and the misprints."""
-
     judged: tuple[VerdictOn, ...]
     misprints: tuple[tuple[Misprint, Mapping[str, float]], ...]
 
     def counts(self) -> Counter[str]:
-        """How often each verdict was given."""
         return Counter(j.verdict for j in self.judged)
 
     @property
     def explained(self) -> bool:
-        """Whether every difference has a reason."""
         return not any(j.verdict == UNEXPLAINED for j in self.judged)
 
     def to_dict(self) -> dict[str, Any]:
@@ -72,13 +68,12 @@ class Recomputed:
             if j.printed.command and j.verdict in (DIFFERS, UNEXPLAINED, NOT_RUN):
                 lines.append(f"{'':14}{j.printed.command}")
         counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts().most_common())
-        return [*lines, "", f"{len(self.judged)} tables and figures: {counts}.", self._found()]
-
-    def _found(self) -> str:
-        return f"{len(self.misprints)} misprints and unclear readings; --page FILE has all of it."
+        unclear = (
+            f"{len(self.misprints)} misprints and unclear readings; --page FILE has all of it."
+        )
+        return [*lines, "", f"{len(self.judged)} tables and figures: {counts}.", unclear]
 
     def markdown(self) -> str:
-        """The whole page."""
         out = ["# The thesis, recomputed", "", NOTE, "", f"Made by esea-gen {__version__}.", ""]
         for chapter in dict.fromkeys(j.printed.chapter for j in self.judged):
             out += [f"## Chapter {chapter}", ""]
@@ -137,7 +132,6 @@ def recompute(
     chapters: Collection[int] = CHAPTERS,
     given: Sequence[Path] = (),
 ) -> Recomputed:
-    """Every table and figure of some chapters."""
     host = HostResults.read(given)
     measures = Measures(say or (lambda _: None))
     items, misprints = published()

@@ -23,7 +23,6 @@ ERRORS = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm")
 
 
 def csv_lines(entries: Sequence[Mapping[str, Any]]) -> str:
-    """Entries as CSV, one line each."""
     text = io.StringIO()
     keys = list(dict.fromkeys(k for e in entries for k in e))
     table = csv.DictWriter(text, keys, lineterminator="\n")
@@ -44,7 +43,6 @@ class Simulation:
 
     @property
     def person(self) -> str:
-        """Who took part."""
         return self.setting.person if self.study.person else "none"
 
     def cases(self) -> list[dict[str, Any]]:
@@ -67,7 +65,6 @@ class Simulation:
         return entries
 
     def by_case(self) -> dict[str, list[dict[str, Any]]]:
-        """Entries of all seeds, by case."""
         found: dict[str, list[dict[str, Any]]] = {}
         for entry in self.cases():
             found.setdefault(entry["name"], []).append(entry)

@@ -32,7 +32,6 @@ class Study:
 
     @property
     def help(self) -> str:
-        """The docstring of its class."""
         return inspect.cleandoc(type(self).__doc__ or self.title)
 
 

@@ -25,7 +25,6 @@ Panel = tuple[str, Array, Array, Array, Array]
 
 
 def label(done: Simulation) -> str:
-    """Controller and plant, for a legend."""
     off = f", {done.setting.off}" if done.setting.off != NOTHING else ""
     return f"{done.setting.controller}, {done.setting.plant}{off}{_more(done)}"
 

@@ -54,11 +54,9 @@ def _device(name: str, controller: str | None, _content: str) -> Device:
 
 
 def controller_system(controller: str) -> System:
-    """System of a controller: which Blocks it has, and their tunables."""
     return controller_device(controller).system
 
 
 def largest_torque_Nm(device: Device) -> float:
-    """The motor's limit."""
     assert device.file.actuator is not None
     return device.file.actuator.u_max_Nm.value

@@ -26,8 +26,6 @@ _FORM = re.compile(r"(?P<kind>[a-z]+):(?P<side>[a-z]+)@(?P<at>[^=]+)(=(?P<amount
 
 @dataclass(frozen=True)
 class EncoderFault:
-    """One fault."""
-
     kind: str
     side: str
     at_s: float

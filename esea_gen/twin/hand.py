@@ -171,7 +171,6 @@ def random_hand(seed: int) -> CoupledHand:
 
 
 def named_hand(name: str, seed: int = 0) -> CoupledHand:
-    """A hand of :data:`HAND_NAMES`."""
     choose("hand", name, HAND_NAMES)
     return random_hand(seed) if name == "random" else HANDS[name]
 

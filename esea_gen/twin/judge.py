@@ -62,7 +62,6 @@ def above(values: Array, cutoff_Hz: float = SWINGS_HZ) -> Array:
 
 
 def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
-    """The figures of a run."""
     w = case.trajectory.window
     desired = desired_torque(case, run)
     true, model = run.plant["tau_e_Nm"] - desired, run.controller["tau_Nm"] - desired

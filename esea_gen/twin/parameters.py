@@ -160,7 +160,6 @@ def passed_on(tunables: tuple[Tunable, ...]) -> list[str]:
 
 
 def plant_coefficients(tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
-    """Coefficients of the Block ``plant``."""
     by_name = {t.name: t for t in tunables}
     direct = [by_name[n] for n in passed_on(tunables)]
     vectors = ("wave_turns", "phase_turns")
@@ -174,7 +173,6 @@ def plant_coefficients(tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
 
 
 def prepare_plant(t: SimpleNamespace, names: list[str], h: float, tick: float) -> dict[str, Any]:
-    """Coefficients from tunables."""
     values = {n: getattr(t, n) for n in names}
     decay = ca.exp(-2 * math.pi * h * t.torque_noise_Hz)
     # White numbers of variance 1, each held for a tick, through this first-order filter must come

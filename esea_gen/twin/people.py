@@ -15,7 +15,6 @@ from esea_gen.twin.published import PEOPLE, PLANTS, Person
 
 
 def random_person(seed: int) -> Person:
-    """A person drawn from the family."""
     rng = np.random.default_rng([seed, 2])
     family = vars(PLANTS.random)
     keys = [f.name for f in dataclasses.fields(Person) if f.name in family]
@@ -28,12 +27,11 @@ class PlantVariant:
     """A plant: how it is built, and the tunables that differ from the Blocks' defaults."""
 
     device: DeviceData
-    cable: bool
+    cable: bool  # compliant; else rigid, by construction
     values: Mapping[str, float] = field(default_factory=dict)
     step_s: float = STEP_S
 
     def having(self, person: Person | None = None, **values: float) -> PlantVariant:
-        """A copy with another person, or other tunables."""
         more = (person.values() if person else {}) | values
         return dataclasses.replace(self, values={**self.values, **more})
 
@@ -44,7 +42,6 @@ def ideal_plant(device: DeviceData, person: str = "ideal") -> PlantVariant:
 
 
 def gear_disturbance(rms_rad_s2: float, seed: int) -> dict[str, float]:
-    """A gear disturbance drawn from the bands."""
     rng = np.random.default_rng([seed, 1])
     out = {"gear_disturbance_rms_rad_s2": rms_rad_s2}
     for i, band in enumerate(PLANTS.disturbance.bands_1_rad, 1):
@@ -77,7 +74,6 @@ def real_plant(device: DeviceData, person: str = "uncertain", seed: int = 0) -> 
 
 
 def random_plant(device: DeviceData, seed: int) -> PlantVariant:
-    """A plant and a person drawn from the families."""
     a, family = device.file.actuator, PLANTS.random
     assert a is not None
     rng = np.random.default_rng([seed, 0])

@@ -42,7 +42,6 @@ PRINTED_IMPEDANCE = {"Q": 1.0, "R": 0.005}
 
 
 def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVariant:
-    """A plant with a person."""
     choose("plant", plant, PLANT_NAMES)
     if len(device.axes) > 1:
         return _stepped(device, hand_variant(device, plant, person, seed))

@@ -25,18 +25,16 @@ class Trajectory:
     omega_p_rad_s: Array
     alpha_p_rad_s2: Array
     tau_desired_Nm: Array
-    start: int
+    start: int  # first sample that is judged, and the one after the last
     end: int
-    clamped: bool = False
+    clamped: bool = False  # the output is fixed: no person
 
     @property
     def window(self) -> slice:
-        """The analysed samples."""
         return slice(self.start, self.end)
 
     @property
     def start_rad(self) -> float:
-        """Where the path starts, at rest."""
         return float(self.theta_p_rad[0])
 
     def signals(self) -> dict[str, Array]:
@@ -86,7 +84,6 @@ def fixed_output(name: str, tau_Nm: Array, start: int) -> Trajectory:
 
 
 def fixed_sinusoid(amplitude_Nm: float, frequency_Hz: float) -> Trajectory:
-    """A sinusoidal torque with the output fixed."""
     _positive("frequency_Hz", frequency_Hz)
     _finite("amplitude_Nm", amplitude_Nm)
     p = PLANTS.trajectory.fixed
@@ -99,12 +96,10 @@ def fixed_sinusoid(amplitude_Nm: float, frequency_Hz: float) -> Trajectory:
 
 
 def tuning() -> Trajectory:
-    """The thesis' tuning case."""
     return fixed_sinusoid(1.7, 0.6)
 
 
 def backdriven(frequency_Hz: float, tau_Nm: float = 0.0) -> Trajectory:
-    """Slow sinusoid from full extension, 90 degrees peak to peak."""
     _positive("frequency_Hz", frequency_Hz)
     p = PLANTS.trajectory.backdriven
     a, w = np.deg2rad(p.amplitude_deg), 2 * np.pi * frequency_Hz

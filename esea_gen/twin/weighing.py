@@ -57,6 +57,3 @@ def found_by(run: ClosedLoopRun) -> Mapping[str, float]:
             "Nothing was adapted; leave --adapted out.",
         )
     return {"share": 1.0, **{k: float(run.controller[v][-1]) for k, v in LEARNT.items()}}
-
-
-__all__ = ["INSTANCE", "found_by", "weighing_case"]

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
-from esea_gen.emit.error_bounds import Bound, started_flags, state_jacobian, state_matrix
 from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.step_errors import Bound, started_flags, state_jacobian, state_matrix
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream

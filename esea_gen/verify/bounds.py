@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.emit.error_bounds import Bound, block_bound
+from esea_gen.emit.error_bounds import block_bound
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import RangeError
+from esea_gen.emit.step_errors import Bound
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component

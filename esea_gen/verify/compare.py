@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.emit.error_bounds import Bound
+from esea_gen.emit.step_errors import Bound
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port

@@ -29,7 +29,7 @@ from typing import Any
 
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
-from esea_gen.emit.error_bounds import Bound
+from esea_gen.emit.step_errors import Bound
 from esea_gen.errors import UserError, nearest
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array

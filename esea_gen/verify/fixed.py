@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.emit.error_bounds import BEYOND, Bound
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import Propagation, any_bound, step_bound
 from esea_gen.emit.fixed.kept import plan_block
@@ -24,9 +23,9 @@ from esea_gen.emit.fixed.plan import (
     raw_places,
     run_lowered,
 )
-from esea_gen.emit.fixed.values import COMPARES
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.ranges import RangeError
+from esea_gen.emit.spans import COMPARES, RangeError
+from esea_gen.emit.step_errors import BEYOND, Bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import INVALID, from_raw, to_raw

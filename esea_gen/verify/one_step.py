@@ -11,8 +11,9 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from esea_gen.emit.error_bounds import Bound, node_errors, step_bound
+from esea_gen.emit.error_bounds import node_errors, step_bound
 from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.step_errors import Bound
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array

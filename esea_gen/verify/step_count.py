@@ -45,7 +45,7 @@ class Count:
 
 
 def checksum(results: Array) -> int:
-    """FNV-1a of outputs of shape (steps, outputs) as float64, as the board computes it."""
+    """FNV-1a of outputs as float64, shape (steps, outputs), as the board's program has it."""
     total = 2166136261
     for byte in np.ascontiguousarray(results, dtype="<f8").tobytes():
         total = ((total ^ byte) * 16777619) & 0xFFFFFFFF
@@ -64,7 +64,6 @@ def stream_program(renderer: Renderer, block: Block, stream: Stream) -> dict[str
         },
         "steps": stream.steps,
         "rows": np.hstack(columns).tolist(),
-        "floor": False,
     }
     names = ("bench.h", "stream.h", "struct.c")
     own = {n: text for n, text in renderer.files().items() if "/" not in n}

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
-from esea_gen.emit.error_bounds import counts
+from esea_gen.emit.step_errors import counts
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.ports import Array, Port

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from esea_gen.emit.error_bounds import Bound
+from esea_gen.emit.step_errors import Bound
 
 EXACT, RESIDUAL, LASTING, ONE_STEP, EXACT_PROGRAM, STATED = RULES = (
     "CasADi's C, bit for bit",

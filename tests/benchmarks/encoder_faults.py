@@ -1,6 +1,6 @@
 """What an encoder's fault does before it is found, and how often none is found by mistake.
 
-    python -m tests.benchmarks.encoder_faults --plants 200 --json faults.json
+    python -m tests.benchmarks.encoder_faults --plants 200
 
 Everything is simulated: the generated f32 C of the shipped controllers in closed loop with the
 standard plants and people.  The first table has random plants and people without a fault: how near
@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,8 +21,6 @@ from scipy import stats
 from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, rooms_digest
 from esea_gen.control.limits.redundancy import shares_of_room
-from esea_gen.errors import UserError
-from esea_gen.files import write_json
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate_case
 from esea_gen.twin.case import Setting
@@ -41,27 +38,11 @@ CASES = (
     ("backdriven", "0.25 Hz"),
 )
 FAULTS = (
-    "freeze:load",
-    "freeze:motor",
-    "freeze:both",
-    "freeze:gear",
-    "slip:load=0.05",
-    "slip:load=0.0838",
-    "slip:load=0.3",
-    "slip:motor=0.0838",
-    "slip:both=0.0838",
-    "slip:gear=0.03",
-    "drift:load=0.02",
-    "drift:load=0.05",
-    "drift:load=0.5",
-    "drift:motor=0.05",
-    "drift:both=0.05",
-    "drift:gear=0.05",
-    "gain:load=0.8",
-    "gain:load=1.2",
-    "gain:motor=0.8",
-    "gain:both=0.8",
-    "gain:gear=0.8",
+    *("freeze:load", "freeze:motor", "freeze:both", "freeze:gear"),
+    *("slip:load=0.05", "slip:load=0.0838", "slip:load=0.3", "slip:motor=0.0838"),
+    *("slip:both=0.0838", "slip:gear=0.03", "drift:load=0.02", "drift:load=0.05"),
+    *("drift:load=0.5", "drift:motor=0.05", "drift:both=0.05", "drift:gear=0.05"),
+    *("gain:load=0.8", "gain:load=1.2", "gain:motor=0.8", "gain:both=0.8", "gain:gear=0.8"),
 )
 AT_S = (4.0, 7.3)  # in two phases of the motion
 SETTLED_S = 0.1
@@ -69,10 +50,7 @@ HOURS = 1000.0
 
 
 def nearness(study: str, case: str, seed: int, controller: str) -> dict[str, float]:
-    """Of one healthy run: largest share of the room for angles and torques, and whether it latched.
-
-    return: ``angle``, ``torque``, ``latched`` (1 or 0) and ``hours`` simulated.
-    """
+    """Of one healthy run: largest share of the room for angles and torques; latched; hours."""
     found = load_study(study, ClosedLoopStudy).case(case)
     setting = Setting(controller, "random", default_person(study, "random"))
     try:
@@ -92,10 +70,7 @@ def nearness(study: str, case: str, seed: int, controller: str) -> dict[str, flo
 
 @dataclass(frozen=True)
 class Quiet:
-    """How near healthy runs come to an alarm.
-
-    per_1000_h: by the tail of the largest share of each run, an extrapolation.
-    """
+    """How near healthy runs come to an alarm; per_1000_h is extrapolated by the shares' tail."""
 
     runs: int
     hours: float
@@ -125,69 +100,53 @@ def quiet(results: Sequence[Mapping[str, float]]) -> Quiet:
     )
 
 
-def _told(
-    configuration: Configuration, fn: Any, cases: list[dict[str, Any]], jobs: int
-) -> list[Any]:
+def run_all(fn: Any, cases: list[dict[str, Any]], jobs: int) -> list[Any]:
+    configuration = Configuration({"code": rooms_digest()})
     done = run_cases(fn, cases, configuration=configuration, workers=Workers(jobs, None))
     failed = [r for r in done.results if r.values is None]
     if failed:
-        raise UserError(f"{failed[0].case}: {failed[0].failure}", "See the message.")
+        raise SystemExit(f"{failed[0].case}: {failed[0].failure}")
     return [r.values for r in done.results]
 
 
 def fault_rows(faults: Sequence[str], seeds: int, jobs: int) -> list[dict[str, Any]]:
     """By fault: the worst over controllers, cases, times and seeds.
 
-    return: ``fault``, runs, ``found``; ticks, torque then, peak torque and energy, each the
-        largest; ``unfound_torque_Nm`` and ``unfound_energy_J`` of the runs where it was not found.
+    return: ``fault``, ``runs``, ``found``; ticks, torque then, peak torque and energy, each the
+        largest; ``unfound_...`` of the runs in which it was not found.
     """
-    named = []
+    cases = []
     for text in faults:
         kind, _, amount = text.partition("=")
-        named += [(text, f"{kind}@{at:g}" + (f"={amount}" if amount else "")) for at in AT_S]
-    cases = [
-        {
-            "study": study, "case": case, "seed": seed, "controller": controller, "plant": "real",
-            "person": default_person(study, "real"), "real": "f32", "fault": fault,
-        }
-        for _, fault in named
-        for study, case in CASES
-        for controller in CONTROLLERS
-        for seed in range(seeds)
-    ]  # fmt: skip
-    results = _told(Configuration({"code": rooms_digest()}), simulate_case, cases, jobs)
+        for at_s in AT_S:
+            fault = f"{kind}@{at_s:g}" + (f"={amount}" if amount else "")
+            cases += [
+                {
+                    "study": study, "case": case, "seed": seed, "controller": controller,
+                    "plant": "real", "person": default_person(study, "real"), "real": "f32",
+                    "fault": fault,
+                }
+                for study, case in CASES
+                for controller in CONTROLLERS
+                for seed in range(seeds)
+            ]  # fmt: skip
+    results = run_all(simulate_case, cases, jobs)
     rows = []
-    per = len(cases) // len(named)
-    for text in faults:
-        of: list[dict[str, float]] = []
-        for k, (name, _) in enumerate(named):
-            if name == text:
-                of += results[k * per : (k + 1) * per]
-        good = [r for r in of if "ran_away" not in r]
+    per = len(cases) // len(faults)
+    for k, text in enumerate(faults):
+        good = [r for r in results[k * per : (k + 1) * per] if "ran_away" not in r]
         found = [r for r in good if "detected_ticks" in r]
         lost = [r for r in good if "detected_ticks" not in r]
-
-        def worst(key: str, rows_: list[dict[str, float]]) -> float | None:
-            return max(r[key] for r in rows_) if rows_ else None
-
-        rows.append(
-            {
-                "fault": text,
-                "runs": len(good),
-                "found": len(found),
-                "detected_ticks": worst("detected_ticks", found),
-                "torque_then_Nm": worst("torque_then_Nm", found),
-                "peak_torque_Nm": worst("peak_torque_Nm", found),
-                "energy_J": worst("energy_J", found),
-                "unfound_torque_Nm": worst("peak_torque_Nm", lost),
-                "unfound_energy_J": worst("energy_J", lost),
-            }
-        )
+        row = {"fault": text, "runs": len(good), "found": len(found)}
+        for key in ("detected_ticks", "torque_then_Nm", "peak_torque_Nm", "energy_J"):
+            row[key] = max((r[key] for r in found), default=None)
+        row["unfound_torque_Nm"] = max((r["peak_torque_Nm"] for r in lost), default=None)
+        row["unfound_energy_J"] = max((r["energy_J"] for r in lost), default=None)
+        rows.append(row)
     return rows
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """As lines of Markdown."""
     heads = (
         "fault", "found", "after, ticks", "torque then, Nm", "peak, Nm", "energy, J",
         "not found: peak, Nm", "energy, J",
@@ -204,42 +163,29 @@ def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line."""
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plants", type=int, default=200, help="random plants and people")
     parser.add_argument("--seeds", type=int, default=1, help="standard plants a fault")
     parser.add_argument("--faults", nargs="*", default=list(FAULTS))
     parser.add_argument("--jobs", type=int, default=-1, help="parallel processes; -1: all cores")
-    parser.add_argument("--json", type=Path, help="also write the result as JSON")
-    chosen = parser.parse_args(arguments)
-    content: dict[str, Any] = {"simulated": True}
-    try:
-        for controller in CONTROLLERS if chosen.plants else ():
-            cases = [
-                {"study": study, "case": case, "seed": seed, "controller": controller}
-                for study, case in CASES
-                for seed in range(chosen.plants)
-            ]
-            found = quiet(
-                _told(Configuration({"code": rooms_digest()}), nearness, cases, chosen.jobs)
-            )
-            content[f"quiet_{controller}"] = vars(found)
-            print(
-                f"{controller}, simulated: {found.runs} healthy runs, {found.hours:.1f} h: "
-                f"{found.alarms} latched; largest share of the room: angles {found.angle:.2f}, "
-                f"torques {found.torque:.2f}; by their tail {found.per_1000_h:.2g} alarms in "
-                f"{HOURS:.0f} h",
-                flush=True,
-            )
-        content["faults"] = fault_rows(chosen.faults, chosen.seeds, chosen.jobs)
-    except UserError as error:
-        print(f"esea-gen: {error}")
-        return 2
-    print("\n".join(table(content["faults"])))
-    write_json(chosen.json, "bench-encoder-faults", content)
-    return 0
+    chosen = parser.parse_args()
+    for controller in CONTROLLERS if chosen.plants else ():
+        cases = [
+            {"study": study, "case": case, "seed": seed, "controller": controller}
+            for study, case in CASES
+            for seed in range(chosen.plants)
+        ]
+        found = quiet(run_all(nearness, cases, chosen.jobs))
+        print(
+            f"{controller}, simulated: {found.runs} healthy runs, {found.hours:.1f} h: "
+            f"{found.alarms} latched; largest share of the room: angles {found.angle:.2f}, "
+            f"torques {found.torque:.2f}; by their tail {found.per_1000_h:.2g} alarms in "
+            f"{HOURS:.0f} h",
+            flush=True,
+        )
+    print("\n".join(table(fault_rows(chosen.faults, chosen.seeds, chosen.jobs))))
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -1,13 +1,13 @@
 """q31 against soft-float f32 on the same core, and against a filter written by hand.
 
-Instructions are counted in an emulator and are not cycles.  The error of each program is the
-largest distance of its outputs from exact arithmetic on the same inputs, over the counted stream.
+Instructions are counted in an emulator.  The error of a program is the largest distance of its
+outputs from exact arithmetic on the same inputs, over the counted stream.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,12 +18,12 @@ from esea_gen.device import Device
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import FieldPlan
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import from_raw, to_raw
 from esea_gen.language.ports import Array
 from esea_gen.verify.streams import domain_chirp
-from tests.benchmarks.row import Row
+
+from .peers import exact, renderer_of
 
 STEPS = 400
 CHIRP_S = 8.0
@@ -32,10 +32,7 @@ PROGRAMS = {"q31": "generated q31", "f32": "generated f32, soft float", "hand": 
 
 @dataclass(frozen=True)
 class FilterRun:
-    """A velocity filter on a board.
-
-    error_rad_s: largest error of both rates against exact arithmetic.
-    """
+    """A velocity filter on a board, and its largest error of both rates."""
 
     program: str
     instructions: float
@@ -74,7 +71,7 @@ def hand_constants(device: Device) -> dict[str, int]:
 def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, str]:
     real = "f32" if program == "f32" else "q31"
     chosen, fmt, hand = BARE_BOARDS[board], FORMATS[real], program == "hand"
-    renderer = Renderer(device.system, fmt, "-", "-", device.title)
+    renderer = renderer_of(device, device.system, real)
     naming, block = renderer.naming, device.velocity
     port = {p.name: p for p in (*block.inputs, *block.outputs)}
     tunable = block.tunables[0]
@@ -120,10 +117,7 @@ def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, 
 
 
 def run_filter(device: Device, program: str, board: str, theta_rad: Array) -> FilterRun:
-    """A velocity filter on an emulated board.
-
-    theta_rad: deflection at the sensing rate; every program is given the same numbers.
-    """
+    """A velocity filter on an emulated board; every program is given the same deflections."""
     plan = plan_block(device.velocity)
     fraction = plan.field("in", "theta_rad").fraction
     seen = np.asarray(np.float32(from_raw(to_raw(theta_rad, fraction), fraction)), np.float64)
@@ -145,40 +139,32 @@ def run_filter(device: Device, program: str, board: str, theta_rad: Array) -> Fi
     return FilterRun(program, done.instructions["mean"], done.flash_bytes, error)
 
 
-def fixed_rows(device: Device, say: Callable[[str], None], steps: int = STEPS) -> list[Row]:
-    """q31 against soft float on boards without an FPU, and against a filter written by hand.
-
-    return: in instructions; the errors of the velocity filters in rad/s.
-    """
+def fixed_rows(device: Device, say: Callable[[str], None]) -> list[dict]:
+    """q31 against soft float on boards without an FPU, and against a filter written by hand."""
     whole = domain_chirp(device, CHIRP_S)
-    theta = whole[:: max(1, len(whole) // steps)][:steps]
-    rows: list[Row] = []
+    theta = whole[:: max(1, len(whole) // STEPS)][:STEPS]
+    rows = []
     try:
         for board in ("m3", "m0"):
             core = BARE_BOARDS[board].core
             say(f"fixed point, {core}")
-            inputs: Mapping[str, Array] = {
-                x.name: theta for x in device.system.task_inputs(device.system.tasks[0])
-            }
-            q31, f32 = (run_bare(device, real, board, inputs) for real in ("q31", "f32"))
-            for found in (q31, f32):
-                if not found.identical:
-                    raise RuntimeError(f"{core}, {found.real}: {found.first_difference}")
-            name = f"sensing task q31 vs soft-float f32, {core}"
-            ours, peer = (x.instructions["mean"] for x in (q31, f32))
-            rows.append(Row.exact(name, ours, peer, "instructions"))
+            inputs = {x.name: theta for x in device.system.task_inputs(device.system.tasks[0])}
+            runs = [run_bare(device, real, board, inputs) for real in ("q31", "f32")]
+            for run in runs:
+                if not run.identical:
+                    raise RuntimeError(f"{core}, {run.real}: {run.first_difference}")
+            counts = (run.instructions["mean"] for run in runs)
+            row = {"name": f"sensing task q31 vs soft-float f32, {core}"}
+            rows.append(row | exact(*counts, "instructions"))
         say("fixed point, filter written by hand")
-        smooth = whole[-steps:]
-        runs = {p: run_filter(device, p, "m3", smooth) for p in PROGRAMS}
+        found = {p: run_filter(device, p, "m3", whole[-STEPS:]) for p in PROGRAMS}
     except UserError as error:
         say(f"left out: {error}")
         return rows
-    fixed = runs["q31"]
+    ours = found["q31"]
     for key in ("f32", "hand"):
-        other, name = runs[key], f"velocity q31 vs {PROGRAMS[key]}, Cortex-M3"
-        rows.append(Row.exact(name, fixed.instructions, other.instructions, "instructions"))
-        rows.append(Row.exact(f"{name}, error", fixed.error_rad_s, other.error_rad_s, "rad/s"))
+        peer, name = found[key], f"velocity q31 vs {PROGRAMS[key]}, Cortex-M3"
+        rows.append({"name": name} | exact(ours.instructions, peer.instructions, "instructions"))
+        error = exact(ours.error_rad_s, peer.error_rad_s, "rad/s")
+        rows.append({"name": f"{name}, error"} | error)
     return rows
-
-
-__all__ = ["PROGRAMS", "FilterRun", "fixed_rows", "hand_constants", "run_filter"]

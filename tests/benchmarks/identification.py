@@ -7,7 +7,7 @@ Ours solves the linear ones and follows exact gradients on the generated C; the 
 in NumPy as fast as one can write it: only the stops and the Maxwell element's recursion are a loop
 over time.  What counts is processor time until 1 % above the optimum, in one run of this program.
 
-    python -m tests.benchmarks.identification [--budget 1200] [--json FILE]
+    python -m tests.benchmarks.identification [--budget 1200]
 """
 
 from __future__ import annotations
@@ -16,16 +16,15 @@ import argparse
 import math
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import differential_evolution
 
 from esea_gen.device import load_device
-from esea_gen.files import write_json
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.drafting import draft
 from esea_gen.identify.published.parameters import bounds_of
@@ -72,12 +71,12 @@ use = "held_out"
 """
 
 
-def published_problem(folder: Path, sweeps: Sequence[tuple[float, ...]] = SWEEPS) -> Path:
+def published_problem(folder: Path) -> Path:
     """The published elbow's excitations, simulated and recorded; the mapping file."""
     elbow = load_device("elbow")
     task = compile_system(elbow.system, "f64").task("sense")
     every = round(1 / elbow.period_s / RECORDED_Hz)
-    for number, (amplitude, first, last, seconds) in enumerate(sweeps):
+    for number, (amplitude, first, last, seconds) in enumerate(SWEEPS):
         t = np.arange(round(seconds / elbow.period_s) + 1) * elbow.period_s
         phase = 2 * np.pi * (first * t + (last - first) * t * t / (2 * seconds))
         theta = np.radians(amplitude) * np.sin(phase)
@@ -136,15 +135,11 @@ class NumpyPopulation:
 
 @dataclass(frozen=True)
 class SearchRow:
-    """One search: processor seconds until 1 % above the optimum, None where it was not reached.
-
-    rms_Nm: what it reached; seconds: processor time in all.
-    """
+    """One search: processor seconds until 1 % above the optimum, if it was reached, and in all."""
 
     name: str
     reached_s: float | None
     seconds: float
-    wall_s: float
     evaluations: int
     rms_Nm: float
 
@@ -152,7 +147,7 @@ class SearchRow:
 def _timed(
     name: str, run: Callable[[Callable[[float, int], None]], None], goal: float
 ) -> SearchRow:
-    begun, wall = time.process_time(), time.monotonic()
+    begun = time.process_time()
     reached, best, count = None, math.inf, 0
 
     def seen(rms: float, evaluations: int) -> None:
@@ -161,24 +156,23 @@ def _timed(
         if reached is None and best <= goal:
             reached = time.process_time() - begun
 
-    with suppress(KeyboardInterrupt):  # what there is until then is said
+    with suppress(KeyboardInterrupt):  # keep what was found until then
         run(seen)
     used = time.process_time() - begun
-    return SearchRow(name, reached, used, time.monotonic() - wall, count, best)
+    return SearchRow(name, reached, used, count, best)
 
 
 def compare_searches(
     budget_s: float,
     seed: int,
     say: Callable[[str], None],
-    sweeps: Sequence[tuple[float, ...]] = SWEEPS,
 ) -> tuple[SearchRow, SearchRow, float]:
     """Ours and differential evolution, each until it is done or its budget is spent.
 
     return: both, and seconds of an evaluation by NumPy one point at a time.
     """
     with tempfile.TemporaryDirectory() as scratch:
-        source = load_mapping(published_problem(Path(scratch), sweeps))
+        source = load_mapping(published_problem(Path(scratch)))
         recordings = load_recordings(source)
     device = draft(source, recordings, True)
     domain, rate = device.file.domain, float(RECORDED_Hz)
@@ -237,35 +231,27 @@ def compare_searches(
     return mine, theirs, time.process_time() - start
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line."""
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--budget", type=float, default=1200, help="processor seconds of the other")
     parser.add_argument("--seed", type=int, default=20240229)
-    parser.add_argument("--json", type=Path, metavar="FILE")
-    chosen = parser.parse_args(arguments)
+    chosen = parser.parse_args()
     mine, theirs, one_s = compare_searches(
         chosen.budget, chosen.seed, lambda text: print(text, end="\r", flush=True)
     )
-    assert mine.reached_s is not None
     for row in (mine, theirs):
         when = "not reached" if row.reached_s is None else f"after {row.reached_s:.1f} s"
         print(
             f"{row.name:32} 1 % above the optimum {when}; {row.rms_Nm:.5f} Nm after "
-            f"{row.seconds:.1f} s of processor time ({row.wall_s:.1f} s), {row.evaluations} runs"
+            f"{row.seconds:.1f} s of processor time, {row.evaluations} runs"
         )
+    assert mine.reached_s is not None
     least = theirs.reached_s or theirs.seconds
-    said = "" if theirs.reached_s else "at least "
-    print(f"whole population at once: {said}{least / mine.reached_s:.0f} times ours")
+    bound = "" if theirs.reached_s else "at least "
+    print(f"whole population at once: {bound}{least / mine.reached_s:.0f} times ours")
     single = theirs.evaluations * one_s / mine.reached_s
-    print(f"as many runs one by one, {one_s:.2f} s each: {said}{single:.0f} times ours")
-    write_json(
-        chosen.json,
-        "bench",
-        {"rows": [asdict(mine), asdict(theirs)], "one_run_s": one_s},
-    )
-    return 0
+    print(f"as many runs one by one, {one_s:.2f} s each: {bound}{single:.0f} times ours")
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -17,25 +17,20 @@ PICTURE_S, MINUTE_S, WARM_S = 0.5, 60.0, 180.0  # of the board's time
 
 
 def memory_bytes() -> int:
-    """What this process holds of the computer's memory."""
+    """Resident memory of this process."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 def application() -> Any:
-    """Qt, without a screen unless there is one."""
     os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
     from PySide6.QtWidgets import QApplication
 
     return QApplication.instance() or QApplication([])
 
 
-def plot_latency(seconds: float, address: str = "sim:elbow_drive") -> dict[str, float]:
-    """How old samples are when the live view has painted them, in real time, without a screen.
-
-    Every sample counts from when its bytes came to the end of the first painting that shows it.
-    The board is in a process of its own.
-    """
+def plot_latency(seconds: float) -> dict[str, float]:
+    """Age of samples at the end of the first painting that shows them, in real time, off screen."""
     qt = application()
     from PySide6.QtCore import QTimer
 
@@ -44,7 +39,7 @@ def plot_latency(seconds: float, address: str = "sim:elbow_drive") -> dict[str, 
 
     found_s: list[float] = []
     took_s: list[float] = []
-    with open_device(address) as device:
+    with open_device("sim:elbow_drive") as device:
         feed = LiveFeed(device)
         queue = device.subscribe(["sense_out"])
         waiting: list[tuple[float, int]] = []  # last board time of a batch, and its arrival
@@ -55,7 +50,7 @@ def plot_latency(seconds: float, address: str = "sim:elbow_drive") -> dict[str, 
                 begun_s = time.perf_counter()
                 shown = feed.rings["sense_out"].last(1).time_s
                 super().draw()
-                self._area.viewport().repaint()
+                self.area.viewport().repaint()
                 now_ns = time.time_ns()
                 took_s.append(time.perf_counter() - begun_s)
                 for batch in queue.take(0.0):
@@ -84,7 +79,6 @@ def plot_latency(seconds: float, address: str = "sim:elbow_drive") -> dict[str, 
         "pictures_per_s": frames / (seconds + 1),
         "painting_p50_ms": float(np.median(took_s)) * 1e3,
         "processor_share": used_s / (seconds + 1),
-        "load": os.getloadavg()[0],
         "gaps": gaps,
     }
 
@@ -113,12 +107,9 @@ def window_soak(
     channels: int = 0,
     every_s: float = MINUTE_S,
 ) -> dict[str, Any]:
-    """The memory of the live view, every stream of the board in it, hours of its time in minutes.
+    """Memory of the live view with every stream of the board in it, over hours of its time.
 
-    Rows come as the receiver hands them out, at the board's own rates.
-
-    warm_s: of the board's time, until the memory is looked at, every ``every_s`` from then on.
-    picture_s: of the board's time, from one picture to the next.
+    warm_s: of the board's time, until the memory is measured, every ``every_s`` from then on.
     channels: drawn beside the panels' own signals, each with its spectrum.
     """
     qt = application()
@@ -130,7 +121,7 @@ def window_soak(
     device, pieces = _pieces(drive)
     feed = LiveFeed(device, threaded=False)
     window = LiveWindow(feed)
-    window._timer.stop()
+    window.timer.stop()
     window.toggle_spectrum()
     for i in range(min(channels, window.channels.count())):
         window.channels.item(i).setCheckState(Qt.CheckState.Checked)
@@ -138,7 +129,7 @@ def window_soak(
     window.show()
     counts = {n: len(b.rows) for n, b in pieces.items() if n in feed.rings}
     piece_s, rows, painted_s = PIECE_ROWS * 1e-3, 0, 0.0
-    told: list[tuple[float, int, int]] = []  # hour, pictures, memory
+    seen: list[tuple[float, int, int]] = []  # hour, pictures, memory
     for k in range(round(hours * 3600 / piece_s)):
         for name in counts:
             batch = pieces[name]
@@ -153,16 +144,15 @@ def window_soak(
             feed.ask()
             window.draw()
             qt.processEvents()  # paints
-        if at_s >= warm_s + every_s * len(told):
-            told.append((at_s / 3600, window.drawn_frames, memory_bytes()))
+        if at_s >= warm_s + every_s * len(seen):
+            seen.append((at_s / 3600, window.drawn_frames, memory_bytes()))
     pictures = window.drawn_frames
     window.close()
     feed.close()
-    at_h, at_picture, held = np.array(told or [(0.0, 0, memory_bytes())]).T
-    slope = float(np.polyfit(at_h, held, 1)[0]) if len(told) > 2 else float("nan")
+    at_h, at_picture, held = np.array(seen or [(0.0, 0, memory_bytes())]).T
+    slope = float(np.polyfit(at_h, held, 1)[0]) if len(seen) > 2 else float("nan")
     return {
         "hours": hours,
-        "columns": sum(c.size for n in counts for c in pieces[n].layout.columns),
         "rows": rows,
         "pictures": pictures,
         "memory_after_warm_up_bytes": float(held[0]),

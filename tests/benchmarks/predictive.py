@@ -1,6 +1,6 @@
 """What predictive control costs: bound, worst seen and typical instructions; peers beside it.
 
-    python -m tests.benchmarks.predictive --json predictive.json
+    python -m tests.benchmarks.predictive [--horizons] [--json FILE]
 
 Instructions are counted on the object code (the bound) and in an emulator (what was seen); they are
 not cycles.  Times are of this machine, the thread's own, in turns with each peer.
@@ -9,13 +9,13 @@ not cycles.  Times are of this machine, the thread's own, in turns with each pee
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +23,12 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.board.bound import InstructionBound, step_bound
+from esea_gen.board.emulator import qemu_command
 from esea_gen.control.laws.predictive import device_horizon, drive_train
 from esea_gen.control.predictive.box_qp_program import box_qp
 from esea_gen.control.predictive.drive import predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.emit.program_c import loop_lines
-from esea_gen.emit.program_render import ProgramRenderer, render_program
-from esea_gen.errors import UserError
-from esea_gen.files import write_json
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
@@ -39,8 +37,11 @@ from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, boards_for
 from esea_gen.twin.controllers import controller_device
-from tests.benchmarks.predictive_loop import recorded_rows
-from tests.benchmarks.predictive_peer import step_times
+from tests.rendered_program import ProgramRenderer, render_program
+
+from .peers import with_templates
+from .predictive_loop import recorded_rows
+from .predictive_peer import step_times
 
 CORES = {b.core: b.processor for b in boards_for("instructions")}
 FLAGS = (*EXACT_FLAGS, *SECTION_FLAGS, "-g")
@@ -50,21 +51,19 @@ AIM_BOUND, AIM_TYPICAL = 120_000, 45_000
 
 @dataclass(frozen=True)
 class Cost:
-    """Cost of a step on one core.
-
-    code_bytes, table_bytes, state_bytes: instructions of the step's functions with their constants,
-        tables, and the caller's state.
-    """
+    """Cost of a step on one core; code_bytes: the step's functions with their constants."""
 
     bound: InstructionBound
     code_bytes: int
-    table_bytes: int
     state_bytes: int
 
 
-def _build(renderer: ProgramRenderer, folder: Path, core: str, extra: dict[str, str]) -> Path:
+def build_program(
+    renderer: ProgramRenderer, folder: Path, core: str, extra: dict[str, str]
+) -> Path:
+    """A program of a renderer's files and others, linked for a core."""
     gcc = find_compiler(*CORES[core].toolchain.gcc)
-    files = renderer.files() | extra
+    files = renderer.files() | extra | {"bare.ld": renderer.render("bench/bare.ld.j2")}
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     sources = [str(folder / n) for n in files if n.endswith(".c")]
@@ -73,79 +72,64 @@ def _build(renderer: ProgramRenderer, folder: Path, core: str, extra: dict[str, 
     command = [gcc, *CORES[core].flags, *FLAGS, f"-I{folder}", *sources, *link, "-o", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise RuntimeError(f"the compiler refuses the program:\n{done.stderr}")
+        raise RuntimeError(f"the compiler rejects the program:\n{done.stderr}")
     return out
 
 
-def _board(renderer: ProgramRenderer, rows: Array, tunables: dict[str, float]) -> dict[str, str]:
-    program: Any = renderer.system.kinds[0]
-    fmt = renderer.fmt
-    renderer.env.filters["literal"] = lambda v: fmt.literal(float(np.float32(v)))
-    board = renderer.render(
-        "predictive/board.c.j2",
-        block=program,
-        rows=np.asarray(rows).tolist(),
-        timer="tim2",
-        tunables=tunables,
-    )
-    return {"board.c": board, "bare.ld": renderer.render("bench/bare.ld.j2")}
-
-
-def _entry(renderer: ProgramRenderer) -> dict[str, str]:
-    # Only to be linked, so that calls have their targets; never run.
+def entry_files(renderer: ProgramRenderer) -> dict[str, str]:
+    """A caller of the step, only to be linked so that calls have their targets; never run."""
     program: Any = renderer.system.kinds[0]
     stem = f"{renderer.prefix}_{program.name}"
     coeffs = bool(program.coefficients)
-    text = f'#include "{renderer.prefix}.h"\n'
-    text += f"static {stem}_coeffs_t coeffs;\n" if coeffs else ""
-    text += f"{stem}_state_t state;\n{stem}_in_t in;\n{stem}_out_t out;\nvoid entry(void);\n"
-    text += (
-        f"void entry(void) {{ {stem}_step({'&coeffs, ' if coeffs else ''}&state, &in, &out); }}\n"
-    )
-    return {"entry.c": text, "bare.ld": renderer.render("bench/bare.ld.j2")}
+    lines = [
+        f'#include "{renderer.prefix}.h"',
+        f"static {stem}_coeffs_t coeffs;" if coeffs else "",
+        f"{stem}_state_t state;\n{stem}_in_t in;\n{stem}_out_t out;\nvoid entry(void);",
+        f"void entry(void) {{ {stem}_step({'&coeffs, ' if coeffs else ''}&state, &in, &out); }}",
+    ]
+    return {"entry.c": "\n".join(lines) + "\n"}
 
 
 def cost_on(program: Program, core: str) -> Cost:
     """Bound, stack and memory of a program's f32 step on one core, from its object code."""
     renderer = render_program(program, "f32")
     source = f"{renderer.prefix}_{program.name}.c"
-    loops = renderer.emitted[program.name].loops  # type: ignore[union-attr]
+    loops = renderer.emitted[program.name].loops
     with tempfile.TemporaryDirectory() as scratch:
-        elf = _build(renderer, Path(scratch), core, _entry(renderer))
+        elf = build_program(renderer, Path(scratch), core, entry_files(renderer))
         text = (Path(scratch) / source).read_text(encoding="utf-8")
-        bound = step_bound(
-            elf, f"{renderer.prefix}_{program.name}_step", source, loop_lines(text, loops), loops
-        )
-        symbols = _sizes(elf)
-    code = sum(symbols.get(f, 0) for f in bound.by_function)
-    tables = sum(size for name, size in symbols.items() if name.startswith(f"{program.name}_"))
-    tables -= sum(symbols.get(f, 0) for f in bound.by_function if f.startswith(program.name))
-    return Cost(bound, code, tables, symbols["state"])
-
-
-def _sizes(elf: Path) -> dict[str, int]:
-    said = subprocess.run(
-        ["arm-none-eabi-nm", "-S", str(elf)], capture_output=True, text=True, check=True
-    ).stdout
-    return {m[2]: int(m[1], 16) for m in re.finditer(r"^\w+ (\w+) \w (\S+)$", said, re.MULTILINE)}
+        step = f"{renderer.prefix}_{program.name}_step"
+        bound = step_bound(elf, step, source, loop_lines(text, loops), loops)
+        listed = subprocess.run(
+            ["arm-none-eabi-nm", "-S", str(elf)], capture_output=True, text=True, check=True
+        ).stdout
+    found = re.finditer(r"^\w+ (\w+) \w (\S+)$", listed, re.MULTILINE)
+    sizes = {m[2]: int(m[1], 16) for m in found}
+    return Cost(bound, sum(sizes.get(f, 0) for f in bound.by_function), sizes["state"])
 
 
 def seen_on_m4f(
     program: Program, rows: Array, tunables: dict[str, float] | None = None
 ) -> tuple[Array, Any]:
-    """Instructions of each step of a stream on an emulated Cortex-M4F.
+    """Instructions and first output of each step of a stream on an emulated Cortex-M4F.
 
     rows: shape (steps, numbers): the inputs, port by port.
     """
-    from esea_gen.board.emulator import qemu_command
-
-    qemu = qemu_command(BOARDS["netduinoplus2"], semihosting=True)
-    renderer = render_program(program, "f32")
+    renderer = with_templates(render_program(program, "f32"))
+    fmt = renderer.fmt
+    renderer.env.filters["literal"] = lambda v: fmt.literal(float(np.float32(v)))
+    board = renderer.render(
+        "bench/predictive.c.j2",
+        block=renderer.system.kinds[0],
+        rows=np.asarray(rows).tolist(),
+        timer="tim2",
+        tunables=tunables or {},
+    )
+    command = qemu_command(BOARDS["netduinoplus2"], semihosting=True)
     with tempfile.TemporaryDirectory() as scratch:
-        board = _board(renderer, rows, tunables or {})
-        elf = _build(renderer, Path(scratch), "Cortex-M4F", board)
+        elf = build_program(renderer, Path(scratch), "Cortex-M4F", {"board.c": board})
         done = subprocess.run(
-            [*qemu, "-icount", "shift=0", "-kernel", str(elf)],
+            [*command, "-icount", "shift=0", "-kernel", str(elf)],
             capture_output=True,
             text=True,
             check=False,
@@ -160,10 +144,7 @@ def seen_on_m4f(
 
 
 def stress_rows(program: Program, count: int, seed: int = 0) -> Array:
-    """Inputs meant to take long: every port over its whole range, memories that turn back.
-
-    program: from :func:`esea_gen.control.predictive.drive.predictive_controller`.
-    """
+    """Inputs meant to take long: every port over its whole range, memories that turn back."""
     rng = np.random.default_rng(seed)
     rows = []
     for k in range(count):
@@ -189,31 +170,11 @@ def stress_rows(program: Program, count: int, seed: int = 0) -> Array:
     return np.array(rows)
 
 
-# -- times on this machine ------------------------------------------------------------------------
+def qp_rows(n: int = 10, count: int = 200, rounds: int = 15) -> dict[str, dict[str, float]]:
+    """The box QP against other solvers on problems as predictive control gives them.
 
-
-def _turns(candidates: dict[str, Callable[[], Any]], rounds: int) -> dict[str, float]:
-    best: dict[str, list[float]] = {k: [] for k in candidates}
-    for _ in range(rounds):
-        for name, run in candidates.items():
-            start = time.thread_time()
-            run()
-            best[name].append(time.thread_time() - start)
-    return {k: float(np.median(v)) for k, v in best.items()}
-
-
-def qp_rows(
-    n: int = 10, count: int = 200, rounds: int = 15, into: dict[str, Any] | None = None
-) -> list[str]:
-    """The box QP against other solvers on the same problems, with the accuracy each reached.
-
-    count: problems, as predictive control gives them, a third with active bounds.
-    into: takes the same numbers.
-    return: lines: microseconds a problem, largest error against a dense solution, ratio to ours.
-
-    Peers are called through CasADi's generated-code-free interface, one call a problem, in a map
-    over all of them, so that Python is not in the loop; their set-up of a new problem is included,
-    as ours is.
+    Peers are called through CasADi in a map over all problems, so that Python is not in the loop;
+    their set-up of a new problem is included, as ours is.
     """
     rng = np.random.default_rng(1)
     problems = []
@@ -221,60 +182,53 @@ def qp_rows(
         t = np.arange(n)
         s = np.cumsum(np.exp(-t / rng.uniform(2, 20)))
         j = 17.0 * np.array([[s[a - b] if a >= b else 0 for b in range(n)] for a in range(n)]) / n
-        target = rng.normal(size=n) * (0.3 if k % 3 else 30.0)
+        target = rng.normal(size=n) * (0.3 if k % 3 else 30.0)  # a third with active bounds
         problems.append((j.T @ j + 0.4 * np.eye(n), -j.T @ target))
     inputs = {
-        "H": np.array([[h[i, k] for i in range(n) for k in range(i + 1)] for h, _ in problems]),
+        "H": np.array([h[np.tril_indices(n)] for h, _ in problems]),
         "f": np.array([f for _, f in problems]),
         "low": -np.ones((count, n)),
         "high": np.ones((count, n)),
         "start": np.zeros((count, n)),
     }
-    runs: dict[str, Callable[[], Any]] = {}
-    found: dict[str, Array] = {}
+    runs: dict[str, Callable[[], Array]] = {}
     for real in ("f64", "f32"):
         renderer = render_program(box_qp(n), real)
         runner = HostLibrary(renderer.system, renderer).block("box_qp")
-        arrays = inputs
-
-        def ours(runner: Any = runner, arrays: Any = arrays) -> Any:
-            return runner.run(arrays, trace=False)[0]["x"]
-
-        runs[f"ours {real}"] = ours
-    h = ca.DM(np.hstack([a for a, _ in problems]))
-    g = ca.DM(inputs["f"].T)
-    low, high = ca.DM(inputs["low"].T), ca.DM(inputs["high"].T)
+        runs[f"ours {real}"] = lambda runner=runner: runner.run(inputs, trace=False)[0]["x"]
+    given = {"h": ca.DM(np.hstack([a for a, _ in problems])), "g": ca.DM(inputs["f"].T)}
+    given |= {"lbx": ca.DM(inputs["low"].T), "ubx": ca.DM(inputs["high"].T)}
     dense = {"h": ca.Sparsity.dense(n, n), "a": ca.Sparsity(0, n)}
-    peers: tuple[tuple[str, dict[str, Any]], ...] = (
-        ("daqp", {}),
-        ("qpoases", {"printLevel": "none", "nWSR": 1000}),
-        ("osqp", {"osqp": {"verbose": False, "eps_abs": 1e-5, "eps_rel": 1e-5}}),
-        ("proxqp", {"proxqp": {"eps_abs": 1e-5, "verbose": False}}),
-    )
-    for name, options in peers:
-        solver = ca.conic("peer", name, dense, {"error_on_fail": False, **options})
-        mapped = solver.map(count)
-
-        def peer(mapped: Any = mapped) -> Any:
-            return np.array(mapped(h=h, g=g, lbx=low, ubx=high)["x"]).T
-
-        runs[name] = peer
-    for name, run in runs.items():
-        found[name] = run()
+    peers: dict[str, dict[str, Any]] = {
+        "daqp": {},
+        "qpoases": {"printLevel": "none", "nWSR": 1000},
+        "osqp": {"osqp": {"verbose": False, "eps_abs": 1e-5, "eps_rel": 1e-5}},
+        "proxqp": {"proxqp": {"eps_abs": 1e-5, "verbose": False}},
+    }
+    for name, options in peers.items():
+        solver = ca.conic("peer", name, dense, {"error_on_fail": False, **options}).map(count)
+        runs[name] = lambda solver=solver: np.array(solver(**given)["x"]).T
+    found = {name: run() for name, run in runs.items()}
     best = np.array([_dense_minimum(h, f) for h, f in problems])
-    times = _turns(runs, rounds)
-    lines = [f"{'box QP, ' + str(n) + ' variables':24} {'us':>8} {'error':>10} {'/ ours f32':>11}"]
-    for name, seconds in times.items():
-        error = float(np.max(np.abs(found[name] - best)))
-        ratio = seconds / times["ours f32"]
-        lines.append(f"{name:24} {1e6 * seconds / count:8.2f} {error:10.1e} {ratio:11.2f}")
-        if into is not None:
-            into[name] = {"problem_us": 1e6 * seconds / count, "error": error, "ratio": ratio}
-    return lines
+    taken: dict[str, list[float]] = {k: [] for k in runs}
+    for _ in range(rounds):
+        for name, run in runs.items():
+            start = time.thread_time()
+            run()
+            taken[name].append(time.thread_time() - start)
+    us = {k: 1e6 * float(np.median(v)) / count for k, v in taken.items()}
+    return {
+        name: {
+            "problem_us": us[name],
+            "error": float(np.max(np.abs(found[name] - best))),
+            "ratio": us[name] / us["ours f32"],
+        }
+        for name in runs
+    }
 
 
 def _dense_minimum(h: Array, f: Array) -> Array:
-    # Active set of a tight augmented-Lagrangian-free answer: coordinate descent to the end.
+    # Coordinate descent to the end.
     x = np.zeros(len(f))
     for _ in range(20000):
         before = x.copy()
@@ -285,154 +239,63 @@ def _dense_minimum(h: Array, f: Array) -> Array:
     return x
 
 
-def step_rows(into: dict[str, Any] | None = None) -> list[str]:
-    """The whole step against CasADi's C of the same rollout and Jacobian.
-
-    into: takes the same numbers.
-    """
-    seen = step_times("mpc")
-    if into is not None:
-        into |= asdict(seen)
-    lines = [
-        f"{'whole step (ours) / CasADi C, no QP':36} {'ours us':>8} {'peer us':>8} {'ratio':>6}"
-    ]
-    for real, ours in seen.ours_us.items():
-        peer = seen.peer_us[real]
-        lines.append(f"{real:36} {ours:8.2f} {peer:8.2f} {peer / ours:6.2f}")
-    lines.append(
-        f"Jacobians differ by {seen.difference:.1e} of the largest element; CasADi's C has "
-        f"{seen.peer_bytes // 1000} kB"
-    )
-    return lines
-
-
-def horizon_rows(
-    core: str,
-    lengths: Sequence[int] = (5, 10, 20, 40),
-    figure: Path | None = None,
-    into: list[dict[str, Any]] | None = None,
-) -> list[str]:
-    """Bound against the horizon's length; into: takes the same numbers."""
+def horizon_rows(core: str, lengths: tuple[int, ...] = (5, 10, 20, 40)) -> list[dict[str, int]]:
+    """Bound against the horizon's length, and the QP's part of it."""
     device = controller_device("mpc")
-    delay_s = device_horizon(device).delay_s
-    parts: list[tuple[int, int]] = []
-    lines = [f"{'intervals':>9}  {'bound':>9}  {'of it QP':>9}  state bytes"]
+    delay_s, train = device_horizon(device).delay_s, drive_train(device)
+    rows = []
     for n in lengths:
         horizon = Horizon(intervals=n, delay_s=delay_s)
         program = predictive_controller(
-            device, horizon=horizon, preview=True, impedance=True, train=drive_train(device)
+            device, horizon=horizon, preview=True, impedance=True, train=train
         )
-        c = cost_on(program, core)
-        qp = sum(i for f, (i, _) in c.bound.by_function.items() if "_qp_" in f)
-        lines.append(f"{n:9d}  {c.bound.instructions:9d}  {qp:9d}  {c.state_bytes}")
-        parts.append((c.bound.instructions, qp))
-        if into is not None:
-            row = {"intervals": n, "bound": c.bound.instructions, "qp": qp}
-            into.append(row | {"state_bytes": c.state_bytes})
-    if figure is not None:
-        _plot_horizons(np.array(lengths), np.array(parts, float), core, figure)
-    return lines
+        cost = cost_on(program, core)
+        qp = sum(i for f, (i, _) in cost.bound.by_function.items() if "_qp_" in f)
+        row = {"intervals": n, "bound": cost.bound.instructions, "qp": qp}
+        rows.append(row | {"state_bytes": cost.state_bytes})
+    return rows
 
 
-def _plot_horizons(lengths: Array, parts: Array, core: str, path: Path) -> None:
-    from matplotlib.figure import Figure
-
-    drawn = Figure(figsize=(6, 4), layout="constrained")
-    axes = drawn.subplots()
-    for name, values in (("whole step", parts[:, 0]), ("of it QP", parts[:, 1])):
-        axes.loglog(lengths, values, "o-", label=name)
-    # What a solver on the stages would cost, if it cost as much as this one at the default.
-    start = np.interp(10, lengths, parts[:, 0])
-    for power, style in ((1, ":"), (3, "--")):
-        line = start * (lengths / 10.0) ** power
-        axes.loglog(lengths, line, style, color="grey", label=f"intervals$^{power}$")
-    axes.set(xlabel="intervals", ylabel=f"bound, instructions, {core}")
-    axes.set_xticks(lengths, [str(n) for n in lengths])
-    axes.minorticks_off()
-    axes.legend()
-    drawn.savefig(path, dpi=110)
-
-
-def run_benchmarks(
-    say: Callable[[str], None], horizons: bool, figure: Path | None = None
-) -> tuple[list[str], dict[str, Any]]:
-    """Everything that is printed, and the same numbers for a file.
-
-    horizons: whether the bound is tabulated over the horizon's length.
-    """
-    found: dict[str, Any] = {"cores": {}, "box_qp": {}, "whole_step": {}, "horizons": []}
+def costs() -> dict[str, dict[str, Any]]:
+    """By core: bound, memory and rates; on the Cortex-M4F what was seen too."""
     program: Any = controller_device("mpc").system.blocks["predictive"]
-    lines = []
+    found = {}
     for board in boards_for("instructions"):
-        core, clock = board.core, board.clock_Hz
-        say(f"bound on {core}")
-        c = cost_on(program, core)
-        at = found["cores"][core] = {
-            "bound_instructions": c.bound.instructions,
-            "stack_bytes": c.bound.stack_bytes,
-            "code_bytes": c.code_bytes,
-            "state_bytes": c.state_bytes,
-            "clock_Hz": clock,
+        cost = cost_on(program, board.core)
+        bound = cost.bound.instructions
+        at = found[board.core] = {
+            "bound_instructions": bound,
+            "stack_bytes": cost.bound.stack_bytes,
+            "code_bytes": cost.code_bytes,
+            "state_bytes": cost.state_bytes,
+            "rates_Hz": {x: board.clock_Hz / (x * bound) for x in CYCLES_PER_INSTRUCTION},
         }
-        rates = ", ".join(
-            f"{clock / (x * c.bound.instructions):.0f} Hz at {x:g}" for x in CYCLES_PER_INSTRUCTION
-        )
-        lines.append(
-            f"{core}: bound {c.bound.instructions} instructions, stack {c.bound.stack_bytes} B, "
-            f"code {c.code_bytes} B, state {c.state_bytes} B; at {clock / 1e6:.0f} MHz {rates} "
-            "cycles an instruction"
-        )
-        if core == "Cortex-M4F":
-            say("worst and typical, emulated")
-            worst, _ = seen_on_m4f(program, stress_rows(program, 400))
+        if board.core == "Cortex-M4F":
             usual = []
             for experiment in ("tuning", "backdriven", "bread"):
                 case = load_study(experiment, ClosedLoopStudy).cases()[0]
-                rows = recorded_rows("mpc", case, 250)
                 free = {"load_free": 0.0 if case.trajectory.clamped else 1.0}
-                usual.append(seen_on_m4f(program, rows, free)[0])
-            seen = np.concatenate(usual)
-            at["worst_seen"], at["largest_seen"] = float(worst.max()), float(seen.max())
-            at["median_seen"] = float(np.median(seen))
-            lines.append(
-                f"{core}: worst of 400 stress inputs {worst.max():.0f}; in closed loop (tuning, "
-                f"backdriven, bread; 250 steps each) median {np.median(seen):.0f}, largest "
-                f"{seen.max():.0f}; aims {AIM_BOUND} (bound), {AIM_TYPICAL} (typical)"
-            )
-    say("box QP and its peers")
-    lines += ["", *qp_rows(into=found["box_qp"])]
-    say("the whole step and CasADi's C")
-    lines += ["", *step_rows(found["whole_step"])]
-    if horizons:
-        say("horizons")
-        lines += ["", *horizon_rows("Cortex-M4F", figure=figure, into=found["horizons"])]
-    return lines, found
+                usual.append(seen_on_m4f(program, recorded_rows("mpc", case, 250), free)[0])
+            at["worst_seen"] = float(seen_on_m4f(program, stress_rows(program, 400))[0].max())
+            at["largest_seen"] = float(np.max(usual))
+            at["median_seen"] = float(np.median(usual))
+            at["aims"] = {"bound": AIM_BOUND, "typical": AIM_TYPICAL}
+    return found
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line."""
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--horizons", action="store_true", help="also the bound over the horizon")
-    parser.add_argument("--figure", type=Path, help="plot that too: .png, .svg or .pdf")
     parser.add_argument("--json", type=Path, help="also write the numbers")
-    chosen = parser.parse_args(arguments)
-    horizons = chosen.horizons or chosen.figure is not None
-
-    def say(text: str) -> None:
-        print(text, file=sys.stderr, flush=True)
-
-    try:
-        lines, found = run_benchmarks(say, horizons, chosen.figure)
-        write_json(chosen.json, "bench-predictive", found)
-    except UserError as error:
-        print(f"esea-gen: {error}", file=sys.stderr)
-        return 2
-    print("\n".join(lines))
-    return 0
+    chosen = parser.parse_args()
+    found = {"cores": costs(), "box_qp": qp_rows(), "whole_step": step_times("mpc")}
+    if chosen.horizons:
+        found["horizons"] = horizon_rows("Cortex-M4F")
+    text = json.dumps(found, indent=1)
+    print(text)
+    if chosen.json:
+        chosen.json.write_text(text)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
-
-
-__all__ = ["Cost", "cost_on", "qp_rows", "seen_on_m4f", "stress_rows"]
+    main()

@@ -11,7 +11,7 @@ people and trajectories are the standard ones (``twin/plants.toml``).  Printed i
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,7 +19,6 @@ import numpy as np
 
 from esea_gen.analysis.campaign import Workers
 from esea_gen.device import Device
-from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.language.system import Signal, System
 from esea_gen.studies.simulation import default_person, simulate
@@ -49,19 +48,15 @@ def compared(
     plant: str,
     runs: int,
     folder: Path | None,
-    say: Callable[[str], None],
-    workers: int | Workers = -1,
-) -> list[str]:
+    workers: Workers,
+) -> None:
     """Experiments with one controller after the other on the same plants.
 
-    plant: ``real`` or ``random``; the person is the one that goes with it.
-    return: lines: of each plant the mean over the experiment's cases, and of these the median, the
-        mean and the largest, over the runs that could be judged; runs that were unstable or
-        tripped.
+    Of each plant the mean over the experiment's cases, and of these the median, the mean and the
+    largest, over the runs that could be judged; runs that were unstable or tripped.
     """
     head = f"{plant} plants: {runs}, true error, Nm RMS"
-    lines = [f"{head:44}  median    mean   worst  unstable  tripped"]
-    say(lines[0])
+    print(f"{head:44}  median    mean   worst  unstable  tripped", flush=True)
     for experiment in experiments:
         for controller in controllers:
             setting = Setting(controller, plant, default_person(experiment, plant))
@@ -72,9 +67,8 @@ def compared(
                 kind = APART.get((experiment, str(entry["name"])), experiment)
                 kinds.setdefault(kind, []).append(entry)
             for kind, entries in kinds.items():
-                lines.append(_line(f"{kind}, {CONTROLLERS.get(controller, controller)}", entries))
-                say(lines[-1])
-    return lines
+                name = f"{kind}, {CONTROLLERS.get(controller, controller)}"
+                print(_line(name, entries), flush=True)
 
 
 def _line(name: str, entries: Sequence[dict[str, object]]) -> str:
@@ -142,32 +136,21 @@ def recorded_rows(controller: str, case: Case, steps: int, seed: int = 0) -> Arr
     return np.hstack(columns)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line."""
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=10, help="standard plants; 0 for none")
     parser.add_argument("--random", type=int, default=0, help="random plants and people")
     parser.add_argument("--controllers", nargs="+", default=list(CONTROLLERS))
-    parser.add_argument("--resume", type=Path, help="journal: go on where a run was cut off")
+    parser.add_argument("--resume", type=Path, help="journal: continue where a run was cut off")
     parser.add_argument("--jobs", type=int, default=-1, help="parallel processes; -1: all cores")
     parser.add_argument("--cluster", help="address of a Dask scheduler, instead of processes here")
-    chosen = parser.parse_args(arguments)
-
-    def say(text: str) -> None:
-        print(text, flush=True)
-
-    names, folder = chosen.controllers, chosen.resume
-    try:
-        workers = Workers(chosen.jobs, chosen.cluster)
-        if chosen.seeds:
-            compared(EXPERIMENTS, names, "real", chosen.seeds, folder, say, workers)
-        if chosen.random:
-            compared(RANDOM, names, "random", chosen.random, folder, say, workers)
-    except UserError as error:
-        print(f"esea-gen: {error}")
-        return 2
-    return 0
+    chosen = parser.parse_args()
+    names, folder, workers = chosen.controllers, chosen.resume, Workers(chosen.jobs, chosen.cluster)
+    if chosen.seeds:
+        compared(EXPERIMENTS, names, "real", chosen.seeds, folder, workers)
+    if chosen.random:
+        compared(RANDOM, names, "random", chosen.random, folder, workers)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 import time
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,13 +20,14 @@ from esea_gen.control.laws.predictive import device_horizon, drive_train
 from esea_gen.control.predictive.drive import drive_model
 from esea_gen.control.predictive.horizon import Horizon, Model, linearise
 from esea_gen.control.predictive.program import predictive_program
-from esea_gen.emit.program_render import render_program
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.controllers import controller_device
-from tests.benchmarks.predictive_loop import recorded_rows
+from tests.rendered_program import render_program
+
+from .predictive_loop import recorded_rows
 
 
 def flat_residuals(model: Model, horizon: Horizon) -> ca.Function:
@@ -106,22 +106,12 @@ def flat_residuals(model: Model, horizon: Horizon) -> ca.Function:
     return ca.Function("flat", [given, coefficients, plan], outputs)
 
 
-@dataclass(frozen=True)
-class StepTimes:
-    """Times of one step.
+def step_times(controller: str, steps: int = 200, rounds: int = 25) -> dict[str, Any]:
+    """Time our whole step, inputs packed, and CasADi's part of it on inputs of the closed loop.
 
-    ours_us, peer_us: by number format: our whole step; CasADi's residuals and Jacobian.
-    difference: largest relative difference of the Jacobians in double precision.
+    return: us a step by number format, the largest relative difference of the Jacobians, and the
+        size of CasADi's C.
     """
-
-    ours_us: dict[str, float]
-    peer_us: dict[str, float]
-    difference: float
-    peer_bytes: int
-
-
-def step_times(controller: str, steps: int = 200, rounds: int = 25) -> StepTimes:
-    """Time the whole step and CasADi's part of it on inputs recorded in closed loop."""
     device = controller_device(controller)
     horizon = device_horizon(device)
     train = drive_train(device)
@@ -154,8 +144,7 @@ def step_times(controller: str, steps: int = 200, rounds: int = 25) -> StepTimes
     for real in ("f64", "f32"):
         renderer = render_program(program, real)
         runner = HostLibrary(renderer.system, renderer).block(program.name)
-        packed_in = runner.pack(stream)
-        runs["ours", real] = _ours(runner, packed_in, program.name, renderer.prefix)
+        runs["ours", real] = lambda runner=runner: runner.run(stream, trace=False)
         run, size = _peer(flat, rows, coefficients, n, real)
         runs["peer", real] = run
     seen: dict[tuple[str, str], list[float]] = {k: [] for k in runs}
@@ -165,29 +154,12 @@ def step_times(controller: str, steps: int = 200, rounds: int = 25) -> StepTimes
             run()
             seen[key].append(1e6 * (time.thread_time() - begin) / steps)
     times = {k: float(np.median(v)) for k, v in seen.items()}
-    return StepTimes(
-        {r: times["ours", r] for r in ("f64", "f32")},
-        {r: times["peer", r] for r in ("f64", "f32")},
-        difference,
-        size,
-    )
-
-
-def _ours(runner: Any, packed_in: Array, name: str, prefix: str) -> Any:
-    out = np.zeros(len(packed_in), runner._out_type)
-    cast = runner._cast
-
-    def run() -> None:
-        runner._run(
-            *runner._coeffs,
-            cast(f"{prefix}_{name}_state_t", runner._state),
-            cast(f"{prefix}_{name}_in_t", packed_in),
-            cast(f"{prefix}_{name}_out_t", out),
-            runner.library.ffi.NULL,
-            len(packed_in),
-        )
-
-    return run
+    return {
+        "ours_us": {r: times["ours", r] for r in ("f64", "f32")},
+        "peer_us": {r: times["peer", r] for r in ("f64", "f32")},
+        "jacobian_difference": difference,
+        "peer_bytes": size,
+    }
 
 
 def _peer(

@@ -1,7 +1,7 @@
-"""A study on a simulated board in another process, for long: ``python -m tests.benchmarks.soak``.
+"""A long study on a simulated board in another process: ``python -m tests.benchmarks.soak``.
 
-Over TCP or a pseudo terminal; counts rows, gaps by reason, frames and their delay.  With
-``--unplug`` the cable is pulled within a trial, with ``--power-off`` the board loses its power.
+Over TCP or a pseudo terminal; counts rows, gaps by reason, frames and their delay.  The accident
+happens two seconds into the first trial: the cable is pulled, or the board loses its power.
 """
 
 from __future__ import annotations
@@ -30,39 +30,25 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.protocol import parse_protocol
 from esea_host.study.recorded import BoardInputs
-from esea_host.study.session import COMPLETED, FAILED, replay
-from esea_host.study.source import InputSource
+from esea_host.study.session import replay
+from esea_host.study.source import InputSource, SessionWatcher
 from esea_host.study.task import TaskStep
-from esea_host.study.watching import SessionWatcher
 
 TRIAL_S = 60.0
-# Of an application: its device, and its tasks with their parameters.
-APPLICATIONS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "interaction": (
-        "elbow_drive",
-        (
-            'task = "interaction.tracking"\ntrials = [{ parameters = { seconds = 60.0 } }]',
-            'task = "interaction.pong"\ntrials = [{ parameters = { seconds = 60.0 } }]',
-        ),
-    ),
-}
+DEVICE = "elbow_drive"
+TASKS = ("interaction.tracking", "interaction.pong")
 
 
 class BoardProcess:
-    """A simulated board in another process, which can be powered off and on.
+    """A simulated board in another process, which can be powered off and on."""
 
-    device: its name.
-    pty: at a pseudo terminal instead of TCP.
-    speed: of the board's time against the clock's.
-    """
-
-    def __init__(self, device: str, pty: bool, speed: float) -> None:
-        self._device, self._speed = device, speed
+    def __init__(self, pty: bool, speed: float) -> None:
+        self._speed = speed
         self._place = ["--pty"] if pty else ["--tcp=0"]
         self._start()
 
     def _start(self) -> None:
-        command = [sys.executable, "-m", "esea_host.simulated", self._device, "--hands"]
+        command = [sys.executable, "-m", "esea_host.simulated", DEVICE, "--hands"]
         self._process = subprocess.Popen(
             [*command, *self._place, f"--speed={self._speed}"],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -86,24 +72,20 @@ class BoardProcess:
         self._process.stdin.write(f"{word} {number:.6f}\n")
         self._process.stdin.flush()
 
+    # As :class:`esea_host.interaction.on_board.ElementHands`.
     def build_in(self, spring_Nm_rad: float) -> None:
-        """See :class:`esea_host.interaction.on_board.ElementHands`, as the next three."""
         self.hand("spring", spring_Nm_rad)
 
     def hang(self, load_Nm: float) -> None:
-        """A mass."""
         self.hand("hang", load_Nm)
 
     def let_go(self) -> None:
-        """No mass."""
         self.hand("let-go", 0.0)
 
     def aim(self, aim_rad: float) -> None:
-        """The arm."""
         self.hand("aim", aim_rad)
 
     def close(self) -> None:
-        """End it."""
         self._process.kill()
         self._process.communicate()
 
@@ -134,40 +116,32 @@ class _Watcher(SessionWatcher):
             threading.Thread(target=self._accident, daemon=True).start()
 
 
-def _protocol(tasks: tuple[str, ...], minutes: float) -> str:
+def _protocol(minutes: float) -> str:
     head = 'schema = 1\nname = "soak"\ntitle = "for long"\nseed = 1\n'
     head += f"[stopping]\nlongest_min = {2 * minutes + 10:g}\nfailed_in_a_row = 20\n"
     head += '[[session]]\nname = "all"\n'
-    copies = max(1, round(minutes * 60 / TRIAL_S / len(tasks)))
-    blocks = (f'[[session.block]]\nname = "{k}"\n{t}\n' for k, t in enumerate(tasks * copies))
-    return head + "".join(blocks)
+    copies = max(1, round(minutes * 60 / TRIAL_S / len(TASKS)))
+    return head + "".join(
+        f'[[session.block]]\nname = "{k}"\ntask = "{task}"\n'
+        f"trials = [{{ parameters = {{ seconds = {TRIAL_S} }} }}]\n"
+        for k, task in enumerate(TASKS * copies)
+    )
 
 
 def soak(
-    application: str,
-    minutes: float,
-    folder: Path,
-    pty: bool,
-    speed: float,
-    accident: str = "",
-    most_minutes: float = 60.0,
+    minutes: float, folder: Path, pty: bool, speed: float, accident: str, most_minutes: float
 ) -> dict[str, Any]:
-    """Run an application for so long of the board's time.
-
-    most_minutes: by the computer's clock, after which no trial begins.
-    accident: ``unplug`` or ``power-off``, once, two seconds into the first trial.
-    """
-    name, tasks = APPLICATIONS[application]
+    """Run for so long of the board's time; most_minutes: by the clock, then no trial begins."""
     study = StudyFolder.create(
-        folder / "s", parse_protocol(_protocol(tasks, minutes), "soak"), simulated=True
+        folder / "s", parse_protocol(_protocol(minutes), "soak"), simulated=True
     )
     study.enrol("P01", True)
     path = study.log_of("P01", 0)
-    process = BoardProcess(name, pty, speed)
+    process = BoardProcess(pty, speed)
     try:
         with open_device(process.address) as device:
             board = BoardSource(device, path.parent, True)
-            source = ElementBoard(board, None, process) if application == "interaction" else board
+            source = ElementBoard(board, None, process)
             happens = {
                 "": lambda: None,
                 "unplug": device.receiver.transport.close,
@@ -182,18 +156,16 @@ def soak(
             board.close()
     finally:
         process.close()
-    told = [e.data["state"] for e in read_log(path).entries if e.kind == "trial_end"]
+    ended = [e.data["state"] for e in read_log(path).entries if e.kind == "trial_end"]
     same = [same for _, _, same in replay(path, (), BoardInputs(path))]
     ms = 1e3 * np.percentile(watcher.delays_s or [np.nan], [50, 99])
     steps_ms = 1e3 * np.diff(watcher.at_s) if watcher.frames > 1 else np.array([np.nan])
     return {
-        "application": application, "device": name, "over": "pty" if pty else "tcp",
-        "speed": speed, "accident": accident, "simulated": True, "ended": reason,
-        "board_s": source.now_s(), "frames": watcher.frames,
+        "device": DEVICE, "over": "pty" if pty else "tcp", "speed": speed, "accident": accident,
+        "simulated": True, "ended": reason, "board_s": source.now_s(), "frames": watcher.frames,
         "delay_p50_ms": float(ms[0]), "delay_p99_ms": float(ms[1]),
         "frame_step_p99_ms": float(np.percentile(steps_ms, 99)),
-        "trials": dict(Counter(told)), "reasons": sorted({*state.reasons.values()} - {""}),
-        "completed": told.count(COMPLETED), "failed": told.count(FAILED),
+        "trials": dict(Counter(ended)), "reasons": sorted({*state.reasons.values()} - {""}),
         "scenes_from_recording": len(same), "scenes_the_same": all(same),
         "recordings": [_recorded(p) for p in sorted(path.parent.glob("device-*.mcap"))],
         "link": health, "board": clock,
@@ -223,21 +195,17 @@ def _recorded(path: Path) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("application", choices=APPLICATIONS)
     parser.add_argument("--minutes", type=float, default=30.0, help="of the board's time")
     parser.add_argument("--pty", action="store_true")
-    parser.add_argument("--speed", type=float, default=1.0)
+    parser.add_argument("--speed", type=float, default=1.0, help="of the board's time")
     parser.add_argument("--accident", choices=("unplug", "power-off"), default="")
     parser.add_argument("--most-minutes", type=float, default=60.0, help="by the clock")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
         found = soak(
-            given.application, given.minutes, place, given.pty, given.speed, given.accident,
-            given.most_minutes,
-        )  # fmt: skip
+            given.minutes, Path(folder), given.pty, given.speed, given.accident, given.most_minutes
+        )
     print(json.dumps(found, indent=1))
 
 

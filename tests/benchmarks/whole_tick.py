@@ -1,7 +1,7 @@
-"""What a tick costs a board with link and drivers: ``python -m tests.benchmarks.whole_tick``.
+"""Cost of a tick with link and drivers: ``python -m tests.benchmarks.whole_tick DEVICE``.
 
-The image is the STM32F405's, its drivers by registers included, in the emulator; what it counts are
-instructions.  Waiting for a bus is time, not instructions: it is left out, and told apart.
+The image is the STM32F405's, with its drivers, in the emulator, which counts instructions.  Waiting
+for a bus is time, not instructions: it is reported separately.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +19,6 @@ from esea_gen.board.gdb import HeldProcessor, addresses
 from esea_gen.board.scripted import TapedBoard
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device, load_device
-from esea_gen.errors import UserError
-from esea_gen.files import write_json
 from esea_gen.targets import find_board, firmware_folder
 
 BOARD = "netduinoplus2"
@@ -61,58 +59,21 @@ void esea_board_drivers(esea_port_t *port)
 
 @dataclass(frozen=True)
 class WholeTick:
-    """Instructions of a board's share of a base tick; of each the median and the largest.
-
-    tick: drivers, release, sensing, limits, motor, all values into streams.
-    control: a run of the slower task, all values into streams.
-    message: making one of a stream, and handing it to a line that is always ready, byte by byte.
-    share: of the processor at one instruction a cycle, the largest of everything: every tick, its
-        share of control, and its messages.
-    latency_ticks: from a reading to the first motor command that depends on it, by the phase of
-        control at which it comes; limits: the limits' own.
-    """
+    """Instructions of a board's share of a base tick: of each the median and the largest."""
 
     device: str
-    tick: tuple[int, int]
-    control: tuple[int, int]
-    message: tuple[int, int]
+    tick: tuple[int, int]  # drivers, release, sensing, limits, motor, all values into streams
+    control: tuple[int, int]  # a run of the slower task, all values into streams
+    message: tuple[int, int]  # made of a stream, handed to a line that is always ready
     messages_a_tick: float
-    share: float
+    share: float  # of the processor at one instruction a cycle, the largest of everything
     flash_bytes: int
     ram_bytes: int
     blackbox_bytes: int
     stack_bytes: int
     stack_bound_bytes: int
-    latency_ticks: tuple[int, ...]
-    limits_ticks: int
-
-    def table(self) -> list[str]:
-        """As Markdown."""
-
-        def counted(figures: tuple[int, int]) -> str:
-            return f"{figures[0]}, at most {figures[1]} instructions"
-
-        often = f"{self.messages_a_tick:g} a tick"
-        bound = f"{self.stack_bound_bytes}, {self.stack_bytes} B"
-        latency = ", ".join(map(str, self.latency_ticks))
-        rows = [
-            ("tick with drivers, everything streamed", counted(self.tick)),
-            ("run of control, everything streamed", counted(self.control)),
-            (f"a message, {often}, to a line that is always ready", counted(self.message)),
-            ("waiting for the encoders' buses", f"{BUS_US:.0f} us of each tick, by their clock"),
-            (
-                f"all of it, of {find_board(BOARD).clock_Hz / 1e6:g} MHz at 1 instruction a cycle, "
-                f"aim {AIM:.0%}",
-                f"{self.share:.1%}; with the buses {self.share + BUS_US / 1000:.1%}",
-            ),
-            ("flash", f"{self.flash_bytes} B"),
-            ("RAM without stack and black box", f"{self.ram_bytes} B"),
-            ("black box", f"{self.blackbox_bytes} B"),
-            ("stack: bound with preemption, size", bound),
-            ("reading to motor command, by control's phase", f"{latency} ticks"),
-            ("reading to motor off by the limits", f"{self.limits_ticks} ticks"),
-        ]
-        return ["| what | simulated, emulated |", "|---|---|", *(f"| {a} | {b} |" for a, b in rows)]
+    latency_ticks: tuple[int, ...]  # from a reading to its motor command, by control's phase
+    limits_ticks: int  # and to the motor off by the limits
 
 
 def _asked(device: Device) -> bytes:
@@ -152,7 +113,7 @@ def _counted(held: HeldProcessor, entry: int, handlers: Sequence[int]) -> int:
     return held.steps_to(back & ~1, *handlers)
 
 
-def _latency(device: Device) -> tuple[tuple[int, ...], int]:
+def latency(device: Device) -> tuple[tuple[int, ...], int]:
     # The first tick whose motor command differs when one reading does; by the phase of control.
     board = SimBoard(device)
     every = max(t.every for t in device.system.tasks)
@@ -192,8 +153,6 @@ def _latency(device: Device) -> tuple[tuple[int, ...], int]:
 
 def whole_tick(device: Device, runs: int = RUNS) -> WholeTick:
     """Count a drive's tick on the STM32F405."""
-    if not device.laws:
-        raise UserError(f"{device.origin}: has no drive.", "Give one, such as elbow_drive.")
     with tempfile.TemporaryDirectory(prefix="esea-tick-") as scratch:
         counted = build_firmware(
             device, BOARD, Path(scratch) / "counted", drivers=_drivers(device), needs_Hz=1.0
@@ -215,7 +174,7 @@ def whole_tick(device: Device, runs: int = RUNS) -> WholeTick:
     # All values of sensing fill a message a run; control's are a fifth as often, and may share one.
     messages = 1 + 1 / per_control
     most = max(tick) + max(control) / per_control + messages * max(message)
-    latency, limits = _latency(device)
+    latencies, limits = latency(device)
     clock_Hz = find_board(BOARD).clock_Hz
     return WholeTick(
         device.name,
@@ -229,26 +188,19 @@ def whole_tick(device: Device, runs: int = RUNS) -> WholeTick:
         shipped.noinit_bytes,
         shipped.stack_bytes,
         sum(shipped.stack_bounds_bytes.values()),
-        latency,
+        latencies,
         limits,
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table."""
+def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.whole_tick")
     parser.add_argument("device", nargs="?", default="elbow_drive")
-    parser.add_argument("--json", type=Path)
-    chosen = parser.parse_args(arguments)
-    try:
-        found = whole_tick(load_device(chosen.device))
-    except UserError as error:
-        print(f"esea-gen: {error}")
-        return 2
-    print("\n".join(found.table()))
-    write_json(chosen.json, "bench-whole-tick", asdict(found))
-    return 0
+    found = whole_tick(load_device(parser.parse_args().device))
+    for name, value in vars(found).items():
+        print(f"{name:20} {value}")
+    print(f"waiting for buses    {BUS_US:.0f} us a tick; aim of the share {AIM:.0%}")
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -17,7 +17,6 @@ LAWS: dict[str, Law] = {
 
 
 def find_law(text: str) -> Law:
-    """A law by its name, or one from outside the package."""
     if text in LAWS:
         return LAWS[text]
     if ".py:" in text:

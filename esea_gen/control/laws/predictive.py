@@ -30,22 +30,14 @@ from esea_gen.observe.human import lag_observer
 
 
 def predictive_delay_s(device: DeviceData) -> float:
-    """From a measurement to the moment at which a command that rests on it takes effect.
-
-    return: one sensing period, after which the measurement is released, and the control task's own
-        release (its period where the file gives none).
-    """
+    """From a measurement to the moment at which a command that rests on it takes effect."""
     release = device.file.timing.control_release_s
     control = drive_of(device).control_period_s if release is None else release.value
     return device.period_s + control
 
 
 def device_horizon(device: DeviceData) -> Horizon:
-    """Grid of the prediction of a device.
-
-    return: as its section ``[predictive]`` says, 10 intervals of 20 ms with 4 substeps where there
-        is none; the delay is :func:`predictive_delay_s`.
-    """
+    """Grid of the prediction: of ``[predictive]``, or 10 intervals of 20 ms with 4 substeps."""
     asked, delay_s = device.file.predictive, predictive_delay_s(device)
     if asked is None:
         return Horizon(delay_s=delay_s)
@@ -55,11 +47,7 @@ def device_horizon(device: DeviceData) -> Horizon:
 
 
 def drive_train(device: DeviceData) -> DriveTrain:
-    """Whether predictive control of a device knows the cable.
-
-    return: as ``drive`` in ``[predictive]`` says; where that is ``auto``, ``cable`` for a device
-        with ``[cable]`` whose rates are not those of the published controller.
-    """
+    """Whether prediction knows the cable; ``auto``: with ``[cable]``, if not as published."""
     asked = device.file.predictive
     published = asked is not None and asked.person == "parabola"
     if asked is not None and asked.drive != "auto":

@@ -1,20 +1,14 @@
 """Limits: the last Block before the motor, and the stamp that shows that control is alive.
 
-Nothing reaches the motor that has not passed here.  The semantics are stated, limit by limit and
-with their detection bounds, in ``docs/limits.md``.  In short: a command is clipped, faded out
-towards the ends of the range of motion and towards the largest speed, and rate-limited; any cause
-of :class:`Fault` puts the motor command to zero in the same step and latches; the latch opens only
-at ``mode`` 0, with a new ``rearm``, the cause gone and the controller's own command at zero.
+Semantics and detection bounds are in ``docs/limits.md``.  A command is clipped, faded out towards
+the ends of the range of motion and towards the largest speed, and rate-limited; any cause of
+:class:`Fault` puts it to zero in the same step and latches; the latch opens only at ``mode`` 0,
+with a new ``rearm``, the cause gone and the controller's own command at zero.
 
-How the latch resists a corrupt memory, and why:
-
-* It is closed by default.  The Block starts latched, and what the guard puts in place of a corrupt
-  state is that start.  Memory filled with zeros is latched too.
-* The one value of ``key`` that means released differs from 0, the value of latched, in 16 bits, as
-  float32 and as float64; every other value is corrupt.
-* ``fault``, ``rearm_last`` and ``u_last_Nm`` are stored twice, once negated, and must agree: one
-  flipped bit cannot make up an edge of ``rearm``, another reason or an old set-point.
-* Coefficients are read from memory as well: each is held against its compiled range at every step.
+The latch is closed by default: at the start, of a corrupt state, of memory filled with zeros.  The
+one ``key`` that means released differs from 0 in 16 bits.  ``fault``, ``rearm_last`` and
+``u_last_Nm`` are stored twice, once negated, and must agree.  Coefficients are memory as well: each
+is checked against its compiled range at every step.
 """
 
 from __future__ import annotations
@@ -27,7 +21,7 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.control.limits.faults import FAULT_CODES, Fault, limit_flags
+from esea_gen.control.limits.faults import FAULT_CODES, Fault, limit_status
 from esea_gen.control.limits.latch import REARMS, RELEASED_KEY, UNKNOWN, limit_step
 from esea_gen.control.limits.safety import (
     SLOTS,
@@ -38,8 +32,8 @@ from esea_gen.control.limits.safety import (
 )
 from esea_gen.control.limits.streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Constant, Flag, Port, Tunable, around, flag_word
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Constant, Port, Tunable, around, flag_word, status_port
 from esea_gen.language.watch import CLOCK_OK, COEFFS_OK, LATE_LEVEL
 from esea_gen.model.symbolic import equation
 
@@ -50,32 +44,23 @@ BEATS = 255  # the stamp counts 1 to 255; 0 is what a latch holds before anythin
 FADE, BRAKE = 0.8, 0.9  # shares of the largest speed: pushing on fades from the first to the second
 
 
+# The stamp goes through the same latch release as the command and changes with every run.  A
+# command that is NaN or none is replaced by 0 and stamped 0, which the limits take as never
+# delivered.
 def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
-    """The last Block of the control task: stamps the command, so that a dead task shows.
-
-    The stamp goes through the same latch release as the command and changes with every run.  A
-    command that is NaN or no command is replaced by 0 and stamped 0, which the limits take as
-    never delivered.
-    """
+    """The last Block of the control task: stamps the command, so that a dead task shows."""
     _, _, _, every = safety_sections(device)
     reach = command_range(device)
 
-    def step(
-        _c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(_c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         beat = label("beat_next", ca.if_else(s.beats >= BEATS, 1.0, s.beats + 1), "1 to 255")
         sound = ca.logic_and(guard.inputs_ok, u.request_ok == 1) if checked else guard.inputs_ok
-        bad = [ca.logic_not(sound), ca.logic_not(guard.state_ok)]
         return {"beats": beat}, {
             "u_command_Nm": ca.if_else(sound, u.u_command_Nm, 0.0) if checked else u.u_command_Nm,
             "control_beat": ca.if_else(sound, beat, 0.0),
-            "status": flag_word(bad),
+            "status": flag_word([ca.logic_not(sound), ca.logic_not(guard.state_ok)]),
         }
 
-    flags = (
-        Flag("INPUT_INVALID", "the command was NaN or outside its range; 0 is passed on", True),
-        Flag("STATE_REPAIRED", "the count was corrupt; it starts again", True),
-    )
     return Block.define(
         "stamp",
         "Command stamp: shows the limits that the control task is alive",
@@ -88,27 +73,18 @@ def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
         outputs=(
             around("u_command_Nm", reach, "the same, 0 where it was invalid"),
             Port("control_beat", 0, BEATS, "changes with every run; 0 with an invalid command"),
-            Port("status", 0, 3, "what is known of this command", flags=flags),
+            status_port(
+                "what is known of this command",
+                "the command was NaN or outside its range; 0 is passed on",
+                "the count was corrupt; it starts again",
+            ),
         ),
         step=step,
     )
 
 
 def limits(device: DeviceData) -> Block:
-    r"""The limits before the motor, with the fault latch.
-
-    Every maximum of ``[safety]`` is compiled in; the tunables of the same names only narrow it.
-    Positive motor torque turns the joint towards larger angles.
-
-    With the joint angle :math:`\theta_l`, the larger of both speeds :math:`\omega`, largest
-    torque U, upper end b, margin m and largest speed W, a push towards larger angles is at most
-
-    .. math:: \min(U, \max(0, U (b - \theta_l)/m), \max(0, U (0.9 W - \omega)/(0.1 W)))
-
-    and likewise towards smaller ones.  Energy counts in slots of a tenth of the window T,
-    :math:`E = h \sum \max(0, \tau\,\omega_l)` over the present slot and the ten before it:
-    everything given within the last T is in it, and nothing older than eleven slots.
-    """
+    """The limits before the motor, with the fault latch; tunables only narrow ``[safety]``."""
     n = LimitNumbers(device)
     tunables = _tunables(n)
     coefficients = _coefficients(n, tunables)
@@ -139,58 +115,35 @@ def _tunables(n: LimitNumbers) -> tuple[Tunable, ...]:
         q = getattr(n.safety, name)
         return Tunable(name, most, n.rom_min, n.rom_max, meaning, q.source, q.status, narrower)
 
+    softer, beyond = "of the command: lower is softer", "which nothing pushes further"
     return (
         narrowed("u_max_Nm", n.u_max, 0.01, "largest |motor command|: lower is weaker"),
-        narrowed(
-            "u_rate_Nm_s",
-            n.u_rate,
-            n.least_rate_share,
-            "fastest change of the command: lower is softer",
-        ),
+        narrowed("u_rate_Nm_s", n.u_rate, n.least_rate_share, f"fastest change {softer}"),
         narrowed("tau_max_Nm", n.tau_max, 0.05, "interaction torque that trips"),
         narrowed("theta_max_rad", n.theta_max, 0.05, "deflection that trips"),
-        end(
-            "rom_min_rad",
-            n.rom_min,
-            "joint angle below which nothing pushes further: up narrows",
-            "high",
-        ),
-        end(
-            "rom_max_rad",
-            n.rom_max,
-            "joint angle above which nothing pushes further: down narrows",
-            "low",
-        ),
+        end("rom_min_rad", n.rom_min, f"joint angle below {beyond}: up narrows", "high"),
+        end("rom_max_rad", n.rom_max, f"joint angle above {beyond}: down narrows", "low"),
         narrowed("omega_max_rad_s", n.omega_max, 0.05, "joint or drive speed that trips"),
         narrowed("energy_max_J", n.energy_max, 0.01, "energy within the window that trips"),
     )
 
 
 def _coefficients(n: LimitNumbers, tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
-    slowest = 0.05 * n.omega_max
     # What prepare computes is rounded differently in each format: a little room here, and after
     # the check (a clip before it would let NaN through) a clip at the compiled ends.
-    room = 1e-5
+    room, least, most = 1e-5, 0.0099, 1.01
+    slowest, fade = 0.05 * n.omega_max, BRAKE - FADE
+    rom, speed = n.u_max / n.margin, n.u_max / (fade * n.omega_max)
+    steep = most * n.u_max / (fade * slowest)
+    only_brakes = 0.99 * BRAKE * slowest, most * BRAKE * n.omega_max
     return (
         *(Port(t.name, t.low, t.high, t.meaning) for t in tunables if t.name != "u_rate_Nm_s"),
-        Port("u_step_Nm", 0.0099 * n.step_max, 1.01 * n.step_max, "largest change in a period"),
+        Port("u_step_Nm", least * n.step_max, most * n.step_max, "largest change in a period"),
         Port("trip_low_rad", n.trip_low - room, n.rom_max, "joint angle below which it trips"),
         Port("trip_high_rad", n.rom_min, n.trip_high + room, "joint angle above which it trips"),
-        Port(
-            "rom_gain_Nm_rad",
-            0.0099 * n.u_max / n.margin,
-            1.01 * n.u_max / n.margin,
-            "slope of the fade",
-        ),
-        Port(
-            "brake_rad_s", 0.99 * BRAKE * slowest, 1.01 * BRAKE * n.omega_max, "only braking above"
-        ),
-        Port(
-            "speed_gain_Nms_rad",
-            0.0099 * n.u_max / ((BRAKE - FADE) * n.omega_max),
-            1.01 * n.u_max / ((BRAKE - FADE) * slowest),
-            "slope of the fade towards high speed",
-        ),
+        Port("rom_gain_Nm_rad", least * rom, most * rom, "slope of the fade"),
+        Port("brake_rad_s", *only_brakes, "only braking above"),
+        Port("speed_gain_Nms_rad", least * speed, steep, "slope of the fade towards high speed"),
     )
 
 
@@ -238,25 +191,15 @@ def _state(n: LimitNumbers) -> tuple[Port, ...]:
 
 
 def _inputs(n: LimitNumbers) -> tuple[Port, ...]:
+    delivered = "stamp of that command; 0 none delivered"
+    counted = "whole number, one more for each request; 0 follows 7"
     motor_low, motor_high = n.load_low - n.theta_lim, n.load_high + n.theta_lim
     return (
         around("u_command_Nm", n.command_lim, "stamped command, at the motor shaft"),
-        Port(
-            "control_beat",
-            0,
-            BEATS,
-            "stamp of that command; 0 none delivered",
-            on_invalid="beat_last",
-        ),
+        Port("control_beat", 0, BEATS, delivered, on_invalid="beat_last"),
         Port("mode", OFF, IMPEDANCE, "0 off, 1 torque, 2 impedance; nothing between"),
         Port("stop", 0, 1, "0 no, anything else stops", on_invalid=1.0),
-        Port(
-            "rearm",
-            0,
-            REARMS[-1],
-            "whole number, one more for each request; 0 follows 7",
-            on_invalid="rearm_last",
-        ),
+        Port("rearm", 0, REARMS[-1], counted, on_invalid="rearm_last"),
         Port("request_ok", 0, 1, "1 while what is wanted is sound"),
         Port("sensing_ok", 0, 1, "1 while the measurements are good"),
         around("theta_rad", n.theta_lim, "deflection of the coupling"),
@@ -272,31 +215,15 @@ def _inputs(n: LimitNumbers) -> tuple[Port, ...]:
 
 
 def _outputs(n: LimitNumbers) -> tuple[Port, ...]:
-    flags = limit_flags(n.energy_max)
+    most_J = float(np.float32(1.01 * (SLOTS + 1) * n.slot_lim))
+    reason = "first reason of the latch, one of the FAULT numbers; 0 when released"
     return (
         around("u_Nm", n.u_max, "motor torque, at the motor shaft"),
         around("u_cut_Nm", n.u_max, "taken off by range of motion and speed"),
         around("u_lag_Nm", 2 * n.u_max, "still missing because of the rate limit"),
-        Port(
-            "energy_J",
-            0.0,
-            float(np.float32(1.01 * (SLOTS + 1) * n.slot_lim)),
-            "energy given to the limb within the window",
-        ),
-        Port(
-            "fault",
-            0,
-            float(max(Fault)),
-            "first reason of the latch, one of the FAULT numbers; 0 when released",
-            codes=FAULT_CODES,
-        ),
-        Port(
-            "status",
-            0,
-            2 ** len(flags) - 1,
-            "which limits act, and what holds the latch",
-            flags=flags,
-        ),
+        Port("energy_J", 0.0, most_J, "energy given to the limb within the window"),
+        Port("fault", 0, float(max(Fault)), reason, codes=FAULT_CODES),
+        limit_status(n.energy_max),
     )
 
 
@@ -304,25 +231,14 @@ def _equations() -> tuple[Any, ...]:
     u, b, a, m, w, v, th = sp.symbols("U b a m W omega theta_l")
     h, tau, omega_l = sp.symbols("h tau omega_l")
     speed = u * (sp.Rational(9, 10) * w - v) / (w / 10)
+    up = sp.Min(u, sp.Max(0, u * (b - th) / m), sp.Max(0, speed))
+    down = sp.Min(u, sp.Max(0, u * (th - a) / m), sp.Max(0, speed.subs(v, -v)))
+    given = sp.Function("sum")(h * sp.Max(0, tau * omega_l))
+    window = "energy given to the limb, over the present slot and the ten before it"
     return (
-        equation(
-            "[lim 1]",
-            "u_+",
-            sp.Min(u, sp.Max(0, u * (b - th) / m), sp.Max(0, speed)),
-            "largest push towards larger angles",
-        ),
-        equation(
-            "[lim 2]",
-            "u_-",
-            sp.Min(u, sp.Max(0, u * (th - a) / m), sp.Max(0, speed.subs(v, -v))),
-            "largest push towards smaller angles",
-        ),
-        equation(
-            "[lim 3]",
-            "E",
-            sp.Function("sum")(h * sp.Max(0, tau * omega_l)),
-            "energy given to the limb, over the present slot and the ten before it",
-        ),
+        equation("[lim 1]", "u_+", up, "largest push towards larger angles"),
+        equation("[lim 2]", "u_-", down, "largest push towards smaller angles"),
+        equation("[lim 3]", "E", given, window),
     )
 
 

@@ -1,7 +1,4 @@
-"""The law of the limits: whom to believe, what forbids a command, the latch, the command itself.
-
-:func:`esea_gen.control.limits.block.limits` says what it is for.
-"""
+"""The law of the limits: whom to believe, what forbids a command, the latch, the command itself."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ import casadi as ca
 from esea_gen.control.limits.faults import Fault
 from esea_gen.control.limits.safety import LimitNumbers
 from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
-from esea_gen.language.block import Guard, Labels
+from esea_gen.language.block import Guard, Labels, StepResult
 from esea_gen.language.ports import Port, clip, flag_word, in_range
 from esea_gen.language.watch import LATE_MOST
 
@@ -45,8 +42,7 @@ def limit_step(
     u: Any,
     guard: Guard,
     label: Labels,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """One step: next state and outputs."""
+) -> StepResult:
     m = _memory(coefficients, c, s, u, guard, label)
     age = _control_age(n, s, u, label)
     energy = _energy(n, s, u, label)
@@ -136,7 +132,6 @@ def _memory(
 
 
 def _control_age(n: LimitNumbers, s: Any, u: Any, label: Labels) -> ca.SX:
-    """Periods since the control task delivered."""
     delivered = ca.logic_and(u.control_beat >= 1, ca.logic_not(u.control_beat == s.beat_last))
     return label(
         "age_ticks",

@@ -1,15 +1,12 @@
 """Redundancy of what is measured: encoders and motor torque must not contradict one another.
 
-Two of them can always be compared with a third.  The motor's own encoder, through the cable, with
-the motor-side one of the coupling; and the torque that the coupling shows with the torque that the
-motor must be giving for the drive to move as it does.  The second finds a load-side encoder that is
-wrong, for which nothing else stands.
+The motor's own encoder, through the cable, is compared with the motor-side one; the torque that the
+coupling shows with what the motor must be giving, which finds a wrong load-side encoder.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -17,8 +14,8 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Array, Flag, Port, around, flag_word
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Array, Flag, Port, around, status_port
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -26,44 +23,31 @@ if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
 
 
+# A zero between the angles is set in the first run that finds both encoders usable: angles that
+# part stay parted until one encoder has failed and come back, or init.  Torques may agree again.
 def redundancy(device: DeviceData) -> Block:
-    """Whether encoders and motor torque agree.
-
-    The angles may be ``apart_rad`` apart, for backlash and the encoders' own errors, and what the
-    torque explains of a cable between its softest and its usual stiffness.  The torque that the
-    drive's motion (5.2) leaves unexplained may be ``torque_Nm``, for friction and the gear's
-    disturbance, ``torque_share`` of the interaction torque, for the elastomer's model, and
-    ``inertia_share`` of what the drive's inertia took of late, for the models of inertia and lag.
-
-    The zero between the angles is set in the first run that finds both encoders usable: angles that
-    part stay parted until one encoder has failed and come back, or init.  Torques may agree again,
-    for an obstacle at the drive may go away.
-    """
+    """Whether encoders and motor torque agree."""
     law = _Redundancy(device)
-    return Block.define(
+    return Block.of(
+        law,
         "redundancy",
         "Whether encoders and motor torque contradict one another",
-        period_s=law.drive.control_period_s,
         constants=(*device.constants("redundancy"), *law.inertia()),
         state=(
             around("zero_rad", law.angle_lim, "drive's angle less the motor side's, at rest"),
             Port("zeroed", 0.0, 1.0, "1 once that is set"),
         ),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=_equations(),
-        step=law.step,
     )
 
 
 class _Redundancy:
-    """Numbers, step and ports."""
-
     def __init__(self, device: DeviceData) -> None:
         found = device.file.redundancy
         if found is None:
             raise UserError(f"{device.origin}: section [redundancy] is missing.", "Add it.")
         self.device, self.drive, self.own = device, drive_of(device), found
+        self.h = self.drive.control_period_s
         self.J = self.drive.actuator.J_kgm2.value
         self.stiffness = found.cable_Nm_rad.value
         self.softer = 1 / found.cable_least_Nm_rad.value - 1 / self.stiffness
@@ -82,14 +66,7 @@ class _Redundancy:
     def inertia(self) -> tuple[Any, ...]:
         return tuple(c for c in self.device.constants("actuator") if c.name == "J_kgm2")
 
-    def step(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
         # A repaired memory has no zero: the limits latch, and the person who rearms takes it anew.
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
@@ -118,24 +95,13 @@ class _Redundancy:
         torques = label("torques_part", ca.logic_and(ready, ca.fabs(torque) > most))
         agree = label("agree", ca.logic_and(ready, ca.logic_not(ca.logic_or(angles, torques))))
         keep = ca.logic_or(zeroed, ca.logic_not(ready))
-        next_state = {
-            "zero_rad": ca.if_else(keep, s.zero_rad, found),
-            "zeroed": ready,
-        }
+        next_state = {"zero_rad": ca.if_else(keep, s.zero_rad, found), "zeroed": ready}
         outputs = {
             "agree": agree,
             "apart_rad": ca.if_else(ready, apart, 0.0),
             "apart_Nm": torque,
             "room_Nm": most,
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_not(ready),
-                    angles,
-                    torques,
-                ]
-            ),
+            "status": guard.status(ca.logic_not(ready), angles, torques),
         }
         return next_state, outputs
 
@@ -157,7 +123,20 @@ class _Redundancy:
             around("apart_rad", self.apart_lim, "drive's angle less the motor side's"),
             around("apart_Nm", self.torque_lim, "torque at the drive that nothing explains"),
             Port("room_Nm", 0.0, self.room_lim, "how large that may be now"),
-            Port("status", 0, 31, "what is known of this sample", flags=_flags()),
+            status_port(
+                "what is known of this sample",
+                "an input was NaN or outside its range",
+                "the state was corrupt, the zero is lost: the limits latch",
+                Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
+                Flag(
+                    "ANGLES_PART",
+                    "the motor's encoder and the motor-side one contradict each other",
+                ),
+                Flag(
+                    "TORQUES_PART",
+                    "the drive moves otherwise than motor and coupling would move it",
+                ),
+            ),
         )
 
 
@@ -168,20 +147,6 @@ def shares_of_room(device: DeviceData, shown: Mapping[str, Array]) -> tuple[Arra
     angle = np.abs(shown["apart_rad"]) / (law.own.apart_rad.value + law.softer * tau)
     room_Nm = np.maximum(shown["room_Nm"], law.own.torque_Nm.value)  # 0 before the first run
     return np.asarray(angle), np.asarray(np.abs(shown["apart_Nm"]) / room_Nm)
-
-
-def _flags() -> tuple[Flag, ...]:
-    return (
-        Flag("INPUT_INVALID", "an input was NaN or outside its range", True),
-        Flag(
-            "STATE_REPAIRED",
-            "the state was corrupt, the zero is lost: the limits latch",
-            True,
-        ),
-        Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
-        Flag("ANGLES_PART", "the motor's encoder and the motor-side one contradict each other"),
-        Flag("TORQUES_PART", "the drive moves otherwise than motor and coupling would move it"),
-    )
 
 
 def _equations() -> tuple[Any, ...]:

@@ -46,7 +46,6 @@ class _Joint:
         self.x["u_command_Nm"][:] = np.repeat(wild, self.deliver)[: self.steps]
 
     def release(self, mode: float = 1.0) -> None:
-        """Off, a request, and on again."""
         a, b = self.at, self.at + 8
         for name in ("mode", "u_command_Nm", "stop"):
             self.x[name][a:b] = 0
@@ -61,7 +60,6 @@ class _Joint:
         self.at += length
 
     def stream(self, name: str, injections: dict[int, dict[str, Array]] | None = None) -> Stream:
-        """What was put together."""
         assert self.at < self.steps, (name, self.at)
         return Stream(name, {k: single(v) for k, v in self.x.items()}, injections or {})
 

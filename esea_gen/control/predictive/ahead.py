@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import reduce
+from itertools import accumulate, pairwise
+from operator import mul
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -10,7 +13,7 @@ import sympy as sp
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.reference import adapted_inputs
 from esea_gen.devices.fields import field_facts
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
@@ -22,6 +25,9 @@ if TYPE_CHECKING:
 LEAST_KP = 1e-4
 
 
+# An offset starts a law from the measured torque; along the horizon it fades as it will.  In one
+# layer the path stays so near to the load side, as it moves on, that the stiffness asks for
+# tau_range_Nm at most: as the set torque's clip does in two layers.
 def ahead(
     device: DeviceData,
     horizon: Horizon,
@@ -30,55 +36,28 @@ def ahead(
     one_layer: bool,
     torque_given: bool | None = None,
 ) -> Block:
-    """Wanted torque, and the impedance law's path and gains, along the horizon.
-
-    The reference Block starts a law from the measured torque: an offset makes up the difference and
-    fades.  Along the horizon the offset fades as it will: bumpless with a known future too.
-
-    given: whether the future is an input (one value for the end of each interval); else the wanted
-        torque and the wanted rate hold from now on.
-    one_layer: whether the predictive controller holds the impedance law itself; else its reference
-        in impedance mode is the set torque, which holds from now on.
-    torque_given: whether the torque alone is, as an extrapolation gives it; as ``given`` when not
-        given.
-    return: inputs: from the reference Block ``mode``, ``offset_Nm``, ``keep`` and ``tau_range_Nm``;
-        the wanted torque, ``tau_preview_Nm`` or ``tau_wanted_Nm``; in two layers ``tau_set_Nm``; in
-        one layer the gains, the wanted path and the load side's motion. Outputs: ``tau_d_Nm``, in
-        one layer also ``theta_d_rad``, ``omega_d_rad_s`` and the gains (0 outside impedance mode),
-        ``mode`` and a status word.
-
-    In one layer the path stays so near to the load side, as it moves on by itself, that the
-    stiffness asks for ``tau_range_Nm`` at most: as the set torque's clip does in two layers.
-    """
+    """Wanted torque, and the impedance law's path and gains, at the end of every interval."""
     law = _Ahead(device, horizon, given, one_layer, given if torque_given is None else torque_given)
     inputs, outputs = law.ports()
-    return Block.define(
+    return Block.of(
+        law,
         "ahead",
         "What is wanted along the horizon",
-        period_s=law.drive.control_period_s,
         state=(),
         inputs=inputs,
         outputs=outputs,
-        equations=law.equations(),
-        step=law.step,
     )
 
 
 class _Ahead:
-    """Numbers, step and ports."""
-
     def __init__(
-        self,
-        device: DeviceData,
-        horizon: Horizon,
-        given: bool,
-        one_layer: bool,
-        torque_given: bool,
+        self, device: DeviceData, horizon: Horizon, given: bool, one_layer: bool, torque_given: bool
     ) -> None:
         self.horizon = horizon
         self.given, self.torque_given = given, torque_given
         self.one_layer = one_layer
         self.drive = drive_of(device)
+        self.h = self.drive.control_period_s
         self.n = horizon.intervals
         self.many = self.n if given else 1
         self.tau_lim, self.omega_lim = self.drive.tau_Nm, self.drive.omega_rad_s
@@ -104,23 +83,16 @@ class _Ahead:
 
         def power(k: int) -> Any:
             factors = [x for i, x in enumerate(squares) if k >> i & 1]
-            out: Any = ca.SX(1)
-            for x in factors:
-                out = out * x
-            return out
+            return reduce(mul, factors, ca.SX(1))
 
-        out, last, value = [], 0, ca.SX(1)
-        for k in self.ticks:
-            value = value * power(k - last)
-            out.append(value)
-            last = k
-        return out
+        steps = [power(b - a) for a, b in pairwise((0, *self.ticks))]
+        return list(accumulate(steps, mul, initial=ca.SX(1)))[1:]
 
     def along(self, x: Any, given: bool) -> list[Any]:
         return ca.vertsplit(x) if given else [x] * self.n
 
     def ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
-        """Inputs and outputs."""
+        full = self.full_scale
         inputs = [
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
             around("tau_preview_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)
@@ -129,15 +101,9 @@ class _Ahead:
             around("offset_Nm", self.widest, "from the law to where the torque was, now"),
             Port("keep", 0.0, 1.0, "share of the offset that a sensing period keeps"),
             # Above 0, so that no clip has both ends at a zero, of which there are two.
-            Port(
-                "tau_range_Nm",
-                0.009 * self.full_scale,
-                self.full_scale,
-                "largest |set torque|",
-                on_invalid=self.full_scale,
-            ),
+            Port("tau_range_Nm", 0.009 * full, full, "largest |set torque|", on_invalid=full),
+            *self.adapted,
         ]
-        inputs += self.adapted
         gains = (
             Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness", equation="(5.24)"),
             Port("Kd_Nms_rad", 0.0, self.kd_high, "damping", equation="(5.24)"),
@@ -168,7 +134,7 @@ class _Ahead:
                 *gains,
             ]
         else:
-            inputs.append(around("tau_set_Nm", self.full_scale, "set torque, impedance mode"))
+            inputs.append(around("tau_set_Nm", full, "set torque, impedance mode"))
             if self.passive:
                 inputs.append(around("omega_load_rad_s", self.omega_lim, "load side's rate"))
         outputs += [
@@ -178,9 +144,7 @@ class _Ahead:
         ]
         return tuple(inputs), tuple(outputs)
 
-    def step(
-        self, c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         wanted = u.tau_preview_Nm if self.torque_given else u.tau_wanted_Nm
         law = label("impedance", u.mode > 1.5, "the impedance law holds")
         ahead = self.along(wanted, self.torque_given)
@@ -202,12 +166,9 @@ class _Ahead:
             reach = label(
                 "reach_rad", u.tau_range_Nm / ca.fmax(kp, LEAST_KP), "where it asks for all"
             )
-            omega = self.along(
-                u.omega_preview_rad_s if self.given else u.omega_wanted_rad_s, self.given
-            )
-            start = self.along(
-                u.theta_preview_rad if self.given else u.theta_wanted_rad, self.given
-            )
+            word = "preview" if self.given else "wanted"
+            omega = self.along(vars(u)[f"omega_{word}_rad_s"], self.given)
+            start = self.along(vars(u)[f"theta_{word}_rad"], self.given)
             kd = ca.if_else(law, u.Kd_Nms_rad, 0)
             if self.passive:
                 # Against the wanted rate the law damps as before, so that this one damps all.
@@ -225,16 +186,11 @@ class _Ahead:
                 coasting = clip(u.theta_load_rad + end * u.omega_load_rad_s, self.low, self.high)
                 # Between two angles of the range, and so in it.
                 path.append(clip(theta, coasting - reach, coasting + reach))
-            outputs |= {
-                "theta_d_rad": path,
-                "omega_d_rad_s": omega,
-                "Kp_Nm_rad": kp,
-                "Kd_Nms_rad": kd,
-            }
+            outputs |= {"theta_d_rad": path, "omega_d_rad_s": omega}
+            outputs |= {"Kp_Nm_rad": kp, "Kd_Nms_rad": kd}
+        mode = ca.if_else(guard.inputs_ok, u.mode, 0)
         outputs |= {
-            "mode": label(
-                "mode_taken", ca.if_else(guard.inputs_ok, u.mode, 0), "off when not sound"
-            ),
+            "mode": label("mode_taken", mode, "off when not sound"),
             "request_ok": guard.inputs_ok,
             "status": flag_word([ca.logic_not(guard.inputs_ok)]),
         }
@@ -242,11 +198,6 @@ class _Ahead:
 
     def equations(self) -> tuple[Equation, ...]:
         tau_d, o, t, blend = sp.symbols("tau_d o t T_b")
-        return (
-            equation(
-                "[blend]",
-                "tau_ahead",
-                tau_d + o * sp.exp(-t / blend),
-                "wanted torque with the offset of a change of mode, as it will have faded",
-            ),
-        )
+        faded = tau_d + o * sp.exp(-t / blend)
+        text = "wanted torque with the offset of a change of mode, as it will have faded"
+        return (equation("[blend]", "tau_ahead", faded, text),)

@@ -2,24 +2,14 @@ r"""Box-constrained quadratic program: exact, always feasible, with a cap on its
 
     minimise  x' H x / 2 + f' x     subject to  low <= x <= high,     H positive definite
 
-A primal active-set method on a symmetric tableau.  Sweeping the tableau on a variable (a symmetric
-Gauss-Jordan step, n (n + 1) / 2 multiply-adds) lets the variable go free or ties it to a bound, and
-an update of n numbers gives the new stationary point.  First every variable is freed, which proves
-H positive; the stationary point is then the unconstrained minimum, and where it lies inside the box
-nothing else is to be done.  Otherwise x walks from its start to the stationary point, is stopped by
-the first bound in its way, which is tied; once there, the bound whose release promises most is
-freed; until none promises anything.  Every x on the way is feasible and none is worse than the one
-before, so that the last is the best when the cap is reached.
-
-Why not a projected Newton or an interior-point method, as our trials had: those factorise anew in
-every iteration (n^3 / 6), this one changes the factor by one variable, and the bound on its running
-time is what it nearly always takes.  On random problems with ten variables, most of them at bounds,
-it changed 30 variables at most, the first ten included; docs/predictive.md has the table.
-
-References
-----------
-.. [1] J. Nocedal, S. J. Wright, "Numerical Optimization", 2nd ed., Springer 2006, algorithm 16.3.
-.. [2] J. H. Goodnight, "A tutorial on the SWEEP operator", The American Statistician 33(3), 1979.
+A primal active-set method (J. Nocedal, S. J. Wright, "Numerical Optimization", 2006, algorithm
+16.3) on a symmetric tableau.  A sweep on a variable (J. H. Goodnight, The American Statistician
+33(3), 1979; n (n + 1) / 2 multiply-adds) lets it go free or ties it to a bound, and n numbers
+more give the new stationary point.  First every variable is freed, which proves H positive.  Then
+x walks to the stationary point; the first bound in its way is tied; once there, the bound whose
+release promises most is freed; until none promises anything.  Every x on the way is feasible and
+none is worse than the one before.  A projected Newton or interior-point method factorises anew in
+every iteration.
 """
 
 from __future__ import annotations
@@ -48,14 +38,7 @@ def packed(i: int, j: int) -> int:
 
 @dataclass(frozen=True)
 class QpMemory:
-    """Arrays of a box QP inside a Program.
-
-    H, f, low, high: the problem: packed Hessian, gradient at 0, bounds.
-    x: start (any numbers; they are clipped) and result.
-    iterations: changes of the active set after the first sweep over all variables.
-    residual: largest distance between x and its projected gradient step, each gradient over its own
-        diagonal element of H.
-    """
+    """Arrays of a box QP inside a Program: problem, start and result ``x``, verdict."""
 
     H: Memory
     f: Memory
@@ -70,18 +53,12 @@ class QpMemory:
 
 
 def iteration_cap(n: int) -> int:
-    """Cap on the changes of the active set after the first sweep over all variables.
-
-    return: ``3 n``; the most seen on our random and worst-case problems is about ``2 n``.
-    """
+    """Changes of the active set after the first sweep; about 2 n is the most seen."""
     return 3 * n
 
 
 def add_box_qp(b: Builder, n: int, cap: int | None = None) -> QpMemory:
-    """Add the parts ``qp_sweep`` and ``qp_solve`` to a Program.
-
-    cap: cap on the iterations, :func:`iteration_cap` when not given.
-    """
+    """Add the parts ``qp_sweep`` and ``qp_solve`` to a Program."""
     if not SIZES[0] <= n <= SIZES[1]:
         raise UserError(
             f"A box QP has {n} variables; {SIZES[0]} to {SIZES[1]} are possible.",
@@ -108,8 +85,6 @@ def add_box_qp(b: Builder, n: int, cap: int | None = None) -> QpMemory:
 
 
 class _Writer:
-    """Writes the parts; what they share."""
-
     def __init__(self, b: Builder, n: int, m: QpMemory) -> None:
         size = m.H.size
         self.b, self.n, self.m, self.unroll = b, n, m, n <= UNROLL_MOST
@@ -309,17 +284,14 @@ class _Writer:
 # Not those of ``kernels``: a kernel of the same name and function is one kernel, and a Program that
 # holds the solver has kernels of these names of its own.
 def same(x: Any) -> Any:
-    """A copy."""
     return x
 
 
 def zero() -> Any:
-    """0, for what is summed or counted."""
     return ca.SX(0)
 
 
 def one() -> Any:
-    """1, for what is true until found otherwise."""
     return ca.SX(1)
 
 

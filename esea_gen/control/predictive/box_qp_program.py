@@ -25,13 +25,7 @@ FLAGS = (
 def box_qp(
     n: int, *, cap: int | None = None, period_s: float = 0.005, largest: float = 1e12
 ) -> Program:
-    """The solver alone as a Program.
-
-    largest: largest magnitude of an input; beyond it the input is invalid.
-    return: inputs ``H`` (packed lower triangle), ``f``, ``low``, ``high``, ``start``; outputs
-        ``x``, ``residual`` and a status word. With an invalid input or an indefinite H, x is the
-        point of the box nearest to 0 (0 for an invalid input) and the status says so.
-    """
+    """The solver as a Program; of an invalid problem x is the box's point nearest to 0."""
     b = Builder()
     memory = add_box_qp(b, n, cap)
     inputs = (

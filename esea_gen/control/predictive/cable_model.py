@@ -20,17 +20,11 @@ if TYPE_CHECKING:
 GAP_SHARE = 1 / 15
 
 
+# The motor-side part is so light that it stands where the torques of cable and elastomer balance:
+# one step of Newton's method a substep, with one stiffness for the elastomer.  A step is off by a
+# third of itself at most, and the next one makes up.
 class CableModel:
-    """Numbers of the cable, and its part of a substep.
-
-    The motor-side part is so light that its motion in the cable is over within a substep: it stands
-    where the torques of cable and elastomer balance.  That balance is taken by one step of Newton's
-    method a substep, with one stiffness ``soft`` for the elastomer.  It lies between all of its
-    springs' and that without the Maxwell element's: a step is off by a third of itself at most, and
-    the next one makes up.
-
-    soft_Nm_rad: that stiffness.
-    """
+    """Numbers of the cable, and its part of a substep."""
 
     def __init__(self, device: DeviceData, soft_Nm_rad: float) -> None:
         own, redundancy = cable_of(device)
@@ -44,14 +38,10 @@ class CableModel:
         self.soft, self.inside = soft_Nm_rad, inside
         self.give_most = threshold(give_most_rad_Nm(device))
 
+    # First as if inside the gap, where ``held`` stays wound; of what is then beyond one of its ends
+    # the share ``back`` goes on into the elastomer.
     def follow(self, t: Tape, x: SimpleNamespace, turned: Any, p: SimpleNamespace) -> Any:
-        """Where the deflection follows to when the gear has turned against the load.
-
-        turned: the gear's angle less the load's, at the end of the substep.
-
-        First as if inside the gap, where ``held`` stays wound; of what is then beyond one of its
-        ends the share ``back`` goes on into the elastomer.
-        """
+        """Deflection after the gear has ``turned`` against the load."""
         # Far beyond the elastomer's range its stiffness makes such steps overshoot without end.
         pull = t.keep(
             "pull",
@@ -77,13 +67,11 @@ class CableModel:
         )
 
     def constants(self, device: DeviceData) -> tuple[Constant, ...]:
-        """Of the device file."""
         names = ("cable_Nm_rad", "loss", "backlash_most_rad")
         found = (*device.constants("redundancy"), *device.constants("cable"))
         return tuple(c for c in found if c.name in names)
 
     def ports(self) -> tuple[Port, ...]:
-        """What is known of the cable."""
         return (
             around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
             Port("give_rad_Nm", 0.0, self.give_most, "one over the cable's stiffness"),

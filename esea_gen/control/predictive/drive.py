@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 Q_BEST, R_BEST = 500.0, 1.0
 # R counts as this share of Q at least.
 LEAST_SHARE = 1e-4
+PATH = {"theta_d": "theta_d_rad", "omega_d": "omega_d_rad_s"}
+GAINS = {"Kp_Nm_rad": "stiffness to the path", "Kd_Nms_rad": "damping to the path"}
 
 # Who tells of the person's torque and of the rates: the extended-state observer with the tracking
 # observer of the deflection; or as published, (5.10) with a parabola, and filtered differences.
@@ -35,6 +37,9 @@ Person = Literal["extended_state", "parabola"]
 DriveTrain = Literal["rigid", "cable"]
 
 
+# A substep: the motor's lag exactly (5.1); half a kick by motor, coupling and person; friction by a
+# linearly implicit midpoint step; drift; the coupling at the new deflection; half a kick with the
+# new torque.  The sign of Kp and Kd is that of a stiffness; (5.24) prints the other one.
 def drive_model(
     device: DeviceData,
     horizon: Horizon,
@@ -45,19 +50,10 @@ def drive_model(
     weights: tuple[float, float] = (Q_BEST, R_BEST),
     train: DriveTrain = "rigid",
 ) -> Model:
-    """Plant (5.1 to 5.3), elastomer and cost of a device.
-
-    A substep of length h: the motor's lag exactly (5.1); half a kick by motor, coupling and person;
-    friction by a linearly implicit midpoint step; drift; stop operators, Maxwell element (the
-    sensor's exponential step, viscosity at mid-step) and spring at the new deflection; half a kick
-    with the new torque.  With the cable the drift is the gear's, and the motor side goes where the
-    torques of cable and elastomer balance.  A member of the family has its own step in place of
-    stop operators, Maxwell element and spring.  The sign of Kp and Kd is that of a stiffness;
-    (5.24) prints the other one.
-    """
+    """Plant (5.1 to 5.3), elastomer and cost of a device."""
     plant = _Drive(device, impedance, person, train)
     tunables, coefficients = _weights(weights, plant.rubber.temperature)
-    gains = ("Kp_Nm_rad", "Kd_Nms_rad") if impedance else ()
+    gains = tuple(GAINS) if impedance else ()
     gap = ("gap_rad", "give_rad_Nm") if plant.cable else ()
     wanted, references = plant.wanted(horizon, preview)
     return Model(
@@ -84,8 +80,6 @@ def drive_model(
 
 
 class _Drive:
-    """Numbers of the plant, one method an equation group, and the ports."""
-
     def __init__(
         self, device: DeviceData, impedance: bool, person: Person, train: DriveTrain
     ) -> None:
@@ -109,7 +103,6 @@ class _Drive:
             self.cable = CableModel(device, self.rubber.soft_Nm_rad)
 
     def constants(self) -> tuple[Constant, ...]:
-        """Of the device file."""
         return (
             *(c for section in ("actuator", "joint") for c in self.device.constants(section)),
             *self.rubber.constants(),
@@ -123,7 +116,6 @@ class _Drive:
         return (*angle, "delta", *turned, *moving, *self.rubber.states, "tau_e")
 
     def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
-        """State at the measurement."""
         angle = {"theta_l": u.theta_l_rad} if self.impedance else {}
         if self.cable:
             omega_m = u.omega_gear_rad_s
@@ -197,14 +189,10 @@ class _Drive:
         return t.let("omega_2", omega_1 - lost)
 
     def error(self, x: SimpleNamespace, p: SimpleNamespace, ref: SimpleNamespace) -> list[Any]:
-        """(5.24), or the torque's error."""
         e_tau = x.tau_e - ref.tau_d
         if self.impedance:
-            e_tau = (
-                e_tau
-                + p.Kp_Nm_rad * (x.theta_l - ref.theta_d)
-                + p.Kd_Nms_rad * (x.omega_l - ref.omega_d)
-            )
+            e_tau = e_tau + p.Kp_Nm_rad * (x.theta_l - ref.theta_d)
+            e_tau = e_tau + p.Kd_Nms_rad * (x.omega_l - ref.omega_d)
         return [p.root_q * e_tau]
 
     def effort(self, x: SimpleNamespace, u: Any, p: SimpleNamespace) -> list[Any]:
@@ -212,7 +200,6 @@ class _Drive:
         return [p.root_r * (u - x.u_a)]
 
     def human(self, u: SimpleNamespace, p: SimpleNamespace, s: Any) -> Any:
-        """Forecast of the person's torque."""
         if not self.published:
             return u.tau_h_Nm + u.tau_h_rate_Nm_s * s
         tau = u.tau_h_Nm + s * (u.tau_h_rate_Nm_s + 0.5 * s * u.tau_h_curve_Nm_s2)
@@ -250,35 +237,27 @@ class _Drive:
                 Port("theta_d_rad", low, turn, "wanted angle of the joint", many),
                 around("omega_d_rad_s", drive.omega_rad_s, "its rate", many),
             ]
-            references |= {
-                "theta_d": ("theta_d_rad", preview),
-                "omega_d": ("omega_d_rad_s", preview),
-            }
+            references |= {k: (n, preview) for k, n in PATH.items()}
             wanted += [
                 Port(name, 0.0, field_facts(f"impedance.{name}")["high"], meaning, 1, "(5.24)")
-                for name, meaning in (
-                    ("Kp_Nm_rad", "stiffness to the path"),
-                    ("Kd_Nms_rad", "damping to the path"),
-                )
+                for name, meaning in GAINS.items()
             ]
         return wanted, references
 
     def measured(self) -> tuple[Port, ...]:
-        """Ports of what is measured and estimated."""
-        drive, turn, u_max = self.drive, self.drive.theta_high_rad, self.u_max
+        drive, u_max = self.drive, self.u_max
+        angle = Port("theta_l_rad", drive.theta_low_rad, drive.theta_high_rad, "load side's angle")
+        rate = around("omega_rad_s", drive.rate_rad_s, "deflection's rate")
+        if self.published:
+            rate = around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
+        elif self.cable:
+            rate = around("omega_gear_rad_s", drive.omega_rad_s, "gear's rate, at the joint")
+        curve = around("tau_h_curve_Nm_s2", 1e5, "its second derivative")
         return (
             around("delta_rad", drive.delta_rad, "deflection"),
             *(self.cable.ports() if self.cable else ()),
-            around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
-            if self.published
-            else around("omega_gear_rad_s", drive.omega_rad_s, "gear's rate, at the joint")
-            if self.cable
-            else around("omega_rad_s", drive.rate_rad_s, "deflection's rate"),
-            *(
-                (Port("theta_l_rad", drive.theta_low_rad, turn, "load side's angle"),)
-                if self.impedance
-                else ()
-            ),
+            rate,
+            *((angle,) if self.impedance else ()),
             around("omega_l_rad_s", drive.omega_rad_s, "load side's rate"),
             around("u_a_Nm", u_max, "motor torque now, at the shaft", equation="(5.1)"),
             around("u_in_force_Nm", u_max, "command until the new one takes effect"),
@@ -286,11 +265,7 @@ class _Drive:
             around("d4_rad_s2", drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
             around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
             around("tau_h_rate_Nm_s", 1e4, "its rate"),
-            *(
-                (around("tau_h_curve_Nm_s2", 1e5, "its second derivative"),)
-                if self.published
-                else ()
-            ),
+            *((curve,) if self.published else ()),
             Port("mode", 0, 2, "0 off: the command is 0"),
         )
 
@@ -298,17 +273,10 @@ class _Drive:
 def _weights(
     weights: tuple[float, float], temperature: Mapping[str, Any]
 ) -> tuple[tuple[Tunable, ...], tuple[Port, ...]]:
-    """Tunables and what they are prepared to."""
+    rated = "weight of the motor torque's rate; less than Q/10000 counts as that"
     tunables = (
         Tunable("Q", weights[0], 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
-        Tunable(
-            "R",
-            weights[1],
-            1e-4,
-            1e4,
-            "weight of the motor torque's rate; less than Q/10000 counts as that",
-            "thesis: 1",
-        ),
+        Tunable("R", weights[1], 1e-4, 1e4, rated, "thesis: 1"),
         Tunable("load_free", 1.0, 0.0, 1.0, "1 free load side, 0 held fast", "the rig"),
         *temperature.get("tunables", ()),
     )
@@ -333,27 +301,22 @@ def predictive_controller(
     cap: int | None = None,
     train: DriveTrain = "rigid",
 ) -> Program:
-    """The predictive controller of a device as a Program."""
     drive = drive_of(device)
     period = drive.control_period_s if period_s is None else period_s
     if horizon is None:
         release = device.file.timing.control_release_s
         horizon = Horizon(delay_s=period if release is None else release.value)
-    return predictive_program(
-        drive_model(
-            device,
-            horizon,
-            preview=preview,
-            impedance=impedance,
-            person=person,
-            weights=weights,
-            train=train,
-        ),
+    title = f"Predictive {'impedance' if impedance else 'torque'} control"
+    model = drive_model(
+        device,
         horizon,
-        period_s=period,
-        title="Predictive impedance control" if impedance else "Predictive torque control",
-        cap=cap,
+        preview=preview,
+        impedance=impedance,
+        person=person,
+        weights=weights,
+        train=train,
     )
+    return predictive_program(model, horizon, period_s=period, title=title, cap=cap)
 
 
 def _equations(impedance: bool, train: DriveTrain) -> tuple[Any, ...]:

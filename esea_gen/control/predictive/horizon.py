@@ -1,9 +1,8 @@
 """What predictive control starts from: a symbolic plant, a cost, and how to differentiate them.
 
-The plant's substep names its intermediate values (:meth:`Tape.let`).  Each named value depends on
-few others, so its partial derivatives, taken by CasADi, are few; those that are not constants are
-computed once a substep, and one small kernel carries every column of the sensitivity matrix over
-the same names.  That is forward differentiation, exact, without a Jacobian of the whole substep.
+The plant's substep names its intermediate values (:meth:`Tape.let`).  Each depends on few others,
+so its partial derivatives are few; those that are not constants are computed once a substep, and
+one small kernel carries every column of the sensitivity matrix over the same names.
 """
 
 from __future__ import annotations
@@ -26,14 +25,7 @@ SUBSTEPS = (1, 50)
 
 @dataclass(frozen=True)
 class Horizon:
-    """The grid of the prediction.
-
-    intervals: number of intervals, each with one constant input; 2 to 100.
-    substeps: integration steps in an interval; 1 to 50.
-    delay_s: from the measurement to the moment at which the command takes effect; the state is
-        predicted through it with the command in force, in steps no longer than a substep. 0 for
-        none, the horizon's length at most.
-    """
+    """Grid of the prediction; through ``delay_s`` the command in force holds."""
 
     intervals: int = 10
     interval_s: float = 0.02
@@ -65,7 +57,6 @@ class Horizon:
 
     @property
     def substep_s(self) -> float:
-        """Length of a substep."""
         return self.interval_s / self.substeps
 
     @property
@@ -100,12 +91,7 @@ class Stops:
 
 @dataclass(frozen=True)
 class Entry:
-    """A named value of a substep.
-
-    symbol, value: the name and what it stands for.
-    link: whether derivatives are chained over it.
-    slopes: its partial derivatives where they are given.
-    """
+    """A named value of a substep; ``slopes`` are its partial derivatives where they are given."""
 
     symbol: ca.SX
     value: ca.SX
@@ -122,22 +108,13 @@ class Tape:
         self.memory_symbol: ca.SX | None = None
 
     def let(self, name: str, value: Any) -> ca.SX:
-        """Name a value over which derivatives are chained.
-
-        Worth it for a value that several others depend on, or that depends on several others.
-
-        value: scalar expression of the arguments and of names given before.
-        """
+        """Name a value over which derivatives are chained, as several others depend on it."""
         return self._add(name, value, True, None)
 
     def keep(
         self, name: str, value: Any, slopes: Mapping[ca.SX, Callable[[ca.SX], Any]] | None = None
     ) -> ca.SX:
-        """Name a value that is computed once, but is not a link in the chain of derivatives.
-
-        slopes: its partial derivatives, written with the value itself: ``{x: lambda y: 1 - y * y}``
-            for ``y = tanh(x)``, so that nothing is computed twice. CasADi's when not given.
-        """
+        """Name a value computed once, but no link; ``slopes`` in terms of itself."""
         return self._add(name, value, False, slopes)
 
     def power(self, name: str, base: Any, exponent: float) -> ca.SX:
@@ -174,35 +151,15 @@ SubstepFn = Callable[
 ]
 
 
+# start(inputs, tau_memory) -> states at the measurement; substep(tape, h, x, u, p, w) -> next
+# states, with parameters p and forecasts w; error(x, p, r) and effort(x, u, p): what is to be 0 at
+# the end and at the start of every interval, weights included.  references: input, and whether it
+# has one value an interval (preview).  forecasts: f(inputs, p, s) with s the ``shape`` of time in
+# the middle of the interval. enable: input above 0.5 while it is to act.  deflection(inputs): at
+# which ``play`` was taken.
 @dataclass(frozen=True)
 class Model:
-    """A plant, its cost, and the ports that feed them.
-
-    states: states that are rolled out, beside the stop operators.
-    start: ``start(inputs, tau_memory) -> states``: state at the measurement from guarded inputs
-        but play and references; one with several elements is a column.
-    substep: ``substep(tape, h, x, u, p, w) -> next states``: one step of length h with input u,
-        parameters p (of :attr:`parameters`) and forecasts w.
-    error: ``error(x, p, r) -> expressions``: what is to be 0 at the end of every interval, weights
-        included (the cost is the sum of squares); r holds the references.
-    effort: ``effort(x, u, p) -> expressions``: the same at the start of every interval.
-    inputs: measured and wanted values; ``on_invalid`` numbers.
-    in_force: the input that holds the command in force until the new one takes effect.
-    references: reference to the input it is read from; True where that input has one value for each
-        interval's end (preview), False where one value holds for all.
-    forecasts: forecast to ``f(inputs, p, s) -> expression``, with the ``shape`` of time in the
-        middle of the interval.
-    shape: ``shape(t_s) -> float``: what the forecasts take of the time since the measurement; a
-        table in the C.
-    parameters: inputs and coefficients (by name) that the plant and the cost read as p.
-    u_max: bound on the magnitude of the input.
-    enable: input that is above 0.5 while the controller is to act; below, the command is 0 and the
-        plan empty. Empty where it always acts.
-    u_name: name of the output, with its unit.
-    stops: the elastomer's memory; ``play`` and ``deflection`` go with it.
-    deflection: ``deflection(inputs) -> expression``: the memory's deflection at which they were
-        taken.
-    """
+    """A plant, its cost, and the ports that feed them."""
 
     states: tuple[str, ...]
     start: Callable[[SimpleNamespace, Any], Mapping[str, Any]]
@@ -230,19 +187,14 @@ class Model:
     equations: tuple[Equation, ...] = ()
 
 
+# before(x, u, p, w) -> named values, deflection
+# after(x, u, p, w, named, tau, slope of the free stop operators) -> next x, coefficients
+# onward: after without coefficients, for what is not differentiated
+# column, newest: (dx, coefficients, offset) -> next dx, d deflection, for an earlier interval's
+#     input and this one's; the stop operators' sensitivity is slope times d deflection, less offset
 @dataclass(frozen=True)
 class Linearised:
-    """A substep split at the memory, with its derivative.
-
-    before, after: ``before(x, u, p, w) -> named values, deflection``; ``after(x, u, p, w, named,
-        tau, slope) -> next x, coefficients``, with the stiffness of the free stop operators.
-    onward: ``after`` without the coefficients, for what is not differentiated.
-    column, newest: ``column(dx, coefficients, offset) -> next dx, d deflection`` for the inputs of
-        earlier intervals and, with the input's own seed, for the present one's; the sensitivity of
-        the stop operators' torque is the stiffness times that of the deflection, less the offset.
-    named: number of values named before the memory.
-    coefficients: number of derivatives that are not constants.
-    """
+    """A substep split at the memory, with its derivative by state and input."""
 
     before: ca.Function
     after: ca.Function

@@ -1,13 +1,7 @@
 """Nonlinear model predictive control with an input box, as a program of kernels.
 
-From a symbolic plant and a cost (:class:`.horizon.Model`) come a rollout over the horizon, the
-exact forward sensitivities of every state and of the elastomer's memory, the condensed quadratic
-program and its solver: one real-time iteration [1]_ (one linearisation, one QP) a step.
-
-References
-----------
-.. [1] M. Diehl et al., "Real-time optimization and nonlinear model predictive control of processes
-   governed by differential-algebraic equations", J. Process Control 12(4), 2002.
+A rollout with exact forward sensitivities, the condensed quadratic program and its solver: one
+real-time iteration a step (M. Diehl et al., J. Process Control 12(4), 2002).
 """
 
 from __future__ import annotations
@@ -19,8 +13,7 @@ import casadi as ca
 
 from esea_gen.control.predictive.box_qp import UNROLL_MOST, QpMemory, add_box_qp
 from esea_gen.control.predictive.horizon import Horizon, Linearised, Model, linearise
-from esea_gen.control.predictive.kernels import flags_of, one, same, zero
-from esea_gen.control.predictive.residual_rows import ResidualRows
+from esea_gen.control.predictive.kernels import flags_of, one, plus, same, take_from, zero
 from esea_gen.control.predictive.stop_rollout import StopRollout
 from esea_gen.language.builder import Builder, declare_ports, guard_inputs
 from esea_gen.language.ports import Flag, Port, clip, in_range
@@ -45,12 +38,7 @@ def predictive_program(
     title: str = "Model predictive control",
     cap: int | None = None,
 ) -> Program:
-    """The controller of a model as a Program.
-
-    period_s: period of the control task; the last plan is shifted by it.
-    return: the model's inputs; outputs the command (named ``model.u_name``), the QP's residual and
-        a status word; the plan is what it carries from step to step.
-    """
+    """The controller of a model as a Program; the plan is what it carries, shifted by a period."""
     return _Writer(model, horizon, period_s, cap).program(name, title)
 
 
@@ -92,18 +80,11 @@ class _Writer:
         self.back = b.array("back", n, meaning="sensitivity of the free operators' play torque")
         self.valid = b.array("valid", 1, meaning="1 when every input was inside its range")
         self.unused = b.array("unused", 1, meaning="takes what nothing reads")
+        self.rows: list[tuple[Memory, Memory]] = []  # value and gradient of every residual
         self.stops: StopRollout | None = None
         if model.stops:
-            self.stops = StopRollout(
-                b,
-                model.stops,
-                horizon,
-                delta=self.delta,
-                ahead=self.ahead,
-                tau=self.tau,
-                slope=self.slope,
-                back=self.back,
-            )
+            shared = self.delta, self.ahead, self.tau, self.slope, self.back
+            self.stops = StopRollout(b, model.stops, horizon, *shared)
 
     def program(self, name: str, title: str) -> Program:
         m, b = self.m, self.b
@@ -112,17 +93,12 @@ class _Writer:
         with b.part("guard", comment="Valid inputs; others are replaced."):
             self.guarded = guard_inputs(b, m.inputs, self.valid)
         self._substep()
-        ResidualRows(
-            b,
-            m,
-            self.qp,
-            x=self.x,
-            u=self.u,
-            p=self.p,
-            r=self.r,
-            dx=self.dx,
-            guarded=self.guarded,
-        ).write()
+        # Rows of the residuals' Jacobian, by interval: parts with the interval as a parameter.
+        for kind, where in (("effort", "start"), ("error", "end")):
+            comment = f"Residuals at the {where} of an interval, with gradients."
+            with b.part(kind, "k", comment=comment) as (k,):
+                self._residuals(k, kind)
+        self._gram()
         self._step()
         return Program.define(
             name,
@@ -299,6 +275,97 @@ class _Writer:
 
         p = self.p[0 : len(m.parameters)]
         b.call("forecast", [table[k], p, *values], [self.w[0 : len(m.forecasts)]], forecast)
+
+    def _residuals(self, k: Ix, kind: str) -> None:
+        m, b, nx, effort = self.m, self.b, self.nx, kind == "effort"
+        x = ca.SX.sym("x", nx)
+        u = ca.SX.sym("u")
+        p = ca.SX.sym("p", len(m.parameters))
+        r = ca.SX.sym("r", len(m.references))
+        states = SimpleNamespace(**dict(zip(m.states, ca.vertsplit(x), strict=True)))
+        pars = SimpleNamespace(**dict(zip(m.parameters, ca.vertsplit(p), strict=True)))
+        refs = SimpleNamespace(**dict(zip(m.references, ca.vertsplit(r), strict=True)))
+        if effort:
+            rows = list(m.effort(states, u, pars))
+        else:
+            rows = list(m.error(states, pars, refs))
+            for i, (source, preview) in enumerate(m.references.values()):
+                place = self.guarded[source][k] if preview else self.guarded[source][0]
+                b.call("reference", [place], [self.r[i]], same)
+        triangle = b.memory["qp_row"]
+        for number, row in enumerate(rows):
+            name = f"{kind}_{number}"
+            value = b.array(f"{name}_value", self.n, meaning="residual, by interval")
+            gradient = b.array(
+                f"{name}_rows", self.n * (self.n + 1) // 2, meaning="its gradient, packed rows"
+            )
+            self.rows.append((value, gradient))
+            expression = ca.SX(row)
+            by_x, by_u = ca.jacobian(expression, x), ca.jacobian(expression, u)
+            used = [int(c) for c in by_x.sparsity().get_col()]
+            partial = [ca.simplify(by_x[0, c]) for c in used]
+            slope = b.array(f"{name}_slope", max(1, len(used)), "local")
+            shared = [self.x[:], self.u[0], self.p[0 : p.numel()], self.r[0 : r.numel()]]
+            f = ca.Function(
+                name, [x, u, p, r], [expression, ca.densify(ca.vertcat(*partial, ca.SX(0, 1)))]
+            )
+            b.run(f, shared, [value[k], slope[0 : len(used)]])
+            d = ca.SX.sym("d", nx)
+            g = ca.SX.sym("g", len(used))
+            chain: Any = ca.SX(0)
+            for i, c in enumerate(used):
+                chain = chain + g[i] * d[c]
+            column = ca.Function(f"{name}_column", [d, g], [ca.densify(ca.SX(chain))])
+            with b.loop(0, k if effort else k + 1, most=self.n) as j:
+                b.run(
+                    column,
+                    [self.dx[nx * j : nx], slope[0 : len(used)]],
+                    [gradient[triangle.at(k) + j]],
+                )
+            if effort:
+                own = ca.Function(f"{name}_own", [x, u, p], [ca.densify(m.u_max * by_u)])
+                b.run(own, shared[:3], [gradient[triangle.at(k) + k]])
+
+    def _gram(self) -> None:
+        # A residual r + J (z - plan) adds J'J to the Hessian and J' (r - J plan) to the gradient.
+        b, n, qp, triangle = self.b, self.n, self.qp, self.b.memory["qp_row"]
+        pair = b.memory["qp_pair"]
+        unroll = n <= UNROLL_MOST
+        total = b.array("total", 1, "local")
+        with b.part("gram", comment="Hessian and gradient from the residuals' rows."):
+            for value, rows in self.rows:
+                with b.loop(0, n, unroll=unroll) as k:
+                    b.call("begin", [value[k]], [total[0]], same)
+                    with b.loop(0, k + 1, most=n, unroll=unroll) as j:
+                        b.call(
+                            "at_plan",
+                            [total[0], rows[triangle.at(k) + j], qp.x[j]],
+                            [total[0]],
+                            take_from,
+                        )
+                    b.call("end", [total[0]], [value[k]], same)
+            with b.loop(0, n, unroll=unroll) as i:
+                b.call("none", [], [total[0]], zero)
+                for value, rows in self.rows:
+                    with b.loop(i, n, most=n, unroll=unroll) as k:
+                        b.call(
+                            "gradient",
+                            [total[0], rows[pair.at(k * n + i)], value[k]],
+                            [total[0]],
+                            plus,
+                        )
+                b.call("end", [total[0]], [qp.f[i]], same)
+                with b.loop(0, i + 1, most=n, unroll=unroll) as j:
+                    b.call("none", [], [total[0]], zero)
+                    for _, rows in self.rows:
+                        with b.loop(i, n, most=n, unroll=unroll) as k:
+                            b.call(
+                                "gram",
+                                [total[0], rows[pair.at(k * n + i)], rows[pair.at(k * n + j)]],
+                                [total[0]],
+                                plus,
+                            )
+                    b.call("end", [total[0]], [qp.H[triangle.at(i) + j]], same)
 
     def _report(self, valid: Memory, sound: Memory) -> None:
         m, b, n, qp = self.m, self.b, self.n, self.qp

@@ -1,14 +1,10 @@
-"""The coupling's torque over a horizon: of the published model, or of a member of the family.
-
-What predicts asks one question of the rubber: what its torque and its memory are after a step of
-the deflection.  The memory at the start is the sensor Block's own.
-"""
+"""The coupling's torque over a horizon: of the published model, or of a member of the family."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
@@ -37,52 +33,11 @@ SMOOTH_RAD_S = 1e-4
 SMOOTH_RAD = 1e-4
 
 
-class RubberAhead(Protocol):
-    """What predictive control asks of a torque model.
-
-    states: its memory in the rollout, beside the stop operators.
-    stop_operators: ``stops``, ``play`` and ``deflection`` of a Model, where the rollout keeps them.
-    soft_Nm_rad: one stiffness that stands for it where the cable is balanced.
-    choices: numbers that are not the device file's.
-    temperature: ``tunables``, ``coefficients`` and ``prepare`` where it depends on temperature.
-    """
-
-    states: tuple[str, ...]
-    stop_operators: Mapping[str, Any]
-    soft_Nm_rad: float
-    choices: tuple[Constant, ...]
-    temperature: Mapping[str, Any]
-
-    def constants(self) -> tuple[Constant, ...]:
-        """Of the device file."""
-        ...
-
-    def ports(self) -> tuple[Port, ...]:
-        """What the sensor Block tells of its memory; the names are the sensor's."""
-        ...
-
-    def start(self, u: SimpleNamespace, tau_memory: Any) -> Mapping[str, Any]:
-        """The states and the torque ``tau_e`` at the measurement.
-
-        tau_memory: torque of ``stop_operators``.
-        """
-        ...
-
-    def step(
-        self, t: Tape, h: float, x: SimpleNamespace, delta: Any, moved: Any, p: SimpleNamespace
-    ) -> Mapping[str, Any]:
-        """The states and the torque ``tau_e`` after a step of length h from x to a deflection.
-
-        delta: named on the tape last.
-        moved: by how much it differs from ``x.delta``; None where that is not known by itself.
-        p: parameters of the rollout, the coefficients of ``temperature`` among them.
-        """
-        ...
-
-
-def rubber_ahead(device: DeviceData) -> RubberAhead:
-    """The rubber of a device, whichever torque model it has."""
-    return PublishedAhead(device) if device.file.family is None else FamilyAhead(device)
+# What predictive control asks of a torque model.  ``states``: memory in the rollout beside the stop
+# operators, which the Model keeps; ``soft_Nm_rad``: one stiffness that stands for it where the
+# cable is balanced; ``choices``: numbers that are not the device file's; ``temperature``: tunables,
+# coefficients and prepare; ``start``, ``step``: states and torque ``tau_e`` at the measurement, and
+# after a step to ``delta``, named on the tape last.
 
 
 class PublishedAhead:
@@ -114,11 +69,9 @@ class PublishedAhead:
         }
 
     def constants(self) -> tuple[Constant, ...]:
-        """Of the device file."""
         return self.device.constants("elastomer")
 
     def ports(self) -> tuple[Port, ...]:
-        """Torque of the Maxwell element, play states."""
         drive = drive_of(self.device)
         tau_rate = around("tau_rate_Nm", drive.tau_Nm, "sensor: Maxwell element's torque")
         text = "sensor: play states of the stop operators"
@@ -134,7 +87,6 @@ class PublishedAhead:
         return d * (self.k1 + self.k3 * d * d)
 
     def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
-        """State at the measurement."""
         tau_r = u.tau_rate_Nm if self.maxwell else 0.0
         return {
             **({"tau_r": tau_r} if self.maxwell else {}),
@@ -144,7 +96,6 @@ class PublishedAhead:
     def step(
         self, t: Tape, h: float, x: SimpleNamespace, delta: Any, moved: Any, p: SimpleNamespace
     ) -> dict[str, Any]:
-        """Stop operators, Maxwell element and spring at the new deflection."""
         stretch = t.let("stretch", self.beyond(delta)) if self.dead else delta
         tau_memory = t.memory(stretch)
         if moved is None:
@@ -181,11 +132,7 @@ class PublishedAhead:
 
 
 class FamilyAhead:
-    """A member of the family: the sensor Block's own step, at the substep's length.
-
-    Every state of that step is a state of the rollout, what softens included, so that no part of
-    the memory is held over the horizon.
-    """
+    """A member of the family: the sensor Block's own step and states, at the substep's length."""
 
     choices: tuple[Constant, ...] = ()
     stop_operators: Mapping[str, Any] = {}
@@ -219,11 +166,9 @@ class FamilyAhead:
         return family_step(self.device, self.fitted, family.start, derived=True, period_s=h)
 
     def constants(self) -> tuple[Constant, ...]:
-        """Of the device file."""
         return family_constants(self.device, self.fitted)
 
     def ports(self) -> tuple[Port, ...]:
-        """The torque, and every state of the sensor's step."""
         limit = torque_limit(self.device, self.fitted)
         return (
             around("tau_Nm", limit, "sensor: torque"),
@@ -231,7 +176,6 @@ class FamilyAhead:
         )
 
     def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
-        """As the sensor has it."""
         found = {n: x for p in self.kept for n, x in _split(p, getattr(u, p.name))}
         return found | {"tau_e": u.tau_Nm}
 
@@ -243,7 +187,6 @@ class FamilyAhead:
     def step(
         self, t: Tape, h: float, x: SimpleNamespace, delta: Any, moved: Any, p: SimpleNamespace
     ) -> dict[str, Any]:
-        """One step of the sensor."""
         memory = {p.name: ca.vertcat(*(getattr(x, n) for n in _elements(p))) for p in self.kept}
         last = self._within(t, "last_within", x.delta)
         s = SimpleNamespace(primed=ca.SX(1), theta_prev_rad=last, **memory)
@@ -270,3 +213,10 @@ def _elements(port: Port) -> list[str]:
 
 def _split(port: Port, column: Any) -> list[tuple[str, Any]]:
     return list(zip(_elements(port), ca.vertsplit(ca.SX(column)), strict=True))
+
+
+RubberAhead = PublishedAhead | FamilyAhead
+
+
+def rubber_ahead(device: DeviceData) -> RubberAhead:
+    return PublishedAhead(device) if device.file.family is None else FamilyAhead(device)

@@ -1,11 +1,9 @@
 """Stop operators over a horizon, with sensitivities: the elastomer's memory in a rollout.
 
-Stop operators with thresholds r_1 < r_2 < ... keep, in a sound state, |E_i - E_j| <= |r_i - r_j|,
-so that the saturated ones are always the first few, all on the same side.  A saturated (tied)
-operator's play state follows the deflection and needs no arithmetic; work arises only when one is
-tied or let go.  The sensitivity of a free operator's play state is that of the deflection at the
-moment when it was let go, so that the history of the deflection's sensitivity is all there is to
-keep.
+In a sound state |E_i - E_j| <= |r_i - r_j|: the saturated (tied) operators are always the first
+few, all on the same side, and their play states follow the deflection.  Work arises only when one
+is tied or let go.  The sensitivity of a free one's play state is that of the deflection when it
+was let go.
 """
 
 from __future__ import annotations
@@ -22,31 +20,16 @@ from esea_gen.language.ports import clip
 from esea_gen.language.statements import Ix, Memory, Ref
 
 
+# delta, ahead: deflection, last and next; tau, slope: torque, and stiffness of the free ones; back:
+# by input, the sensitivity of the free ones' play torque.
 class StopRollout:
-    """Writes the parts that carry stop operators from one deflection to the next.
+    """Writes the parts that carry stop operators from one deflection to the next."""
 
-    delta, ahead: deflection, last and next.
-    tau, slope: their torque, and the stiffness of the free ones.
-    back: by input, the sensitivity of the free ones' play torque.
-    """
-
-    def __init__(
-        self,
-        b: Builder,
-        stops: Stops,
-        horizon: Horizon,
-        *,
-        delta: Memory,
-        ahead: Memory,
-        tau: Memory,
-        slope: Memory,
-        back: Memory,
-    ) -> None:
+    def __init__(self, b: Builder, stops: Stops, horizon: Horizon, *shared: Memory) -> None:
         self.b, self.z, self.n = b, horizon, horizon.intervals
-        self.delta, self.ahead, self.tau, self.slope = delta, ahead, tau, slope
-        self.back = back
-        n, self.steps = self.n, horizon.intervals * horizon.substeps
-        steps = self.steps
+        self.delta, self.ahead, self.tau, self.slope, self.back = shared
+        n, steps = self.n, horizon.intervals * horizon.substeps
+        self.steps = steps
         self.count = count = len(stops.r)
         self.play = b.array("play", count, meaning="play states of the stop operators")
         self.tied = b.array("tied", 1, meaning="how many are tied: the first ones")
@@ -57,30 +40,23 @@ class StopRollout:
         self.groups = b.array("groups", 1, meaning="how many groups of free operators")
         self.first = b.array("first", 1, meaning="first one whose history is not yet taken")
         self.group_end = b.array("group_end", count + 1, meaning="where each group ends")
-        self.group_since = b.array(
-            "group_since", count + 1, meaning="substep in which each was let go"
-        )
-        self.history = b.array(
-            "history", (steps + 1) * n, meaning="sensitivity of the deflection, by substep"
-        )
+        let_go = "substep in which each was let go"
+        self.group_since = b.array("group_since", count + 1, meaning=let_go)
+        sensitivity = "sensitivity of the deflection, by substep"
+        self.history = b.array("history", (steps + 1) * n, meaning=sensitivity)
         r, p = np.array(stops.r), np.array(stops.p)
         upto = [float(np.sum((r * p)[:i])) for i in range(count + 1)]
+        free = [float(np.sum(p[i:])) for i in range(count + 1)]
+        let = [float(np.sum(p[:i])) for i in range(count + 1)]
+        active = [-(-t // horizon.substeps) for t in range(steps + 1)]
         self.t_r = b.table("stop_r", r, "thresholds")
         self.t_p = b.table("stop_p", p, "weights")
         self.t_gap = b.table("stop_gap", np.diff(r, prepend=0.0), "threshold differences")
         self.t_tied = b.table("stop_tied", upto, "torque of the tied ones, by their number")
-        self.t_free = b.table(
-            "stop_free",
-            [float(np.sum(p[i:])) for i in range(count + 1)],
-            "stiffness of the free ones, by the number tied",
-        )
-        self.t_let = b.table(
-            "stop_let", [float(np.sum(p[:i])) for i in range(count + 1)], "what is let go"
-        )
+        self.t_free = b.table("stop_free", free, "stiffness of the free ones, by the number tied")
+        self.t_let = b.table("stop_let", let, "what is let go")
         # Inputs that can matter at the end of substep t: those of intervals begun before it.
-        self.columns = b.index_table(
-            "columns", [-(-t // horizon.substeps) for t in range(steps + 1)], "active inputs"
-        )
+        self.columns = b.index_table("columns", active, "active inputs")
 
     def write(self) -> None:
         """The parts; ``roll`` with the number of the substep is one step of all operators."""

@@ -1,7 +1,4 @@
-"""Sliding mode torque control of the motor side relative to the load side (5.12 to 5.22).
-
-CasADi evaluates what SymPy derived in :mod:`esea_gen.control.sliding_mode.surface`.
-"""
+"""Sliding mode torque control of the motor side relative to the load side (5.12 to 5.22)."""
 
 from __future__ import annotations
 
@@ -10,12 +7,12 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.sliding_mode.linear_loop import check_loop, sliding_mode_numbers, slope_range
 from esea_gen.control.sliding_mode.softening import SwingSoftening
-from esea_gen.control.sliding_mode.streams import STREAMS
 from esea_gen.control.sliding_mode.surface import (
     DELTA,
     ERROR,
@@ -29,6 +26,7 @@ from esea_gen.control.sliding_mode.surface import (
     K3_UNC,
     LAMBDA,
     SET_ACC,
+    SET_BY_WANTED,
     TAU_UNC,
     TORQUE_UNCERTAINTY,
     WANTED,
@@ -37,8 +35,9 @@ from esea_gen.control.sliding_mode.surface import (
     switching_gain,
 )
 from esea_gen.devices.fields import field_facts
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Flag, Port, Tunable, around, clip, flag_word, threshold
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Array, Flag, Port, Tunable, around, clip, status_port, threshold
+from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import D4, FC, FV, OMEGA_M, TAU_E, WIDTH, J, N
@@ -55,51 +54,34 @@ FRICTION_AHEAD_S = 0.035
 MARGIN_HIGH = 5.0
 
 
-def sliding_mode(device: DeviceData, *, lead: float | None = None) -> Block:
-    """Sliding mode torque controller.
-
-    Controlled is the motor side relative to the load side, ``e = delta_d - delta``, so that
-    ``theta_d = theta_l + delta_d``.  The integral's part of the surface, lambda^2 times the
-    integral, is what is kept: it is a rate, and does not jump when lambda is tuned.
-
-    On entry (the mode was 0, or the last step was invalid) the integral is set so that the surface
-    is 0, and what is missing between the law and the command that is applied becomes an offset that
-    fades with the motor's lag: the command starts where it is.  Off, the command is 0.
-
-    The integral rests while the command is clipped, here or by what follows, and the error would
-    drive it further.  The applied command is compared with the last two commands: which of the two
-    it stems from depends on when the control task's command is released.
-    """
-    law = _SlidingMode(device, lead)
-    return Block.define(
+# e = delta_d - delta.  Kept is lambda^2 times the integral: a rate, which does not jump when lambda
+# is tuned.  On entry the integral makes the surface 0, and what is missing to the applied command
+# becomes an offset that fades with the motor's lag.  The integral rests while the command is
+# clipped, here or behind, and the error would drive it further; the applied command is compared
+# with the last two, for which of them it stems from depends on the control task's release.
+def sliding_mode(device: DeviceData) -> Block:
+    """Sliding mode torque controller of the motor side relative to the load side."""
+    law = _SlidingMode(device)
+    return Block.of(
+        law,
         "sliding_mode",
         "Sliding mode torque controller",
-        period_s=law.h,
         constants=device.constants("actuator")
         + device.constants("sliding_mode")
         + tuple(k for k in device.constants("joint") if k.name == "Jh_kgm2"),
-        tunables=law.tunables(),
-        coefficients=law.coefficients(),
-        prepare=law.prepare,
-        state=law.state(),
-        inputs=law.inputs(),
-        outputs=law.outputs(),
         equations=surface_equations() + (law.softening.equations() if law.softening else ()),
-        step=law.step,
         streams=STREAMS,
     )
 
 
 class _SlidingMode:
-    """The law's numbers and ranges, and its step: one method an equation group."""
-
-    def __init__(self, device: DeviceData, lead: float | None) -> None:
+    def __init__(self, device: DeviceData) -> None:
         drive = self.drive = drive_of(device)
         sm = self.sm = sliding_mode_numbers(device)
         h = self.h = drive.control_period_s
         self.model_acceleration = sm.setpoint_acceleration == "model"
         self.lambda_low, self.lambda_high = slope_range(device, h)
-        self.lead_here = (LEAD if self.model_acceleration else 1.0) if lead is None else lead
+        self.lead_here = LEAD if self.model_acceleration else 1.0
         check_loop(device, self.lead_here)
         self.u_lim, self.d_lim = drive.u_Nm, drive.d4_rad_s2
         self.tau_lim, self.tau_h_lim = drive.tau_Nm, drive.tau_h_Nm
@@ -178,14 +160,7 @@ class _SlidingMode:
             "friction_ahead": t.friction_ahead,
         } | ({"softening": t.softening} if self.softening else {})
 
-    def step(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
         on = label("on", ca.logic_and(sound, u.mode > 0.5), "whether the controller acts")
         entering = label("entering", ca.logic_and(on, ca.logic_not(s.active)), "from off to on")
@@ -224,41 +199,30 @@ class _SlidingMode:
             "s_rad_s": ca.if_else(on, surface, 0),
             "u_eq_Nm": ca.if_else(on, u_eq, 0),
             "k_smc_Nm": ca.if_else(on, k_smc, 0),
-            "status": flag_word(
-                [
-                    ca.logic_not(guard.inputs_ok),
-                    ca.logic_not(guard.state_ok),
-                    ca.logic_and(on, beyond),
-                    ca.logic_and(on, ca.fabs(reach) > 1),
-                    ca.logic_and(on, ca.logic_or(rests, full)),
-                    on,
-                    entering,
-                    *([ca.logic_and(on, c.soft > 0.01)] if self.softening else ()),
-                ]
+            "status": guard.status(
+                ca.logic_and(on, beyond),
+                ca.logic_and(on, ca.fabs(reach) > 1),
+                ca.logic_and(on, ca.logic_or(rests, full)),
+                on,
+                entering,
+                *([ca.logic_and(on, c.soft > 0.01)] if self.softening else ()),
             ),
         }
         return next_state, outputs
 
     @staticmethod
     def surface(
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        e: ca.SX,
-        e_rate: ca.SX,
-        entering: ca.SX,
-        label: Labels,
+        c: Any, s: Any, e: ca.SX, e_rate: ca.SX, entering: ca.SX, label: Labels
     ) -> tuple[ca.SX, ca.SX]:
         """(5.12): the surface, 0 on entry, and the part of it that is the integral."""
-        straight = label(
-            "straight_rad_s", e_rate + 2 * c.lambda_1_s * e, "(5.12) without the integral"
-        )
+        straight = e_rate + 2 * c.lambda_1_s * e
+        straight = label("straight_rad_s", straight, "(5.12) without the integral")
         integral = ca.if_else(entering, -straight, s.integral_rad_s)
-        surface = label(
-            "s_rad_s", ca.if_else(entering, 0, straight + integral), "(5.12); 0 on entry"
-        )
+        surface = ca.if_else(entering, 0, straight + integral)
+        surface = label("s_rad_s", surface, "(5.12); 0 on entry")
         return surface, integral
 
-    def setpoint_acceleration(self, c: SimpleNamespace, u: SimpleNamespace, label: Labels) -> ca.SX:
+    def setpoint_acceleration(self, c: Any, u: Any, label: Labels) -> ca.SX:
         """theta_d'': of the set-point and, by (5.3), of the load; 0 as published."""
         if self.model_acceleration:
             load = (u.tau_Nm + u.tau_h_Nm) * (1 / self.drive.joint.Jh_kgm2.value)
@@ -267,12 +231,8 @@ class _SlidingMode:
             set_acc = ca.SX(0)
         return label("set_acc_rad_s2", set_acc, "theta_d''")
 
-    def friction_rate(self, c: SimpleNamespace, u: SimpleNamespace, label: Labels) -> ca.SX:
-        """Rate whose friction is compensated: the motor's, or the one that it should have.
-
-        At rest the motor's own rate says nothing of the way it is to go: it sticks at every
-        reversal until the error has grown.
-        """
+    def friction_rate(self, c: Any, u: Any, label: Labels) -> ca.SX:
+        """Rate whose friction is compensated: at rest the motor's own says nothing."""
         if not self.model_acceleration:
             return ca.SX(u.omega_motor_rad_s)
         should = u.omega_load_rad_s + u.delta_rate_rad_s + FRICTION_AHEAD_S * u.delta_acc_rad_s2
@@ -280,7 +240,7 @@ class _SlidingMode:
         return label("omega_friction_rad_s", clip(mixed, -self.omega_lim, self.omega_lim))
 
     def torques(
-        self, c: SimpleNamespace, u: SimpleNamespace, e: ca.SX, e_rate: ca.SX, label: Labels
+        self, c: Any, u: Any, e: ca.SX, e_rate: ca.SX, label: Labels
     ) -> tuple[ca.SX, ca.SX]:
         """Equivalent control (5.16, 5.17) and switching gain (5.20)."""
         set_acc = self.setpoint_acceleration(c, u, label)
@@ -295,26 +255,18 @@ class _SlidingMode:
             D4: u.d4_rad_s2,
             DELTA: u.theta_rad,
         }
-        wanted = label(
-            "wanted_rad_s2",
-            set_acc + 2 * c.lambda_1_s * e_rate + c.lambda2_1_s2 * e,
-            "theta_d'' + 2 lambda e' + lambda^2 e",
-        )
-        compact = equivalent_control().subs(
-            SET_ACC, WANTED - 2 * LAMBDA * ERROR_RATE - LAMBDA**2 * ERROR
-        )
-        u_eq = label(
-            "u_eq_Nm",
-            to_casadi(sp.together(compact), values | {WANTED: wanted}),
-            "(5.16, 5.17) solution of s' = 0",
-        )
+        wanted = set_acc + 2 * c.lambda_1_s * e_rate + c.lambda2_1_s2 * e
+        wanted = label("wanted_rad_s2", wanted, "theta_d'' + 2 lambda e' + lambda^2 e")
+        compact = equivalent_control().subs(SET_ACC, SET_BY_WANTED)
+        u_eq = to_casadi(sp.together(compact), values | {WANTED: wanted})
+        u_eq = label("u_eq_Nm", u_eq, "(5.16, 5.17) solution of s' = 0")
         tau_unc = label("tau_unc_Nm", to_casadi(TORQUE_UNCERTAINTY, values), "tau_e,unc")
         least = to_casadi(switching_gain(), values | {WANTED: wanted, TAU_UNC: tau_unc})
         k_smc = label("k_smc_Nm", c.margin * least, "(5.20)")
         return u_eq, k_smc
 
     def bumpless(
-        self, s: SimpleNamespace, u: SimpleNamespace, driven: ca.SX, entering: ca.SX, label: Labels
+        self, s: Any, u: Any, driven: ca.SX, entering: ca.SX, label: Labels
     ) -> tuple[ca.SX, ca.SX]:
         """The command within the motor's range, with the offset that starts it where it is."""
         bounded = clip(driven, -self.u_lim, self.u_lim)
@@ -323,14 +275,7 @@ class _SlidingMode:
         return raw, missing
 
     def integral_rests(
-        self,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        e: ca.SX,
-        driven: ca.SX,
-        raw: ca.SX,
-        entering: ca.SX,
-        label: Labels,
+        self, s: Any, u: Any, e: ca.SX, driven: ca.SX, raw: ca.SX, entering: ca.SX, label: Labels
     ) -> ca.SX:
         """Whether the command is held back, and the error would drive the integral further."""
         # Which way is the command held back?  1: it wanted to be higher.  First here, then by what
@@ -341,58 +286,31 @@ class _SlidingMode:
         nearer = ca.if_else(ca.fabs(short) < ca.fabs(before), short, before)
         nearer = ca.if_else(entering, 0, nearer)
         here = ca.if_else(high, 1.0, ca.if_else(low, -1.0, 0.0))
-        after = ca.if_else(
-            nearer > self.limited, 1.0, ca.if_else(nearer < -self.limited, -1.0, 0.0)
-        )
-        held_back = label(
-            "held_back", ca.if_else(here == 0, after, here), "sign of what the command lacks"
-        )
+        low_after = ca.if_else(nearer < -self.limited, -1.0, 0.0)
+        after = ca.if_else(nearer > self.limited, 1.0, low_after)
+        held_back = ca.if_else(here == 0, after, here)
+        held_back = label("held_back", held_back, "sign of what the command lacks")
         return label("rests", held_back * e > 0, "the error would wind the integral up")
 
     def tunables(self) -> tuple[Tunable, ...]:
-        slope, phi = self.sm.lambda_1_s, self.sm.phi_rad_s
         width = field_facts("sliding_mode.phi_rad_s")
         stiffer = "slope of the surface: higher is stiffer and nearer to the drive's own modes"
-        ends = (self.lambda_low, self.lambda_high)
         narrow = "width of the boundary layer: narrower is stiffer and chatters sooner"
+        gain = "factor on the switching gain of (5.20); 1 is its smallest"
+        equal, control = "thesis chapter 5: equality in (5.20)", "docs/control.md"
+        leads = "how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c"
+        load = "share of the load's estimated acceleration in the set-point's acceleration"
+        ahead = "share of the rate wanted in the rate whose friction is compensated; 0: measured"
+        ours, lead = float(self.model_acceleration), self.lead_here
+        by = f"1: thesis chapter 5; more: {control}"
+        low, high = self.lambda_low, self.lambda_high
         return (
-            Tunable("lambda_1_s", slope.value, *ends, stiffer, slope.source, slope.status),
-            Tunable(
-                "phi_rad_s", phi.value, width["low"], width["high"], narrow, phi.source, phi.status
-            ),
-            Tunable(
-                "margin",
-                1.0,
-                1.0,
-                MARGIN_HIGH,
-                "factor on the switching gain of (5.20); 1 is its smallest",
-                "thesis chapter 5: equality in (5.20)",
-                "published",
-            ),
-            Tunable(
-                "lead",
-                self.lead_here,
-                1.0,
-                LEAD_HIGH,
-                "how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c",
-                "1: thesis chapter 5; more: docs/control.md",
-            ),
-            Tunable(
-                "load_share",
-                1.0 if self.model_acceleration else 0.0,
-                0.0,
-                1.0,
-                "share of the load's estimated acceleration in the set-point's acceleration",
-                "docs/control.md",
-            ),
-            Tunable(
-                "friction_ahead",
-                1.0 if self.model_acceleration else 0.0,
-                0.0,
-                1.0,
-                "share of the rate wanted in the rate whose friction is compensated; 0: measured",
-                "docs/control.md",
-            ),
+            self.sm.lambda_1_s.tunable("lambda_1_s", low, high, stiffer),
+            self.sm.phi_rad_s.tunable("phi_rad_s", width["low"], width["high"], narrow),
+            Tunable("margin", 1.0, 1.0, MARGIN_HIGH, gain, equal, "published"),
+            Tunable("lead", lead, 1.0, LEAD_HIGH, leads, by),
+            Tunable("load_share", ours, 0.0, 1.0, load, control),
+            Tunable("friction_ahead", ours, 0.0, 1.0, ahead, control),
             *((self.softening.tunable(),) if self.softening else ()),
         )
 
@@ -438,37 +356,76 @@ class _SlidingMode:
         )
 
     def outputs(self) -> tuple[Port, ...]:
-        flags = self.flags()
+        command, phi = ("u_command_Nm",), self.sm.phi_rad_s.value
+        rests = "the command is held back, or the integral is at its range: it does not grow"
+        clipped = "the command was clipped at the motor's limit"
+        entered = "the controller took over in this step, from the applied command"
         return (
             around("u_command_Nm", self.u_lim, "command at the motor shaft", equation="(5.22)"),
             around("u_wanted_Nm", self.wanted_u, "what the law wants before any limit"),
             around("s_rad_s", self.s_lim, "surface", equation="(5.12)"),
             around("u_eq_Nm", self.eq_lim, "equivalent control", equation="(5.16)"),
             Port("k_smc_Nm", 0.0, self.k_lim, "switching gain", equation="(5.20)"),
-            Port("status", 0, 2 ** len(flags) - 1, "what is known of this command", flags=flags),
+            status_port(
+                "what is known of this command",
+                "an input was NaN or outside its range; no torque asked for",
+                "the state was corrupt; no torque asked for in this step",
+                Flag("SATURATED", clipped, True, command, self.u_lim),
+                Flag("LAYER_LEFT", "|s| is beyond the boundary layer", False, ("s_rad_s",), phi),
+                Flag("INTEGRAL_RESTS", rests, True),
+                Flag("ACTIVE", "the controller acts"),
+                Flag("ENTERED", entered),
+                *((self.softening.flag(),) if self.softening else ()),
+            ),
         )
 
-    def flags(self) -> tuple[Flag, ...]:
-        phi = self.sm.phi_rad_s.value
-        return (
-            Flag(
-                "INPUT_INVALID", "an input was NaN or outside its range; no torque asked for", True
-            ),
-            Flag("STATE_REPAIRED", "the state was corrupt; no torque asked for in this step", True),
-            Flag(
-                "SATURATED",
-                "the command was clipped at the motor's limit",
-                True,
-                ("u_command_Nm",),
-                self.u_lim,
-            ),
-            Flag("LAYER_LEFT", "|s| is beyond the boundary layer", False, ("s_rad_s",), phi),
-            Flag(
-                "INTEGRAL_RESTS",
-                "the command is held back, or the integral is at its range: it does not grow",
-                True,
-            ),
-            Flag("ACTIVE", "the controller acts"),
-            Flag("ENTERED", "the controller took over in this step, from the applied command"),
-            *((self.softening.flag(),) if self.softening else ()),
-        )
+
+def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
+    # On and off, the command applied one or two periods late, clipped, or held at zero; errors from
+    # a hundredth of the boundary layer to far beyond it.
+    steps = 3000
+    t = np.arange(steps)
+    ports = {p.name: p for p in block.inputs}
+    sizes = {p.name: np.zeros(steps) for p in block.inputs}
+
+    def wave(name: str, share: float, period: float) -> Array:
+        size = share * ports[name].high
+        return np.asarray(size * np.sin(2 * np.pi * t / period + rng.uniform(0, 6)))
+
+    sizes["mode"] = np.where((t // 170) % 4 == 3, 0.0, 1.0 + (t // 700) % 2)
+    grow = 10.0 ** (-2 + 2 * (t % 900) / 900)
+    for name, period in (("delta_set_rad", 260.0), ("theta_rad", 240.0)):
+        sizes[name] = grow * wave(name, 0.3, period)
+    for name, share, period in (
+        ("delta_rate_rad_s", 0.05, 70.0),
+        ("delta_acc_rad_s2", 0.02, 50.0),
+        ("omega_motor_rad_s", 0.05, 80.0),
+        ("omega_load_rad_s", 0.05, 85.0),
+        ("tau_Nm", 0.1, 150.0),
+        ("tau_h_Nm", 0.1, 190.0),
+        ("d4_rad_s2", 0.1, 110.0),
+        ("u_a_Nm", 0.5, 60.0),
+    ):
+        sizes[name] = (0.2 + grow) * wave(name, share, period)
+    applied = ports["u_applied_Nm"].high
+    out = []
+    for name, late in (("applied one step late", 1), ("applied two steps late", 2)):
+        # What the Block itself asked for, so that only a true difference holds it back.
+        x = {k: single(v) for k, v in sizes.items()}
+        simulator = block.simulator()
+        asked = [0.0, 0.0]
+        for k in range(steps):
+            u = asked[-late] if late <= len(asked) else 0.0
+            part = k // 200 % 5
+            if part == 3:
+                u = float(np.clip(u, -0.3 * applied, 0.3 * applied))
+            elif part == 4:
+                u = 0.0
+            x["u_applied_Nm"][k] = single(u)
+            y = simulator.step(**{n: float(v[k]) for n, v in x.items()})
+            asked.append(float(single(y["u_command_Nm"])))
+        out.append(Stream(name, x))
+    return out
+
+
+STREAMS = OwnStreams(_events)

@@ -1,15 +1,12 @@
 """Reference governor of the sliding mode: a set-point that the motor can follow.
 
-The coupling is soft about zero torque and stiff beyond, and the set deflection turns sharply where
-it leaves the soft part.  A law that knows the present only brakes when it is too late.  So the set
-torque is looked up ahead, and the set deflection is smoothed over the same time: what the smoothing
-delays, looking ahead gives back.
+The set deflection turns sharply where it leaves the coupling's soft part.  So the set torque is
+looked up ahead, and the set deflection smoothed over the same time.
 """
 
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -17,15 +14,14 @@ import sympy as sp
 
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.trend import faded, motion_limits
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
-    Flag,
     Port,
     Tunable,
     around,
     clip,
-    flag_word,
+    status_port,
     threshold,
 )
 from esea_gen.model.symbolic import equation
@@ -45,27 +41,19 @@ FADE_S = 0.1
 LEAST_SHARE, MOST_SHARE = 0.01, 0.999
 
 
+# In impedance mode the set torque follows the motion, and what is led there would cost passivity.
+# Nor is noise believed, nor the tenths of a second after a step: with the smoothed one, the law
+# would chase a set-point while the cable takes up its slack (0.5 Nm overshot by 92, not 6 %).
 def torque_lead(device: DeviceData) -> Block:
-    """The set torque a little ahead, for the inverse.
-
-    Governed is torque mode alone.  In impedance mode the set torque follows the motion, and what is
-    smoothed and led there would cost passivity: nothing changes in it, nor when the mode is off.
-    With a set torque that is noise nothing is believed, and nothing is smoothed either; nor is it
-    for some tenths of a second after a step: with the smoothed one, the law would chase a set-point
-    while the cable takes up its slack (a step of 0.5 Nm overshot by 92 % in place of 6 %).
-    """
+    """The set torque a little ahead, for the inverse; in torque mode alone."""
     drive = drive_of(device)
     h, tau_lim, full = device.period_s, drive.tau_Nm, threshold(device.tau_full_scale_Nm)
     inputs, outputs = _lead_ports(device)
     keep = math.exp(-h / FADE_S)
     by_rate, by_curve = faded(LEAD_S)
+    acts = "1 looks ahead and smooths; 0 takes the set torque as it comes"
 
-    def prepare(t: SimpleNamespace) -> dict[str, Any]:
-        return {"share": t.share}
-
-    def step(
-        c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         torque = ca.logic_and(u.mode > 0.5, u.mode < 1.5)
         acts = ca.logic_and(guard.inputs_ok, torque)
         asked = label("asked", ca.if_else(acts, c.share * u.trust, 0), "share that is asked for")
@@ -77,7 +65,7 @@ def torque_lead(device: DeviceData) -> Block:
         given = {
             "tau_led_Nm": clip(led, -full, full),
             "governed": governed,
-            "status": flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]),
+            "status": guard.status(),
         }
         return {"slow": slow, "tau_set_Nm": u.tau_set_Nm}, given
 
@@ -85,18 +73,9 @@ def torque_lead(device: DeviceData) -> Block:
         "torque_lead",
         "Set torque ahead, for a set-point that the motor can follow",
         period_s=h,
-        tunables=(
-            Tunable(
-                "share",
-                1.0,
-                0.0,
-                1.0,
-                "1 looks ahead and smooths; 0 takes the set torque as it comes",
-                "docs/control.md",
-            ),
-        ),
+        tunables=(Tunable("share", 1.0, 0.0, 1.0, acts, "docs/control.md"),),
         coefficients=(Port("share", 0.0, 1.0, "how much it acts"),),
-        prepare=prepare,
+        prepare=vars,
         state=(
             Port("slow", 0.0, 1.0, "share that is governed when nothing steps"),
             around("tau_set_Nm", tau_lim, "set torque of the last step"),
@@ -130,25 +109,20 @@ def _lead_ports(device: DeviceData) -> tuple[tuple[Port, ...], tuple[Port, ...]]
     outputs = (
         around("tau_led_Nm", full, "set torque ahead, for the inverse"),
         Port("governed", 0.0, 1.0, "share that is governed, for the smoothing"),
-        Port("status", 0, 3, "what is known of it", flags=_flags("not led")),
+        _status("not led"),
     )
     return inputs, outputs
 
 
 def smoothed_setpoint(device: DeviceData) -> Block:
-    """The set deflection with its rate and acceleration, smoothed as far as it is governed.
-
-    Three equal lags, whose states give rate and acceleration without a difference quotient.
-    """
+    """Set deflection, rate and acceleration behind three equal lags, as far as it is governed."""
     drive = drive_of(device)
     h, delta_lim, rate_lim = device.period_s, drive.delta_rad, drive.rate_rad_s
     acc_lim = threshold(ACCELERATION_ROOM * drive.d4_rad_s2)
     lag = SMOOTH_S / 3
     gain = 1 - math.exp(-h / lag)
 
-    def step(
-        c: Any, s: Any, u: Any, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         sound = ca.logic_and(guard.inputs_ok, s.primed)
         primed = ca.logic_or(s.primed, guard.inputs_ok)
         # Not governed, the lags stand where the set-point is: they start from there.
@@ -172,7 +146,7 @@ def smoothed_setpoint(device: DeviceData) -> Block:
             "delta_rate_rad_s": clip(mixed(u.delta_rate_rad_s, rate), -rate_lim, rate_lim),
             "delta_acc_rad_s2": clip(mixed(u.delta_acc_rad_s2, acc), -acc_lim, acc_lim),
             "theta_smooth_rad": mixed(u.theta_set_rad, third),
-            "status": flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]),
+            "status": guard.status(),
         }
         names = ("first_rad", "second_rad", "third_rad")
         return {"primed": primed, **dict(zip(names, lags, strict=True))}, outputs
@@ -195,7 +169,7 @@ def smoothed_setpoint(device: DeviceData) -> Block:
         outputs=(
             *ports,
             around("theta_smooth_rad", delta_lim, "inverse's set-point, smoothed likewise"),
-            Port("status", 0, 3, "what is known of it", flags=_flags("not smoothed")),
+            _status("not smoothed"),
         ),
         equations=(_smooth_equation(),),
         step=step,
@@ -207,8 +181,6 @@ def _smooth_equation() -> Equation:
     return equation("[smooth]", "y", x / (1 + s * t / 3) ** 3, "three lags")
 
 
-def _flags(then: str) -> tuple[Flag, ...]:
-    return (
-        Flag("INPUT_INVALID", f"an input was NaN or outside its range; {then}", True),
-        Flag("STATE_REPAIRED", "the state was corrupt; started afresh", True),
-    )
+def _status(then: str) -> Port:
+    invalid = f"an input was NaN or outside its range; {then}"
+    return status_port("what is known of it", invalid, "the state was corrupt; started afresh")

@@ -1,10 +1,8 @@
 """Sliding mode inside its layer as a linear sampled loop: whether gains can be stable at all.
 
-Within the boundary layer, moving and with the output fixed, every part of the loop is linear: drive
-and coupling (5.1, 5.2), the rate's Butterworth filter, the disturbance observer (5.5), the law with
-its layer, the lead, and the period and release of the control task.  One control period is one
-matrix.  A mode that grows there swings until the motor's limit stops it, whatever the law does
-outside of the layer.
+Moving and with the output fixed, every part of the loop is linear: drive and coupling (5.1, 5.2),
+Butterworth filter, disturbance observer (5.5), law, lead, period and release of the control task.
+One control period is one matrix; a mode that grows there swings until the motor's limit stops it.
 """
 
 from __future__ import annotations
@@ -32,7 +30,7 @@ LEAST_DAMPING = 0.02
 LAMBDA_LOW_1_S, LAMBDA_HIGH_1_S, LAMBDA_SHARE = 1.0, 25.0, 0.125
 SLOW_HZ = 0.5
 """Below, a mode is the integral's or an estimate's creep and no swing."""
-LOOP_STATES: tuple[str, ...] = (
+LOOP_STATES = [
     "theta",
     "omega",
     "u_a",
@@ -43,12 +41,11 @@ LOOP_STATES: tuple[str, ...] = (
     "z3",
     "omega_last",
     "passive",
-)
-LOOP_STATES += ("u_held", "u_a_model", "d4", "integral", "u_pending", "u_now")
+]
+LOOP_STATES += ["u_held", "u_a_model", "d4", "integral", "u_pending", "u_now"]
 
 
 def sliding_mode_numbers(device: DeviceData) -> SlidingMode:
-    """Section ``[sliding_mode]``, which the law cannot do without."""
     section = device.file.sliding_mode
     if section is None:
         raise UserError(
@@ -60,23 +57,14 @@ def sliding_mode_numbers(device: DeviceData) -> SlidingMode:
 
 @dataclass(frozen=True)
 class Mode:
-    """A swinging mode of the loop.
-
-    damping: damping ratio; below 0 it grows.
-    """
-
     damping: float
     frequency_Hz: float
 
 
+# The switching gain's part that grows with the wanted acceleration (5.20) counts as if it always
+# pushed on: the law then acts on J + J_unc.
 def least_damped(device: DeviceData, lead: float, lambda_1_s: float | None = None) -> Mode:
-    """The least damped mode of the sliding mode's loop inside its layer.
-
-    return: of the coupling's least and largest stiffness the worse one.
-
-    The switching gain's part that grows with the wanted acceleration (5.20) counts as if it always
-    pushed on: the law then acts on ``J + J_unc``.
-    """
+    """The least damped mode inside the layer, of the coupling's least and largest stiffness."""
     soft, stiff = stiffness_range_Nm_rad(device)
     slope = sliding_mode_numbers(device).lambda_1_s.value if lambda_1_s is None else lambda_1_s
     modes = [_worst(device, lead, slope, k) for k in (soft, stiff)]
@@ -141,12 +129,10 @@ def _worst(device: DeviceData, lead: float, slope: float, stiffness: float) -> M
     return Mode(float(damping[i]), float(frequency[swings][i]))
 
 
+# SciPy's signal has it too, and loads all of scipy.stats for it: a second of processor time in
+# every command that builds a drive.
 def low_pass(cutoff_Hz: float, h: float) -> tuple[Array, ...]:
-    """Butterworth filter of fourth order, by the bilinear rule, as a, b, c, d of its states.
-
-    SciPy's ``signal`` has it too, and loads all of ``scipy.stats`` for it: a second of processor
-    time in every command that builds a drive.
-    """
+    """Butterworth filter of fourth order, by the bilinear rule, as a, b, c, d of its states."""
     poles = np.tan(np.pi * cutoff_Hz * h) * np.exp(1j * np.pi * np.array([5, 7, 9, 11]) / 8)
     below = np.poly((1 + poles) / (1 - poles)).real
     above = np.poly(-np.ones(4)) * below.sum() / 16

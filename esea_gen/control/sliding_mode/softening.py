@@ -1,9 +1,7 @@
-"""Softer gains of a law while its error swings.
+"""Softer gains of a law while its error swings: of a drive lighter or later than its model.
 
-A law that is too stiff for the drive at hand, lighter or later than its model, makes a swing of its
-own, faster than what anybody wants of it.  With the gains that such a drive needs, the drive that
-the model knows would be followed less well, and a limp hand would be left moving.  So the gains
-soften only while a swing is seen, and come back slowly.
+With such gains at all times the drive that the model knows would be followed less well, and a limp
+hand would be left moving.
 """
 
 from __future__ import annotations
@@ -32,12 +30,7 @@ SLOPE_FALLS, LEAD_RISES = 0.5, 0.6
 
 
 class SwingSoftening:
-    """What softens the gains of the sliding mode.
-
-    h: control period (s).
-    error_lim: largest error (rad).
-    lead_high: largest lead.
-    """
+    """What softens the gains of the sliding mode."""
 
     def __init__(self, h: float, error_lim: float, lead_high: float) -> None:
         self.h, self.error_lim, self.lead_high = h, error_lim, lead_high
@@ -46,13 +39,7 @@ class SwingSoftening:
         self.keep = math.exp(-h / BACK_S)
 
     def step(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        e: ca.SX,
-        on: ca.SX,
-        entering: ca.SX,
-        label: Labels,
+        self, c: Any, s: Any, e: ca.SX, on: ca.SX, entering: ca.SX, label: Labels
     ) -> tuple[SimpleNamespace, dict[str, Any]]:
         """The gains of this step, with ``soft``, and the state after it."""
         last = ca.if_else(entering, e, s.slow_rad)
@@ -91,14 +78,8 @@ class SwingSoftening:
         )
 
     def tunable(self) -> Tunable:
-        return Tunable(
-            "softening",
-            1.0,
-            0.0,
-            1.0,
-            "how soft a swing of the error makes the gains; 0: they stay as they are",
-            "docs/control.md",
-        )
+        text = "how soft a swing of the error makes the gains; 0: they stay as they are"
+        return Tunable("softening", 1.0, 0.0, 1.0, text, "docs/control.md")
 
     def coefficient(self) -> Port:
         return Port("softening", 0.0, 1.0, "how soft a swing makes the gains")

@@ -1,8 +1,4 @@
-"""The sliding surface, and what SymPy derives from it and the plant: (5.12 to 5.22).
-
-The equivalent control is solved for; the switching gain is the same line with every number
-uncertain.
-"""
+"""The sliding surface, and what SymPy derives from it and the plant: (5.12 to 5.22)."""
 
 from __future__ import annotations
 
@@ -26,15 +22,12 @@ TORQUE_UNCERTAINTY = K1_UNC * sp.Abs(DELTA) + K3_UNC * sp.Abs(DELTA) ** 3
 # theta_d'' + 2 lambda e' + lambda^2 e: the acceleration that keeps the surface.
 WANTED = sp.Symbol("a_w", real=True)
 WANTED_ACCELERATION = SET_ACC + 2 * LAMBDA * ERROR_RATE + LAMBDA**2 * ERROR
+SET_BY_WANTED = WANTED - 2 * LAMBDA * ERROR_RATE - LAMBDA**2 * ERROR
 
 
 @cache
 def equivalent_control() -> sp.Expr:
-    """Equivalent control: the motor torque that keeps the surface (5.16, 5.17).
-
-    return: solution of s' = 0 for u_a, with the plant (5.2) put in for the motor side's
-        acceleration.
-    """
+    """Motor torque that keeps the surface (5.16, 5.17): s' = 0 with (5.2), for u_a."""
     t = sp.Symbol("t")
     theta_d, theta_m, integral = (sp.Function(n)(t) for n in ("theta_d", "theta_m", "I"))
     e = theta_d - theta_m
@@ -50,14 +43,11 @@ def equivalent_control() -> sp.Expr:
     return sp.expand(solution)
 
 
+# With the equivalent control of the model in the plant with true numbers, J_true s' is linear in
+# the numbers' errors: each at its largest against s, and J_max eta on top for the reaching rate.
 @cache
 def switching_gain() -> sp.Expr:
-    """Smallest switching gain that reaches the surface whatever the uncertain numbers are (5.20).
-
-    With the equivalent control of the model put into the plant with true numbers, ``J_true s'`` is
-    linear in the numbers' errors.  Each error at its largest, against ``s``, and J_max eta on top
-    for the reaching rate, gives the sum of magnitudes.  J_max is J + J_unc.
-    """
+    """Smallest switching gain that reaches the surface, whatever the true numbers (5.20)."""
     errors = {
         J: (sp.Symbol("dJ"), J_UNC),
         FV: (sp.Symbol("dfv"), FV_UNC),
@@ -65,7 +55,7 @@ def switching_gain() -> sp.Expr:
         TAU_E: (sp.Symbol("dtau"), TAU_UNC),
     }
     true = {x: x + d for x, (d, _) in errors.items()}
-    model = equivalent_control().subs(SET_ACC, WANTED - 2 * LAMBDA * ERROR_RATE - LAMBDA**2 * ERROR)
+    model = equivalent_control().subs(SET_ACC, SET_BY_WANTED)
     plant = ACCELERATION.subs(true, simultaneous=True).subs(U_A, model)
     pull = sp.expand(sp.cancel(sp.together(true[J] * (WANTED - plant))))
     bound = J_MAX * ETA
@@ -76,27 +66,15 @@ def switching_gain() -> sp.Expr:
 
 
 def surface_equations() -> tuple[Equation, ...]:
-    """What the law implements, for documents.
-
-    return: surface, equivalent control, switching gain, law, and our lead.
-    """
+    u_eq, k, s, phi, u, kappa = sp.symbols("u_eq k_smc s phi u kappa")
+    lead = "command that makes the motor follow kappa times faster; 1 as printed"
+    law = u_eq + k * sp.Max(-1, sp.Min(1, s / phi))
     return (
         equation("(5.12)", "s", SURFACE, "surface of second order with integral"),
         equation("(5.16, 5.17)", "u_eq", equivalent_control(), "solution of s' = 0"),
         equation("(5.20)", "k_smc", switching_gain(), "smallest switching gain"),
         equation("[a_w]", WANTED, WANTED_ACCELERATION, "acceleration that keeps the surface"),
         equation("[tau_unc]", TAU_UNC, TORQUE_UNCERTAINTY, "uncertain coupling torque"),
-        equation(
-            "(5.22)",
-            "u",
-            sp.Symbol("u_eq")
-            + sp.Symbol("k_smc") * sp.Max(-1, sp.Min(1, sp.Symbol("s") / sp.Symbol("phi"))),
-            "motor torque wanted",
-        ),
-        equation(
-            "[lead]",
-            "u_c",
-            sp.Symbol("u") + (sp.Symbol("kappa") - 1) * (sp.Symbol("u") - U_A),
-            "command that makes the motor follow kappa times faster; 1 as printed",
-        ),
+        equation("(5.22)", "u", law, "motor torque wanted"),
+        equation("[lead]", "u_c", u + (kappa - 1) * (u - U_A), lead),
     )

@@ -70,14 +70,17 @@ def cast(x: Expr, bits: int) -> Expr:
     return _make("cast", (x,), bits, x.low, x.high)
 
 
-def add(x: Expr, y: Expr, bits: int) -> Expr:
-    args = cast(x, bits), cast(y, bits)
-    return _make("add", args, bits, x.low + y.low, x.high + y.high)
+def _pair(op: str, ends: Callable[[Expr, Expr], tuple[int, int]]) -> Callable[..., Expr]:
+    def build(x: Expr, y: Expr, bits: int) -> Expr:
+        return _make(op, (cast(x, bits), cast(y, bits)), bits, *ends(x, y))
+
+    return build
 
 
-def sub(x: Expr, y: Expr, bits: int) -> Expr:
-    args = cast(x, bits), cast(y, bits)
-    return _make("sub", args, bits, x.low - y.high, x.high - y.low)
+add = _pair("add", lambda x, y: (x.low + y.low, x.high + y.high))
+sub = _pair("sub", lambda x, y: (x.low - y.high, x.high - y.low))
+minimum = _pair("min", lambda x, y: (min(x.low, y.low), min(x.high, y.high)))
+maximum = _pair("max", lambda x, y: (max(x.low, y.low), max(x.high, y.high)))
 
 
 def neg(x: Expr) -> Expr:
@@ -163,16 +166,6 @@ def mul(x: Expr, y: Expr, shift: int, bits: int) -> Expr:
     return cast(_make("mul64", (x, y), 64, low, high, (shift,)), bits)
 
 
-def minimum(x: Expr, y: Expr, bits: int) -> Expr:
-    args = cast(x, bits), cast(y, bits)
-    return _make("min", args, bits, min(x.low, y.low), min(x.high, y.high))
-
-
-def maximum(x: Expr, y: Expr, bits: int) -> Expr:
-    args = cast(x, bits), cast(y, bits)
-    return _make("max", args, bits, max(x.low, y.low), max(x.high, y.high))
-
-
 def clamp(x: Expr, low: int, high: int) -> Expr:
     if x.high > high:
         x = minimum(x, literal(high, x.bits), x.bits)
@@ -256,48 +249,36 @@ def c_text(x: Expr) -> str:
     return text if text.endswith(")") and text.startswith("esea_") else f"({text})"
 
 
+_C = {
+    "add": "{0} + {1}",
+    "sub": "{0} - {1}",
+    "neg": "-{0}",
+    "sign": "({0} > 0) ? 1 : (({0} < 0) ? -1 : 0)",
+    "choose": "{0} ? {1} : {2}",
+    "not": "!{0}",
+    **{op: f"{{0}} {sign} {{1}}" for op, sign in _COMPARE.items()},
+}
+
+
 def bare_text(x: Expr) -> str:
     if x.op in ("read", "ref", "literal"):
         return c_text(x)
-    a = [c_text(y) for y in x.args]
-    width = "q63" if x.bits == 64 else "q31"
-    if x.op in _COMPARE:
-        return f"{a[0]} {_COMPARE[x.op]} {a[1]}"
-    if x.op in ("min", "max", "abs"):
-        return f"esea_{width}_{x.op}({', '.join(bare_text(y) for y in x.args)})"
-    if x.op == "round":
-        return f"esea_{width}_round({bare_text(x.args[0])}, {x.data[0]})"
-    if x.op == "mul64":
-        name = "esea_q63_mul" if x.args[1].bits == 64 else "esea_q63_mul_q31"
-        return f"{name}({bare_text(x.args[0])}, {bare_text(x.args[1])}, {x.data[0]})"
-    if x.op == "mul":
-        return f"esea_q31_mul({bare_text(x.args[0])}, {bare_text(x.args[1])}, {x.data[0]})"
+    if x.op in ("and", "or"):
+        return {"and": " && ", "or": " || "}[x.op].join(_chain(x))
     if x.op == "flags":
         parts = (f"esea_bit({bare_text(t)}, {k}u)" for t, k in zip(x.args, x.data, strict=True))
         return " | ".join(parts)
-    simple: dict[str, Callable[[], str]] = {
-        "cast": lambda: _cast_text(x, a[0]),
-        "add": lambda: f"{a[0]} + {a[1]}",
-        "sub": lambda: f"{a[0]} - {a[1]}",
-        "neg": lambda: f"-{a[0]}",
-        "sign": lambda: f"({a[0]} > 0) ? 1 : (({a[0]} < 0) ? -1 : 0)",
-        "scale": lambda: f"{a[0]} * {_literal_text(1 << x.data[0], x.bits)}",
-        "wide_mul": lambda: f"esea_q31_wide({', '.join(bare_text(y) for y in x.args)})",
-        "choose": lambda: f"{a[0]} ? {a[1]} : {a[2]}",
-        "not": lambda: f"!{a[0]}",
-        "and": lambda: " && ".join(_chain(x)),
-        "or": lambda: " || ".join(_chain(x)),
-    }
-    if x.op in simple:
-        return simple[x.op]()
+    a = [c_text(y) for y in x.args]
+    if x.op in _C:
+        return _C[x.op].format(*a)
+    if x.op == "cast":
+        if x.args[0].bits == 1:
+            return f"{a[0]} ? {_literal_text(1, x.bits)} : {_literal_text(0, x.bits)}"
+        return f"({C_TYPES[x.bits]}){a[0]}"
+    if x.op == "scale":
+        return f"{a[0]} * {_literal_text(1 << x.data[0], x.bits)}"
     name, extra = _function(x)
     return f"{name}({', '.join([*(bare_text(y) for y in x.args), *extra])})"
-
-
-def _cast_text(x: Expr, text: str) -> str:
-    if x.args[0].bits == 1:
-        return f"{text} ? {_literal_text(1, x.bits)} : {_literal_text(0, x.bits)}"
-    return f"({C_TYPES[x.bits]}){text}"
 
 
 def _chain(x: Expr) -> list[str]:
@@ -306,20 +287,24 @@ def _chain(x: Expr) -> list[str]:
 
 
 def _function(x: Expr) -> tuple[str, list[str]]:
-    wide = x.args[0].bits == 64
-    d = x.data
+    # Name of the function of esea_q31.c, and its arguments behind the operands.
+    width, d = "q63" if x.bits == 64 else "q31", [str(n) for n in x.data]
+    wide_top = [_literal_text(x.data[-1], 64)] if d else []
+    if x.op in ("min", "max", "abs", "round"):
+        return f"esea_{width}_{x.op}", d
+    if x.op == "mul64":
+        return "esea_q63_mul" if x.args[1].bits == 64 else "esea_q63_mul_q31", d
     if x.op == "divide":
-        return "esea_q63_divide", [str(d[0]), _literal_text(d[1], 64), _literal_text(d[2], 64)]
+        return "esea_q63_divide", [d[0], _literal_text(x.data[1], 64), *wide_top]
     if x.op == "pow":
-        base, exponent, fraction, top = d
-        numbers = [str(base), f"INT32_C({exponent})", str(fraction)]
-        if wide or x.bits == 64:
-            return "esea_q63_pow", [*numbers, _literal_text(top, 64)]
-        return "esea_q31_pow", [*numbers, str(top)]
+        numbers = [d[0], f"INT32_C({d[1]})", d[2]]
+        if x.args[0].bits == 64 or x.bits == 64:
+            return "esea_q63_pow", [*numbers, *wide_top]
+        return "esea_q31_pow", [*numbers, d[3]]
     if x.op == "exp":
-        return "esea_q63_exp", [str(d[0]), str(d[1]), _literal_text(d[2], 64)]
-    name = {"log": "esea_q63_log", "sqrt": "esea_q31_sqrt", "tanh": "esea_q31_tanh"}[x.op]
-    return name, [str(n) for n in d]
+        return "esea_q63_exp", [*d[:2], *wide_top]
+    others = {"mul": "q31_mul", "wide_mul": "q31_wide", "log": "q63_log"}
+    return f"esea_{others.get(x.op, f'q31_{x.op}')}", d
 
 
 # -- as Python -------------------------------------------------------------------------------------
@@ -331,6 +316,14 @@ def _each(function: Callable[..., int], *arrays: Array) -> Array:
     return np.asarray(np.frompyfunc(function, len(arrays), 1)(*arrays))
 
 
+def _rounded_off(d: tuple[int, ...], x: Array) -> Array:
+    return (x + (1 << (d[0] - 1))) >> d[0]
+
+
+def _truth(x: Array) -> Array:
+    return x.astype(object) * 1
+
+
 _RULES: dict[str, Callable[..., Array]] = {
     "cast": lambda d, x: x,
     "add": lambda d, x, y: x + y,
@@ -338,26 +331,32 @@ _RULES: dict[str, Callable[..., Array]] = {
     "neg": lambda d, x: -x,
     "abs": lambda d, x: np.abs(x),
     "scale": lambda d, x: x << d[0],
-    "round": lambda d, x: (x + (1 << (d[0] - 1))) >> d[0],
-    "mul": lambda d, x, y: (x * y + (1 << (d[0] - 1))) >> d[0],
-    "mul64": lambda d, x, y: (x * y + (1 << (d[0] - 1))) >> d[0],
+    "round": _rounded_off,
+    "mul": lambda d, x, y: _rounded_off(d, x * y),
+    "mul64": lambda d, x, y: _rounded_off(d, x * y),
     "wide_mul": lambda d, x, y: x * y,
     "min": lambda d, x, y: np.minimum(x, y),
     "max": lambda d, x, y: np.maximum(x, y),
-    "lt": lambda d, x, y: (x < y).astype(object) * 1,
-    "le": lambda d, x, y: (x <= y).astype(object) * 1,
-    "eq": lambda d, x, y: (x == y).astype(object) * 1,
-    "ne": lambda d, x, y: (x != y).astype(object) * 1,
-    "sign": lambda d, x: (x > 0).astype(object) * 1 - (x < 0).astype(object) * 1,
+    "lt": lambda d, x, y: _truth(x < y),
+    "le": lambda d, x, y: _truth(x <= y),
+    "eq": lambda d, x, y: _truth(x == y),
+    "ne": lambda d, x, y: _truth(x != y),
+    "sign": lambda d, x: _truth(x > 0) - _truth(x < 0),
     "not": lambda d, x: 1 - x,
     "and": lambda d, x, y: x * y,
-    "or": lambda d, x, y: (x + y > 0).astype(object) * 1,
+    "or": lambda d, x, y: _truth(x + y > 0),
+    "flags": lambda d, *bits: sum(b * (1 << k) for b, k in zip(bits, d, strict=True)),
     "divide": lambda d, x, y: _each(lambda n, v: functions.divide(n, v, *d), x, y),
-    "pow": lambda d, x: _each(lambda v: functions.power(v, *d), x),
-    "exp": lambda d, x: _each(lambda v: functions.exponential(v, *d), x),
-    "log": lambda d, x: _each(lambda v: functions.logarithm(v, *d), x),
-    "sqrt": lambda d, x: _each(lambda v: functions.root(v, *d), x),
-    "tanh": lambda d, x: _each(lambda v: functions.tangent(v, *d), x),
+    **{
+        name: lambda d, x, f=f: _each(lambda v: f(v, *d), x)
+        for name, f in {
+            "pow": functions.power,
+            "exp": functions.exponential,
+            "log": functions.logarithm,
+            "sqrt": functions.root,
+            "tanh": functions.tangent,
+        }.items()
+    },
 }
 
 
@@ -379,15 +378,7 @@ def evaluate(x: Expr, values: Mapping[str, Array], count: int) -> Array:
             part = {n: values[n][rows] for n in names(arm)}
             result[rows] = evaluate(arm, part, int(rows.sum()))
         return _checked(x, result)
-    args = [evaluate(a, values, count) for a in x.args]
-    if x.op == "flags":
-        word = np.zeros(count, dtype=object)
-        for a, k in zip(args, x.data, strict=True):
-            word = word + a * (1 << k)
-        result = word
-    else:
-        result = _RULES[x.op](x.data, *args)
-    return _checked(x, result)
+    return _checked(x, _RULES[x.op](x.data, *(evaluate(a, values, count) for a in x.args)))
 
 
 def _checked(x: Expr, result: Array) -> Array:

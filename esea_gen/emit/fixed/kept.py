@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import math
 import os
 import tempfile
 from contextlib import suppress
@@ -19,7 +18,6 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.cache import cache_folder, code_digest
-from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.plan import BlockPlan, Planner
 from esea_gen.emit.fixed.search import search
 from esea_gen.language.block import Block
@@ -77,7 +75,7 @@ def _plan(block: Block) -> BlockPlan:
     path = cache_folder() / f"plan-{digest[:32]}.json"
     why = _read(path, len(planner.kernel.nodes))
     if why is not None:
-        return planner.plan(why, why)
+        return planner.plan(why)
     plan = search(planner)
     _write(path, dict(plan.why_wide))
     return plan
@@ -91,12 +89,3 @@ def plan_block(block: Block) -> BlockPlan:
     if found is None or found[0] is not block:
         found = _PLANS[id(block)] = (block, _plan(block))
     return found[1]
-
-
-def raw_tunable(block: Block, name: str, value: float) -> tuple[str, int]:
-    """C field and raw number of a tunable's value."""
-    f = plan_block(block).field("params", name)
-    scaled = value * 2.0**f.fraction
-    if not -(2.0**31) < scaled < 2.0**31 - 1:
-        return f.name, ex.INT32[0]
-    return f.name, math.floor(scaled + 0.5)

@@ -2,18 +2,48 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.emit.fixed.kept import plan_block, raw_tunable
+from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import FieldPlan
-from esea_gen.emit.fixed.render import field_text, format_text
 from esea_gen.emit.naming import Naming
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, Signal, System, Task
+
+
+def quantity(value: float, unit: str) -> str:
+    return f"{value:.3g}" + ("" if unit == "1" else f" {unit}")
+
+
+def format_text(f: FieldPlan) -> str:
+    """Format of a field, and what one unit of its raw numbers is."""
+    form = "whole number" if f.fraction == 0 else f"Q{31 - f.fraction}.{f.fraction}"
+    return f"{form}, one unit is {quantity(f.lsb, f.port.unit)}"
+
+
+def field_text(f: FieldPlan, group: str) -> str:
+    """What a header says of a field's numbers: raw range, unit, what happens outside."""
+    if getattr(f.port, "flags", ()):
+        return ""
+    text = f"raw {f.low} to {f.high}, {format_text(f)}"
+    behaviour = {
+        "params": "outside: refused",
+        "coeffs": "cut to it by prepare",
+        "state": "cannot overflow",
+        "in": "",
+        "out": "cannot overflow",
+    }[group]
+    if f.checked:
+        low, high = f.port_range
+        behaviour += f"; outside {low} to {high}: found by the step"
+    if group == "state" and isinstance(f.port, Port) and f.port.size == 1:
+        behaviour += "; outside: corrupt"
+    return text + (f"; {behaviour}" if behaviour else "")
 
 
 class FixedNaming(Naming):
@@ -92,8 +122,10 @@ class FixedNaming(Naming):
     def number(self, block: Block, group: str, name: str, value: float) -> float:
         return plan_block(block).field(group, name).raw(value)
 
-    def tunable(self, block: Block, name: str, value: float) -> tuple[str, float]:
-        return raw_tunable(block, name, value)
+    def tunable(self, block: Block, name: str, value: float) -> float:
+        # NaN and what does not fit becomes INT32_MIN, which prepare refuses.
+        scaled = value * 2.0 ** plan_block(block).field("params", name).fraction
+        return math.floor(scaled + 0.5) if -(2.0**31) < scaled < 2.0**31 - 1 else -(2**31)
 
     def fraction(self, block: Block, group: str, name: str) -> int | None:
         return plan_block(block).field(group, name).fraction

@@ -25,7 +25,7 @@ EVERY_S, BLOCK_S = 0.005, 0.5  # samples that are used; blocks for the intervals
 
 def _window(width_s: float, tick_s: float) -> Array:
     n = 2 * max(round(0.5 * width_s / tick_s), 1) + 1
-    w = 0.5 - 0.5 * np.cos(2 * math.pi * np.arange(1, n + 1) / (n + 1))
+    w = np.hanning(n + 2)[1:-1]
     return np.asarray(w / w.sum())
 
 

@@ -196,10 +196,14 @@ class _Run:
 
     def thesis(self, how: Searching | None) -> None:
         for split in self.splits:
-            device, errors = _thesis(self.source, split, how)
+            recordings = list(split.recordings)
+            template = draft(self.source, recordings, self.source.mapping.device.rate_terms)
+            _, _, device, verdict = fit_split(
+                self.source, recordings, template, lambda share, text: None, how
+            )
             if split.declared:
                 self.price(THESIS, device)
-            self.add(THESIS, split, errors)
+            self.add(THESIS, split, verdict.misfits)
 
     def member(self, member: Member) -> None:
         terms = UnitTerms(member, self.recordings, grid_rate(self.source))
@@ -212,18 +216,8 @@ class _Run:
     def peer(self, name: str) -> None:
         for split in self.splits:
             torque = fit_peer(name, split.recordings, self.source.mapping.search.seed)
-            self.add(name, split, _errors(split.recordings, torque))
-
-
-def _thesis(source: MappingFile, split: Split, how: Searching | None) -> tuple[Device, Misfits]:
-    recordings = list(split.recordings)
-    template = draft(source, recordings, source.mapping.device.rate_terms)
-    _, _, device, verdict = fit_split(source, recordings, template, lambda share, text: None, how)
-    return device, verdict.misfits
-
-
-def _errors(recordings: Sequence[Recording], torque: Sequence[Array]) -> Misfits:
-    return Misfits.of("Nm", ((r, y - r.tau_Nm) for r, y in zip(recordings, torque, strict=True)))
+            pairs = zip(split.recordings, torque, strict=True)
+            self.add(name, split, Misfits.of("Nm", ((r, y - r.tau_Nm) for r, y in pairs)))
 
 
 def choose(

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
-import scipy  # its parts are read on first use
 
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import MAX_DEAD_ZONE_RAD
@@ -38,6 +37,7 @@ from esea_gen.identify.recording.resampling import (
     whole_conditions,
 )
 from esea_gen.identify.recording.tables import ToFit
+from esea_gen.identify.recording.temperatures import least
 from esea_gen.language.ports import Array
 
 LAG, BACKLASH, DEAD_ZONE = FITTABLE
@@ -163,7 +163,7 @@ def _found(
             near = (high - low) / (POINTS - 1)
             if not first:
                 low, high = max(low, numbers[k] - near), min(high, numbers[k] + near)
-            numbers[k] = _least(cost, low, high, POINTS if first else AGAIN)
+            numbers[k] = least(cost, low, high, POINTS if first else AGAIN, CLOSE * (high - low))
     sigma = _sharpened(model, recordings, numbers, bounds)
     return [
         ChannelNumber(k, 0.0, None, None, why[k])
@@ -266,17 +266,6 @@ def _inside(recordings: Sequence[Recording], most_lag_s: float) -> list[Recordin
         sets = tuple(replace(s, training=s.training[known[s.training]]) for s in r.sets)
         out.append(replace(r, sets=sets))
     return out
-
-
-def _least(cost: Callable[[float], float], low: float, high: float, points: int) -> float:
-    """Where a cost is least, to :data:`CLOSE` of the range: looked over, then narrowed."""
-    grid = np.linspace(low, high, points)
-    costs = [cost(float(v)) for v in grid]
-    i = int(np.argmin(costs))
-    beside = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, points - 1)])
-    options = {"xatol": CLOSE * (high - low)}
-    done = scipy.optimize.minimize_scalar(cost, bounds=beside, method="bounded", options=options)
-    return float(done.x) if done.fun < costs[i] else float(grid[i])
 
 
 def _sharpened(

@@ -276,53 +276,48 @@ def examined(
     time_s: Array, theta: Array, tau: Array, cycles: Sequence[Cycle], timed: bool
 ) -> tuple[Mask, tuple[Finding, ...]]:
     """Samples that neither train nor judge, and what is wrong; tau is free of spikes."""
-    mask, findings = np.zeros(len(tau), dtype=bool), []
-    missing = gaps(time_s, theta) if timed else []
-    if missing:
+    mask = np.zeros(len(tau), dtype=bool)
+    findings: list[Finding] = []
+
+    def found(kind: str, text: str, stops: bool = True, advice: str = "") -> None:
+        findings.append(Finding(kind, text, stops, advice))
+
+    left_out = "the cycle that holds {} and the next neither train nor judge"
+    if missing := gaps(time_s, theta) if timed else []:
         mask |= after_gaps(len(tau), missing, cycles)
-        longest = max(missing, key=lambda i: time_s[i + 1] - time_s[i])
-        findings.append(
-            Finding(
-                "gap",
-                f"{len(missing)} drop-out{'s' if len(missing) > 1 else ''}, the longest of "
-                f"{time_s[longest + 1] - time_s[longest]:.3g} s at {time_s[longest]:.4g} s; the "
-                "cycle that holds one and the next neither train nor judge",
-                False,
-            )
-        )
-    width = float(np.ptp(tau))
+        at = max(missing, key=lambda i: time_s[i + 1] - time_s[i])
+        count = f"{len(missing)} drop-out{'s' if len(missing) > 1 else ''}"
+        longest = f"the longest of {time_s[at + 1] - time_s[at]:.3g} s at {time_s[at]:.4g} s"
+        found("gap", f"{count}, {longest}; {left_out.format('one')}", stops=False)
+    width, full_scale = float(np.ptp(tau)), float(np.abs(tau).max())
     for a, b in still(theta, tau):
         at_end = min(tau.max() - tau[a], tau[a] - tau.min()) < AT_ITS_END * width
-        if not at_end and abs(tau[a]) < LOOSE_TORQUE * np.abs(tau).max():
+        if not at_end and abs(tau[a]) < LOOSE_TORQUE * full_scale:
             continue  # backlash, if anything
         mask[a:b] = True
         kind = "saturated" if at_end else "frozen"
-        text = f"the torque is {kind} at {tau[a]:.4g} Nm for {b - a} samples from sample {a}"
-        findings.append(Finding(kind, text, True))
+        found(kind, f"the torque is {kind} at {tau[a]:.4g} Nm for {b - a} samples from sample {a}")
     for a, b in stuck(theta, tau):
         mask |= after_gaps(len(tau), [a, b - 1], cycles)
-        text = (
-            f"the deflection is frozen for {b - a} samples from sample {a}, "
-            "while the torque goes beyond what it is there else; the cycle that holds them and the "
-            "next neither train nor judge"
+        found(
+            "deflection frozen",
+            f"the deflection is frozen for {b - a} samples from sample {a}, while the torque goes "
+            f"beyond what it is there else; {left_out.format('them')}",
         )
-        findings.append(Finding("deflection frozen", text, True))
-    full_scale = float(np.abs(tau).max())
-    loose = backlash_rad(theta, tau, full_scale, cycles)
-    if loose:
-        text = (
+    if loose := backlash_rad(theta, tau, full_scale, cycles):
+        found(
+            "backlash",
             f"backlash or a dead zone of {loose:.3g} rad: over that much deflection there is next "
-            "to no torque, which no term of the fitted model gives"
+            "to no torque, which no term of the fitted model gives",
         )
-        findings.append(Finding("backlash", text, True))
     offset = offset_Nm(theta, tau, mask)
     if offset is not None and abs(offset) > OFFSET_SHARE * full_scale:
-        text = (
-            f"the torque has an offset of {offset:.3g} Nm ({100 * offset / full_scale:.1f} % of "
-            "its largest)"
+        share = f"{100 * offset / full_scale:.1f} % of its largest"
+        found(
+            "offset",
+            f"the torque has an offset of {offset:.3g} Nm ({share})",
+            advice="; zero it on the rig, set torque.zero, or take a member with an offset",
         )
-        advice = "; zero it on the rig, set torque.zero, or take a member with an offset"
-        findings.append(Finding("offset", text, True, advice))
     findings += _backward(time_s, theta, tau, cycles, timed)
     return mask, _shortened(findings)
 

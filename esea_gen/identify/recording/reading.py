@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from esea_gen.identify.recording.mapping import MappingFile
 from esea_gen.identify.recording.quality import (
     MOST_SPIKES,
     Finding,
+    Mask,
     bridged,
     examined,
     jumps,
@@ -162,10 +164,9 @@ def _load(
     theta = followed_rad(theta, gap.value) if gap else theta
     _check_moves(name, theta, m.deflection.column)
     spiky = spikes(theta, tau)
-    found = (*_jumped(jumped), *_spiked(spiky, tau))
-    tau = bridged(tau, spiky)
-    if m.torque.sign == "fit" and _stiffness(theta, tau) < 0:
-        tau, found = -tau, (*found, TURNED)
+    recorded, tau = tau, bridged(tau, spiky)
+    turned = m.torque.sign == "fit" and _stiffness(theta, tau) < 0
+    tau = -tau if turned else tau
     _check_physics(source, name, theta, tau)
     cycles = divide(theta, m.cycles, table.use)
     timed = m.sampling.period_s is None or m.sampling.period_s.status != "assumed"
@@ -182,7 +183,7 @@ def _load(
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
         conditions=_conditions(m, name),
-        findings=(*_read_as(read), *found, *_gap(gap), *worse),
+        findings=(*_findings(read, jumped, spiky, recorded, turned, gap), *worse),
         temperature_C=_temperature(m, table, name, columns),
     )
 
@@ -203,16 +204,38 @@ def _without_lag(
     return time[known] - time[known][0], theta[known], tau
 
 
-def _read_as(read: FileTable) -> tuple[Finding, ...]:
-    return () if read.usual else (Finding("read as", f"read as {read.how()}", False),)
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' if count > 1 else ''}"
 
 
-def _jumped(jumped: npt.NDArray[np.bool_]) -> tuple[Finding, ...]:
-    count = int(np.count_nonzero(jumped))
-    if not count:
-        return ()
-    text = f"{count} sample{'s' if count > 1 else ''} at which the deflection jumps and comes back"
-    return (Finding("jumps", f"{text}, bridged; they neither train nor judge", False),)
+def _findings(
+    read: FileTable, jumped: Mask, spiky: Mask, tau: Array, turned: bool, gap: Quantity | None
+) -> Iterator[Finding]:
+    # In the order in which the file was worked on; tau still has its spikes.
+    if not read.usual:
+        yield Finding("read as", f"read as {read.how()}", False)
+    if np.any(jumped):
+        many = _counted(int(np.count_nonzero(jumped)), "sample")
+        text = f"{many} at which the deflection jumps and comes back, bridged; they neither train"
+        yield Finding("jumps", f"{text} nor judge", False)
+    if np.any(spiky):
+        count, found = int(np.count_nonzero(spiky)), len(runs(spiky))
+        wide = f" ({count} samples)" if count > found else ""
+        largest = float(np.abs(tau[spiky]).max())
+        text = f"{_counted(found, 'spike')}{wide} in the torque, up to {largest:.4g} Nm"
+        if found > MOST_SPIKES * len(tau):
+            yield Finding("noise", f"{text}: more than {MOST_SPIKES:.0%} of all samples", True)
+        else:
+            yield Finding("spikes", f"{text}, neither train nor judge", False)
+    if turned:
+        yield TURNED
+    if gap is not None and gap.value:
+        # The encoders of a device stand where the recording's did, before the gap.
+        text = (
+            f"a backlash of {gap.value:.3g} rad is taken out of the deflection: the model is of "
+            "the rubber behind it, and a device whose encoders see the gap too has no term for it"
+        )
+        yield Finding("backlash taken out", text, True)
 
 
 def _temperature(
@@ -236,29 +259,6 @@ def _temperature(
             "Cut it into files that are each within that.",
         )
     return float(values.mean())
-
-
-def _gap(gap: Quantity | None) -> tuple[Finding, ...]:
-    # The encoders of a device stand where the recording's did, before the gap.
-    if gap is None or not gap.value:
-        return ()
-    text = (
-        f"a backlash of {gap.value:.3g} rad is taken out of the deflection: the model is of the "
-        "rubber behind it, and a device whose encoders see the gap too has no term for it"
-    )
-    return (Finding("backlash taken out", text, True),)
-
-
-def _spiked(spiky: npt.NDArray[np.bool_], tau: Array) -> tuple[Finding, ...]:
-    count = int(np.count_nonzero(spiky))
-    if not count:
-        return ()
-    largest, found = float(np.abs(tau[spiky]).max()), len(runs(spiky))
-    wide = f" ({count} samples)" if count > found else ""
-    text = f"{found} spike{'s' if found > 1 else ''}{wide} in the torque, up to {largest:.4g} Nm"
-    if found > MOST_SPIKES * len(tau):
-        return (Finding("noise", f"{text}: more than {MOST_SPIKES:.0%} of all samples", True),)
-    return (Finding("spikes", f"{text}, neither train nor judge", False),)
 
 
 def _check_length(source: MappingFile, name: str, time: Array) -> None:

@@ -124,7 +124,7 @@ class LeftOut:
     @property
     def sigma(self) -> Array:
         """Standard deviation of each parameter; infinite for one that the data do not determine."""
-        return np.where(self.unknown, np.inf, np.sqrt(np.diag(self.covariance)))
+        return np.where(self.unknown, np.inf, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, apart from the deviations."""
@@ -266,10 +266,8 @@ def autocorrelation(residual: Array) -> float:
 
 def half_width_Nm(error_Nm: Array, weight: Array) -> float:
     """Half width that holds 95 % of errors, each of them as often as its squared weight says."""
-    sizes, often = np.abs(error_Nm), weight**2
-    order = np.argsort(sizes)
-    share = np.cumsum(often[order]) / often.sum()
-    return float(sizes[order][np.searchsorted(share, BAND)])
+    sizes = np.abs(error_Nm)
+    return float(np.quantile(sizes, BAND, weights=weight**2, method="inverted_cdf"))
 
 
 def covered(error: Array, band_Nm: float) -> float:

@@ -98,13 +98,21 @@ def searched_factor(
         error = small[:, -1] - tried @ solve(tried, small[:, -1])
         return float(error @ error)
 
-    grid = np.linspace(*_bounds(reference, known), GRID)
-    best = int(np.argmin([cost(float(k)) for k in grid]))
-    ends = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, GRID - 1)])
-    done = scipy.optimize.minimize_scalar(
-        cost, bounds=ends, method="bounded", options={"xatol": 1e-9}
-    )
-    return TemperatureFactor(reference, float(done.x), known[0], known[-1])
+    per_K = least(cost, *_bounds(reference, known), GRID, 1e-9)
+    return TemperatureFactor(reference, per_K, known[0], known[-1])
+
+
+def least(
+    cost: Callable[[float], float], low: float, high: float, points: int, close: float
+) -> float:
+    """Where a cost is least, to that far: looked over in so many points, then narrowed."""
+    grid = np.linspace(low, high, points)
+    costs = [cost(float(v)) for v in grid]
+    i = int(np.argmin(costs))
+    ends = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, points - 1)])
+    options = {"xatol": close}
+    done = scipy.optimize.minimize_scalar(cost, bounds=ends, method="bounded", options=options)
+    return float(done.x) if done.fun < costs[i] else float(grid[i])
 
 
 def _bounds(reference_C: float, known_C: Sequence[float]) -> tuple[float, float]:

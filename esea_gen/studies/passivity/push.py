@@ -32,6 +32,7 @@ class PushRun:
     generated_J: float = 0.0
     exchanged_J: float = 0.0
     absorbed_J: float = 0.0
+    # Of hand, springs and wall: mean over the second and the last third after the push.
     held_J: float = 0.0
     held_end_J: float = 0.0
     limited_share: float = 0.0
@@ -41,7 +42,6 @@ class PushRun:
 
     @property
     def stopped(self) -> bool:
-        """Whether the limits' latch or the drive's trip ended the motion."""
         return self.fault > 0 or self.tripped > 0
 
     def swings_up(self, push_J: float) -> bool:
@@ -116,7 +116,6 @@ def judge_push(
     u_max_Nm: float,
     wall_Nm_rad: float = 0.0,
 ) -> PushRun:
-    """The figures of a run."""
     theta, omega = run.plant["theta_l_rad"], run.plant["omega_l_rad_s"]
     balance = energy_balance(theta, run.plant["tau_e_Nm"])
     spring = hand.stiffness_Nm_rad + kp_Nm_rad
@@ -150,7 +149,6 @@ def run_push(
     wall_Nm_rad: float = 0.0,
     axis: str = "",
 ) -> dict[str, float]:
-    """Run and judge one push: what a worker does."""
     device = controller_device(controller)
     who = Hand(**hand)
     setting = Setting(controller, plant, "ideal", axis=axis)

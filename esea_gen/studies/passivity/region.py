@@ -73,7 +73,6 @@ class PushMap:
         return lines
 
     def mark(self, i: int, j: int) -> str:
-        """Letter of a pair of gains."""
         if self.limits_acted[i, j]:
             return "L"
         return "P" if self.passive[i, j] else "s" if self.stable[i, j] else "."

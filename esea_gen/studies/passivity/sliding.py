@@ -29,8 +29,6 @@ NARROW = 0.1  # beside the layer as it is: a tenth of it, which the surface leav
 
 @dataclass(frozen=True)
 class SlidingCheck:
-    """The sliding condition s s' < 0 along a run."""
-
     plant: str
     case: str
     phi_rad_s: float

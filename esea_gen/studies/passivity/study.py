@@ -46,8 +46,6 @@ POINTS, FEWEST_POINTS, MOST_POINTS = 9, 2, 41
 
 @dataclass(frozen=True)
 class InteractionStudy:
-    """Passivity over the gains, and the sliding condition."""
-
     controller: str
     plant: str
     push_rad_s: float

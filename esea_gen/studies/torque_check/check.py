@@ -19,13 +19,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
+from esea_gen.files import plain
 from esea_gen.studies.torque_check.load import KnownLoad, require
 from esea_gen.studies.torque_check.procedure import (
     LIMITS,
@@ -121,11 +122,6 @@ class TorqueCheck:
         Loads in each direction.
     settle_s, record_s : float
         How long each phase is left to settle, and then recorded.
-
-    Raises
-    ------
-    UserError
-        For a load outside the identified domain, too small to tell anything, or known too badly.
     """
 
     def __init__(
@@ -147,23 +143,23 @@ class TorqueCheck:
         self._check_load()
 
     def _check_load(self) -> None:
-        torque = self.known.torque_Nm
+        torque, mass_kg = self.known.torque_Nm, self.known.mass_kg
         low, high = load_range_Nm(self.device)
-        per_kg = torque / self.known.mass_kg
+        g_per_Nm = 1000 * mass_kg / torque
+        given = f"{mass_kg:g} kg at {self.known.arm_m:g} m is {torque:.3g} Nm"
         if torque > high:
             raise UserError(
-                f"{self.known.mass_kg:g} kg at {self.known.arm_m:g} m is {torque:.3g} Nm, "
-                f"above {high:.3g} Nm, the largest still load inside the identified domain of "
-                f"{self.device.name}.",
-                f"Hang at most {math.floor(1000 * high / per_kg) / 1000:g} kg there, or shorten "
-                "the arm.",
+                f"{given}, above {high:.3g} Nm, the largest still load inside the identified "
+                f"domain of {self.device.name}.",
+                f"Hang at most {math.floor(high * g_per_Nm) / 1000:g} kg there, or shorten the "
+                "arm.",
             )
         if torque < low:
             raise UserError(
-                f"{self.known.mass_kg:g} kg at {self.known.arm_m:g} m is {torque:.3g} Nm, "
-                f"below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: it would tell little.",
-                f"Hang at least {math.ceil(1000 * low / per_kg) / 1000:g} kg there, or lengthen "
-                "the arm.",
+                f"{given}, below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: it would "
+                "tell little.",
+                f"Hang at least {math.ceil(low * g_per_Nm) / 1000:g} kg there, or lengthen the "
+                "arm.",
             )
         expanded, most = COVERAGE * self.known.u_torque_Nm, MOST_UNCERTAIN_SHARE
         room = most * self.limit_Nm("accuracy")
@@ -183,11 +179,6 @@ class TorqueCheck:
         ----------
         name : str
             Criterion.
-
-        Returns
-        -------
-        float
-            Nm, before any uncertainty is taken off.
         """
         limit = next(x for x in LIMITS if x.name == name)
         return limit.torque_Nm(self.device.tau_full_scale_Nm, self.known.torque_Nm)
@@ -218,17 +209,6 @@ class TorqueCheck:
             Samples, shape (n,).
         source : str
             Where they come from.
-
-        Returns
-        -------
-        Measurement
-            What is kept of it.
-
-        Raises
-        ------
-        UserError
-            For another step than the next, NaN or infinity, times that do not rise, or too little
-            to judge.
         """
         expected = self.next_step
         if expected is None or label != expected.label:
@@ -359,28 +339,25 @@ class TorqueCheck:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content: result, and all that :meth:`resumed` needs."""
-        full = self.device.tau_full_scale_Nm
-        return {
-            "kind": KIND,
-            "version": VERSION,
-            "device": self.device.name,
-            "device_digest": self.device.digest,
-            "full_scale_Nm": full,
-            "verdict": self.verdict,
-            "known_load": asdict(self.known),
-            "known_torque_Nm": self.known.torque_Nm,
-            "known_budget_Nm": self.known.budget_Nm,
-            "known_expanded_Nm": COVERAGE * self.known.u_torque_Nm,
-            "repeats": self.repeats,
-            "settle_s": self.settle_s,
-            "record_s": self.record_s,
-            "limits": [asdict(x) | {"limit_Nm": self.limit_Nm(x.name)} for x in LIMITS],
-            "measurements": [asdict(m) for m in self.measurements],
-            "missing": [s.label for s in self.missing],
-            "decisions": [
-                asdict(d) | {"steps": list(d.steps), "passed": d.passed} for d in self.decisions
-            ],
-        }
+        own = ("verdict", "repeats", "settle_s", "record_s", "measurements")
+        content: dict[str, Any] = plain(
+            {
+                "kind": KIND,
+                "version": VERSION,
+                "device": self.device.name,
+                "device_digest": self.device.digest,
+                "full_scale_Nm": self.device.tau_full_scale_Nm,
+                "known_load": self.known,
+                "known_torque_Nm": self.known.torque_Nm,
+                "known_budget_Nm": self.known.budget_Nm,
+                "known_expanded_Nm": COVERAGE * self.known.u_torque_Nm,
+                "limits": [vars(x) | {"limit_Nm": self.limit_Nm(x.name)} for x in LIMITS],
+                "missing": [s.label for s in self.missing],
+                "decisions": [vars(d) | {"passed": d.passed} for d in self.decisions],
+                **{k: getattr(self, k) for k in own},
+            }
+        )
+        return content
 
     @classmethod
     def resumed(cls, device: DeviceData, content: Mapping[str, Any]) -> TorqueCheck:
@@ -392,17 +369,6 @@ class TorqueCheck:
             The device, unchanged since.
         content : mapping
             From :meth:`to_dict`.
-
-        Returns
-        -------
-        TorqueCheck
-            With the phases that were recorded.
-
-        Raises
-        ------
-        UserError
-            For something else than an earlier check, one of another device or device file, or
-            values that no check can have.
         """
         fresh = "Start a new check."
         if not isinstance(content, Mapping) or content.get("kind") != KIND:
@@ -486,6 +452,3 @@ class TorqueCheck:
             lines.append(f"Next, {self.missing[0].label}: {self.missing[0].text}")
         lines.append(f"Verdict: {self.verdict.upper()}")
         return lines
-
-
-__all__ = ["CheckDecision", "Measurement", "TorqueCheck"]

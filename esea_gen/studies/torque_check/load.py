@@ -46,7 +46,6 @@ class KnownLoad:
 
     @property
     def budget_Nm(self) -> dict[str, float]:
-        """Contributions to the standard uncertainty, Nm."""
         torque, u = self.torque_Nm, self.u_angle_rad
         return {
             "mass": torque * self.u_mass_kg / self.mass_kg,
@@ -58,8 +57,4 @@ class KnownLoad:
 
     @property
     def u_torque_Nm(self) -> float:
-        """Standard uncertainty of the torque."""
         return math.sqrt(sum(v * v for v in self.budget_Nm.values()))
-
-
-__all__ = ["KnownLoad", "require"]

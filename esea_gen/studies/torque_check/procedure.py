@@ -19,8 +19,6 @@ Kind = Literal["zero", "plus", "minus"]
 
 @dataclass(frozen=True)
 class Limit:
-    """One limit of the check."""
-
     name: str
     percent: float
     what: str
@@ -90,8 +88,6 @@ LIMITS = (
 
 @dataclass(frozen=True)
 class ProcedureStep:
-    """One phase of the procedure."""
-
     label: str
     kind: Kind
     text: str
@@ -110,19 +106,16 @@ def static_torque_Nm(device: DeviceData, theta_rad: float) -> float:
 
 
 def largest_torque_Nm(device: DeviceData) -> float:
-    """Largest still load inside the identified domain."""
     return min(
         device.tau_full_scale_Nm, static_torque_Nm(device, device.file.domain.theta_max_rad.value)
     )
 
 
 def load_range_Nm(device: DeviceData) -> tuple[float, float]:
-    """Loads that the check accepts."""
     return SMALLEST_LOAD_PCT / 100 * device.tau_full_scale_Nm, largest_torque_Nm(device)
 
 
 def procedure(repeats: int = REPEATS) -> tuple[ProcedureStep, ...]:
-    """The phases, in order."""
     require("repeats", repeats, 2, 20, "loads", "Repeatability needs at least two.")
     unload = "Take the mass off; leave the arm as it is, and do not touch it."
     steps = [ProcedureStep("zero_1", "zero", unload)]
@@ -135,17 +128,3 @@ def procedure(repeats: int = REPEATS) -> tuple[ProcedureStep, ...]:
             steps.append(ProcedureStep(f"{kind}_{n}", kind, text))  # type: ignore[arg-type]
             steps.append(ProcedureStep(f"zero_{1 + len(steps) // 2}", "zero", unload))
     return tuple(steps)
-
-
-__all__ = [
-    "LIMITS",
-    "REPEATS",
-    "SMALLEST_LOAD_PCT",
-    "Kind",
-    "Limit",
-    "ProcedureStep",
-    "largest_torque_Nm",
-    "load_range_Nm",
-    "procedure",
-    "static_torque_Nm",
-]

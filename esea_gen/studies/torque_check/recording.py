@@ -24,8 +24,6 @@ SHORTEST_S = 2.0
 
 @dataclass(frozen=True)
 class CheckRecording:
-    """Samples of a check."""
-
     name: str
     time_s: Array
     tau_Nm: Array
@@ -44,7 +42,6 @@ def read_recording(path: Path) -> CheckRecording:
 
 
 def read_check(path: Path) -> Any:
-    """Read the JSON of a check to go on with."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -54,39 +51,25 @@ def read_check(path: Path) -> Any:
         ) from error
 
 
-@dataclass(frozen=True)
-class Phase:
-    """A run of samples of one step."""
-
-    name: str
-    first: int
-    last: int
+Phase = tuple[str, int, int]  # a step's name, its first and its last sample
 
 
 def _runs(names: Sequence[str]) -> list[Phase]:
     found, at = [], 0
     for name, group in groupby(names):
         count = sum(1 for _ in group)
-        found.append(Phase(name, at, at + count - 1))
+        found.append((name, at, at + count - 1))
         at += count
     return found
 
 
 def _kinds(recording: CheckRecording, torque_Nm: float) -> list[Phase]:
     # Loaded one way, the other way, or not at all; short runs are handling, not phases.
-    level = LOADED_SHARE * torque_Nm
-    names = np.where(
-        recording.tau_Nm > level, "plus", np.where(recording.tau_Nm < -level, "minus", "zero")
-    )
-    t = recording.time_s
-    long = [p for p in _runs(names.tolist()) if t[p.last] - t[p.first] >= SHORTEST_S]
-    merged: list[Phase] = []
-    for p in long:
-        if merged and merged[-1].name == p.name:
-            merged[-1] = Phase(p.name, merged[-1].first, p.last)
-        else:
-            merged.append(p)
-    return merged
+    t, level = recording.time_s, recording.tau_Nm / (LOADED_SHARE * torque_Nm)
+    names = np.select([level > 1, level < -1], ["plus", "minus"], "zero")
+    long = [p for p in _runs(names.tolist()) if t[p[2]] - t[p[1]] >= SHORTEST_S]
+    merged = (list(group) for _, group in groupby(long, lambda p: p[0]))
+    return [(g[0][0], g[0][1], g[-1][2]) for g in merged]
 
 
 def apply_recording(check: TorqueCheck, recording: CheckRecording) -> tuple[Measurement, ...]:
@@ -101,7 +84,7 @@ def apply_recording(check: TorqueCheck, recording: CheckRecording) -> tuple[Meas
         )
     missing = check.missing
     if recording.step is not None:
-        phases = [p for p in _runs(recording.step) if p.name]
+        phases = [p for p in _runs(recording.step) if p[0]]
         expected = [s.label for s in missing]
     else:
         phases = _kinds(recording, check.known.torque_Nm)
@@ -122,8 +105,8 @@ def _record_all(
 ) -> list[Measurement]:
     t, missing = recording.time_s, check.missing
     out = []
-    for i, phase in enumerate(phases):
-        if i >= len(expected) or phase.name != expected[i]:
+    for i, (name, first, last) in enumerate(phases):
+        if i >= len(expected) or name != expected[i]:
             wanted = f"{missing[i].label} comes there" if i < len(missing) else "no step is left"
             hint = (
                 f"Labels, in order: {', '.join(s.label for s in missing[i:]) or 'none'}."
@@ -131,13 +114,10 @@ def _record_all(
                 else "Record in the order of the procedure, or add a column step with its labels."
             )
             raise UserError(
-                f"{recording.name}: the phase from {t[phase.first]:.3g} to {t[phase.last]:.3g} s "
-                f"is '{phase.name}', but {wanted}.",
+                f"{recording.name}: the phase from {t[first]:.3g} to {t[last]:.3g} s is "
+                f"'{name}', but {wanted}.",
                 hint,
             )
-        part = slice(phase.first, phase.last + 1)
+        part = slice(first, last + 1)
         out.append(check.record(missing[i].label, t[part], recording.tau_Nm[part], recording.name))
     return out
-
-
-__all__ = ["CheckRecording", "Phase", "apply_recording", "read_check", "read_recording"]

@@ -58,8 +58,6 @@ HOMES = {
 
 @dataclass(frozen=True)
 class TunableSweep:
-    """One parameter over its values."""
-
     parameter: str
     held: Mapping[str, float]
     trials: tuple[Trial, ...]
@@ -68,7 +66,6 @@ class TunableSweep:
 
     @property
     def ran(self) -> bool:
-        """Whether any trial ran to its end."""
         return any(not t.unusable.startswith(FAILED) for t in self.trials)
 
     def to_dict(self) -> dict[str, Any]:
@@ -108,8 +105,6 @@ def _cell(value: float, spec: str, unit: str) -> str:
 
 @dataclass(frozen=True)
 class Tuning:
-    """Sweeps and what they chose."""
-
     controller: str
     plant: str
     seed: int

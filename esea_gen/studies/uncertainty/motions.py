@@ -39,8 +39,6 @@ HARMONICS = 4
 
 @dataclass(frozen=True)
 class Motion:
-    """One published signal as a motion of the coupling."""
-
     name: str
     theta_rad: Array
     omega_mid_rad_s: Array

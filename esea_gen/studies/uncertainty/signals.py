@@ -19,15 +19,12 @@ SENSE_RATE = "timing.sense_rate_Hz"
 
 @dataclass(frozen=True)
 class TorqueSignal:
-    """A desired torque of table 4.3."""
-
     amplitude_Nm: float
     start_Hz: float
     end_Hz: float
     duration_s: float
 
     def sample(self, rate_Hz: float, limit_s: float = np.inf) -> Array:
-        """The signal in time."""
         steps = round(min(self.duration_s, limit_s) * rate_Hz)
         t = np.arange(steps) / rate_Hz
         sweep = (self.end_Hz - self.start_Hz) / self.duration_s

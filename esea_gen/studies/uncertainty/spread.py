@@ -32,7 +32,6 @@ class Spread:
 
     @property
     def sigma(self) -> dict[str, float]:
-        """Relative standard deviation by parameter."""
         size = np.sqrt(np.sum(self.root**2, axis=1))
         return {k: float(s) for k, s in zip(self.keys, size, strict=True)}
 

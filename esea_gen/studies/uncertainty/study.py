@@ -45,13 +45,13 @@ PARAMETERS, QUANTISATION, NONLINEARITY = "parameters", "quantisation", "nonlinea
 RATE, TOGETHER = "rate and sampling", "together"
 SOURCES = (PARAMETERS, QUANTISATION, NONLINEARITY, RATE, TOGETHER)
 
+LEVELS: list[Any] = [label(TORQUE_EDGES, i) for i in range(TORQUES)]
+SPEEDS: list[Any] = [label(RATE_EDGES, j) for j in range(RATES)]
 NOT_INCLUDED = "Not included: temperature (no published data), wear, the Mullins effect, and the"
 
 
 @dataclass(frozen=True)
 class TorqueUncertainty:
-    """Torque uncertainty of a device."""
-
     device: str
     full_scale_Nm: float
     omega_max_rad_s: float
@@ -65,7 +65,6 @@ class TorqueUncertainty:
     convergence: list[tuple[int, Figures]]
 
     def overall(self, source: str = TOGETHER) -> Figures:
-        """Over all torques and rates."""
         return self.cells[source][None, None]
 
     def _form(self) -> str:
@@ -76,7 +75,6 @@ class TorqueUncertainty:
         return f"95 % of this device's errors in blocks left out: {band:.3g} Nm, {share:.2g} %"
 
     def notes(self) -> list[str]:
-        """What is assumed and what is left out."""
         notes = [
             f"Parameters, {self.spread.origin}.",
             f"Encoders: {self.bits} bit on both sides, load side moving "
@@ -90,41 +88,30 @@ class TorqueUncertainty:
         return notes
 
     def to_dict(self) -> dict[str, Any]:
+        full, levels, speeds = self.full_scale_Nm, [*LEVELS, None], [*SPEEDS, None]
         return {
             "device": self.device,
-            "full_scale_Nm": self.full_scale_Nm,
+            "full_scale_Nm": full,
             "omega_max_rad_s": self.omega_max_rad_s,
             "runs": self.runs,
             "seed": self.seed,
             "parameters": {"origin": self.spread.origin, "relative_sigma": self.spread.sigma},
             "encoder": {"bits": self.bits, "residual_deg": self.residual_deg},
-            "torque_classes": [label(TORQUE_EDGES, i) for i in range(TORQUES)],
-            "rate_classes": [label(RATE_EDGES, i) for i in range(RATES)],
+            "torque_classes": LEVELS,
+            "rate_classes": SPEEDS,
             "sources": {
                 source: [
-                    {
-                        "torque": None if i is None else label(TORQUE_EDGES, i),
-                        "rate": None if j is None else label(RATE_EDGES, j),
-                        **figures.to_dict(self.full_scale_Nm),
-                    }
-                    for (i, j), figures in cells.items()
+                    {"torque": levels[_last(i)], "rate": speeds[_last(j)]} | f.shares(full)
+                    for (i, j), f in cells.items()
                 ]
                 for source, cells in self.cells.items()
             },
-            "convergence": [
-                {"runs": n, **f.to_dict(self.full_scale_Nm)} for n, f in self.convergence
-            ],
+            "convergence": [{"runs": n} | f.shares(full) for n, f in self.convergence],
             "notes": self.notes(),
         }
 
     def table(self) -> list[str]:
-        lines = [
-            f"{self.device}: torque error in % of full scale ({self.full_scale_Nm:g} Nm), "
-            f"{self.runs} runs",
-            f"{'':20}{'bias':>9}{'sigma':>9}{'95 % from':>11}{'to':>9}{'in Nm':>18}"
-            f"{'std. error':>12}",
-        ]
-        scale = 100 / self.full_scale_Nm
+        scale, together = 100 / self.full_scale_Nm, self.cells[TOGETHER]
 
         def row(name: str, f: Figures) -> str:
             ends = f"{f.low_Nm:+.3f} to {f.high_Nm:+.3f}"
@@ -134,77 +121,79 @@ class TorqueUncertainty:
                 f"{scale * f.interval_error_Nm:12.3f}"
             )
 
-        lines += [row(s, self.overall(s)) for s in SOURCES]
-        for what, edges, count, at in (
-            ("torque / full scale", TORQUE_EDGES, TORQUES, lambda i: (i, None)),
-            ("rate / domain", RATE_EDGES, RATES, lambda i: (None, i)),
-        ):
-            lines += ["", f"together, by {what}"]
-            for i in range(count):
-                found = self.cells[TOGETHER].get(at(i))
-                if found is not None:
-                    lines.append(row(label(edges, i), found))
-        lines += ["", "sigma by torque / full scale, % of full scale"]
-        lines.append(" " * 20 + "".join(f"{label(TORQUE_EDGES, i):>13}" for i in range(TORQUES)))
+        levels = [(n, together.get((i, None))) for i, n in enumerate(LEVELS)]
+        speeds = [(n, together.get((None, j))) for j, n in enumerate(SPEEDS)]
+        lines = [
+            f"{self.device}: torque error in % of full scale ({self.full_scale_Nm:g} Nm), "
+            f"{self.runs} runs",
+            f"{'':20}{'bias':>9}{'sigma':>9}{'95 % from':>11}{'to':>9}{'in Nm':>18}"
+            f"{'std. error':>12}",
+            *(row(s, self.overall(s)) for s in SOURCES),
+            *("", "together, by torque / full scale", *(row(n, f) for n, f in levels if f)),
+            *("", "together, by rate / domain", *(row(n, f) for n, f in speeds if f)),
+            *("", "sigma by torque / full scale, % of full scale"),
+            " " * 20 + "".join(f"{n:>13}" for n in LEVELS),
+        ]
         for s in SOURCES:
-            found_cells = [self.cells[s].get((i, None)) for i in range(TORQUES)]
-            lines.append(
-                f"{s:20}"
-                + "".join(f"{scale * f.sigma_Nm:13.3f}" if f else f"{'-':>13}" for f in found_cells)
-            )
+            found = [self.cells[s].get((i, None)) for i in range(TORQUES)]
+            cells = [f"{scale * f.sigma_Nm:.3f}" if f else "-" for f in found]
+            lines.append(f"{s:20}" + "".join(f"{c:>13}" for c in cells))
         return [*lines, "", *(f"note: {n}" for n in self.notes())]
 
     def figure(self) -> Figure:
+        """95 % interval against torque by source, against torque and rate, and convergence."""
         from matplotlib.figure import Figure
 
-        scale = 100 / self.full_scale_Nm
+        scale, x = 100 / self.full_scale_Nm, np.arange(TORQUES)
         figure = Figure(figsize=(11, 9), layout="constrained")
         a, b, c, d = figure.subplots(2, 2).ravel()
-        names = [label(TORQUE_EDGES, i) for i in range(TORQUES)]
-        x = np.arange(TORQUES)
         width = 0.8 / len(SOURCES)
         for k, source in enumerate(SOURCES):
             found = [self.cells[source].get((i, None)) for i in range(TORQUES)]
-            at = [i for i, f in enumerate(found) if f]
-            middle = x[at] + (k - (len(SOURCES) - 1) / 2) * width
-            lows = np.array([scale * f.low_Nm for f in found if f])
-            highs = np.array([scale * f.high_Nm for f in found if f])
-            a.bar(middle, highs - lows, width, bottom=lows, label=source, color=f"C{k}")
-            a.plot(middle, [scale * f.bias_Nm for f in found if f], "k_")
-            b.plot(x[at], [scale * f.sigma_Nm for f in found if f], "o-", label=source)
+            rows = [
+                (i, f.low_Nm, f.high_Nm, f.bias_Nm, f.sigma_Nm) for i, f in enumerate(found) if f
+            ]
+            at, low, high, bias, sigma = np.array(rows).T
+            middle = at + (k - (len(SOURCES) - 1) / 2) * width
+            a.bar(middle, scale * (high - low), width, bottom=scale * low, label=source)
+            a.plot(middle, scale * bias, "k_")
+            b.plot(at, scale * sigma, "o-", label=source)
         a.axhline(0, color="black", linewidth=0.5)
-        a.set_title("interval that holds 95 % (mark: bias)", fontsize="medium")
         a.legend(fontsize="small")
-        b.set_title("standard deviation", fontsize="medium")
         b.set_yscale("log")
-        for axes in (a, b):
-            axes.set_xticks(x, names, fontsize="small")
-            axes.set_xlabel("|torque| / full scale")
-            axes.set_ylabel("torque error / % of full scale")
+        for axes, title in (
+            (a, "interval that holds 95 % (mark: bias)"),
+            (b, "standard deviation"),
+        ):
+            axes.set_title(title, fontsize="medium")
+            axes.set_xticks(x, LEVELS, fontsize="small")
+            axes.set(xlabel="|torque| / full scale", ylabel="torque error / % of full scale")
             axes.grid(alpha=0.3)
         grid = np.full((RATES, TORQUES), np.nan)
-        for i in range(TORQUES):
-            for j in range(RATES):
-                f = self.cells[TOGETHER].get((i, j))
-                if f is not None:
-                    grid[j, i] = scale * f.half_width_Nm
-                    c.text(i, j, f"{grid[j, i]:.2g}", ha="center", va="center", fontsize="small")
+        for (i, j), f in self.cells[TOGETHER].items():
+            if i is not None and j is not None:
+                grid[j, i] = scale * f.half_width_Nm
+                c.text(i, j, f"{grid[j, i]:.2g}", ha="center", va="center", fontsize="small")
         c.imshow(grid, aspect="auto", origin="lower", cmap="YlOrRd", vmin=0)
         c.set_title("together: largest |end| of the 95 % interval, %", fontsize="medium")
-        c.set_xticks(x, names, fontsize="small")
-        c.set_yticks(range(RATES), [label(RATE_EDGES, j) for j in range(RATES)], fontsize="small")
-        c.set_xlabel("|torque| / full scale")
-        c.set_ylabel("|rate| / domain")
-        n = np.array([k for k, _ in self.convergence])
-        sigma = scale * np.array([f.sigma_Nm for _, f in self.convergence])
-        error = scale * np.array([f.sigma_error_Nm for _, f in self.convergence])
+        c.set_xticks(x, LEVELS, fontsize="small")
+        c.set_yticks(range(RATES), SPEEDS, fontsize="small")
+        c.set(xlabel="|torque| / full scale", ylabel="|rate| / domain")
+        n = [k for k, _ in self.convergence]
+        sigma, error = (
+            scale * np.array([(f.sigma_Nm, f.sigma_error_Nm) for _, f in self.convergence]).T
+        )
         d.plot(n, sigma, color="C4")
         d.fill_between(n, sigma - error, sigma + error, alpha=0.3, color="C4")
         d.set_title("together: standard deviation and its standard error", fontsize="medium")
-        d.set_xlabel("runs")
-        d.set_ylabel("% of full scale")
+        d.set(xlabel="runs", ylabel="% of full scale")
         d.grid(alpha=0.3)
         return figure
+
+
+def _last(index: int | None) -> int:
+    # None stands for all classes, and its name is at the end.
+    return -1 if index is None else index
 
 
 class _Bench:

@@ -32,16 +32,16 @@ class Figures:
 
     @property
     def half_width_Nm(self) -> float:
-        """Largest |error| of the 95 % interval."""
         return max(abs(self.low_Nm), abs(self.high_Nm))
 
-    def to_dict(self, full_scale_Nm: float) -> dict[str, float | int]:
+    def shares(self, full_scale_Nm: float) -> dict[str, float | int]:
+        """In Nm and in % of full scale."""
         out: dict[str, float | int] = {}
-        for name in ("bias", "sigma", "low", "high", "bias_error", "sigma_error", "interval_error"):
-            value = getattr(self, f"{name}_Nm")
-            out[f"{name}_Nm"] = value
-            out[f"{name}_percent"] = 100 * value / full_scale_Nm
-        return out | {"samples": self.samples}
+        for name, value in vars(self).items():
+            out[name] = value
+            if name.endswith("_Nm"):
+                out[name.replace("_Nm", "_percent")] = 100 * value / full_scale_Nm
+        return out
 
 
 class Tally:

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.device import Device
-from esea_gen.emit.error_bounds import Bound
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.program_c import EmittedProgram
 from esea_gen.emit.render import Renderer
+from esea_gen.emit.step_errors import Bound
 from esea_gen.hostlib.codec import Array
 from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import HostLibrary

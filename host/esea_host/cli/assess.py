@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,10 +14,10 @@ import typer
 from esea_gen.cli.groups import WholeSentences
 from esea_gen.cli.options import JobsOption, writable
 from esea_gen.errors import UserError
-from esea_gen.files import write_json, write_whole
+from esea_gen.files import write_json, write_whole, written_whole
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
 from esea_host.cli.app import app, out, told
-from esea_host.cli.options import KeyOption
+from esea_host.cli.options import DarkOption, JsonOption, KeyOption, output_file
 from esea_host.cli.view import need_a_screen
 
 if TYPE_CHECKING:
@@ -33,18 +33,9 @@ assess = typer.Typer(
 )
 app.add_typer(assess, name="assess")
 
-JsonOption = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", callback=writable, help="Write the result.")
-]
 DataOption = Annotated[
     Path | None,
     typer.Option("--database", metavar="FILE", help="Data base; default: the simulated knee's."),
-]
-PageOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--page", metavar="FILE", callback=writable, help="Write a page (.html, .png, .pdf)."
-    ),
 ]
 BoardOption = Annotated[
     str | None,
@@ -69,9 +60,9 @@ HighOption = Annotated[float, typer.Option("--to-deg", help="Reach: most bending
 MassOption = Annotated[float, typer.Option("--mass-kg", help="Body mass, 15 to 250.")]
 
 
-def _said(read: str) -> None:
-    if read:
-        out.print(read)
+def _lines(lines: Iterable[str]) -> None:
+    for line in lines:
+        out.print(line)
 
 
 def _data(path: Path | None) -> Any:
@@ -84,17 +75,6 @@ def _data(path: Path | None) -> Any:
 HeadlessOption = Annotated[
     bool, typer.Option("--headless", help="With a board: keep what passes, repeat what misses.")
 ]
-MovementsOption = Annotated[
-    int, typer.Option("--movements", min=1, help="Headless: at most so many.")
-]
-DarkOption = Annotated[
-    bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
-]
-FastestOption = Annotated[float, typer.Option("--fastest-deg-s", help="Fastest comfortable speed.")]
-SummaryOption = Annotated[
-    Summary, typer.Option("--summary", help="Of the data base; kernel: Gaussian process.")
-]
-MeasureOption = Annotated[Measure, typer.Option("--measure", help="By which movements are chosen.")]
 
 
 @assess.command(epilog=NOTICE)
@@ -141,10 +121,7 @@ def evaluate(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Who is drawn.")] = 1,
     jobs: JobsOption = -1,
     json_file: JsonOption = None,
-    page: Annotated[
-        Path | None,
-        typer.Option("--page", metavar="FILE", callback=writable, help="Write the page (.html)."),
-    ] = None,
+    page: Annotated[Path | None, output_file("--page", "Write the page (.html).")] = None,
     database: DataOption = None,
 ) -> None:
     """Judge the assessment on simulated patients drawn anew."""
@@ -156,8 +133,7 @@ def evaluate(
     met, mixed = meet_all(data, patients, seed, jobs, say=told)
     result = {"seed": seed} | judge(met, mixed, data)
     out.print(data.notice)
-    for line in table(result):
-        out.print(line)
+    _lines(table(result))
     write_json(json_file, "host-assess-virtual", result)
     if page is not None:
         write_whole(page, evaluation_page(result))
@@ -173,7 +149,9 @@ def run(
     key: KeyOption = None,
     headless: HeadlessOption = False,
     zero: ZeroOption = False,
-    movements: MovementsOption = 12,
+    movements: Annotated[
+        int, typer.Option("--movements", min=1, help="Headless: at most so many.")
+    ] = 12,
     patient: PatientOption = None,
     seed: SeedOption = 1,
     window: Annotated[bool, typer.Option("--window", help="The clinician's window.")] = False,
@@ -182,13 +160,19 @@ def run(
     mass_kg: MassOption = 70.0,
     low_deg: LowOption = 0.0,
     high_deg: HighOption = 130.0,
-    fastest: FastestOption = 120.0,
+    fastest: Annotated[
+        float, typer.Option("--fastest-deg-s", help="Fastest comfortable speed.")
+    ] = 120.0,
     mixed: Annotated[bool, typer.Option("--mixed", help="Two disorders at once, too.")] = False,
-    summary: SummaryOption = "people",
-    measure: MeasureOption = "expected",
+    summary: Annotated[
+        Summary, typer.Option("--summary", help="Of the data base; kernel: Gaussian process.")
+    ] = "people",
+    measure: Annotated[
+        Measure, typer.Option("--measure", help="By which movements are chosen.")
+    ] = "expected",
     who: Annotated[str, typer.Option("--who", help="Printed on the page.")] = "",
     json_file: JsonOption = None,
-    page: PageOption = None,
+    page: Annotated[Path | None, output_file("--page", "Write a page (.html, .png, .pdf).")] = None,
     database: DataOption = None,
 ) -> None:
     """Assess one leg: a movement is proposed; measure it, type what it gave, or read recordings.
@@ -223,7 +207,7 @@ def run(
         if somebody is not None:
             out.print("The patient is simulated.")
         for path, r in zip(recording or [], recordings, strict=True):
-            _said(r.read)
+            _lines([r.read] if r.read else [])
             out.print(desk.recording(r, path.name))
         if board is not None and (headless or zero):
             from esea_host.assess.board import be_ready
@@ -327,10 +311,25 @@ def _one_of(recording: Path | None, device: str | None) -> None:
         raise UserError("A recording or a board.", "Give FILE, or --device ADDRESS.")
 
 
-def _simulated(board: KneeBoard) -> Any:
-    if board.simulated:
-        out.print("SIMULATED")
-    return board.therapist
+@contextmanager
+def _measuring(
+    device: str | None, *given: Any, zero: bool, kept_s: float = 30.0
+) -> Iterator[tuple[KneeBoard, Any]]:
+    """A board that is ready for a passive test; the hands on it, if it is simulated."""
+    from esea_host.assess.board import be_ready
+
+    with _board(device, *given, paced=False, kept_s=kept_s) as board:
+        assert board is not None
+        be_ready(board, out.print, zero)
+        if board.simulated:
+            out.print("SIMULATED")
+        yield board, board.therapist if board.simulated else None
+
+
+def _measured(read: str, sentences: list[str]) -> None:
+    out.print(MEASURED_NOTICE)
+    _lines([read] if read else [])
+    _lines(sentences)
 
 
 @assess.command(epilog=MEASURED_NOTICE)
@@ -362,21 +361,17 @@ def pendulum(
     else:
         # A leg that falls is faster than any comfort.
         free, said = Comfort(0.0, 2.7, 5.0), ""
-        with _board(device, key, somebody, free, json_file, seed, paced=False) as board:
-            from esea_host.assess.board import await_fall, be_ready
+        given = device, key, somebody, free, json_file, seed
+        with _measuring(*given, zero=zero) as (board, hands):
+            from esea_host.assess.board import await_fall
 
-            assert board is not None
-            be_ready(board, out.print, zero)
-            if hands := _simulated(board):
+            if hands:
                 hands.let_fall()
             out.print("Hold the leg straight, keep still, and let go.")
             fall = await_fall(board, out.print, seconds)
             time_s, angle = fall.time_s, fall.angle_rad
     found = pendulum_test(time_s, angle)
-    out.print(MEASURED_NOTICE)
-    _said(said)
-    for line in found.sentences():
-        out.print(line)
+    _measured(said, found.sentences())
     write_json(json_file, "host-assess-pendulum", {"notice": MEASURED_NOTICE} | vars(found))
 
 
@@ -398,10 +393,7 @@ def range_(
     low_deg: LowOption = 0.0,
     high_deg: HighOption = 130.0,
     json_file: JsonOption = None,
-    figure: Annotated[
-        Path | None,
-        typer.Option("--figure", metavar="FILE", callback=writable, help="Torque over angle."),
-    ] = None,
+    figure: Annotated[Path | None, output_file("--figure", "Torque over angle.")] = None,
 ) -> None:
     """Passive range of motion: how far, how stiff, and what the loop of torque loses."""
     from esea_host.assess.files import read_recording
@@ -421,26 +413,20 @@ def range_(
     else:
         slow = Comfort(low_deg * DEG, high_deg * DEG, SLOW_rad_s)
         given = device, key, somebody, slow, json_file, seed
-        with _board(*given, paced=False, kept_s=seconds + 10) as board:
-            from esea_host.assess.board import await_cycles, be_ready
+        with _measuring(*given, zero=zero, kept_s=seconds + 10) as (board, hands):
+            from esea_host.assess.board import await_cycles
 
-            assert board is not None
-            be_ready(board, out.print, zero)
-            if hands := _simulated(board):
+            if hands:
                 hands.sweep(slow.low_rad, slow.high_rad, 20.0)
             out.print("Bend and straighten the leg slowly, from one end to the other.")
             leg = await_cycles(board, out.print, seconds, height_m, mass_kg)
     found = motion_range(leg)
-    out.print(MEASURED_NOTICE)
-    _said(leg.read)
-    for line in found.sentences():
-        out.print(line)
+    _measured(leg.read, found.sentences())
     numbers = {k: v for k, v in vars(found).items() if v is None or isinstance(v, int | float)}
     write_json(json_file, "host-assess-motion", {"notice": MEASURED_NOTICE} | numbers)
     if figure is not None:
-        buffer = io.BytesIO()
-        loop_picture(found).savefig(buffer, format=figure.suffix[1:], dpi=150)
-        write_whole(figure, buffer.getvalue())
+        with written_whole(figure) as scratch:
+            loop_picture(found).savefig(scratch, dpi=150)
 
 
 @assess.command(epilog=NOTICE)
@@ -457,6 +443,5 @@ def validate(
     if folder is not None:
         found["elbow"] = against_elbow(folder)
     out.print(NOTICE)
-    for line in table(found):
-        out.print(line)
+    _lines(table(found))
     write_json(json_file, "host-assess-known", found)

@@ -1,30 +1,46 @@
-"""``kept`` and ``blackbox``: what a board keeps without power."""
+"""What a board keeps: ``kept``, ``blackbox``, ``life``; its key: ``pair``, ``unpair``."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from esea_gen.board.blackbox import blackbox_csv, read_record
-from esea_gen.cli.options import writable
+from esea_gen.device import Device
+from esea_gen.devices.fatigue import life_used
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
-from esea_gen.files import write_whole
+from esea_gen.files import write_json, write_whole
 from esea_gen.link.kept import (
+    CouplingLife,
     KeptValue,
+    coupling_lives,
+    forget_coupling,
     kept_use,
     kept_values,
+    name_coupling,
     name_encoders,
     read_blackbox,
     release_blackbox,
 )
 from esea_gen.link.parameters import find_parameter
 from esea_gen.link.session import Session
+from esea_gen.link.signing import new_key_path, set_aside
+from esea_gen.link.transport import LinkError
 from esea_host.cli.app import app, out
-from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
-from esea_host.connection import open_device
+from esea_host.cli.options import (
+    AddressArgument,
+    DeviceOption,
+    JsonOption,
+    KeyOption,
+    output_file,
+)
+from esea_host.connection import life_told, open_device
+
+UNTIL_OFF = "until power-off"  # what the board says that cannot store its key
 
 
 @app.command()
@@ -85,9 +101,7 @@ def _changed(session: Session, kept: KeptValue) -> str:
 @app.command()
 def blackbox(
     address: AddressArgument,
-    target: Annotated[
-        Path, typer.Option("--out", metavar="FILE", callback=writable, help="Table to write, CSV.")
-    ],
+    target: Annotated[Path, output_file("--out", "Table to write, CSV.")],
     release: Annotated[
         bool, typer.Option("--release", help="Then let it go on; the board's copy is lost.")
     ] = False,
@@ -112,3 +126,129 @@ def blackbox(
     out.print(f"{target}: {len(records) - corrupt} ticks up to {found.tick}, frozen by {why}")
     if corrupt:
         out.print(f"{corrupt} records were corrupt and are left out")
+
+
+@app.command()
+def life(
+    address: AddressArgument,
+    coupling: Annotated[
+        list[int] | None,
+        typer.Option(
+            "--coupling",
+            min=1,
+            help="Serial number that stands on a coupling; one for each axis, in the device's "
+            "order. What that coupling has borne before goes on.",
+        ),
+    ] = None,
+    forget: Annotated[
+        int | None, typer.Option("--forget", min=1, help="Forget a coupling that lies aside.")
+    ] = None,
+    json_file: JsonOption = None,
+    device: DeviceOption = None,
+    key: KeyOption = None,
+) -> None:
+    """Show what each coupling has borne, and how much of its life is used; name the couplings."""
+    with open_device(address, device, key) as board:
+        lives = coupling_lives(board.session)
+        axes = sum(x.axis is not None for x in lives)
+        if coupling and len(coupling) != axes:
+            raise UserError(
+                f"{len(coupling)} serial numbers for {axes} couplings.",
+                "Give --coupling once for each axis.",
+            )
+        for axis, serial in enumerate(coupling or ()):
+            name_coupling(board.session, axis, serial)
+        if forget is not None:
+            forget_coupling(board.session, forget)
+        lives = coupling_lives(board.session) if coupling or forget else lives
+        known, simulated = board.identity.device, board.simulated
+    if simulated:
+        out.print("A simulated board:")
+    for one in lives:
+        _show(known, one)
+    if not lives:
+        out.print("The device has no coupling that is counted.")
+    rows = [_row(known, one) for one in lives]
+    curve = known.file.fatigue
+    told = None if curve is None else curve.model_dump()
+    content = {"device": known.name, "simulated": simulated, "fatigue": told, "couplings": rows}
+    write_json(json_file, "host-life", content)
+
+
+def _show(device: Device, one: CouplingLife) -> None:
+    where = "lies aside" if one.axis is None else f"axis {device.axes[one.axis] or one.axis}"
+    name = f"coupling {one.serial}" if one.serial else "coupling, nobody said which it is"
+    out.print(f"{name}, {where}:")
+    out.print(
+        f"  {one.seconds / 3600:.2f} h counted, {sum(one.halves) / 2:g} cycles of "
+        f"{one.width_rad:.4f} rad and more, {one.energy_J:.3g} J taken"
+    )
+    for k, halves in enumerate(one.halves):
+        if halves:
+            low, high = k * one.width_rad, (k + 1) * one.width_rad
+            out.print(f"  {low:.3f} to {high:.3f} rad: {halves / 2:g} cycles")
+    text, warns = life_told(device, one)
+    out.print(f"  {'WARNING: ' if warns else ''}{text}")
+    if one.full:
+        out.print(f"  {one.full} times half a cycle was taken for want of room")
+
+
+def _row(device: Device, one: CouplingLife) -> dict[str, object]:
+    curve = device.file.fatigue
+    used = None if curve is None else asdict(life_used(curve, one.halves, one.width_rad))
+    return asdict(one) | {"life_used": used, "warns": life_told(device, one)[1]}
+
+
+@app.command()
+def pair(
+    address: AddressArgument,
+    device: DeviceOption = None,
+    key: Annotated[
+        Path | None,
+        typer.Option(
+            "--key",
+            metavar="FILE",
+            help="New file for the key; default: in the user's folder, where commands find it.",
+        ),
+    ] = None,
+) -> None:
+    """Give a board a key: from then on it takes signed commands only, and STOP from anybody."""
+    with open_device(address, device) as board:
+        found = board.identity
+        if board.session.traffic().paired:
+            raise UserError(
+                f"{address}: the board is paired already; its key is in {found.key}.",
+                f"For another key first: esea-host unpair {address}",
+            )
+        path = new_key_path(found.device.name, found.board) if key is None else key
+        if path.exists():
+            raise UserError(f"{path} exists already.", "Give a new file: no key is overwritten.")
+        try:
+            board.session.pair(path)
+        except LinkError as error:
+            if not path.exists():
+                raise
+            raise LinkError(
+                f"{error.what}; the key was written to {path} before, and the board may have it",
+                f"Once the board answers, see whether it has: esea-host pair {address}",
+            ) from None
+        temporary = any(UNTIL_OFF in text for text in board.session.texts)
+    out.print(f"{address}: paired. The key is in {path}.")
+    if key is not None:
+        out.print(f"Commands find it with --key {key} only.")
+    out.print("Keep a copy of the file in a safe place: without it nobody can command the board.")
+    if temporary:
+        out.print("The board cannot store its key: it is unpaired again after power-off.")
+
+
+@app.command()
+def unpair(address: AddressArgument, device: DeviceOption = None, key: KeyOption = None) -> None:
+    """Take the key from a board, so that it takes commands from anybody; set its file aside."""
+    with open_device(address, device, key) as board:
+        if not board.session.traffic().paired:
+            raise UserError(f"{address}: the board is not paired.", "Nothing was changed.")
+        path = board.identity.key
+        board.session.unpair()
+    out.print(f"{address}: no longer paired.")
+    if path is not None:
+        out.print(f"Its key is in {set_aside(path)} now, for no board any more.")

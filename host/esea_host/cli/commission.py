@@ -12,9 +12,7 @@ import typer
 
 from esea_gen.device import board_device
 from esea_gen.errors import UserError
-from esea_gen.studies.torque_check.check import RECORD_S, SETTLE_S
 from esea_gen.studies.torque_check.load import KnownLoad
-from esea_gen.studies.torque_check.procedure import REPEATS
 from esea_host.cli.app import app, out
 from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.cli.view import need_a_screen
@@ -37,9 +35,6 @@ from esea_host.recording.replay import loaded_device
 from esea_host.simulated import SimulatedBoard
 
 NAMES = ", ".join(s.name for s in STEPS)
-AxisOption = Annotated[
-    str | None, typer.Option("--axis", help="Of a device with several; default: the first.")
-]
 
 
 @app.command()
@@ -50,7 +45,9 @@ def commission(
     step: Annotated[
         list[str] | None, typer.Option("--step", help=f"{NAMES}; again for more; default: all.")
     ] = None,
-    axis: AxisOption = None,
+    axis: Annotated[
+        str | None, typer.Option("--axis", help="Of a device with several; default: the first.")
+    ] = None,
     folder: Annotated[
         Path | None,
         typer.Option("--record", metavar="DIR", help="Default: commissioning/DEVICE-AXIS."),
@@ -62,9 +59,15 @@ def commission(
     mass: Annotated[float | None, typer.Option("--mass", help="Known mass in kg.")] = None,
     arm: Annotated[float | None, typer.Option("--arm", help="Where it hangs, in m.")] = None,
     angle: Annotated[float, typer.Option("--angle", help="Of the arm, deg off horizontal.")] = 0,
-    settle: Annotated[float, typer.Option("--settle", help="Of each load, s.")] = SETTLE_S,
-    judge: Annotated[float, typer.Option("--judge", help="Of each load, s.")] = RECORD_S,
-    repeats: Annotated[int, typer.Option("--repeats", help="Loads in each direction.")] = REPEATS,
+    settle: Annotated[
+        float, typer.Option("--settle", help="Of each load, s.")
+    ] = StepOptions.settle_s,
+    judge: Annotated[
+        float, typer.Option("--judge", help="Of each load, s.")
+    ] = StepOptions.record_s,
+    repeats: Annotated[
+        int, typer.Option("--repeats", help="Loads in each direction.")
+    ] = StepOptions.repeats,
 ) -> None:
     """Zero, encoders, motor sign, friction, known mass: pass or fail, a picture, a record.
 

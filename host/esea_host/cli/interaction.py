@@ -1,4 +1,4 @@
-"""``analyse interaction``, what goes with it, and ``smoothness`` for anybody's recording."""
+"""``analyse``: the interaction study and what goes with it; ``smoothness`` for any recording."""
 
 from __future__ import annotations
 
@@ -8,33 +8,20 @@ from typing import Annotated, Any
 
 import typer
 
-from esea_gen.cli.options import writable
+from esea_gen.cli.groups import WholeSentences
+from esea_gen.cli.options import FigureOption
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole, written_whole
 from esea_gen.tables import read_table
-from esea_host.cli.analyse import analyse
 from esea_host.cli.app import app, out
+from esea_host.cli.options import JsonOption, ReportOption
 
-JsonOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--json", metavar="FILE", callback=writable, help="Also write the result as JSON."
-    ),
-]
-FigureOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--figure", metavar="FILE", callback=writable, help="Picture: .png, .svg or .pdf."
-    ),
-]
+analyse = typer.Typer(cls=WholeSentences, help="Analyse what was recorded.", no_args_is_help=True)
+app.add_typer(analyse, name="analyse")
+
 FileArgument = Annotated[
     Path, typer.Argument(metavar="FILE", help="CSV, Parquet, MAT, HDF5 or JSON.")
 ]
-
-
-def _checked_figure(path: Path | None) -> None:
-    if path is not None and path.suffix not in (".png", ".svg", ".pdf"):
-        raise UserError(f"{path}: a picture ends in .png, .svg or .pdf.", "Give another name.")
 
 
 def _draw(path: Path | None, figure: Any) -> None:
@@ -52,10 +39,7 @@ def _say(lines: list[str]) -> None:
 def interaction(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="With interaction.toml.")],
     json_file: JsonOption = None,
-    report: Annotated[
-        Path | None,
-        typer.Option("--report", metavar="FILE", callback=writable, help="Page, .html."),
-    ] = None,
+    report: ReportOption = None,
 ) -> None:
     """Spring against elastomer: smoothness, statistics, survey, and what could have been seen."""
     checked_page(report)
@@ -75,7 +59,7 @@ def shown_interaction(folder: Path, json_file: Path | None, report: Path | None)
     _say(lines(found))
     write_json(json_file, "host-interaction", found.to_dict())
     if report is not None:
-        from esea_host.interaction.page import render_report
+        from esea_host.interaction.figures import render_report
 
         write_whole(report, render_report(found))
 
@@ -95,7 +79,6 @@ def loading(
     from esea_host.interaction.loading import analyse_loading
     from esea_host.recording.export import column_of, longest_run, reported
 
-    _checked_figure(figure)
     table = longest_run(read_table(file))
     theta, tau = (table.numbers(column_of(table, n)) for n in ("theta_rad", "tau_Nm"))
     found = analyse_loading(theta, tau, rest_rad=rest, skip_first=skip_first)
@@ -109,7 +92,6 @@ def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOptio
     """Answers first against second device, said again as spring against elastomer."""
     from esea_host.interaction.survey import diverging_bars, read_survey
 
-    _checked_figure(figure)
     found = read_survey(file)
     _say(found.lines())
     write_json(json_file, "host-survey", found.to_dict())

@@ -1,4 +1,4 @@
-"""A board that is connected: ``monitor``, ``record``, ``parameters``, ``sim``."""
+"""A connected board: ``monitor``, ``record``, ``bridge``, ``zero``, ``parameters``, ``sim``."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,10 +26,14 @@ from esea_host.cli.options import (
     AddressArgument,
     DeviceOption,
     KeyOption,
+    RateOption,
     SecondsOption,
     StreamOption,
+    output_file,
 )
-from esea_host.connection import ConnectedDevice, Subscription, listen_named, open_device
+from esea_host.connection import ConnectedDevice, Subscription, open_device
+from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet, Outlet
+from esea_host.connection.receiver import KEY
 
 SCREEN_S, LINE_S = 0.2, 1.0
 ZERO_S = 1.5  # it stands still for a while, and tells its state once a second
@@ -63,9 +68,7 @@ def monitor(
     jsonl: Annotated[
         bool, typer.Option("--jsonl", help="One JSON object a line for each run, for scripts.")
     ] = False,
-    rate: Annotated[
-        float | None, typer.Option("--rate", min=0.001, help="Runs a second; default: every one.")
-    ] = None,
+    rate: RateOption = None,
 ) -> None:
     """Show what a board tells, in the terminal or line by line."""
     with open_device(address, device, key) as board:
@@ -82,7 +85,7 @@ def _lines(queue: Subscription, seconds: float | None) -> None:
     for _ in _until(seconds, 0.0):
         for batch in queue.take(0.1):
             for gap in batch.gaps:
-                print(json.dumps({"gap": gap.to_dict()}))
+                print(json.dumps({"gap": asdict(gap)}))
             names = batch.rows.dtype.names or ()
             for row in batch.rows:
                 values = {n: _plain(row[n].tolist()) for n in names}
@@ -158,7 +161,7 @@ def record(
         raise UserError("--rate is of --signal.", "Name signals, such as --signal tau_Nm.")
     with open_device(address, device, key) as board:
         if signal:
-            stream = [*(stream or ()), *listen_named(board, signal, rate)]
+            stream = [*(stream or ()), *board.listen_named(signal, rate)]
         with board.record(path, stream, compress) as recording:
             if note:
                 recording.note(note)
@@ -186,6 +189,52 @@ def record(
 
 
 @app.command()
+def bridge(
+    address: AddressArgument,
+    foxglove: Annotated[
+        int | None,
+        typer.Option(
+            "--foxglove", metavar="PORT", min=0, max=65535, help="WebSocket server; 0: any."
+        ),
+    ] = None,
+    lsl: Annotated[bool, typer.Option("--lsl", help="Lab Streaming Layer.")] = False,
+    stream: StreamOption = None,
+    device: DeviceOption = None,
+    key: KeyOption = None,
+    rate: RateOption = None,
+    seconds: SecondsOption = None,
+) -> None:
+    """Hand a board's streams on to Foxglove or the Lab Streaming Layer as they come."""
+    if foxglove is None and not lsl:
+        raise UserError("Nobody is named to hand on to.", "Add --foxglove PORT, --lsl, or both.")
+    with open_device(address, device, key) as board:
+        names = [s for s in stream or board.streams if s != KEY]
+        told = board.listen(names, rate)
+        system = board.identity.device.system
+        own_Hz = {t.name: 1 / (t.every * system.base_period_s) for t in system.tasks}
+        rates_Hz = {n: min(own_Hz[n.rpartition("_")[0]], rate or 1e9) for n in told}
+        outlets: list[Outlet] = []
+        if foxglove is not None:
+            outlets.append(FoxgloveOutlet(foxglove))
+        if lsl:
+            outlets.append(LslOutlet(board.identity.device.name, rates_Hz))
+        queue = board.subscribe(told)
+        for outlet in outlets:
+            out.print(outlet.said)
+        rows = gaps = 0
+        try:
+            for _ in _until(seconds, 0.0):
+                for batch in queue.take(0.1):
+                    rows, gaps = rows + len(batch.rows), gaps + len(batch.gaps)
+                    for outlet in outlets:
+                        outlet.put(batch)
+        finally:
+            for outlet in outlets:
+                outlet.close()
+        out.print(f"{rows} runs handed on, {gaps} gaps, {queue.dropped_rows} dropped")
+
+
+@app.command()
 def zero(address: AddressArgument, device: DeviceOption = None, key: KeyOption = None) -> None:
     """Take the present angles as zero: unloaded, at the joint's zero, standing still.
 
@@ -210,8 +259,7 @@ def parameters(
         typer.Option("--set", help="name=value, such as smc.lambda_1_s=12; again for more."),
     ] = None,
     save: Annotated[
-        Path | None,
-        typer.Option("--save", callback=writable, help="Write the values into a JSON file."),
+        Path | None, output_file("--save", "Write the values into a JSON file.")
     ] = None,
     load: Annotated[
         Path | None, typer.Option("--load", help="Set those of a JSON file that differ.")

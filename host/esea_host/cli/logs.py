@@ -12,7 +12,7 @@ from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
 from esea_gen.link.received import shown
 from esea_host.cli.app import app, out
-from esea_host.cli.options import LogArgument, OneStreamOption
+from esea_host.cli.options import CloseAfterOption, LogArgument, OneStreamOption, ScreenshotOption
 from esea_host.cli.view import watch_recording
 from esea_host.recording import open_log
 from esea_host.recording.clock import clock_fit
@@ -72,15 +72,8 @@ def replay(
     stream: OneStreamOption = None,
     speed: SpeedOption = 1.0,
     view: Annotated[bool, typer.Option("--view", help="Play it in the live view.")] = False,
-    seconds: Annotated[
-        float | None, typer.Option("--seconds", min=1.0, help="With --view: close after so long.")
-    ] = None,
-    screenshot: Annotated[
-        Path | None,
-        typer.Option(
-            "--screenshot", metavar="FILE", callback=writable, help="With --view: picture."
-        ),
-    ] = None,
+    seconds: CloseAfterOption = None,
+    screenshot: ScreenshotOption = None,
 ) -> None:
     """Play a recording, line by line or in the live view, or compare it with the C bit for bit."""
     if view:
@@ -88,7 +81,7 @@ def replay(
         return
     with open_log(path) as log:
         if not verify:
-            from esea_host.recording.playing import play
+            from esea_host.recording.export import play
 
             warn_unless_complete(path, log.integrity)
             for line in play(log, stream or log.first_output, speed):

@@ -4,9 +4,19 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+from esea_gen.cli.options import JsonOption, writable
+
+__all__ = ["JsonOption"]
+
+
+def output_file(flag: str, words: str) -> Any:
+    """An option for a file to write, which is tried before the run."""
+    return typer.Option(flag, metavar="FILE", callback=writable, help=words)
+
 
 AddressArgument = Annotated[
     str,
@@ -35,6 +45,19 @@ StreamOption = Annotated[
 OneStreamOption = Annotated[
     str | None,
     typer.Option("--stream", help="Which; default: what the first axis is sensed to do."),
+]
+RateOption = Annotated[
+    float | None, typer.Option("--rate", min=0.001, help="Runs a second; default: every one.")
+]
+RecordOption = Annotated[Path | None, output_file("--record", "Record meanwhile (.mcap).")]
+ReportOption = Annotated[Path | None, output_file("--report", "Write one HTML page.")]
+ScreenshotOption = Annotated[Path | None, output_file("--screenshot", "Picture before it closes.")]
+CloseAfterOption = Annotated[
+    float | None,
+    typer.Option("--seconds", min=1.0, max=1e6, help="Close the window after so long."),
+]
+DarkOption = Annotated[
+    bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
 ]
 
 # Rooms whose tasks register themselves when they are read.

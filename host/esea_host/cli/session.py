@@ -56,38 +56,18 @@ DeviceOption = Annotated[
         "sim:wrist_drive with a person in it",
     ),
 ]
-ArmOption = Annotated[
-    bool, typer.Option("--arm", help="A board: zero and arm it first; it is asked for 0 Nm.")
-]
 HeadlessOption = Annotated[bool, typer.Option("--headless", help="Without windows.")]
 SeedOption = Annotated[int, typer.Option("--seed", help="Of the simulated participant.")]
 SpeedOption = Annotated[
     float, typer.Option("--speed", min=0.1, help="In windows: simulated time against the clock's.")
 ]
-LanguageOption = Annotated[
-    str, typer.Option("--language", help="Of what the participant reads: en, de.")
-]
-PatchOption = Annotated[
-    PatchMode,
-    typer.Option("--patch", help="Square for a photodiode: with every frame, or at an onset."),
-]
 DarkOption = Annotated[
     bool | None,
     typer.Option("--dark/--light", help="Default: dark; the operator's as the desktop has it."),
 ]
-CloseOption = Annotated[bool, typer.Option("--close", help="Close the windows at the end.")]
-HoldOption = Annotated[
-    bool, typer.Option("--hold", help="Wait for you after a calibration that was not good enough.")
-]
-EarlyOption = Annotated[
-    str, typer.Option("--early", help="Why the session comes before its washout is over.")
-]
 MassOption = Annotated[
     float | None,
     typer.Option("--mass", min=0.01, help="kg, by which the element of a board is confirmed."),
-]
-LeverOption = Annotated[
-    float | None, typer.Option("--lever", min=0.01, help="m, from the joint to where it hangs.")
 ]
 
 
@@ -109,69 +89,67 @@ class _Asked:
     lever: float | None
 
 
+@study_app.command(
+    "resume", help="Show what an interrupted session holds, and go on with it in the planned order."
+)
 @study_app.command("run")
 def run(
+    context: typer.Context,
     folder: FolderArgument,
     code: CodeArgument,
     session: SessionOption = 1,
     device: DeviceOption = SIMULATED,
     key: KeyOption = None,
-    arm: ArmOption = False,
+    arm: Annotated[
+        bool, typer.Option("--arm", help="A board: zero and arm it first; it is asked for 0 Nm.")
+    ] = False,
     headless: HeadlessOption = False,
     seed: SeedOption = 1,
     speed: SpeedOption = 1.0,
-    language: LanguageOption = "en",
-    patch: PatchOption = PatchMode.off,
+    language: Annotated[
+        str, typer.Option("--language", help="Of what the participant reads: en, de.")
+    ] = "en",
+    patch: Annotated[
+        PatchMode,
+        typer.Option("--patch", help="Square for a photodiode: with every frame, or at an onset."),
+    ] = PatchMode.off,
     dark: DarkOption = None,
-    close: CloseOption = False,
-    hold: HoldOption = False,
-    early: EarlyOption = "",
+    close: Annotated[bool, typer.Option("--close", help="Close the windows at the end.")] = False,
+    hold: Annotated[
+        bool,
+        typer.Option("--hold", help="Wait for you after a calibration that was not good enough."),
+    ] = False,
+    early: Annotated[
+        str, typer.Option("--early", help="Why the session comes before its washout is over.")
+    ] = "",
     mass: MassOption = None,
-    lever: LeverOption = None,
+    lever: Annotated[
+        float | None, typer.Option("--lever", min=0.01, help="m, from the joint to where it hangs.")
+    ] = None,
     trust: TrustOption = None,
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
     study = opened(folder, trust)
-    if study.log_of(code, session - 1).exists():
+    path, begun = study.log_of(code, session - 1), context.info_name == "resume"
+    if begun and not path.exists():
+        raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
+    if path.exists() and not begun:
         raise UserError(
             f"{code} has begun session {session} already.",
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",
         )
-    asked = _Asked(
-        device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
-        mass, lever,
-    )  # fmt: skip
-    _run(study, code, session, asked)
+    if not begun or _remains(path):
+        asked = _Asked(
+            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
+            mass, lever,
+        )  # fmt: skip
+        _run(study, code, session, asked)
 
 
-@study_app.command("resume")
-def resume(
-    folder: FolderArgument,
-    code: CodeArgument,
-    session: SessionOption = 1,
-    device: DeviceOption = SIMULATED,
-    key: KeyOption = None,
-    arm: ArmOption = False,
-    headless: HeadlessOption = False,
-    seed: SeedOption = 1,
-    speed: SpeedOption = 1.0,
-    language: LanguageOption = "en",
-    patch: PatchOption = PatchMode.off,
-    dark: DarkOption = None,
-    close: CloseOption = False,
-    hold: HoldOption = False,
-    early: EarlyOption = "",
-    mass: MassOption = None,
-    lever: LeverOption = None,
-    trust: TrustOption = None,
-) -> None:
-    """Show what an interrupted session holds, and go on with it in the planned order."""
+def _remains(path: Path) -> bool:
+    # What an interrupted session holds, and whether anything is to do.
     from esea_host.study.session import read_session
 
-    study = opened(folder, trust)
-    path = study.log_of(code, session - 1)
-    if not path.exists():
-        raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
     state = read_session(path)
     done = len(state.plan.trials) - len(state.remaining)
     out.print(f"{path}: {done} of {len(state.plan.trials)} trials are done.")
@@ -181,12 +159,7 @@ def resume(
         out.print(f"Trial {state.running} was running; it counts as aborted and is repeated.")
     order = ", ".join(str(t.number) for t in state.remaining[:12])
     out.print(f"Remaining, as planned: {order}{', ...' if len(state.remaining) > 12 else ''}")
-    if state.remaining:
-        asked = _Asked(
-            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
-            mass, lever,
-        )  # fmt: skip
-        _run(study, code, session, asked)
+    return bool(state.remaining)
 
 
 def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
@@ -283,7 +256,7 @@ def _name_recordings(study: StudyFolder) -> None:
 def _source(
     held: ExitStack, study: StudyFolder, code: str, number: int, asked: _Asked, pointer: Pointer
 ) -> tuple[InputSource, ConnectedDevice | None]:
-    from esea_host.study.acting import SimulatedSource
+    from esea_host.study.source import SimulatedSource
 
     if asked.device == SIMULATED:
         return SimulatedSource(asked.seed), None

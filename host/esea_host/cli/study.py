@@ -128,40 +128,34 @@ def enrol(
     out.print(f"{code} enrolled; group: {group or 'none'}")
 
 
-TrialArgument = Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Its number.")]
 ReasonOption = Annotated[str, typer.Option("--reason", help="Why; kept on record.")]
 
 
+@study_app.command(
+    "repeat", help="Have a trial again: what it gave no longer counts, and stays on record."
+)
 @study_app.command("skip")
 def skip(
+    context: typer.Context,
     folder: FolderArgument,
     code: CodeArgument,
-    trial: TrialArgument,
+    trial: Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Its number.")],
     session: SessionOption = 1,
     reason: ReasonOption = "",
     trust: TrustOption = None,
 ) -> None:
     """Leave a trial of an interrupted session out."""
-    _begun(folder, code, session, trust).skip(trial, reason)
-    out.print(f"{code}: trial {trial} is left out")
-
-
-@study_app.command("repeat")
-def repeat(
-    folder: FolderArgument,
-    code: CodeArgument,
-    trial: TrialArgument,
-    session: SessionOption = 1,
-    reason: ReasonOption = "",
-    trust: TrustOption = None,
-) -> None:
-    """Have a trial again: what it gave no longer counts, and stays on record."""
-    _begun(folder, code, session, trust).repeat(trial, reason)
-    out.print(f"{code}: trial {trial} comes again with study resume")
+    begun = _begun(folder, code, session, trust)
+    if context.info_name == "repeat":
+        begun.repeat(trial, reason)
+        out.print(f"{code}: trial {trial} comes again with study resume")
+    else:
+        begun.skip(trial, reason)
+        out.print(f"{code}: trial {trial} is left out")
 
 
 def _begun(folder: Path, code: str, number: int, trust: list[str] | None) -> StudySession:
-    from esea_host.study.acting import SimulatedSource
+    from esea_host.study.source import SimulatedSource
 
     study = opened(folder, trust)
     if not study.log_of(code, number - 1).exists():

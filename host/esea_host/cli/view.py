@@ -1,4 +1,4 @@
-"""``view``: the live view of a board."""
+"""Windows on a board: ``view``, ``wrist`` and ``demo``."""
 
 from __future__ import annotations
 
@@ -6,22 +6,51 @@ import importlib.util
 import os
 import subprocess
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from esea_gen.cli.options import writable
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
-from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption, of_file
+from esea_host.cli.options import (
+    AddressArgument,
+    CloseAfterOption,
+    DarkOption,
+    DeviceOption,
+    KeyOption,
+    RecordOption,
+    ScreenshotOption,
+    of_file,
+    output_file,
+)
 from esea_host.connection import ConnectedDevice, open_device
 from esea_host.connection.address import SimulatedProcess, parse_address
 
+if TYPE_CHECKING:
+    from esea_host.connection.recording import LiveRecording
+
 WITHOUT_SCREEN = ("offscreen", "minimal")  # platforms of Qt
-OPEN_S = 60.0
+OPEN_S, FILMED_S = 60.0, 5.0
+
+
+@contextmanager
+def _recorded(
+    address: str, device: str | None, key: Path | None, record: Path | None
+) -> Iterator[tuple[ConnectedDevice, LiveRecording | None]]:
+    # A connected board, and what is recorded of it meanwhile.
+    with ExitStack() as held:
+        board = held.enter_context(open_device(address, device, key))
+        recording = held.enter_context(board.record(record)) if record else None
+        yield board, recording
+    if recording is not None:
+        out.print(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
+        if recording.error is not None:
+            raise of_file(recording.error, record)
 
 
 @app.command()
@@ -29,31 +58,21 @@ def view(
     address: AddressArgument,
     device: DeviceOption = None,
     key: KeyOption = None,
-    record: Annotated[
-        Path | None,
-        typer.Option(
-            "--record", metavar="FILE", callback=writable, help="Record meanwhile (.mcap)."
-        ),
-    ] = None,
-    dark: Annotated[
-        bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
-    ] = None,
-    seconds: Annotated[
-        float | None, typer.Option("--seconds", min=1.0, help="Close after so long.")
-    ] = None,
-    screenshot: Annotated[
-        Path | None,
-        typer.Option(
-            "--screenshot", metavar="FILE", callback=writable, help="Picture before it closes."
-        ),
-    ] = None,
+    record: RecordOption = None,
+    dark: DarkOption = None,
+    seconds: CloseAfterOption = None,
+    screenshot: ScreenshotOption = None,
 ) -> None:
     """See a board live: curves, limits, faults; Space or Escape stops the motor."""
-    _watch(address, device, key, record, dark, seconds, screenshot, operated=False)
+    parse_address(address)  # a wrong one first, whether there is a screen or not
+    need_a_screen("esea-host monitor, or esea-host demo --headless")
+    from esea_host.windows.feed import LiveFeed
+    from esea_host.windows.live import run_live
 
-
-def watch_demo(address: str, record: Path | None, seconds: float | None) -> None:
-    _watch(address, None, None, record, None, seconds, None, operated=True)
+    with _recorded(address, device, key, record) as (board, recording), ExitStack() as held:
+        feed = LiveFeed(board, recording)
+        held.callback(feed.close)
+        run_live(feed, dark, seconds, screenshot)
 
 
 def watch_recording(
@@ -64,7 +83,7 @@ def watch_recording(
     from esea_host.recording import open_log
     from esea_host.recording.integrity import warn_unless_complete
     from esea_host.windows.feed import LiveFeed
-    from esea_host.windows.running import run_live
+    from esea_host.windows.live import run_live
 
     with open_log(path) as log, PlayedBoard(log, speed) as board:
         warn_unless_complete(path, log.integrity)
@@ -74,42 +93,112 @@ def watch_recording(
         feed.close()
 
 
-def _watch(
-    address: str,
-    device: str | None,
-    key: Path | None,
-    record: Path | None,
-    dark: bool | None,
-    seconds: float | None,
-    screenshot: Path | None,
-    operated: bool,
+@app.command()
+def demo(
+    device: Annotated[
+        str, typer.Option("--device", help="Without a window one with a drive.")
+    ] = "elbow_drive",
+    headless: Annotated[bool, typer.Option("--headless", help="Without a window.")] = False,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", help="Of torque control; default: 10, or until it is closed."),
+    ] = None,
+    report: Annotated[
+        Path, typer.Option("--report", callback=writable, help="Page to draw (.png).")
+    ] = Path("demo.png"),
+    recording: Annotated[
+        Path | None, output_file("--recording", "Default: beside the page.")
+    ] = None,
+    person: Annotated[
+        str | None, typer.Option("--person", help="Who is in the joint; default: uncertain.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed")] = 0,
 ) -> None:
-    parse_address(address)  # a wrong one first, whether there is a screen or not
-    need_a_screen("esea-host monitor, or esea-host demo --headless")
-    from esea_host.windows.feed import LiveFeed
-    from esea_host.windows.operator import DemoOperator
-    from esea_host.windows.running import run_live
+    """Simulated board and person, in the live view; headless: a recording, its proof, one page."""
+    if not headless:
+        who = f"&person={person}" if person else ""
+        _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds)
+        return
+    from esea_host.simulated.demo import run_demo
 
-    with ExitStack() as held:
-        board = held.enter_context(open_device(address, device, key))
-        recording = held.enter_context(board.record(record)) if record else None
+    done = run_demo(
+        device, 10.0 if seconds is None else seconds, report, recording, person, seed, out.print
+    )
+    v = done.verdict
+    out.print(f"{done.recording}: {v.ticks} ticks, {v.values} values computed again")
+    out.print("every bit is the C's" if v.same else "NOT THE SAME: esea-host replay --verify")
+    out.print(f"{done.report}: simulated torque error {done.rms_error_Nm:.3f} Nm rms")
+    if not v.same:
+        raise typer.Exit(1)
+
+
+def _watch_demo(address: str, record: Path | None, seconds: float | None) -> None:
+    parse_address(address)
+    need_a_screen("esea-host demo --headless")
+    from esea_host.windows.feed import LiveFeed
+    from esea_host.windows.live import run_live
+    from esea_host.windows.operator import DemoOperator
+
+    with _recorded(address, None, None, record) as (board, recording), ExitStack() as held:
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
-        push = None
-        if operated:
-            held.callback(DemoOperator(board).close)
-            push = partial(_push, board)
-        run_live(feed, dark, seconds, screenshot, push)
-    if recording is not None:
-        out.print(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
-        if recording.error is not None:
-            raise of_file(recording.error, record)
+        held.callback(DemoOperator(board).close)
+        run_live(feed, None, seconds, None, partial(_push, board))
 
 
 def _push(board: ConnectedDevice, *pushes_rad: float) -> None:
     transport = board.receiver.transport
     if isinstance(transport, SimulatedProcess):
         transport.push(*pushes_rad)
+
+
+@app.command()
+def wrist(
+    address: AddressArgument,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            "--calibration",
+            metavar="FILE",
+            help="Calibration to normalise with (.toml); if there is none, a new one goes there.",
+        ),
+    ] = None,
+    device: DeviceOption = None,
+    key: KeyOption = None,
+    record: RecordOption = None,
+    dark: DarkOption = None,
+    seconds: CloseAfterOption = None,
+    screenshot: ScreenshotOption = None,
+    headless: Annotated[
+        bool,
+        typer.Option(
+            "--headless",
+            help="Without a screen; sim: is calibrated first, and recorded while constrained.",
+        ),
+    ] = False,
+) -> None:
+    """See raw and normalised cursor of a wrist, switch the constraint, calibrate."""
+    place = parse_address(address)
+    if headless:
+        if screenshot is None:
+            raise UserError("--headless shows nothing.", "Give --screenshot FILE.")
+        os.environ["QT_QPA_PLATFORM"] = "offscreen"
+        seconds = seconds or FILMED_S
+    need_a_screen("esea-host wrist --headless --screenshot FILE")
+    from esea_host.windows.wrist import SAVED
+    from esea_host.windows.wrist_running import film_wrist, run_wrist
+    from esea_host.wrist.stored import load_calibration
+
+    there = calibration is not None and calibration.exists()
+    used = load_calibration(calibration) if there and calibration is not None else None
+    save_to = calibration or SAVED
+    if headless and screenshot is not None and seconds is not None and place.kind == "sim":
+        if "?" in place.place:
+            raise UserError(f"--headless takes no options of {address}.", "Give sim:wrist_drive.")
+        film_wrist(place.place, used, save_to, screenshot, record, seconds, bool(dark), out.print)
+        return
+    with _recorded(address, device, key, record) as (board, recording):
+        run_wrist(board, recording, used, save_to, dark, seconds, screenshot)
 
 
 def need_a_screen(otherwise: str) -> None:

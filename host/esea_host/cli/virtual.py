@@ -12,9 +12,9 @@ from esea_gen.cli.options import ClusterOption, JobsOption
 from esea_gen.errors import UserError
 from esea_host.cli.app import out, told
 from esea_host.cli.interaction import checked_page, shown_interaction
-from esea_host.cli.options import know_shipped_tasks
+from esea_host.cli.options import JsonOption, ReportOption, know_shipped_tasks
 from esea_host.cli.study import TrustOption, study_app, trusted
-from esea_host.cli.wrist import JsonOption, ReportOption, compare_wrist, shift_wrist, shown_wrist
+from esea_host.cli.wrist import VirtualRun, compare_wrist, shift_wrist, shown_wrist
 
 
 @study_app.command("virtual")
@@ -43,82 +43,61 @@ def virtual(
     report: ReportOption = None,
 ) -> None:
     """A whole study with virtual participants; all that comes of it is simulated."""
-    from esea_host.wrist.past import METHODS
+    from esea_host.wrist.calibration import METHODS
 
     if method not in METHODS:
         raise UserError(f"There is no method {method!r}.", f"There are: {', '.join(METHODS)}.")
     trusted(trust)
+    if sensitivity and study != "wrist":
+        raise UserError("--sensitivity is of the wrist study.", "Leave it out, or ask for wrist.")
     with tempfile.TemporaryDirectory() as scratch:
         folder = keep or Path(scratch) / "study"
+        asked = VirtualRun(folder, participants, seed, jobs, cluster, to_json, report)
+        early: list[str] = []
         if study == "wrist" and compare:
-            compare_wrist(folder, participants, seed, jobs, to_json, cluster)
-            return
-        if sensitivity:
-            if study != "wrist":
-                raise UserError(
-                    "--sensitivity is of the wrist study.", "Leave it out, or ask for wrist."
-                )
-            shift_wrist(folder, participants, seed, jobs, to_json, report, cluster)
-            return
-        if study == "wrist":
-            early = _wrist(folder, participants, seed, jobs, method, to_json, report, cluster)
+            compare_wrist(asked)
+        elif sensitivity:
+            shift_wrist(asked)
+        elif study == "wrist":
+            early = _wrist(asked, method)
         elif study == "interaction":
-            early = _interaction(folder, participants, seed, jobs, to_json, report, cluster)
+            early = _interaction(asked)
         else:
-            early = _any_protocol(Path(study), folder, participants, seed, jobs, cluster)
+            early = _any_protocol(Path(study), asked)
         for reason in early:
             out.print(f"ended early: {reason}")
 
 
-def _wrist(
-    folder: Path,
-    participants: int,
-    seed: int,
-    jobs: int,
-    method: str,
-    to_json: Path | None,
-    report: Path | None,
-    cluster: str | None,
-) -> list[str]:
+def _wrist(asked: VirtualRun, method: str) -> list[str]:
     from esea_host.wrist.analysis import analyse
     from esea_host.wrist.virtual import run_study
 
-    early = run_study(folder, participants, seed, jobs, method, cluster=cluster, say=told)
-    shown_wrist(analyse(folder), to_json, report, None)
+    early = run_study(*asked.whom, method, cluster=asked.cluster, say=told)
+    shown_wrist(analyse(asked.folder), asked.to_json, asked.report, None)
     return early
 
 
-def _interaction(
-    folder: Path,
-    participants: int,
-    seed: int,
-    jobs: int,
-    to_json: Path | None,
-    report: Path | None,
-    cluster: str | None,
-) -> list[str]:
+def _interaction(asked: VirtualRun) -> list[str]:
     from esea_host.interaction.virtual import run_crossover
 
-    if participants < 2:
-        raise UserError(f"--participants {participants}.", "A comparison needs at least 2.")
-    checked_page(report)
-    early = run_crossover(folder, participants, seed, jobs, cluster=cluster, say=told)
-    shown_interaction(folder, to_json, report)
+    if asked.participants < 2:
+        raise UserError(f"--participants {asked.participants}.", "A comparison needs at least 2.")
+    checked_page(asked.report)
+    early = run_crossover(*asked.whom, cluster=asked.cluster, say=told)
+    shown_interaction(asked.folder, asked.to_json, asked.report)
     return early
 
 
-def _any_protocol(
-    path: Path, folder: Path, participants: int, seed: int, jobs: int, cluster: str | None
-) -> list[str]:
+def _any_protocol(path: Path, asked: VirtualRun) -> list[str]:
     from esea_host.study.folder import StudyFolder
     from esea_host.study.many import EveryTask, code_of, run_everybody
     from esea_host.study.protocol import load_protocol
 
     know_shipped_tasks()
-    protocol = load_protocol(path)
-    early = run_everybody(folder, protocol, participants, EveryTask(seed), jobs, cluster, told)
-    rows = sum(
-        len(StudyFolder.open(folder, runs=False).rows(code_of(k))) for k in range(participants)
-    )
+    folder, participants, seed, jobs = asked.whom
+    given = folder, load_protocol(path), participants, EveryTask(seed), jobs, asked.cluster
+    early = run_everybody(*given, told)
+    study = StudyFolder.open(folder, runs=False)
+    rows = sum(len(study.rows(code_of(k))) for k in range(participants))
     out.print(f"{participants} SIMULATED participants: {rows} trials completed")
     return early

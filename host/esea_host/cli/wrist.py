@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,64 +11,60 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from esea_gen.cli.options import writable
 from esea_gen.files import write_json, write_whole
-from esea_host.cli.analyse import analyse as analyse_app
 from esea_host.cli.app import out
+from esea_host.cli.interaction import analyse as analyse_app
+from esea_host.cli.options import JsonOption, ReportOption, output_file
 
 if TYPE_CHECKING:
     from esea_host.wrist.analysis import WristResult
-
-JsonOption = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", callback=writable, help="Write as JSON.")
-]
-ReportOption = Annotated[
-    Path | None,
-    typer.Option("--report", metavar="FILE", callback=writable, help="Write one HTML page."),
-]
-CsvOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--csv", metavar="FILE", callback=writable, help="Write every participant's values."
-    ),
-]
 
 
 WIDE = 132  # characters in which every table here can be read
 
 
-def _print_wide(table: Table) -> None:
+def _print_table(title: str, heads: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
     # In a narrower terminal, or a file, lines run on: cells cut to a letter tell nothing.
+    table = Table(*heads, title=title)
+    for row in rows:
+        table.add_row(*row)
     Console(highlight=False, markup=False, width=max(out.width, WIDE)).print(table)
 
 
-def compare_wrist(
-    folder: Path,
-    participants: int,
-    seed: int,
-    jobs: int,
-    to_json: Path | None,
-    cluster: str | None,
-) -> None:
+@dataclass(frozen=True)
+class VirtualRun:
+    """What was asked of ``study virtual``."""
+
+    folder: Path
+    participants: int
+    seed: int
+    jobs: int
+    cluster: str | None
+    to_json: Path | None
+    report: Path | None
+
+    @property
+    def whom(self) -> tuple[Path, int, int, int]:
+        return self.folder, self.participants, self.seed, self.jobs
+
+
+def compare_wrist(asked: VirtualRun) -> None:
+    from esea_host.wrist.calibration import AXES
     from esea_host.wrist.compared import compare_methods
     from esea_host.wrist.figures import number
 
-    found = compare_methods(folder, participants, seed, jobs, cluster=cluster)
-    table = Table(title="SIMULATED participants: constrained against their own healthy state")
-    for head in (
+    found = compare_methods(*asked.whom, cluster=asked.cluster)
+    heads = (
         *("method", "people", "RMS FE %", "RMS RU %", "peak FE", "peak RU"),
         *("targets FE", "targets RU", "after-effect"),
-    ):
-        table.add_column(head)
+    )
+    rows = []
     for x in found:
-        values = [
-            *(x.rms_percent[a] for a in ("FE", "RU")),
-            *(x.peak_ratio[a] for a in ("FE", "RU")),
-            *(x.achieved_gap[a] for a in ("FE", "RU")),
-            x.after_effect_gap_deg,
-        ]
-        table.add_row(x.method, str(x.people), *(number(v) for v in values))
-    _print_wide(table)
+        by_axis = [m[a] for m in (x.rms_percent, x.peak_ratio, x.achieved_gap) for a in AXES]
+        values = [*by_axis, x.after_effect_gap_deg]
+        rows.append((x.method, str(x.people), *(number(v) for v in values)))
+    title = "SIMULATED participants: constrained against their own healthy state"
+    _print_table(title, heads, rows)
     out.print(
         "RMS: speed error over the peak, tracking the own healthy motion.  Peak: constrained over "
         "healthy.  Targets, after-effect: healthy less constrained; 0 is what is wanted."
@@ -74,29 +72,16 @@ def compare_wrist(
     for x in found:
         for reason in x.refused:
             out.print(f"{x.method}: ended early: {reason}")
-    write_json(
-        to_json, "host-wrist-methods", {"simulated": True, "methods": [x.to_dict() for x in found]}
-    )
+    write_json(asked.to_json, "host-wrist-methods", {"simulated": True, "methods": found})
 
 
-def shift_wrist(
-    folder: Path,
-    participants: int,
-    seed: int,
-    jobs: int,
-    to_json: Path | None,
-    report: Path | None,
-    cluster: str | None,
-) -> None:
+def shift_wrist(asked: VirtualRun) -> None:
     from esea_host.wrist.sensitivity import sensitivity, sensitivity_page
 
-    runs = sensitivity(folder, participants, seed, jobs, cluster)
-    table = Table(title=f"{participants} SIMULATED participants: what a shifted number changes")
-    for head in ("number", "end", "range from", "other conclusions"):
-        table.add_column(head)
-    for x in runs[1:]:
-        table.add_row(x.name, x.end, x.source, "; ".join(x.changed) or "-")
-    _print_wide(table)
+    runs = sensitivity(*asked.whom, asked.cluster)
+    rows = [(x.name, x.end, x.source, "; ".join(x.changed) or "-") for x in runs[1:]]
+    title = f"{asked.participants} SIMULATED participants: what a shifted number changes"
+    _print_table(title, ("number", "end", "range from", "other conclusions"), rows)
     kept = sum(not x.changed for x in runs[1:])
     out.print(
         f"{kept} of {len(runs) - 1} runs change nothing.  A conclusion: the second side is more or "
@@ -105,13 +90,9 @@ def shift_wrist(
     for x in runs:
         for reason in x.early:
             out.print(f"{x.name} {x.end}: ended early: {reason}")
-    write_json(
-        to_json,
-        "host-wrist-sensitivity",
-        {"simulated": True, "runs": [x.to_dict() for x in runs]},
-    )
-    if report:
-        write_whole(report, sensitivity_page(runs, participants))
+    write_json(asked.to_json, "host-wrist-sensitivity", {"simulated": True, "runs": runs})
+    if asked.report:
+        write_whole(asked.report, sensitivity_page(runs, asked.participants))
 
 
 @analyse_app.command("wrist")
@@ -119,7 +100,7 @@ def analyse_wrist(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The study's folder.")],
     to_json: JsonOption = None,
     report: ReportOption = None,
-    csv: CsvOption = None,
+    csv: Annotated[Path | None, output_file("--csv", "Write every participant's values.")] = None,
 ) -> None:
     """Every metric and test of the wrist study, tables 7.1 to 7.4 beside the published ones."""
     from esea_host.wrist.analysis import analyse
@@ -134,13 +115,8 @@ def shown_wrist(
 
     mark = "SIMULATED participants" if result.simulated else "participants"
     for title, lines in result.tables.items():
-        first, second = result.sides[title]
-        table = Table(title=f"Table {title}: {result.participants} {mark}")
-        for head in (*COLUMNS[:3], first, second, *COLUMNS[5:]):
-            table.add_column(head)
-        for line in lines:
-            table.add_row(*cells(line))
-        _print_wide(table)
+        heads = (*COLUMNS[:3], *result.sides[title], *COLUMNS[5:])
+        _print_table(f"Table {title}: {result.participants} {mark}", heads, map(cells, lines))
         for line in lines:
             if line.note:
                 out.print(f"{line.metric}: {line.note}")
@@ -148,7 +124,7 @@ def shown_wrist(
         "Medians; two-sided Wilcoxon signed-rank test, exact, zero differences dropped; Holm over "
         "each table; effect: rank-biserial correlation."
     )
-    write_json(to_json, "host-wrist", result.to_dict())
+    write_json(to_json, "host-wrist", vars(result))
     if report:
         write_whole(report, page(result))
     if csv:
@@ -175,27 +151,25 @@ def analyse_reaches(
     from esea_host.recording.integrity import warn_unless_complete
     from esea_host.recording.log import open_log
     from esea_host.wrist.figures import number
-    from esea_host.wrist.reaching import reaches, summary, to_rows
+    from esea_host.wrist.reaching import reaches, summary
 
     found = {}
     for path in files:
         with open_log(path) as log:
             warn_unless_complete(path, log.integrity)
             found[path.name] = reaches(log[stream])
-    table = Table(title="Reaching to targets that stand; medians")
-    for head in ("file", "reaches", "held", "until, s", "SSE", "beyond, %", "SPARC", "parts"):
-        table.add_column(head)
+    rows = []
     for name, each in found.items():
         x = summary(each)
         beyond = None if x["beyond"] is None else 100 * x["beyond"]
         values = (x["reach_s"], x["sse"], beyond, x["sparc"], x["submovements"])
-        counts = (str(x["reaches"]), str(x["achieved"]))
-        table.add_row(name, *counts, *(number(v) for v in values))
-    _print_wide(table)
+        rows.append((name, str(x["reaches"]), str(x["achieved"]), *map(number, values)))
+    heads = ("file", "reaches", "held", "until, s", "SSE", "beyond, %", "SPARC", "parts")
+    _print_table("Reaching to targets that stand; medians", heads, rows)
     out.print(
         "held: 0.75 s within the target, within 10 s; until: to the beginning of that; SSE: "
         "squared error over the squared distance, 100 a second; beyond: past the target, of the "
         "distance."
     )
-    told = {k: {"summary": summary(v), "reaches": to_rows(v)} for k, v in found.items()}
+    told = {k: {"summary": summary(v), "reaches": v} for k, v in found.items()}
     write_json(to_json, "host-reaches", {"files": told})

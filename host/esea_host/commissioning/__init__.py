@@ -1,13 +1,12 @@
 """Commissioning of a connected board, step by step: what to do, pass or fail, a picture, a record.
 
 The steps work with what every board tells and takes: the streams of its sensing task, and its own
-torque mode.  The results are judged by :mod:`esea_gen.identify.bringup` and
+torque mode.  The results are judged by :mod:`esea_gen.identify.drive` and
 :mod:`esea_gen.studies.torque_check`.
 """
 
 from esea_host.commissioning.bench import CommissioningBench, CommissioningEndedError, HandAct
-from esea_host.commissioning.record import CommissioningRecord
-from esea_host.commissioning.result import StepResult
+from esea_host.commissioning.record import CommissioningRecord, StepResult
 from esea_host.commissioning.simulated import SimulatedHands, simulated_bench
 from esea_host.commissioning.steps import (
     STEPS,

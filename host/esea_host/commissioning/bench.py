@@ -88,7 +88,7 @@ class CommissioningBench:
                 f"Commissioning needs a sensing task that is called {task}.",
             )
         self.device, self.say = device, say
-        self._hands, self._pass_time, self.hands_free = hands, pass_time, hands_free
+        self._hands, self.pass_time, self.hands_free = hands, pass_time, hands_free
         self._cancelled = threading.Event()
 
     def change_hands(self, hands: Callable[[HandAct], None]) -> None:
@@ -113,7 +113,7 @@ class CommissioningBench:
     def wait(self, seconds: float) -> None:
         for _ in range(max(1, round(seconds / TURN_S))):
             self._check()
-            self._pass_time(TURN_S)
+            self.pass_time(TURN_S)
 
     def _check(self) -> None:
         if self.cancelled:
@@ -150,12 +150,12 @@ class CommissioningBench:
             self._check()
             if each is not None and each(k * TURN_S) is False:
                 break
-            self._pass_time(TURN_S)
+            self.pass_time(TURN_S)
             found += queue.take(0.0)
         return found
 
     def recording(self, c: Capture) -> DriveRecording:
-        """A capture as :mod:`esea_gen.identify.bringup` takes it."""
+        """A capture as :mod:`esea_gen.identify.drive` takes it."""
         motor, load = c["theta_motor_rad"], c["theta_load_rad"]
         if not self.drives:
             return DriveRecording(c.tick_s, np.zeros(len(c)), motor, motor, load)
@@ -229,6 +229,3 @@ class CommissioningBench:
             device.disarm()
             self.reach("READY", 5.0)
         return found
-
-
-__all__ = ["Capture", "CommissioningBench", "CommissioningEndedError", "HandAct"]

@@ -106,6 +106,20 @@ def _error(r: DriveRecording, tau_Nm: Array, edges: Array) -> Array:
     return np.where(seen, found, np.nan)
 
 
+def _over_travel(r: DriveRecording, tau_Nm: Array) -> tuple[Array, Array, tuple[str, str] | None]:
+    # Middles of the cells, the error there less offset and ratio, and what was wrong with the turn.
+    low, high = np.percentile(r.gear_rad, [2, 98])
+    edges = np.linspace(float(low), float(high), CELLS + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    error = _error(r, tau_Nm, edges)
+    seen = np.isfinite(error)
+    if seen.sum() < CELLS / 2:
+        what = f"only {seen.sum()} of {CELLS} parts of the travel were gone through evenly"
+        return middle, error, (what, "Turn it slowly and evenly, twice.")
+    error -= np.polyval(np.polyfit(middle[seen], error[seen], 1), middle)
+    return middle, error, None
+
+
 def judged_encoders(device: Device, c: Capture, r: DriveRecording) -> JudgedEncoders:
     """Direction and ratio of both joint encoders, error over the travel of the motor side's.
 
@@ -130,16 +144,10 @@ def judged_encoders(device: Device, c: Capture, r: DriveRecording) -> JudgedEnco
                 "encoder's correction.",
             )
         )  # fmt: skip
-    low, high = np.percentile(r.gear_rad, [2, 98])
-    edges = np.linspace(float(low), float(high), CELLS + 1)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    error = _error(r, c["tau_Nm"], edges)
-    seen = np.isfinite(error)
-    if seen.sum() < CELLS / 2:
-        what = f"only {seen.sum()} of {CELLS} parts of the travel were gone through evenly"
-        return JudgedEncoders((), (what, "Turn it slowly and evenly, twice."), found, middle, {})
-    error -= np.polyval(np.polyfit(middle[seen], error[seen], 1), middle)
-    worst = float(np.max(np.abs(error[seen])))
+    middle, error, problem = _over_travel(r, c["tau_Nm"])
+    if problem is not None:
+        return JudgedEncoders((), problem, found, middle, {})
+    worst = float(np.nanmax(np.abs(error)))
     table = _correction(device, c, "motor", middle, error)
     found |= {"motor_error_rad": worst, "motor_correction_rad": table}
     checks.append(
@@ -177,18 +185,11 @@ def judged_sides(r: DriveRecording, tau_Nm: Array) -> JudgedEncoders:
     if fix:
         return JudgedEncoders((), (seen, fix), found, np.zeros(0), {})
     ratio = _ratio(r, r.load_rad, tau_Nm)
-    low, high = np.percentile(r.motor_rad, [2, 98])
-    edges = np.linspace(float(low), float(high), CELLS + 1)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    error = _error(
-        DriveRecording(r.tick_s, r.u_Nm, r.motor_rad, r.load_rad, r.load_rad), tau_Nm, edges
-    )
-    known = np.isfinite(error)
-    if known.sum() < CELLS / 2:
-        what = f"only {known.sum()} of {CELLS} parts of the travel were gone through evenly"
-        return JudgedEncoders((), (what, "Turn it slowly and evenly, twice."), found, middle, {})
-    error -= np.polyval(np.polyfit(middle[known], error[known], 1), middle)
-    worst = float(np.max(np.abs(error[known])))
+    sides = DriveRecording(r.tick_s, r.u_Nm, r.motor_rad, r.load_rad, r.load_rad)
+    middle, error, problem = _over_travel(sides, tau_Nm)
+    if problem is not None:
+        return JudgedEncoders((), problem, found, middle, {})
+    worst = float(np.nanmax(np.abs(error)))
     found |= {"ratio": ratio, "difference_rad": worst}
     checks = (
         StartupCheck(
@@ -208,9 +209,8 @@ def _correction(device: Device, c: Capture, side: str, at: Array, error: Array) 
     # What is to be added to the raw angle at equal steps of the encoder's turn, on top of what is
     # added already; 0 where the joint never was.
     own = getattr(device.file.encoder, side)
-    sign = (
-        -1.0 if own is not None and own.direction is not None and own.direction.value < 0 else 1.0
-    )
+    turned = own is not None and own.direction is not None and own.direction.value < 0
+    sign = -1.0 if turned else 1.0
     before = own.correction_rad.values if own is not None and own.correction_rad else (0.0,) * TABLE
     turn = 2 * math.pi
     bits = round(device.file.encoder.resolution_bits.value)

@@ -1,19 +1,106 @@
-"""A device's record: every step that was ever done with it, its verdict and its picture."""
+"""What a step found, drawn and kept: results, their pictures, and a device's record of them."""
 
 from __future__ import annotations
 
 import json
 import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
-from esea_host.commissioning.result import StepResult
+from esea_gen.identify.drive.startup import StartupCheck
+from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, RULE, STYLE
+from esea_gen.studies.torque_check.check import TorqueCheck
 from esea_host.connection.identity import Identity
+from esea_host.recording.layout import Array
 
 KIND, VERSION, NAME = "esea-host commissioning", 1, "record.json"
+Line = tuple[str, Array]  # label, values
+COLOURS = (MODEL, MEASURED, BOUND)
+
+
+def new_picture(title: str, simulated: bool, rows: int = 1) -> tuple[Figure, list[Axes]]:
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.2, 2.4 + 2.2 * rows), layout="constrained")
+        axes = [figure.add_subplot(rows, 1, k + 1) for k in range(rows)]
+        kind = "Simulated: " if simulated else ""
+        figure.suptitle(f"{kind}{title}", x=0.01, ha="left", color=INK, fontsize=11)
+    return figure, axes
+
+
+def over(
+    axes: Axes, x: Array, lines: Sequence[Line], x_label: str, y_label: str, limit: float = 0.0
+) -> None:
+    """Lines over the same values; a limit either way, where there is one."""
+    with mpl.rc_context(STYLE):
+        for (label, values), colour in zip(lines, COLOURS, strict=False):
+            axes.plot(x, values, color=colour, lw=1.1, label=label)
+        for side in (-limit, limit) if limit else ():
+            axes.axhline(side, color=INK, lw=0.8, ls=(0, (4, 3)))
+        axes.set(xlabel=x_label, ylabel=y_label)
+        axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderpad=0)
+
+
+def torque_bars(axes: Axes, check: TorqueCheck) -> None:
+    with mpl.rc_context(STYLE):
+        worst: dict[str, float] = {}
+        for d in check.decisions:
+            worst[d.criterion] = max(worst.get(d.criterion, 0.0), d.value_Nm / d.limit_Nm)
+        names = list(worst)
+        shares = np.array([100 * worst[n] for n in names])
+        colours = [MODEL if s <= 100 else "#b3261e" for s in shares]
+        axes.barh(range(len(names)), shares, color=colours, height=0.6)
+        axes.axvline(100, color=INK, lw=0.8, ls=(0, (4, 3)))
+        axes.set_yticks(range(len(names)), names)
+        axes.invert_yaxis()
+        axes.grid(color=RULE, axis="x")
+        axes.set(xlabel="% of its limit, the worst of all phases")
+
+
+@dataclass(frozen=True)
+class StepResult:
+    step: str
+    title: str
+    picture: Figure  # drawn, not yet written
+    checks: tuple[StartupCheck, ...] = ()
+    problem: tuple[str, str] | None = None
+    found: Mapping[str, Any] = field(default_factory=dict)  # numbers by name with unit
+
+    @property
+    def passed(self) -> bool:
+        """Whether there was something to judge, and all of it is within its limits."""
+        return self.problem is None and bool(self.checks) and all(c.passed for c in self.checks)
+
+    def lines(self) -> list[str]:
+        out = [f"{self.title}: {'PASSED' if self.passed else 'FAILED'}"]
+        if self.problem is not None:
+            out += [f"  {self.problem[0]}", f"    Fix: {self.problem[1]}"]
+        for c in self.checks:
+            out.append(f"  {c.line()}")
+            if not c.passed:
+                out.append(f"    Fix: {c.fix}")
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        what, fix = self.problem or ("", "")
+        return {
+            "step": self.step,
+            "title": self.title,
+            "passed": self.passed,
+            "problem": what,
+            "fix": fix,
+            "checks": [c.to_dict() for c in self.checks],
+            "found": dict(self.found),
+        }
 
 
 class CommissioningRecord:

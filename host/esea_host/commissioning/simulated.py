@@ -13,7 +13,7 @@ from esea_gen.twin.published import Person
 from esea_gen.twin.stepped import EMPTY
 from esea_host.commissioning.bench import CommissioningBench, HandAct
 from esea_host.simulated import LockstepDevice, SimulatedBoard
-from esea_host.simulated.attendant import HANGING, LAID_ON_TICKS, LOCKED
+from esea_host.simulated.attendant import HANGING, LAID_ON_TICKS, LOCKED, led_path
 from esea_host.simulated.motion import SteppedCoupling
 
 # A firm grip.
@@ -117,12 +117,9 @@ class SimulatedHands:
 
         def intended() -> Mapping[str, float]:
             k = next(passed, len(path) - 1)
-            return {
-                "theta_p_rad": at_rad + float(path.theta_rad[k]),
-                "omega_p_rad_s": float(path.omega_rad_s[k]),
-                "alpha_p_rad_s2": float(path.alpha_rad_s2[k]),
-                "noise": 0.0,
-            }
+            turned = (path.theta_rad, path.omega_rad_s, path.alpha_rad_s2)
+            theta_rad, *rates = (float(x[k]) for x in turned)
+            return led_path(at_rad + theta_rad, *rates)
 
         return intended
 
@@ -130,13 +127,7 @@ class SimulatedHands:
         # Laid on without a jerk.
         aim = (self._load_Nm or 0.0) * (1 + self._error)
         self._pull_Nm += (aim - self._pull_Nm) / LAID_ON_TICKS
-        place = self._at_rad() + self._pull_Nm / HANGING.spring_Nm_rad
-        return {
-            "theta_p_rad": place,
-            "omega_p_rad_s": 0.0,
-            "alpha_p_rad_s2": 0.0,
-            "noise": 0.0,
-        }
+        return led_path(self._at_rad() + self._pull_Nm / HANGING.spring_Nm_rad)
 
 
 def simulated_bench(

@@ -28,8 +28,7 @@ from esea_host.commissioning.drive import (
     motor_sign,
     turned_friction,
 )
-from esea_host.commissioning.pictures import new_picture, over, torque_bars
-from esea_host.commissioning.result import StepResult
+from esea_host.commissioning.record import StepResult, new_picture, over, torque_bars
 
 ZERO_TRIES, LOOK_S = 5, 1.0
 REST_RAD = 0.02  # about a degree: a joint that is held still by hand

@@ -1,12 +1,10 @@
 """A board at the other end: found, checked, listened to without a pause, commanded."""
 
 from esea_host.connection.asynchronous import AsyncDevice, connect
-from esea_host.connection.device import ConnectedDevice
-from esea_host.connection.listening import listen_named
+from esea_host.connection.device import ConnectedDevice, RunSample
 from esea_host.connection.opening import life_told, open_device
 from esea_host.connection.played import PlayedBoard
 from esea_host.connection.receiver import Batch, Receiver, Subscription
-from esea_host.connection.samples import RunSample
 
 __all__ = [
     "AsyncDevice",
@@ -18,6 +16,5 @@ __all__ = [
     "Subscription",
     "connect",
     "life_told",
-    "listen_named",
     "open_device",
 ]

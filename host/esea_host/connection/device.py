@@ -5,8 +5,8 @@ from __future__ import annotations
 import difflib
 import threading
 import time
-from collections.abc import Collection, Iterator
-from dataclasses import asdict
+from collections.abc import Collection, Generator, Iterable, Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -18,15 +18,54 @@ from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.address import BoardAddress, open_patiently
 from esea_host.connection.decoder import TICK, TelemetryDecoder
 from esea_host.connection.identity import Identity, column_texts, identify
-from esea_host.connection.receiver import KEY, Receiver, SessionTransport, Subscription
+from esea_host.connection.named import named_streams
+from esea_host.connection.receiver import (
+    KEY,
+    Batch,
+    Receiver,
+    SessionTransport,
+    Subscription,
+)
 from esea_host.connection.recording import LiveRecording
-from esea_host.connection.samples import RunSample, run_samples
 from esea_host.recording.layout import StreamLayout
 from esea_host.recording.writer import Recorder
 
 WAIT_S = 1.0
 KEY_US = 1e6  # from one key frame to the next
 MOST_AWAY_S = 60.0  # a link that broke may take so long to come back
+
+
+@dataclass(frozen=True)
+class RunSample:
+    """One run of a task.
+
+    Parameters
+    ----------
+    stream : str
+        Which task's, and whether its input or output.
+    tick : int
+        Base tick.
+    time_s : float
+        By the board's clock.
+    values : dict of str to float
+        By name, in the unit of the name.
+    """
+
+    stream: str
+    tick: int
+    time_s: float
+    values: dict[str, Any]
+
+    def __getitem__(self, name: str) -> Any:
+        """A value by its name."""
+        return self.values[name]
+
+
+def _run_samples(batch: Batch, wanted: tuple[str, ...]) -> Iterator[RunSample]:
+    columns = {n: batch.rows[n].tolist() for n in wanted}
+    ticks, times = batch.rows[TICK].tolist(), (batch.board_ns * 1e-9).tolist()
+    for i, (tick, time_s) in enumerate(zip(ticks, times, strict=True)):
+        yield RunSample(batch.layout.name, tick, time_s, {n: c[i] for n, c in columns.items()})
 
 
 class ConnectedDevice:
@@ -178,7 +217,7 @@ class ConnectedDevice:
         return asdict(self.receiver.health) | own | {"dropped_rows": dropped}
 
     def state(self) -> str:
-        """The board's state by name, as its last HEARTBEAT told."""
+        """The board's state as its last HEARTBEAT told, such as ``READY``; first ``UNKNOWN``."""
         with self._lock:
             self.session.pending()
             return self.session.state() if self.session.heartbeat is not None else "UNKNOWN"
@@ -234,6 +273,31 @@ class ConnectedDevice:
             self._told[message] = interval_us
         return chosen
 
+    def listen_named(
+        self, signals: Iterable[str], rate_Hz: float = 0.0, name: str = "chosen"
+    ) -> list[str]:
+        """Have the board send some values of its tasks, and make rows of them.
+
+        Parameters
+        ----------
+        signals : iterable of str
+            Such as ``sense.tau_Nm``.
+        rate_Hz : float
+            Default: every run.
+        name : str
+            Of the stream; of several, their beginning.
+        """
+        try:
+            with self._lock:
+                made = self.session.stream(signals, rate_Hz)
+        except ValueError as error:
+            fix = "Name signals of one task, such as sense.tau_Nm."
+            raise UserError(f"{error}.", fix) from None
+        found = named_streams(made, name, *column_texts(self.identity.device))
+        for stream in found:
+            self.receiver.add_named(stream, self._dialect.MAVLINK_MSG_ID_ESEA_DATA)
+        return [s.layout.name for s in found]
+
     def subscribe(self, streams: Collection[str] | None = None) -> Subscription:
         """A queue of rows as they come, for whoever wants arrays.
 
@@ -259,7 +323,22 @@ class ConnectedDevice:
         LinkError
             When the board is silent for longer, or the link has gone.
         """
-        stream, wanted = self.chosen(names)
+        for batch in self.sample_batches(names, timeout_s):
+            yield from batch
+
+    def sample_batches(
+        self, names: tuple[str, ...], timeout_s: float
+    ) -> Generator[list[RunSample]]:
+        """Runs of one stream, those that came together at a time; see :meth:`samples`.
+
+        Parameters
+        ----------
+        names : tuple of str
+            A stream, or signals of one stream.
+        timeout_s : float
+            Longest silence.
+        """
+        stream, wanted = self._chosen(names)
         subscription = self.receiver.subscribe([stream])
         try:
             while True:
@@ -267,19 +346,12 @@ class ConnectedDevice:
                 if not batches:
                     what = f"no {stream} came within {timeout_s:g} s"
                     raise LinkError(what, "Does the board run?")
-                for batch in batches:
-                    yield from run_samples(batch, wanted)
+                yield [sample for batch in batches for sample in _run_samples(batch, wanted)]
         finally:
             self.receiver.unsubscribe(subscription)
 
-    def chosen(self, names: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
-        """The stream that signals are of, asked for, and the signals; all where it is named.
-
-        Parameters
-        ----------
-        names : tuple of str
-            A stream, or signals of one.
-        """
+    def _chosen(self, names: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+        # The stream that signals are of, asked for, and the signals; all where it is named.
         if not names:
             raise UserError("No signal is named.", "Name one, such as tau_Nm.")
         if len(found := {self._stream_of(n) for n in names}) > 1:
@@ -337,7 +409,7 @@ class ConnectedDevice:
             self.session.want(deadline_ms, **wanted)
 
     def parameters(self) -> dict[str, float]:
-        """The values in force."""
+        """The values in force, by full name such as ``smc.lambda_1_s``, in the unit of the name."""
         with self._lock:
             return self.session.parameters()
 
@@ -360,7 +432,7 @@ class ConnectedDevice:
         return found[0]
 
     def set(self, name: str, value: float) -> float:
-        """Set a parameter; it is written into the recordings that run.
+        """Set a parameter, also in running recordings; returned is the value in force.
 
         Parameters
         ----------

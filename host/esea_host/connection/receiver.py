@@ -18,7 +18,7 @@ from esea_gen.link.frames import LinkHealth
 from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.decoder import TICK, Decoded, TelemetryDecoder
 from esea_host.connection.named import NamedStream, data_key, data_rows
-from esea_host.recording.gaps import Gap
+from esea_host.recording.integrity import Gap
 from esea_host.recording.layout import Array, StreamLayout
 
 MOST_ROWS = 60_000  # a minute at 1 kHz
@@ -96,7 +96,7 @@ class Subscription:
             return found
 
 
-class SessionTransport:
+class SessionTransport(Transport):
     """The session's side of a link: it reads what is no telemetry, and writes straight out."""
 
     def __init__(self, receiver: Receiver) -> None:

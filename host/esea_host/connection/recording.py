@@ -13,7 +13,7 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_host.connection.decoder import TICK
 from esea_host.connection.receiver import Receiver
-from esea_host.recording.gaps import Gap
+from esea_host.recording.integrity import Gap
 from esea_host.recording.writer import Recorder
 
 MOST_ROWS = 120_000

@@ -1,12 +1,15 @@
-"""Recordings for other programs: CSV with units, Parquet, BIDS-Motion."""
+"""Recordings for other programs: CSV with units, Parquet, BIDS-Motion, rows as JSON."""
 
 from __future__ import annotations
 
 import csv
 import json
+import math
 import re
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 SIMULATED = "simulated"  # column of an export
+LONGEST_S = 3600.0  # without a row
 BIDS_VERSION = "1.10.0"
 _LABEL = re.compile(r"[0-9a-zA-Z]+")
 # What BIDS calls a channel's kind: https://bids-specification.readthedocs.io, Motion.
@@ -33,7 +37,7 @@ def _about(log: Log, table: Table) -> dict[str, Any]:
     return {
         "facts": log.facts,
         "integrity": log.integrity.to_dict(),
-        "gaps": [g.to_dict() for g in table.gaps],
+        "gaps": [asdict(g) for g in table.gaps],
     }
 
 
@@ -213,3 +217,25 @@ def _data_set(folder: Path, subject: str) -> None:
     if not readme.exists():
         text = "Recordings of an elastomeric series elastic actuator, exported by esea-host.\n"
         write_whole(readme, text)
+
+
+def play(log: Log, stream: str, speed: float) -> Iterator[str]:
+    started_s = time.monotonic()
+    table = log[stream]
+    holes = {gap.after_tick: gap for gap in table.gaps}
+    columns = [table[n].tolist() for n in table.names]
+    for at_s, *values in zip(table.time_s.tolist(), *columns, strict=True):
+        wait_s = at_s / speed - (time.monotonic() - started_s) if speed else 0.0
+        if wait_s > LONGEST_S:  # a clock that jumps
+            started_s -= wait_s - LONGEST_S
+            wait_s = LONGEST_S
+        if wait_s > 0:
+            time.sleep(wait_s)
+        row = dict(zip(table.names, values, strict=True))
+        # JSON has no NaN.
+        plain = {
+            k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()
+        }
+        yield json.dumps({"time_s": round(at_s, 6), **plain})
+        if row.get("sequence") in holes:
+            yield json.dumps({"gap": asdict(holes[row["sequence"]])})

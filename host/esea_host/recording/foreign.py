@@ -18,7 +18,7 @@ from esea_gen.errors import UserError
 from esea_gen.files import new_whole
 from esea_gen.tables import FileTable, TableFormat, read_table
 from esea_gen.toml_file import checked, parse_toml, read_text
-from esea_host.recording.gaps import Gap
+from esea_host.recording.integrity import Gap
 from esea_host.recording.layout import Array, StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
 

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
-from typing import Any
+from typing import Any, Self
+
+from esea_gen.errors import UserError
+from esea_gen.files import plain
+from esea_gen.link.received import shown
 
 
 class RecordingState(Enum):
@@ -43,9 +47,6 @@ class Damage:
         what = f"bytes {self.offset} to {self.end}{times}: {self.what}"
         return f"{what}; messages lost: {lost}" if lost else what
 
-    def to_dict(self) -> dict[str, Any]:
-        return {**vars(self), "lost": dict(self.lost)}
-
 
 @dataclass(frozen=True)
 class Integrity:
@@ -76,15 +77,58 @@ class Integrity:
         return f"{text}; messages missing: {lost}" if lost else text
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "state": self.state.value,
-            "states": [s.value for s in self.states],
-            "damages": [d.to_dict() for d in self.damages],
-            "readable_bytes": self.readable_bytes,
-            "size_bytes": self.size_bytes,
-            "checked": self.checked,
-            "lost": dict(self.lost),
-        }
+        return {"state": self.state.value, **plain(self)}
+
+
+REASONS = {
+    "board": "the board had no room for them: they were never sent",
+    "checksum": "frames came with a wrong checksum",
+    "link": "frames were lost on the way",
+    "host": "the host could not keep up and dropped them",
+    "disconnected": "the link was broken meanwhile",
+    "recording": "a piece of the recording is damaged",
+    "foreign": "the imported log says so: its time jumps there",
+}
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Runs of a task that are missing between two that are there."""
+
+    stream: str
+    after_tick: int
+    before_tick: int
+    missing: int  # runs; -1 where nobody knows
+    reason: str  # a key of :data:`REASONS`
+    board_ns: int = -1  # time of the run before the hole, on the board's clock; see :class:`Table`
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self | None:
+        """What :meth:`to_dict` gave, from a file; None for anything else."""
+        found = {f.name: content.get(f.name, f.default) for f in fields(cls)}
+        texts = [found["stream"], found["reason"]]
+        numbers = [found[n] for n in ("after_tick", "before_tick", "missing", "board_ns")]
+        if any(type(t) is not str for t in texts) or any(type(n) is not int for n in numbers):
+            return None
+        if any(abs(n) >= 1 << 63 for n in numbers):
+            return None
+        return cls(**found | {"stream": shown(texts[0]), "reason": shown(texts[1])})
+
+    def __str__(self) -> str:
+        count = "some runs" if self.missing < 0 else f"{self.missing} runs"
+        count = "perhaps runs" if self.missing < 0 and self.reason == "recording" else count
+        where = f"between ticks {self.after_tick} and {self.before_tick}"
+        if self.before_tick < 0:
+            where = f"after tick {self.after_tick}" if self.after_tick >= 0 else "everywhere"
+        return f"{self.stream}: {count} missing {where}: {REASONS.get(self.reason, self.reason)}"
+
+
+class GapError(UserError):
+    """A figure was asked for over a stretch with a hole in it."""
+
+    def __init__(self, what: str, gaps: tuple[Gap, ...]) -> None:
+        super().__init__(what, "Take a stretch between the gaps: Table.pieces() lists them.")
+        self.gaps = gaps
 
 
 def warn_unless_complete(name: object, integrity: Integrity) -> None:

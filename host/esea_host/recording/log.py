@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -15,8 +15,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.link.received import shown
-from esea_host.recording.gaps import Gap, GapError
-from esea_host.recording.integrity import Integrity, RecordingState
+from esea_host.recording.integrity import Gap, GapError, Integrity, RecordingState
 from esea_host.recording.layout import Array, StreamLayout
 from esea_host.recording.pieces import Piece
 from esea_host.recording.reader import LogFile, Rows, json_object
@@ -109,7 +108,7 @@ class Table:
         out = pd.DataFrame(columns, index=pd.Index(self.time_s, name="time_s"))
         out.attrs["units"] = self.units
         out.attrs["meanings"] = {c.name: c.meaning for c in self.layout.columns}
-        out.attrs["gaps"] = [g.to_dict() for g in self.gaps]
+        out.attrs["gaps"] = [asdict(g) for g in self.gaps]
         return out
 
     def _holes(self) -> list[tuple[int, Gap]]:

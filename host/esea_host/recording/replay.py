@@ -25,7 +25,7 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError, choose
 from esea_gen.hostlib import HostLibrary, compile_device
-from esea_gen.hostlib.codec import Field
+from esea_gen.hostlib.codec import Field, external_field
 from esea_host.recording.integrity import Integrity
 from esea_host.recording.layout import Array, fits, layout_of
 from esea_host.recording.log import TICK, Log
@@ -156,8 +156,8 @@ class _Task:
         task = system.task(name)
         stem = f"{library.prefix}_{name}"
         self.step = library.function(f"{stem}_step")
-        self.inputs = [library.codec.external(x) for x in system.task_inputs(task)]
-        self.outputs = [library.codec.external(x) for x in system.task_outputs(task)]
+        self.inputs = [external_field(library.naming, x) for x in system.task_inputs(task)]
+        self.outputs = [external_field(library.naming, x) for x in system.task_outputs(task)]
         self.given: Array | None = None
         self.given_at: Array | None = None
         if self.inputs:
@@ -168,7 +168,7 @@ class _Task:
         self.packed = np.zeros(max(count, 1), library.dtype(self.in_type))
         if self.given is not None:
             for f in self.inputs:
-                self.packed[f.c_name] = f.encode(self.given[f.name])
+                self.packed[f.name] = f.encode(self.given[f.name])
         self.computed = np.zeros(max(len(self.told), 1), library.dtype(self.out_type))
         self.done = np.zeros(len(self.told), bool)
         ffi = library.ffi
@@ -320,7 +320,7 @@ class _Replay:
     def _compare(self, task: _Task) -> None:
         for f in task.outputs:
             told = np.ascontiguousarray(task.told[f.name][task.done]).view(np.uint32)
-            computed = _told(f, task.computed[: len(task.told)][f.c_name][task.done])
+            computed = _told(f, task.computed[: len(task.told)][f.name][task.done])
             bits = np.ascontiguousarray(computed).view(np.uint32)
             self.verdict.values += told.size
             wrong = (told != bits).reshape(len(told), -1).any(axis=1) if told.size else told
@@ -374,18 +374,18 @@ class _Replay:
         rows = [(given[0], told[0]) for given, told in (t.rows(np.array([ns])) for t in self.tasks)]
         at, out = rows[0]
         for f in fast.inputs:
-            held = fast.packed[f.c_name][at]
+            held = fast.packed[f.name][at]
             for bit in range(32):
                 bits = fast.given[f.name][at].view(np.uint32) ^ np.uint32(1 << bit)
-                fast.packed[f.c_name][at] = f.encode(bits.view(np.float32))
+                fast.packed[f.name][at] = f.encode(bits.view(np.float32))
                 self.state[:] = before
                 self.step(first.tick, rows)
                 same = all(
-                    _told(g, fast.computed[g.c_name][out]).tobytes()
+                    _told(g, fast.computed[g.name][out]).tobytes()
                     == fast.told[g.name][out].tobytes()
                     for g in fast.outputs
                 )
-                fast.packed[f.c_name][at] = held
+                fast.packed[f.name][at] = held
                 if same:
                     explained = ReplayDifference(**{**vars(first), "input_signal": f.name})
                     self.verdict.differences = [explained]

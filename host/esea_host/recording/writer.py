@@ -13,6 +13,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -21,7 +22,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from esea_gen.errors import UserError
-from esea_host.recording.gaps import Gap
+from esea_host.recording.integrity import Gap
 from esea_host.recording.layout import PACKAGE, Array, StreamLayout
 
 PIECE_BYTES = 1 << 18
@@ -217,7 +218,7 @@ class Recorder:
         gap : Gap
             Where, and whose fault.
         """
-        self.event("gap", gap.to_dict())
+        self.event("gap", asdict(gap))
 
     def note(self, text: str, **facts: Any) -> None:
         """Write down what somebody saw or did.

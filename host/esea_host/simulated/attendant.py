@@ -39,7 +39,7 @@ class Attendant:
             nonlocal now_Nm
             now_Nm += (load_Nm - now_Nm) / LAID_ON_TICKS
             at = float(self.drive.plant.truth()["theta_l_rad"])
-            return _path(at + now_Nm / HANGING.spring_Nm_rad)
+            return led_path(at + now_Nm / HANGING.spring_Nm_rad)
 
         self.drive.set_up(person=HANGING, hand=pulling, values=LOCKED)
 
@@ -67,9 +67,14 @@ class Attendant:
         at, step, left = self._aim
         moves = left > 0
         self._aim = at + moves * step, step, left - moves
-        return _path(self._aim[0], 1e3 * step * moves, float(self._noise.standard_normal()))
+        return led_path(
+            self._aim[0], 1e3 * step * moves, noise=float(self._noise.standard_normal())
+        )
 
 
-def _path(theta_rad: float, omega_rad_s: float = 0.0, noise: float = 0.0) -> dict[str, float]:
-    speed = {"omega_p_rad_s": omega_rad_s, "alpha_p_rad_s2": 0.0}
+def led_path(
+    theta_rad: float, omega_rad_s: float = 0.0, alpha_rad_s2: float = 0.0, noise: float = 0.0
+) -> dict[str, float]:
+    """Where somebody leads the hand, as the virtual plant takes it."""
+    speed = {"omega_p_rad_s": omega_rad_s, "alpha_p_rad_s2": alpha_rad_s2}
     return {"theta_p_rad": theta_rad, **speed, "noise": noise}

@@ -8,11 +8,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device, board_device
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.twin.hand import (
     HAND_NAMES,
@@ -28,7 +30,6 @@ from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
 from esea_gen.twin.stepped import EMPTY, SteppedPlant
 from esea_host.connection.identity import SIMULATED_BOARDS
 from esea_host.recording.replay import loaded_device
-from esea_host.simulated.elements import with_spring
 from esea_host.simulated.joint import MovedJoint
 from esea_host.simulated.motion import JointMotion, make_motion
 
@@ -75,7 +76,7 @@ class SimulatedBoard:
                     "Say how it is moved: --motion person, therapist or a table's file.",
                 )
             self._clamped = False
-            self._first: SteppedPlant | SteppedHand | MovedJoint = self._moved_joint()
+            self.first_plant: SteppedPlant | SteppedHand | MovedJoint = self._moved_joint()
         else:
             if motion is not None:
                 raise UserError(
@@ -86,9 +87,9 @@ class SimulatedBoard:
             self._person, self._clamped = self._named(person), person == CLAMPED
             if len(self.axes) == 1:
                 self._variant = plant_variant(self.device, plant, "ideal", seed)
-                self._first = self._plant_with(spring_Nm_rad)
+                self.first_plant = self._plant_with(spring_Nm_rad)
             else:
-                self._first = SteppedHand(hand_variant(self.device, plant, "ideal", seed))
+                self.first_plant = SteppedHand(hand_variant(self.device, plant, "ideal", seed))
         self.first_person = self._person, self._clamped
         self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
@@ -105,7 +106,7 @@ class SimulatedBoard:
         return random_person(self._seed) if person == "random" else PEOPLE[person]
 
     def _plant_with(self, spring_Nm_rad: float) -> SteppedPlant:
-        device = with_spring(self.device, spring_Nm_rad) if spring_Nm_rad else self.device
+        device = _with_spring(self.device, spring_Nm_rad) if spring_Nm_rad else self.device
         return SteppedPlant(dataclasses.replace(self._variant, device=device))
 
     def build_in(self, spring_Nm_rad: float) -> None:
@@ -114,7 +115,7 @@ class SimulatedBoard:
         assert isinstance(before, SteppedPlant)
         assert isinstance(self._person, Person)
         at_rad = float(before.truth()["theta_l_rad"])
-        self.plant = self._first = plant
+        self.plant = self.first_plant = plant
         self.board.show(plant.start(at_rad, clamped=self._clamped, person=self._person))
 
     def _moved_joint(self) -> MovedJoint:
@@ -147,7 +148,7 @@ class SimulatedBoard:
             raise UserError(f"{self.device.name} has no drive.", "Give a motion.")
 
     def _start(self) -> None:
-        self.plant, self._intent = self._first, None
+        self.plant, self._intent = self.first_plant, None
         self._person, self._clamped = self.first_person
         self._pushed_rad = [0.0] * len(self.axes)
         self._noise = np.random.default_rng([self._seed, 3])
@@ -240,3 +241,24 @@ def _known(what: str, name: str, names: tuple[str, ...]) -> str:
     if name not in names:
         raise UserError(f"There is no {what} '{name}'.", f"Choose from {', '.join(names)}.")
     return name
+
+
+def _with_spring(device: DeviceData, stiffness_Nm_rad: float) -> DeviceData:
+    """An ideal spring in the elastomer's place, for the plant; the board keeps its law."""
+    if not 0.1 <= stiffness_Nm_rad <= 1000:
+        raise UserError(f"A spring of {stiffness_Nm_rad:g} Nm/rad.", "Give 0.1 to 1000 Nm/rad.")
+    rubber = device.file.elastomer
+    if rubber is None or rubber.maxwell is None:
+        raise UserError(
+            f"{device.name}: only a device with [elastomer.maxwell] can carry a spring.",
+            "Take one such as elbow_drive.",
+        )
+
+    def changed(model: Any, **values: float) -> dict[str, Any]:
+        return {k: getattr(model, k).model_copy(update={"value": v}) for k, v in values.items()}
+
+    maxwell = rubber.maxwell.model_copy(update=changed(rubber.maxwell, kv_Nm_rad=0.0))
+    spring = changed(rubber, k1_Nm_rad=stiffness_Nm_rad, k3_Nm_rad3=0.0, alpha_Nm_rad=0.0)
+    element = rubber.model_copy(update={**spring, "maxwell": maxwell})
+    file = device.file.model_copy(update={"elastomer": element})
+    return DeviceData(file, device.origin)

@@ -212,14 +212,3 @@ def make_motion(name: str, device: DeviceData) -> JointMotion:
         f"There is no motion '{name}'.",
         f"Choose from {', '.join(MOTIONS)}, or give a table (.csv).",
     )
-
-
-__all__ = [
-    "MOTIONS",
-    "JointMotion",
-    "RecordedMotion",
-    "SteppedCoupling",
-    "SwingingPerson",
-    "TherapistHand",
-    "make_motion",
-]

@@ -299,6 +299,3 @@ def _play(
             del backlog[MOST_BACKLOG_BYTES // 2 :]
         if due <= 0 or (not sent and not due):
             time.sleep(IDLE_S)
-
-
-__all__ = ["Hands", "serve", "serve_hosts"]

@@ -6,28 +6,30 @@ read attributes that are replaced whole; none of them can hold the session up.
 
 from __future__ import annotations
 
+import math
 import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
+
+import numpy as np
 
 from esea_gen.errors import UserError
 from esea_host.study.folder import StudyFolder
-from esea_host.study.operated import PIECE_S, OperatedSource
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
 from esea_host.study.session import ABORTED, PENDING, RUNNING, StudySession
-from esea_host.study.source import InputSource
-from esea_host.study.task import TaskStep, task_named
-from esea_host.study.watching import SessionWatcher, TrialOnly
+from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
+from esea_host.study.task import TaskStep
 
 STARTING, RESTING, PAUSED, HELD, OVER = "starting", "resting", "paused", "held", "over"
 MOST_HAPPENED = 200
-RECENTRE, PAUSE = "recentre", "pause"
+PIECE_S = 0.02  # so long at most nobody hears a stop
+LATE_S = 0.25  # who is later than that does not hurry to catch up
 
 
 @dataclass(frozen=True)
@@ -41,12 +43,6 @@ class ShownScene:
     tick_s: float | None = None
 
 
-class FrameCounter(Protocol):
-    def drop(self) -> None: ...
-
-    def take(self, whole: bool) -> Mapping[str, Any]: ...
-
-
 def appears(before: Scene, now: Scene) -> bool:
     """Whether something is there that was not: a shape of a role, or a text."""
 
@@ -54,6 +50,69 @@ def appears(before: Scene, now: Scene) -> bool:
         return {s.role for s in scene.shapes} | {f"text {t.key}" for t in scene.texts}
 
     return bool(roles(now) - roles(before))
+
+
+Lists = tuple[list[float], list[float], list[float]]
+
+
+def summary(
+    intervals_s: Sequence[float],
+    delays_s: Sequence[float],
+    refresh_Hz: float,
+    ages_s: Sequence[float] = (),
+) -> dict[str, Any]:
+    found: dict[str, Any] = {"refresh_Hz": refresh_Hz, "intervals": len(intervals_s)}
+    refreshes = np.round(np.asarray(intervals_s, np.float64) * refresh_Hz)
+    found["dropped"] = int(np.sum(np.maximum(refreshes - 1, 0)))
+    kinds = {"interval": intervals_s, "onset_delay": delays_s, "tick_to_frame": ages_s}
+    for name, values in kinds.items():
+        for share in (50, 95, 99, 100):
+            ms = float(np.percentile(values, share)) * 1e3 if len(values) else None
+            found[f"{name}_p{share}_ms"] = ms if ms is None else round(ms, 3)
+    return found | {"onsets": len(delays_s)}
+
+
+class FrameTimes:
+    """When Qt painted, by the host's clock; light on the screen needs a photodiode."""
+
+    def __init__(self, refresh_Hz: float) -> None:
+        self.refresh_Hz = refresh_Hz
+        self.facts: dict[str, Any] = {}
+        self._last_s: float | None = None
+        self._onsets, self._tick_s = 0, -math.inf
+        self._trial: Lists = ([], [], [])
+        self._all: Lists = ([], [], [])
+
+    def painted(self, at_s: float, onsets: int, made_s: float, tick_s: float | None = None) -> bool:
+        """A frame was painted; whether something appeared with it."""
+        intervals, delays, ages = self._trial
+        if tick_s is not None and tick_s > self._tick_s:
+            ages.append(at_s - tick_s)
+            self._tick_s = tick_s
+        if self._last_s is not None:
+            intervals.append(at_s - self._last_s)
+        self._last_s = at_s
+        new = onsets > self._onsets
+        if new and made_s > 0:
+            delays.append(at_s - made_s)
+        self._onsets = onsets
+        return new
+
+    def take(self, whole: bool) -> dict[str, Any]:
+        """Numbers since the last taking, or (whole) of every trial taken so far."""
+        if whole:
+            return self._summary(self._all) | self.facts
+        taken, self._trial = self._trial, ([], [], [])
+        for kept, new in zip(self._all, taken, strict=True):
+            kept.extend(new)
+        return self._summary(taken)
+
+    def _summary(self, lists: Lists) -> dict[str, Any]:
+        intervals, delays, ages = lists
+        return summary(intervals, delays, self.refresh_Hz, ages)
+
+    def drop(self) -> None:
+        self._trial, self._last_s = ([], [], []), None
 
 
 class Conductor(SessionWatcher):
@@ -72,8 +131,8 @@ class Conductor(SessionWatcher):
     ) -> None:
         super().__init__()
         self.study, self.code, self.number, self.hold = study, code, number, hold
-        self.source = OperatedSource(source, speed, self._pressed)
-        self._session = study.session(code, number, self.source, day, early)
+        self.source, self.speed = source, speed
+        self._session = study.session(code, number, source, day, early)
         self.plan = self._session.state.plan
         self.states: Mapping[int, str] = dict(self._session.state.states)
         self.reasons: Mapping[int, str] = dict(self._session.state.reasons)
@@ -83,7 +142,8 @@ class Conductor(SessionWatcher):
         self.said, self.reason = "", ""
         self.error: Exception | None = None
         self.happened: deque[tuple[float, str]] = deque(maxlen=MOST_HAPPENED)
-        self.display: FrameCounter | None = None
+        self.display: FrameTimes | None = None
+        self._begun_s = 0.0
         self.paused = False
         self._pause_told = False
         self._recentre = False
@@ -175,7 +235,7 @@ class Conductor(SessionWatcher):
 
     @property
     def rest_left_s(self) -> float:
-        speed = self.source.speed if self.source.speed < float("inf") else 1.0
+        speed = self.speed if math.isfinite(self.speed) else 1.0
         return max(0.0, (self.rest_until_s - time.monotonic()) * speed)
 
     @property
@@ -184,8 +244,8 @@ class Conductor(SessionWatcher):
         return next((t for t in left if t is not self.trial), None)
 
     def longest_s(self, trial: PlannedTrial) -> float:
-        task = task_named(trial.task, "plan")
-        return task.longest_s(task.Parameters(**trial.parameters))
+        task, parameters = trial.asked()
+        return task.longest_s(parameters)
 
     # -- in the session's thread -------------------------------------------------------------------
 
@@ -204,12 +264,26 @@ class Conductor(SessionWatcher):
             session.close()
             self.phase = OVER
 
-    def _pressed(self) -> Mapping[str, float]:
-        found = {PAUSE: 1.0} if self.paused else {}
+    def pressed(self) -> Mapping[str, float]:
+        found = {"pause": 1.0} if self.paused else {}
         if self._recentre:
             self._recentre = False
-            found[RECENTRE] = 1.0
+            found["recentre"] = 1.0
         return found
+
+    def _wait(self, until_s: float) -> None:
+        while (left_s := until_s - time.monotonic()) > 0 and not self.turn():
+            time.sleep(min(left_s, PIECE_S))
+
+    def paces(self, time_s: float) -> None:
+        """Not before its time, by the clock."""
+        if not math.isfinite(self.speed):
+            return
+        due_s = self._begun_s + time_s / self.speed
+        late_s = time.monotonic() - due_s
+        if late_s > LATE_S:
+            self._begun_s += late_s
+        self._wait(due_s)
 
     def turn(self) -> str:
         self._write_notes(self._session)
@@ -246,13 +320,20 @@ class Conductor(SessionWatcher):
     def waits(self, words: str) -> None:
         self.advice = (words,) if words else ()
 
-    def rests(self, seconds: float) -> None:
-        self.rest_until_s = time.monotonic() + seconds / min(self.source.speed, 1e9)
+    def rests(self, seconds: float, rest: Callable[[float], None]) -> None:
+        """As long by the clock, and longer while a pause is pressed."""
+        self.rest_until_s = time.monotonic() + seconds / min(self.speed, 1e9)
         self.phase = RESTING
         self._tell(f"rest of {seconds:g} s")
+        if math.isfinite(self.speed):
+            self._wait(self.rest_until_s)
+        rest(seconds)
+        while self.paused and not self.turn():
+            time.sleep(PIECE_S)
 
     def begins(self, trial: PlannedTrial) -> None:
         self.trial, self.trial_s, self.advice = trial, 0.0, ()
+        self._begun_s = time.monotonic()
         self.states = {**self.states, trial.number: RUNNING}
         self.shown = ShownScene(Scene(), self.shown.number, self.shown.onsets)
         self.phase = RUNNING

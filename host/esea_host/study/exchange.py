@@ -121,7 +121,7 @@ def _bids(study: StudyFolder, out: Path, seed: int) -> int:
                 names = [_write_run(place, new, number + 1, t, simulated) for t in done]
                 _scans(place / f"sub-{new}_ses-{number + 1}_scans.tsv", names, done)
                 runs += len(done)
-    _tsv(out / "participants.tsv", [[p] for p in people])
+    write_tsv(out / "participants.tsv", [[p] for p in people])
     file = study.protocol.file
     about = {
         "Name": file.title,
@@ -144,12 +144,12 @@ def _write_run(place: Path, code: str, session: int, trace: TrialTrace, simulate
     head = f"sub-{code}_ses-{session}_task-{label}_tracksys-{TRACKED}_run-{trial.number}"
     start_s = trace.samples[0][0]
     lines = [[time_s - start_s, *(v.get(n) for n in names)] for time_s, v in trace.samples]
-    _tsv(place / "motion" / f"{head}_motion.tsv", lines)
+    write_tsv(place / "motion" / f"{head}_motion.tsv", lines)
     channels = [["name", "component", "type", "tracked_point", "units"]]
     channels.append(["time_s", "n/a", "LATENCY", "n/a", "s"])
     kinds = [next((k for e, k in _KINDS.items() if n.endswith(e)), ("MISC", "n/a")) for n in names]
     channels += [[n, "n/a", k, "n/a", u] for n, (k, u) in zip(names, kinds, strict=True)]
-    _tsv(place / "motion" / f"{head}_channels.tsv", channels)
+    write_tsv(place / "motion" / f"{head}_channels.tsv", channels)
     length_s = trace.samples[-1][0] - start_s
     rate_Hz = round((len(lines) - 1) / length_s, 6) if length_s > 0 else 0.0
     counted = ["LATENCY", *(k for k, _ in kinds)]
@@ -168,7 +168,7 @@ def _write_run(place: Path, code: str, session: int, trace: TrialTrace, simulate
     _json(place / "motion" / f"{head}_motion.json", about)
     events: list[list[Any]] = [["onset", "duration", "trial_type"]]
     events += [[at_s - start_s, 0, name] for at_s, name in trace.events]
-    _tsv(place / "motion" / f"{head}_events.tsv", events)
+    write_tsv(place / "motion" / f"{head}_events.tsv", events)
     return f"motion/{head}_motion.tsv"
 
 
@@ -177,14 +177,14 @@ def _scans(path: Path, names: Sequence[str], done: Sequence[TrialTrace]) -> None
     rows = [{k: v for k, v in t.row.items() if not isinstance(v, list | dict)} for t in done]
     columns = list(dict.fromkeys(k for r in rows for k in r))
     lines = [[n, *(r.get(k) for k in columns)] for n, r in zip(names, rows, strict=True)]
-    _tsv(path, [["filename", *columns], *lines])
+    write_tsv(path, [["filename", *columns], *lines])
     kinds = {t.trial.task: task_named(t.trial.task, "log").columns for t in done}
     own = {c.name: c.meaning for columns_ in kinds.values() for c in columns_}
     known = own | _MEANINGS
     _json(path.with_suffix(".json"), {k: {"Description": known[k]} for k in columns})
 
 
-def _tsv(path: Path, lines: Sequence[Sequence[Any]]) -> None:
+def write_tsv(path: Path, lines: Sequence[Sequence[Any]]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", encoding="utf-8") as file:
         file.writelines("\t".join(_cells(line)) + "\n" for line in lines)

@@ -12,7 +12,7 @@ from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
 from esea_host.study.plan import build_plan
 from esea_host.study.protocol import Protocol
-from esea_host.study.task import StudyTask, TaskSignal, task_named
+from esea_host.study.task import StudyTask, TaskSignal
 
 DEG = 180 / math.pi
 # What a task may ask for: the impairment of all axes, and torque on a joint.
@@ -133,6 +133,6 @@ def uses_of(protocol: Protocol) -> list[tuple[StudyTask, Mapping[str, float]]]:
     for session in range(len(protocol.file.session)):
         for index in range(max(1, len(protocol.file.groups))):  # a block holds every group
             for trial in build_plan(protocol, index, session).trials:
-                task = task_named(trial.task, "plan")
-                found.append((task, task.conditions(task.Parameters(**trial.parameters))))
+                task, parameters = trial.asked()
+                found.append((task, task.conditions(parameters)))
     return found

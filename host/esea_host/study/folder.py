@@ -218,11 +218,9 @@ class StudyFolder:
                 )
         self._washout(code, number, day, early)
         plan = build_plan(self.protocol, index, number)
-        rules = self.protocol.file.stopping
-        session = StudySession(
-            self.log_of(code, number), plan, code, source, self.rows(code, number), self.durable
-        )
-        return session.with_rules(rules.longest_min, rules.failed_in_a_row)
+        log, rows = self.log_of(code, number), self.rows(code, number)
+        stopping = self.protocol.file.stopping
+        return StudySession(log, plan, code, source, rows, self.durable, stopping)
 
     def _washout(self, code: str, number: int, day: int | None, early: str) -> None:
         if day is None:

@@ -12,12 +12,11 @@ from joblib import Parallel, delayed
 
 from esea_gen.analysis.cluster import connected, run_on
 from esea_gen.errors import UserError
-from esea_host.study.acting import SimulatedSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import generator
 from esea_host.study.protocol import Protocol
-from esea_host.study.source import InputSource
+from esea_host.study.source import InputSource, SimulatedSource
 from esea_host.study.trust import allow
 
 # From the participant's number to what gives the source of each session, told the days between.

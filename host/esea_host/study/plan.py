@@ -28,6 +28,11 @@ class PlannedTrial:
     rest_before_s: float
     seed: int
 
+    def asked(self) -> tuple[StudyTask, Any]:
+        """Its task and the task's own parameters."""
+        task = task_named(self.task, "plan")
+        return task, task.Parameters(**self.parameters)
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -153,8 +158,8 @@ def explain(protocol: Protocol) -> str:
 def durations_s(plan: Plan) -> tuple[float, float]:
     longest = 0.0
     for trial in plan.trials:
-        task = task_named(trial.task, plan.protocol)
-        longest += task.longest_s(task.Parameters(**trial.parameters))
+        task, parameters = trial.asked()
+        longest += task.longest_s(parameters)
     return longest, sum(t.rest_before_s for t in plan.trials)
 
 

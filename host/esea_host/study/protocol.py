@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -122,9 +121,7 @@ def parse_protocol(
 ) -> Protocol:
     """From text; runs=False: no code is run, and what depends on a task is not checked."""
     document = parse_toml(text, origin, SEE)
-    kind = cast(Any, ProtocolFile)
-
-    file = checked(kind, document, origin, _explainer(lambda p: line_of(text, p.loc)))
+    file = checked(ProtocolFile, document, origin, lambda _: "", text)
     where = Protocol(file, text, origin).line("tasks")
     own = [read_code(inside(f, Path(t), where)) for f in folders for t in file.tasks]
     protocol = Protocol(file, text, origin, (*own, *codes))
@@ -193,10 +190,7 @@ def _check_block(protocol: Protocol, at: tuple[int, int], block: TrialBlock) -> 
             _condition(protocol, condition, protocol.line(*loc, "condition"))
         for row in rows:
             given = parameters_of(protocol, task, condition, block.parameters, row.parameters)
-            about = f"parameters of {task.name} in block {block.name}: "
-            first = line_of(protocol.text, (*loc, "name"))
-            explainer = _explainer(partial(_next_line, protocol.text, first), about)
-            checked(task.Parameters, given, protocol.origin, explainer)
+            _check_parameters(protocol, line_of(protocol.text, (*loc, "name")), block, task, given)
     return set(task.Parameters.model_fields)
 
 
@@ -209,24 +203,16 @@ def _condition(protocol: Protocol, name: str, where: str) -> None:
         )
 
 
-def _explainer(
-    line: Callable[[Problem], int], about: str = ""
-) -> Callable[[Problem], UserError | None]:
-    def explain(problem: Problem) -> UserError | None:
-        at = f"line {line(problem)}: {about}"
-        if problem.kind == "extra_forbidden":
-            return UserError(
-                f"{at}unknown key {problem.key} = {problem.given!r}.",
-                f"{nearest(str(problem.loc[-1]), problem.known)}Known keys here: "
-                f"{', '.join(problem.known)}.",
-            )
-        kind = problem.kind.replace("_", " ")
-        return UserError(
-            f"{at}{problem.key} = {problem.given!r} cannot stand there ({kind}).",
-            f"Wanted: {problem.text}." if problem.text else "Correct it.",
-        )
-
-    return explain
+def _check_parameters(
+    protocol: Protocol, first: int, block: TrialBlock, task: StudyTask, given: Mapping[str, Any]
+) -> None:
+    wrong: list[Problem] = []
+    where = f"parameters of {task.name} in block {block.name}"
+    try:
+        checked(task.Parameters, given, where, lambda p: wrong.append(p) or "")
+    except UserError as error:
+        line = _next_line(protocol.text, first, wrong[0])
+        raise UserError(f"{protocol.origin}, line {line}: {error.what}", error.fix) from None
 
 
 def _next_line(text: str, start: int, problem: Problem) -> int:

@@ -12,23 +12,17 @@ from esea_gen.errors import UserError
 from esea_host.study.edge import checked_step, finite, of_task
 from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log, well_formed
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
+from esea_host.study.protocol import Stopping
 from esea_host.study.scene import Scene
-from esea_host.study.source import InputSource
+from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
 from esea_host.study.task import (
     Inputs,
+    Row,
     Situation,
     StudyTask,
     TaskBrokenError,
     TaskStep,
     task_named,
-)
-from esea_host.study.watching import (
-    SessionWatcher,
-    Show,
-    Stop,
-    TrialOnly,
-    not_stopped,
-    shown_nowhere,
 )
 
 PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
@@ -48,7 +42,7 @@ class SessionState:
     states: Mapping[int, str]
     reasons: Mapping[int, str]
     running: int | None
-    past: tuple[Mapping[str, Any], ...]
+    past: tuple[Row, ...]
     ended: str
     torn: int
     last_s: float
@@ -75,7 +69,7 @@ def _state_of(found: LogFound) -> SessionState:
     plan = plan_from(head["plan"])
     states = {t.number: PENDING for t in plan.trials}
     reasons: dict[int, str] = {}
-    past: list[Mapping[str, Any]] = []
+    past: list[Row] = []
     ended = ""
     for e in found.entries:
         if e.kind == "trial":
@@ -107,7 +101,7 @@ def _state_of(found: LogFound) -> SessionState:
     )
 
 
-def _rows_after(past: list[Mapping[str, Any]], e: LoggedEvent) -> list[Mapping[str, Any]]:
+def _rows_after(past: list[Row], e: LoggedEvent) -> list[Row]:
     # Rows of completed trials, once an event has happened.
     if e.kind == "trial_end" and e.data["state"] == COMPLETED:
         return [*past, e.data["row"]]
@@ -118,7 +112,7 @@ def _rows_after(past: list[Mapping[str, Any]], e: LoggedEvent) -> list[Mapping[s
     return past
 
 
-def _corrected(row: Mapping[str, Any], change: Mapping[str, Any]) -> Mapping[str, Any]:
+def _corrected(row: Row, change: Mapping[str, Any]) -> Row:
     if row["trial"] != change["trial"]:
         return row
     return {**row, change["column"]: change["new"]}
@@ -133,11 +127,12 @@ class StudySession:
         plan: Plan,
         participant: str,
         source: InputSource,
-        earlier: Sequence[Mapping[str, Any]] = (),
+        earlier: Sequence[Row] = (),
         durable: bool = True,
+        stopping: Stopping | None = None,
     ) -> None:
         self.log = EventLog(path, durable)
-        self.source, self.earlier = source, tuple(earlier)
+        self.source, self.earlier, self.stopping = source, tuple(earlier), stopping or Stopping()
         self._offset_s = 0.0
         if self.log.found.entries:
             self.state = state_of(self.log.found, path)
@@ -158,8 +153,8 @@ class StudySession:
 
     def run(
         self,
-        show: Show = shown_nowhere,
-        stop: Stop = not_stopped,
+        show: Callable[[Scene], object] = lambda _: None,
+        stop: Callable[[], str] = lambda: "",
         watcher: SessionWatcher | None = None,
     ) -> str:
         watcher = watcher or SessionWatcher(show, stop)
@@ -187,9 +182,9 @@ class StudySession:
         self.state = read_session(self.log.path)
 
     def _trials(self, watcher: SessionWatcher) -> str:
-        known, past, failed = None, list[Mapping[str, Any]](), 0
+        known, past, failed = None, list[Row](), 0
         todo: list[PlannedTrial] = []
-        rules = self._rules
+        rules = self.stopping
         while True:
             watcher.between()
             if known is not self.state:  # at first, and where a trial is to be left out or repeated
@@ -202,13 +197,12 @@ class StudySession:
             trial = todo[0]
             if trial.rest_before_s:
                 self.say("rest", seconds=trial.rest_before_s)
-                watcher.rests(trial.rest_before_s)
-                self.source.rest(trial.rest_before_s)
+                watcher.rests(trial.rest_before_s, self.source.rest)
                 if why := watcher.turn() or self._mended(watcher):
                     return why
             # By the session's own clock: a break between start and resume counts as no time.
-            if self._offset_s + self.source.now_s() > 60 * rules["longest_min"]:
-                return f"longer than {rules['longest_min']:g} min"
+            if self._offset_s + self.source.now_s() > 60 * rules.longest_min:
+                return f"longer than {rules.longest_min:g} min"
             if why := self.source.before(trial):
                 return why
             ended, row, reason = self._trial(trial, tuple(past), watcher)
@@ -219,18 +213,12 @@ class StudySession:
                 todo.pop(0)
             elif not isinstance(reason, TrialOnly):
                 return reason
-            if failed >= rules["failed_in_a_row"]:
+            if failed >= rules.failed_in_a_row:
                 return f"{failed} trials in a row failed, the last one: {reason}"
 
-    _rules: Mapping[str, float] = {"longest_min": 1e9, "failed_in_a_row": 3}
-
-    def with_rules(self, longest_min: float, failed_in_a_row: int) -> StudySession:
-        self._rules = {"longest_min": longest_min, "failed_in_a_row": failed_in_a_row}
-        return self
-
     def _trial(
-        self, trial: PlannedTrial, past: tuple[Mapping[str, Any], ...], watcher: SessionWatcher
-    ) -> tuple[str, Mapping[str, Any] | None, str]:
+        self, trial: PlannedTrial, past: tuple[Row, ...], watcher: SessionWatcher
+    ) -> tuple[str, Row | None, str]:
         task = task_named(trial.task, self.log.path.name)
         situation = situation_of(trial, past)
         self.say("trial", trial=trial.number, block=trial.block, version=task.version)
@@ -246,7 +234,11 @@ class StudySession:
                 reason = watcher.turn()
                 if reason:
                     break
+                pressed = {k: v for k, v in watcher.pressed().items() if k in task.switches}
+                self.source.paused = "pause" in pressed
                 time_s, inputs = actor.react(scene, requests)
+                watcher.paces(time_s)
+                inputs = {**inputs, **pressed}
                 lost = [n for n, x in inputs.items() if not finite(x)]
                 if lost:
                     ended, reason = FAILED, f"no number comes from: {', '.join(lost)}"
@@ -270,7 +262,7 @@ class StudySession:
         watcher.ends(trial.number, ended, reason, row or {})
         return ended, row, reason
 
-    def _end(self, number: int, state: str, reason: str, row: Mapping[str, Any] | None) -> None:
+    def _end(self, number: int, state: str, reason: str, row: Row | None) -> None:
         self.say("trial_end", trial=number, state=state, reason=reason, row=row)
 
     def skip(self, number: int, reason: str) -> None:
@@ -312,21 +304,14 @@ class StudySession:
         self.log.close()
 
 
-def situation_of(trial: PlannedTrial, past: tuple[Mapping[str, Any], ...]) -> Situation:
-    task = task_named(trial.task, "plan")
-    return Situation(task.Parameters(**trial.parameters), trial.condition, past, trial.seed)
+def situation_of(trial: PlannedTrial, past: tuple[Row, ...]) -> Situation:
+    return Situation(trial.asked()[1], trial.condition, past, trial.seed)
 
 
-def _whole_row(row: Mapping[str, Any], trial: PlannedTrial, plan: Plan) -> dict[str, Any]:
-    about = {
-        "trial": trial.number,
-        "session": plan.session,
-        "block": trial.block,
-        "task": trial.task,
-        "condition": trial.condition,
-        "catch": trial.catch,
-        "familiarisation": trial.familiarisation,
-    }
+def _whole_row(row: Row, trial: PlannedTrial, plan: Plan) -> dict[str, Any]:
+    kept = ("block", "task", "condition", "catch", "familiarisation")
+    about = {"trial": trial.number, "session": plan.session}
+    about |= {name: getattr(trial, name) for name in kept}
     return {**about, **row}
 
 
@@ -364,7 +349,7 @@ class _Frames:
 
 def replay(
     path: Path,
-    earlier: Sequence[Mapping[str, Any]] = (),
+    earlier: Sequence[Row] = (),
     told: Callable[[int, StudyTask, float], Inputs] | None = None,
 ) -> Iterator[tuple[int, Scene, bool]]:
     with well_formed(path):
@@ -374,7 +359,7 @@ def replay(
 def _replay(
     entries: Sequence[LoggedEvent],
     path: Path,
-    earlier: Sequence[Mapping[str, Any]],
+    earlier: Sequence[Row],
     told: Callable[[int, StudyTask, float], Inputs] | None,
 ) -> Iterator[tuple[int, Scene, bool]]:
     plan = plan_from(entries[0].data["plan"])

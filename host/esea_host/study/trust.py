@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from esea_gen.errors import UserError
-from esea_gen.files import write_whole
+from esea_gen.files import read_whole, write_whole
 
-MOST_BYTES = 1_000_000
+MOST_BYTES = 1 << 20
 _allowed: set[str] = set()
 
 
@@ -34,18 +34,7 @@ class TaskCode:
 
 
 def read_code(path: Path) -> TaskCode:
-    what = ""
-    try:
-        if not path.is_file():
-            what = "is no file"
-        elif path.stat().st_size > MOST_BYTES:
-            what = f"has {path.stat().st_size} bytes, {MOST_BYTES} at most"
-        else:
-            content = path.read_bytes()
-    except OSError as error:
-        what = f"cannot be read ({error.strerror})"
-    if what:
-        raise UserError(f"{path}: {what}.", "Name a Python file with tasks.")
+    content = read_whole(path, "Name a Python file with tasks.", MOST_BYTES)
     return TaskCode(path, content, hashlib.sha256(content).hexdigest())
 
 

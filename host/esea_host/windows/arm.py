@@ -9,8 +9,8 @@ from PySide6.QtCore import QPointF, Qt, QTimer
 from PySide6.QtGui import QColor, QKeySequence, QMouseEvent, QPainter, QPaintEvent, QPen, QShortcut
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QWidget
 
-from esea_host.windows.columns import AxisColumns
 from esea_host.windows.feed import LiveFeed
+from esea_host.windows.plots import AxisColumns
 
 MOST_RAD, STEP_RAD = 0.6, 0.1
 DRAWN_MS = 50
@@ -40,19 +40,19 @@ class VirtualArm(QWidget):
         self._push()
         self.update()
 
-    def _elbow(self) -> QPointF:
+    def elbow(self) -> QPointF:
         return QPointF(0.4 * self.width(), 0.45 * self.height())
 
     def _reach_px(self) -> float:
         return 0.42 * min(self.width(), self.height())
 
-    def _at(self, angle_rad: float) -> QPointF:
+    def at(self, angle_rad: float) -> QPointF:
         # Flexion lifts the forearm forward, to the right.
         reach = self._reach_px()
-        return self._elbow() + QPointF(reach * math.sin(angle_rad), reach * math.cos(angle_rad))
+        return self.elbow() + QPointF(reach * math.sin(angle_rad), reach * math.cos(angle_rad))
 
     def _angle_of(self, place: QPointF) -> float:
-        off = place - self._elbow()
+        off = place - self.elbow()
         return math.atan2(off.x(), off.y())
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
@@ -71,7 +71,7 @@ class VirtualArm(QWidget):
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         ink = self.palette().windowText().color()
-        elbow, angle = self._elbow(), self.angle_rad
+        elbow, angle = self.elbow(), self.angle_rad
         shoulder = elbow - QPointF(0, self._reach_px())
 
         def limb(colour: QColor, width: float, first: QPointF, last: QPointF) -> None:
@@ -86,8 +86,8 @@ class VirtualArm(QWidget):
         if self.push_rad:
             pushed = QColor("#b5611b")
             pushed.setAlpha(120)
-            limb(pushed, 12, elbow, self._at(angle + self.push_rad))
-        limb(QColor("#00558c"), 20, elbow, self._at(angle))
+            limb(pushed, 12, elbow, self.at(angle + self.push_rad))
+        limb(QColor("#00558c"), 20, elbow, self.at(angle))
         painter.setPen(ink)
         said = f"{math.degrees(angle):.0f} deg"
         said += f", pushed by {math.degrees(self.push_rad):+.0f} deg" if self.push_rad else ""

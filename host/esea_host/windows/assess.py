@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Callable
 from functools import partial
@@ -12,19 +11,15 @@ from pathlib import Path
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt, QTimer
-from PySide6.QtGui import QAction, QGuiApplication, QKeySequence
 from PySide6.QtWidgets import (
     QApplication,
     QFileDialog,
     QGridLayout,
-    QHBoxLayout,
     QLabel,
     QListWidget,
-    QMainWindow,
     QScrollArea,
     QSplitter,
     QTabWidget,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -38,32 +33,30 @@ from esea_host.assess.tasks import PAUSE_S, leg_scene
 from esea_host.windows.assess_board import BoardPanel
 from esea_host.windows.assess_controls import ClinicControls
 from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
-from esea_host.windows.counting import take_many
+from esea_host.windows.frame import Job, ThemedWindow, column_of, qt_application, run_until_closed
 from esea_host.windows.study.scene_view import SceneView
 from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label
 
-take_many()
 FRAME_MS = 40
 RECORDINGS = f"Recordings (*{' *'.join(KINDS)})"
 PAGES = "Page (*.pdf *.png *.html)"
 
 
-class AssessWindow(QMainWindow):
+class AssessWindow(ThemedWindow):
     """A window on a :class:`ClinicDesk`; every step goes through the desk and into its trail."""
 
     def __init__(self, desk: ClinicDesk, who: str = "", dark: bool = False) -> None:
         super().__init__()
-        self.desk, self.who, self.theme = desk, who, DARK if dark else LIGHT
+        self.desk, self.who = desk, who
         simulated = "SIMULATED PATIENT - " if desk.simulated else ""
         self.setWindowTitle(f"{simulated}Knee: assessment - esea-host")
         self._began_s = time.monotonic()
         self._build()
         self._actions()
-        self.set_theme(self.theme)
-        self.refresh()
-        self._timer = QTimer(self)
-        self._timer.timeout.connect(self.animate)
-        self._timer.start(FRAME_MS)
+        self.set_theme(DARK if dark else LIGHT)
+        self.timer = QTimer(self)
+        self.timer.timeout.connect(self.animate)
+        self.timer.start(FRAME_MS)
 
     # -- what there is -----------------------------------------------------------------------------
 
@@ -89,39 +82,22 @@ class AssessWindow(QMainWindow):
         c.undone.connect(self.undo)
         c.judged.connect(lambda p, why: self._step(partial(self.desk.override, p, why)))
         c.limited.connect(self.limit)
-        left, right = QSplitter(Qt.Orientation.Vertical), QSplitter(Qt.Orientation.Vertical)
-        lower = QSplitter()
-        for part in (self.leg, self.bars.view):
-            lower.addWidget(part)
-        lower.setSizes([330, 420])
-        for part in (self.map.view, lower):
-            left.addWidget(part)
-        left.setSizes([360, 340])
         controls = QScrollArea()
         controls.setWidget(self.controls)
         controls.setWidgetResizable(True)
         self.panel = None if self.desk.board is None else BoardPanel(self.desk.board)
-        for part in (self._upper(), controls, self.trail):
-            right.addWidget(part)
-        right.setSizes([205, 395, 110] if self.panel is None else [340, 260, 110])
-        both = QSplitter()
-        both.addWidget(left)
-        both.addWidget(right)
-        both.setSizes([760, 520])
+        across, down = Qt.Orientation.Horizontal, Qt.Orientation.Vertical
+        lower = _split(across, {self.leg: 330, self.bars.view: 420})
+        left = _split(down, {self.map.view: 360, lower: 340})
+        sizes = (205, 395, 110) if self.panel is None else (340, 260, 110)
+        right = _split(down, dict(zip((self._upper(), controls, self.trail), sizes, strict=True)))
         words = QGridLayout()
         words.addWidget(self.notice, 0, 0)
         words.addWidget(self.settled, 0, 1, Qt.AlignmentFlag.AlignRight)
         words.addWidget(self.now, 1, 0, 1, 2)
         words.addWidget(self.next, 2, 0, 1, 2)
-        column = QVBoxLayout()
-        column.addLayout(words)
-        column.addWidget(both, 1)
-        row = QHBoxLayout()
-        row.addWidget(self.said, 1)
-        column.addLayout(row)
-        middle = QWidget()
-        middle.setLayout(column)
-        self.setCentralWidget(middle)
+        both = _split(across, {left: 760, right: 520})
+        self.fill(column_of(words, (both, 1), self.said))
 
     def _upper(self) -> QWidget:
         history: QWidget = self.history.view
@@ -136,8 +112,7 @@ class AssessWindow(QMainWindow):
         return tabs
 
     def _actions(self) -> None:
-        menu = self.menuBar().addMenu("&Assessment")
-        jobs: list[tuple[str, str, Callable[[], object]]] = [
+        jobs: list[tuple[str, str, Job]] = [
             ("Read a recording...", "Ctrl+O", self.open_recording),
             ("Save the page for the file...", "Ctrl+S", self.save_page),
             ("Take back the last step", "Ctrl+Z", self.undo),
@@ -149,11 +124,7 @@ class AssessWindow(QMainWindow):
         if self.panel is not None:
             jobs.insert(0, ("Keep the movement", "Space", self.panel.kept.emit))
             jobs.insert(1, ("Repeat the movement", "R", self.panel.repeated.emit))
-        for name, keys, job in jobs:
-            action = QAction(name, self)
-            action.setShortcut(QKeySequence(keys))
-            action.triggered.connect(lambda _checked=False, job=job: job())
-            menu.addAction(action)
+        self.add_menu("&Assessment", jobs)
 
     # -- steps -------------------------------------------------------------------------------------
 
@@ -257,32 +228,29 @@ class AssessWindow(QMainWindow):
         where = target.location.angle_rad
         self.leg.show_scene(leg_scene((key,), self.desk.comfort, angle, shown, where))
 
-    def toggle_theme(self) -> None:
-        self.set_theme(LIGHT if self.theme is DARK else DARK)
-        self.refresh()
-
     def set_theme(self, theme: Theme) -> None:
-        self.theme = theme
-        self.setPalette(theme.palette())
+        super().set_theme(theme)
         self.notice.setStyleSheet(f"color: {theme.limit}; font-weight: bold")
         self.leg.set_dark(theme is DARK)
         for part in (self.map, self.bars, self.history):
             part.show(theme)
         if self.panel is not None:
             self.panel.show_theme(theme)
+        self.refresh()
+
+
+def _split(way: Qt.Orientation, parts: dict[QWidget, int]) -> QSplitter:
+    made = QSplitter(way)
+    for part in parts:
+        made.addWidget(part)
+    made.setSizes(list(parts.values()))
+    return made
 
 
 def run_assess(desk: ClinicDesk, who: str = "", dark: bool | None = None) -> None:
-    application = QApplication.instance() or QApplication([])
-    assert isinstance(application, QApplication)
+    """Open the window, and return when it is closed."""
+    dark = qt_application(dark)
     pg.setConfigOptions(antialias=True)
-    if dark is None:
-        dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
     window = AssessWindow(desk, who, dark)
     window.resize(1280, 860)
-    window.show()
-    before = signal.signal(signal.SIGINT, lambda *_: window.close())
-    try:
-        application.exec()
-    finally:
-        signal.signal(signal.SIGINT, before)
+    run_until_closed(window)

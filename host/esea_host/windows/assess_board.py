@@ -6,23 +6,16 @@ import time
 
 import numpy as np
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import (
-    QApplication,
-    QGridLayout,
-    QHBoxLayout,
-    QLabel,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QApplication, QGridLayout, QLabel, QWidget
 
 from esea_host.assess.board import KneeBoard
 from esea_host.assess.patients import DEG
 from esea_host.assess.segments import MovementEvent, MovementVerdict
 from esea_host.windows.assess_plots import MovementLoop
+from esea_host.windows.frame import column_of, push_button, row_of
 from esea_host.windows.theme import Theme, plain_label
 
-WARNED_S, DRAWN_S = 2.0, 6.0
+WARNED_S = 2.0
 STATES = {"UNREFERENCED": "not zeroed", "READY": "ready", "FAULT": "fault", "STOPPED": "stopped"}
 
 
@@ -40,12 +33,7 @@ class BoardPanel(QWidget):
         self.numbers = [QLabel() for _ in range(4)]
         self._warned_s = -WARNED_S
         self._from_s, self._to_s = 0.0, float("inf")
-        column = QVBoxLayout(self)
-        column.setContentsMargins(4, 4, 4, 4)
-        column.setSpacing(3)
-        column.addWidget(self.warning)
-        row = QHBoxLayout()
-        row.addWidget(self.loop.view, 1)
+        self.verdict.setWordWrap(True)
         words = QGridLayout()
         for i, (text, label) in enumerate(
             zip(("Bending", "Speed", "Torque", "Board"), self.numbers, strict=True)
@@ -53,22 +41,17 @@ class BoardPanel(QWidget):
             words.addWidget(QLabel(text), i, 0)
             words.addWidget(label, i, 1)
         words.setColumnMinimumWidth(1, 84)
-        self.zero = QPushButton("Zero the board")
-        self.zero.setToolTip("The leg straight and resting, hands off the coupling, keep still")
-        self.zero.clicked.connect(lambda _checked=False: self.zeroed.emit())
-        words.addWidget(self.zero, 4, 0, 1, 2)
+        zero = push_button("Zero the board", self.zeroed.emit)
+        zero.setToolTip("The leg straight and resting, hands off the coupling, keep still")
+        words.addWidget(zero, 4, 0, 1, 2)
         words.setRowStretch(5, 1)
-        row.addLayout(words)
-        column.addLayout(row, 1)
-        self.verdict.setWordWrap(True)
-        column.addWidget(self.verdict)
-        self.keep, self.repeat = QPushButton("Keep  (Space)"), QPushButton("Repeat  (R)")
-        self.keep.clicked.connect(lambda _checked=False: self.kept.emit())
-        self.repeat.clicked.connect(lambda _checked=False: self.repeated.emit())
-        both = QHBoxLayout()
-        both.addWidget(self.keep)
-        both.addWidget(self.repeat)
-        column.addLayout(both)
+        self.keep = push_button("Keep  (Space)", self.kept.emit)
+        self.repeat = push_button("Repeat  (R)", self.repeated.emit)
+        middle, both = row_of((self.loop.view, 1), words), row_of(self.keep, self.repeat)
+        column = column_of(self.warning, (middle, 1), self.verdict, both)
+        column.setContentsMargins(4, 4, 4, 4)
+        column.setSpacing(3)
+        self.setLayout(column)
 
     def show_theme(self, theme: Theme) -> None:
         self.theme = theme

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import (
-    QGridLayout,
-    QGroupBox,
-    QHBoxLayout,
-    QLabel,
-    QLineEdit,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QGridLayout, QGroupBox, QLabel, QLineEdit, QWidget
 
 from esea_host.assess.desk import long_name
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
 from esea_host.assess.session import WORDS
+from esea_host.windows.frame import column_of, push_button, row_of
 from esea_host.windows.number_field import Choice, NumberField
 
 
@@ -38,41 +30,36 @@ class ClinicControls(QWidget):
 
     def __init__(self, names: Sequence[str], comfort: Comfort, simulated: bool) -> None:
         super().__init__()
-        column = QVBoxLayout(self)
+        boxes = self._seen(simulated), self._judgement(names), self._limits(comfort)
+        column = column_of(*boxes)
         column.setContentsMargins(4, 4, 4, 4)
-        column.addWidget(self._seen(simulated))
-        column.addWidget(self._judgement(names))
-        column.addWidget(self._limits(comfort))
         column.addStretch(1)
+        self.setLayout(column)
 
     def _seen(self, simulated: bool) -> QGroupBox:
         box, grid = _titled("This movement: what was seen")
-        row = 0
         if simulated:
-            self.move_button = _button("Move the simulated leg  (Ctrl+M)", self.moved.emit)
-            grid.addWidget(self.move_button, row, 0, 1, 3)
-            row += 1
+            self.move_button = push_button("Move the simulated leg  (Ctrl+M)", self.moved.emit)
+            grid.addWidget(self.move_button, 0, 0, 1, 3)
         self.torque = NumberField(-100, 100, 0.5, "Nm")
         self.torque.setToolTip("Torque of your hands at that moment, bending positive")
-        grid.addWidget(QLabel("Sensor shows"), row, 0)
-        grid.addWidget(self.torque.box, row, 1)
-        grid.addWidget(_button("Take", self._take_torque), row, 2)
-        grid.addWidget(QLabel("Resistance felt"), row + 1, 0)
+        self.words = {w: push_button(w, partial(self.felt.emit, w)) for w in WORDS}
         words = QGridLayout()
-        self.words = {w: _button(w, partial(self.felt.emit, w)) for w in WORDS}
-        for i, button in enumerate(self.words.values()):
-            words.addWidget(button, i // 3, i % 3)
-        grid.addLayout(words, row + 1, 1, 1, 2)
+        for i, word in enumerate(self.words.values()):
+            words.addWidget(word, i // 3, i % 3)
         self.why_skip = QLineEdit()
         self.why_skip.setPlaceholderText("why, such as pain")
-        grid.addWidget(QLabel("No result"), row + 2, 0)
-        grid.addWidget(self.why_skip, row + 2, 1)
-        skip = _button("Skip", lambda: self.skipped.emit(self.why_skip.text().strip()))
-        grid.addWidget(skip, row + 2, 2)
-        both = QHBoxLayout()
-        both.addWidget(_button("Another movement  (Ctrl+N)", self.another.emit))
-        both.addWidget(_button("Take back  (Ctrl+Z)", self.undone.emit))
-        grid.addLayout(both, row + 3, 0, 1, 3)
+        for row, text in enumerate(("Sensor shows", "Resistance felt", "No result"), 1):
+            grid.addWidget(QLabel(text), row, 0)
+        grid.addWidget(self.torque.box, 1, 1)
+        grid.addWidget(push_button("Take", self._take_torque), 1, 2)
+        grid.addLayout(words, 2, 1, 1, 2)
+        grid.addWidget(self.why_skip, 3, 1)
+        skip = push_button("Skip", lambda: self.skipped.emit(self.why_skip.text().strip()))
+        grid.addWidget(skip, 3, 2)
+        another = push_button("Another movement  (Ctrl+N)", self.another.emit)
+        back = push_button("Take back  (Ctrl+Z)", self.undone.emit)
+        grid.addLayout(row_of(another, back), 4, 0, 1, 3)
         return box
 
     def _take_torque(self) -> None:
@@ -92,10 +79,10 @@ class ClinicControls(QWidget):
         grid.addWidget(self.percent.reason, 2, 0, 1, 2)
         grid.setColumnStretch(0, 1)
         grid.addWidget(self.why, 1, 0)
-        grid.addWidget(_button("Set", self._judge), 1, 1)
+        grid.addWidget(push_button("Set", self.judge), 1, 1)
         return box
 
-    def _judge(self) -> None:
+    def judge(self) -> None:
         percent = self.percent.take()
         if percent is not None:
             share = {str(self.name.currentData()): percent / 100}
@@ -112,7 +99,7 @@ class ClinicControls(QWidget):
             grid.addWidget(QLabel(text), 0, 2 * i)
             grid.addWidget(field.box, 0, 2 * i + 1)
             grid.addWidget(field.reason, i + 1, 0, 1, 6)
-            field.taken.connect(self._limit)
+            field.taken.connect(self.limit)
         return box
 
     def show_limits(self, comfort: Comfort) -> None:
@@ -120,7 +107,7 @@ class ClinicControls(QWidget):
         self.high.setValue(comfort.high_rad / DEG)
         self.fastest.setValue(comfort.rate_rad_s / DEG)
 
-    def _limit(self) -> None:
+    def limit(self) -> None:
         self.limited.emit(self.low.value(), self.high.value(), self.fastest.value())
 
 
@@ -130,9 +117,3 @@ def _titled(title: str) -> tuple[QGroupBox, QGridLayout]:
     grid.setContentsMargins(8, 6, 8, 6)
     grid.setVerticalSpacing(4)
     return box, grid
-
-
-def _button(text: str, job: Callable[[], object]) -> QPushButton:
-    button = QPushButton(text)
-    button.clicked.connect(lambda _checked=False: job())
-    return button

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from html import escape
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,8 @@ from PySide6.QtCore import QRectF, Qt
 from esea_host.assess.database import LocationGrid
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort, ProbingMovement
-from esea_host.windows.plots import dress
+from esea_host.windows.frame import coloured
+from esea_host.windows.plots import PlotPanel, legend
 from esea_host.windows.theme import Theme
 
 Floats = npt.NDArray[np.float64]
@@ -20,36 +21,36 @@ MOST_LINES, TITLE_PX = 5, 46
 MARKS = ("o", "s", "t", "d", "+")
 
 
-class _Plot:
-    # One plot in a widget of its own, with a theme.
-    def __init__(self, title: str, x: str, y: str) -> None:
+class _Plot(PlotPanel):
+    # One plot in a widget of its own, with limits: upright at 90 deg, level at 0.
+    def __init__(self, title: str, x: str, y: str, limits: Sequence[float] = ()) -> None:
         self.view = pg.PlotWidget()
-        self.item = self.view.getPlotItem()
-        self.item.setMenuEnabled(False)
-        self.item.hideButtons()
-        self.title, self._x, self._y = title, x, y
+        super().__init__(self.view.getPlotItem(), title, x, y)
+        self.limits = [pg.InfiniteLine(angle=a) for a in limits]
+        for line in self.limits:
+            self.item.addItem(line, ignoreBounds=True)
 
     def show(self, theme: Theme) -> None:
+        self.theme = theme
         self.view.setBackground(theme.ground)
-        self.item.setTitle(f"<b>{self.title}</b>", color=theme.ink, size="9pt")
-        self.item.setLabel("bottom", self._x, color=theme.ink)
-        self.item.setLabel("left", self._y, color=theme.ink)
-        dress(self.item, theme)
+        self.dress(theme)
+        for line in self.limits:
+            line.setPen(pg.mkPen(theme.limit, width=2, style=Qt.PenStyle.DashLine))
+
+    def place_limits(self, *ends: float) -> None:
+        for line, at in zip(self.limits, ends, strict=True):
+            line.setValue(at)
 
 
 class InformationMap(_Plot):
     """Angle x rate: where a movement would tell most now, limits, what was passed, the next one."""
 
     def __init__(self, grid: LocationGrid) -> None:
-        super().__init__(
-            "Which movement would tell most", "bending of the knee [°]", "speed [°/s], + bending"
-        )
+        labels = "bending of the knee [°]", "speed [°/s], + bending"
+        super().__init__("Which movement would tell most", *labels, (90, 90, 0, 0))
         self._grid = grid
         self.image = pg.ImageItem()
         self.item.addItem(self.image)
-        self._limits = [pg.InfiniteLine(angle=a) for a in (90, 90, 0, 0)]
-        for line in self._limits:
-            self.item.addItem(line, ignoreBounds=True)
         self._been = self.item.plot(pen=None, symbol="o", symbolSize=4, symbolPen=None)
         self._way, self._best = self.item.plot(), self.item.plot(pen=None, symbol="star")
         self._best.setSymbolSize(18)
@@ -66,13 +67,10 @@ class InformationMap(_Plot):
         if theme.name == "light":
             colours = ((247, 250, 220), (65, 160, 190), (8, 29, 88))
         self._colours = pg.ColorMap((0.0, 0.5, 1.0), colours)
-        for line in self._limits:
-            line.setPen(pg.mkPen(theme.limit, width=2, style=Qt.PenStyle.DashLine))
         self._been.setSymbolBrush(theme.limit)
         self._way.setPen(pg.mkPen(theme.measured, width=2))
         self._best.setSymbolBrush(theme.measured)
         self._best.setSymbolPen(theme.ink)
-        self._theme = theme
 
     def draw(
         self, value: Floats, passed_deg: Floats, move: ProbingMovement, comfort: Comfort, unit: str
@@ -85,37 +83,29 @@ class InformationMap(_Plot):
         self.image.setImage(picture, axisOrder="col-major")
         self.image.setRect(self._place)
         rate = comfort.rate_rad_s / DEG
-        ends = comfort.low_rad / DEG, comfort.high_rad / DEG, -rate, rate
-        for line, at in zip(self._limits, ends, strict=True):
-            line.setValue(at)
+        self.place_limits(comfort.low_rad / DEG, comfort.high_rad / DEG, -rate, rate)
         self._been.setData(passed_deg[:, 0], passed_deg[:, 1])
         angle, speed = move.at(np.linspace(0, move.duration_s, 80))
         self._way.setData(angle / DEG, speed / DEG)
         where = move.location
         self._best.setData([where.angle_rad / DEG], [where.rate_rad_s / DEG])
-        strong = "yellow" if self._theme.name == "dark" else "dark"
+        strong = "yellow" if self.theme.name == "dark" else "dark"
         about = f"{strong}: most, {most:.2f} {unit}; empty: out of reach, comfort or data"
-        soft = f'<span style="color:{self._theme.soft}">{escape(about)}</span>'
-        title = f"<b>{self.title}</b> &nbsp; {soft}"
-        self.item.setTitle(title, color=self._theme.ink, size="9pt")
+        title = f"<b>{self.title}</b> &nbsp; {coloured(about, self.theme.soft)}"
+        self.item.setTitle(title, color=self.theme.ink, size="9pt")
 
 
 class MovementLoop(_Plot):
     """Torque over angle of the movement under way, or of the last one, and the comfort range."""
 
     def __init__(self) -> None:
-        super().__init__("This movement", "bending of the knee [°]", "torque [Nm]")
-        self._limits = [pg.InfiniteLine(angle=90) for _ in range(2)]
-        for line in self._limits:
-            self.item.addItem(line, ignoreBounds=True)
+        super().__init__("This movement", "bending of the knee [°]", "torque [Nm]", (90, 90))
         self._curve = self.item.plot()
         self._now = self.item.plot(pen=None, symbol="o", symbolSize=9)
         self.item.setMouseEnabled(x=False, y=False)
 
     def show(self, theme: Theme) -> None:
         super().show(theme)
-        for line in self._limits:
-            line.setPen(pg.mkPen(theme.limit, width=2, style=Qt.PenStyle.DashLine))
         self._curve.setPen(pg.mkPen(theme.measured, width=2))
         self._now.setSymbolBrush(theme.ink)
         self._now.setSymbolPen(None)
@@ -124,8 +114,7 @@ class MovementLoop(_Plot):
         self, angle_deg: Floats, torque_Nm: Floats, now: tuple[float, float], comfort: Comfort
     ) -> None:
         ends = comfort.low_rad / DEG, comfort.high_rad / DEG
-        for line, at in zip(self._limits, ends, strict=True):
-            line.setValue(at)
+        self.place_limits(*ends)
         self._curve.setData(angle_deg, torque_Nm)
         self._now.setData(*([x] if np.isfinite(x) else [] for x in now))
         self.item.setXRange(ends[0] - 10, ends[1] + 10, padding=0)
@@ -169,7 +158,6 @@ class HistoryPlot(_Plot):
 
     def show(self, theme: Theme) -> None:
         super().show(theme)
-        self._theme = theme
         for line, colour in zip(self._lines, theme.curves, strict=False):
             line.setPen(pg.mkPen(colour, width=2))
             line.setSymbolBrush(colour)
@@ -181,13 +169,13 @@ class HistoryPlot(_Plot):
         top = np.argsort(-steps.max(axis=0), kind="stable")[:MOST_LINES]
         top = top[np.argsort(-steps[-1, top], kind="stable")]
         parts = []
-        for i, line, colour in zip(top, self._lines, self._theme.curves, strict=False):
+        for i, line, colour in zip(top, self._lines, self.theme.curves, strict=False):
             line.setData(np.arange(len(steps)), 100 * steps[:, i])
-            parts.append(f'<span style="color:{colour}">&#9473; {escape(self._names[i])}</span>')
+            parts.append((self._names[i], colour))
         self.item.setXRange(0, max(5, len(steps) - 1), padding=0.03)
-        names = "<br>".join(" &nbsp; ".join(parts[k : k + 3]) for k in (0, 3))
+        names = "<br>".join(legend(parts[k : k + 3]) for k in (0, 3))
         title = f"<b>{self.title}</b><br>{names}"
-        self.item.setTitle(title, color=self._theme.ink, size="8pt")
+        self.item.setTitle(title, color=self.theme.ink, size="8pt")
         # Three lines; a title is set to the height of one.
         self.item.titleLabel.setMaximumHeight(TITLE_PX)
         self.item.layout.setRowFixedHeight(0, TITLE_PX)

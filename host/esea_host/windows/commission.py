@@ -6,20 +6,10 @@ import contextlib
 import html
 import io
 import threading
-from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QCloseEvent, QKeyEvent, QPixmap
-from PySide6.QtWidgets import (
-    QApplication,
-    QHBoxLayout,
-    QLabel,
-    QListWidget,
-    QMainWindow,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QLabel, QListWidget
 
 from esea_host.commissioning import (
     CommissioningBench,
@@ -32,11 +22,16 @@ from esea_host.commissioning import (
     guide,
     run_step,
 )
-from esea_host.windows.counting import take_many
-from esea_host.windows.stopping import StopSender
-from esea_host.windows.theme import LIGHT, STOP_STYLE
-
-take_many()
+from esea_host.windows.feed import StopSender
+from esea_host.windows.frame import (
+    StopWindow,
+    column_of,
+    push_button,
+    qt_application,
+    row_of,
+    run_until_closed,
+)
+from esea_host.windows.theme import LIGHT
 
 
 class _News(QObject):
@@ -46,7 +41,7 @@ class _News(QObject):
     ended = Signal(object)
 
 
-class CommissioningWindow(QMainWindow):
+class CommissioningWindow(StopWindow):
     """Each step runs in a thread; unless simulated, the bench asks this window."""
 
     def __init__(
@@ -74,10 +69,7 @@ class CommissioningWindow(QMainWindow):
         kind = "SIMULATED " if bench.device.simulated else ""
         self.setWindowTitle(f"{kind}{bench.board.name}: commissioning - esea-host")
         self._build()
-        self.setPalette(LIGHT.palette())
-        application = QApplication.instance()
-        assert application is not None
-        application.installEventFilter(self)
+        self.set_theme(LIGHT)
 
     def _build(self) -> None:
         self.list = QListWidget()
@@ -88,32 +80,15 @@ class CommissioningWindow(QMainWindow):
             label.setWordWrap(True)
             label.setTextFormat(Qt.TextFormat.RichText)
         self.picture.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
-        self.start_button = QPushButton("Start  (S)")
-        self.start_button.clicked.connect(self.start)
-        self.ready_button = QPushButton("Done, go on  (Return)")
-        self.ready_button.clicked.connect(self.go_on)
-        self.stop_button = QPushButton("STOP  (Space)")
-        self.stop_button.setStyleSheet(STOP_STYLE)
-        self.stop_button.pressed.connect(self.stop)
-        buttons = QHBoxLayout()
-        for button in (self.start_button, self.ready_button):
-            button.setMinimumHeight(40)
-            buttons.addWidget(button)
+        self.start_button = push_button("Start  (S)", self.start, focus=False)
+        self.ready_button = push_button("Done, go on  (Return)", self.go_on, focus=False)
+        buttons = row_of(self.start_button, self.ready_button)
+        for made in (self.start_button, self.ready_button):
+            made.setMinimumHeight(40)
         buttons.addStretch(1)
         buttons.addWidget(self.stop_button)
-        for button in (self.start_button, self.ready_button, self.stop_button):
-            button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        right = QVBoxLayout()
-        for part in (self.head, self.text):
-            right.addWidget(part)
-        right.addWidget(self.picture, 1)
-        right.addLayout(buttons)
-        whole = QHBoxLayout()
-        whole.addWidget(self.list)
-        whole.addLayout(right, 1)
-        middle = QWidget()
-        middle.setLayout(whole)
-        self.setCentralWidget(middle)
+        right = column_of(self.head, self.text, (self.picture, 1), buttons)
+        self.fill(row_of(self.list, (right, 1)))
         self.list.addItems([s.title for s in self.steps])
         self._rename()
         self.list.setCurrentRow(0)
@@ -235,17 +210,17 @@ class CommissioningWindow(QMainWindow):
 
     # -- keys ------------------------------------------------------------------------------------
 
-    def eventFilter(self, _: QObject, event: QEvent) -> bool:
-        """Space and Escape stop, S starts, Return goes on, whatever has the focus."""
-        if event.type() != QEvent.Type.KeyPress or not isinstance(event, QKeyEvent):
-            return False
-        keys = Qt.Key
-        jobs = {keys.Key_Space: self.stop, keys.Key_Escape: self.stop, keys.Key_S: self.start}
-        jobs |= {keys.Key_Return: self.go_on, keys.Key_Enter: self.go_on}
-        job = jobs.get(keys(event.key()))
-        if job is not None and not event.isAutoRepeat():
-            job()
-        return job is not None
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """S starts, Return goes on, whatever has the focus."""
+        if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
+            keys = Qt.Key
+            jobs = {keys.Key_S: self.start, keys.Key_Return: self.go_on, keys.Key_Enter: self.go_on}
+            job = jobs.get(keys(event.key()))
+            if job is not None and not event.isAutoRepeat():
+                job()
+            if job is not None:
+                return True
+        return super().eventFilter(watched, event)
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """A step that runs is ended first."""
@@ -255,9 +230,6 @@ class CommissioningWindow(QMainWindow):
             self._thread.join(3.0)
         if self._stopper is not None:
             self._stopper.close()
-        application = QApplication.instance()
-        if application is not None:
-            application.removeEventFilter(self)
         super().closeEvent(event)
 
 
@@ -266,12 +238,8 @@ def run_commissioning(
     steps: tuple[CommissioningStep, ...],
     options: StepOptions,
     record: CommissioningRecord,
-    shown: Callable[[CommissioningWindow], None] = lambda _: None,
 ) -> None:
-    application = QApplication.instance() or QApplication([])
-    assert isinstance(application, QApplication)
+    qt_application()
     window = CommissioningWindow(bench, steps, options, record)
     window.resize(1180, 860)
-    window.show()
-    shown(window)
-    application.exec()
+    run_until_closed(window)

@@ -4,63 +4,67 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from functools import partial
 from html import escape
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QObject, Qt, QTimer
-from PySide6.QtGui import QAction, QCloseEvent, QKeyEvent, QKeySequence
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
-    QApplication,
     QDockWidget,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QListWidget,
     QListWidgetItem,
-    QMainWindow,
-    QPushButton,
     QSplitter,
-    QVBoxLayout,
-    QWidget,
 )
 
 from esea_host.connection import PlayedBoard
-from esea_host.windows.columns import LOOP, AxisColumns
-from esea_host.windows.counting import take_many
-from esea_host.windows.cursors import Cursors
+from esea_host.windows.arm import add_arms
 from esea_host.windows.feed import LiveFeed
+from esea_host.windows.frame import (
+    Job,
+    StopWindow,
+    column_of,
+    qt_application,
+    row_of,
+    run_until_closed,
+    state_colour,
+)
 from esea_host.windows.history import Stretch
 from esea_host.windows.meanings import link_text, state_text
 from esea_host.windows.number_field import Choice
 from esea_host.windows.parameters import ParameterEditor
-from esea_host.windows.plots import LimitBands, LoopPlot, ShownSignal, TimePlot, signal_of
-from esea_host.windows.spectrum import SpectrumPlot
-from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme, plain_label, plain_tip
-from esea_host.windows.trigger import NORMAL, OFF, Trigger
-from esea_host.windows.trigger_bar import TriggerBar
+from esea_host.windows.plots import (
+    LOOP,
+    AxisColumns,
+    Cursors,
+    LimitBands,
+    LoopPlot,
+    ShownSignal,
+    SpectrumPlot,
+    TimePlot,
+    signal_of,
+)
+from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label, plain_tip
+from esea_host.windows.trigger import NORMAL, OFF, Trigger, TriggerBar
 
-take_many()
 FRAME_MS = 50
 WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
-UNCONFIRMED_S = 1.0
-ALARMING = ("FAULT", "STOPPED")
-MOVING = ("ARMED", "ACTIVE", "LETTING_GO")
 
 
-class LiveWindow(QMainWindow):
+class LiveWindow(StopWindow):
     """A window on a :class:`LiveFeed`; it only reads, and what it asks for is done beside it."""
 
     def __init__(self, feed: LiveFeed, dark: bool = False) -> None:
         super().__init__()
-        self.feed, self.theme = feed, DARK if dark else LIGHT
+        self.feed = feed
         device = feed.device.identity.device
         self.columns = AxisColumns(feed)
         self.axis, self._drives = self.columns.axes[0], self.columns.drives
         self.window_s, self._frozen = 10.0, dict[str, Stretch]()
-        self._stop_asked_s = 0.0
         self.played = feed.device if isinstance(feed.device, PlayedBoard) else None
         self.trigger = Trigger()
         self.drawn_frames = 0
@@ -69,41 +73,25 @@ class LiveWindow(QMainWindow):
         self.setWindowTitle(f"{self._who} - esea-host")
         self._build()
         self._actions()
-        self.set_theme(self.theme)
-        application = QApplication.instance()
-        assert application is not None
-        application.installEventFilter(self)
-        self._timer = QTimer(self)
-        self._timer.setSingleShot(True)
-        self._timer.timeout.connect(self._turn)
-        self._timer.start(FRAME_MS)
+        self.set_theme(DARK if dark else LIGHT)
+        self.timer.setSingleShot(True)
+        self.timer.timeout.connect(self.turn)
+        self.timer.start(FRAME_MS)
 
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self) -> None:
-        self.state, self.link, self.fault = QLabel(), QLabel(), QLabel()
-        self.readout, self.said = QLabel(), plain_label()
+        self.state, self.link, self.fault, self.readout = (QLabel() for _ in range(4))
+        self.said = plain_label()
         self.fault.setWordWrap(True)
         for label in (self.state, self.link, self.fault, self.readout):
             label.setTextFormat(Qt.TextFormat.RichText)
-        self.stop_button = QPushButton("STOP  (Space)")
-        self.stop_button.setStyleSheet(STOP_STYLE)
-        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        # When it goes down, not when it comes up again.
-        self.stop_button.pressed.connect(self.stop)
         self.stop_button.setVisible(self.played is None and self._drives)
-        words = QVBoxLayout()
-        for label in (self.state, self.fault, self.link):
-            words.addWidget(label)
-        top = QHBoxLayout()
-        top.addLayout(words, 1)
         self.axis_box = Choice()
         self.axis_box.addItems(list(self.columns.axes))
         self.axis_box.currentIndexChanged.connect(self.choose_axis)
         self.axis_box.setVisible(len(self.columns.axes) > 1)
         self.axis_box.setToolTip("A: the next axis")
-        top.addWidget(self.axis_box)
-        top.addWidget(self.stop_button)
         self.note = QLineEdit()
         recorded = self.feed.recording is not None
         self.note.setPlaceholderText(
@@ -115,30 +103,25 @@ class LiveWindow(QMainWindow):
         self.note.setVisible(self.played is None)
         self.note.returnPressed.connect(self._noted)
         self._build_plots()
-        column = QVBoxLayout()
-        for part in (top, self.trigger_bar, self._split, self.readout, self.note, self.said):
-            if isinstance(part, QHBoxLayout):
-                column.addLayout(part)
-            else:
-                column.addWidget(part, 1 if part is self._split else 0)
-        middle = QWidget()
-        middle.setLayout(column)
-        self.setCentralWidget(middle)
+        words = column_of(self.state, self.fault, self.link)
+        top = row_of((words, 1), self.axis_box, self.stop_button)
+        below = self.readout, self.note, self.said
+        self.fill(column_of(top, self.trigger_bar, (self._split, 1), *below))
         self.readout.setVisible(False)
         self._build_docks()
 
     def _build_plots(self) -> None:
-        self._area = pg.GraphicsLayoutWidget()
+        self.area = pg.GraphicsLayoutWidget()
         self.panels: list[TimePlot] = []
         self._signals: list[list[ShownSignal]] = []
         for (title, unit), signals in self.columns.panels(self.axis):
-            self.panels.append(TimePlot(self._area, len(self.panels), title, unit))
+            self.panels.append(TimePlot(self.area, len(self.panels), title, unit))
             self._signals.append(signals)
-        self.chosen = TimePlot(self._area, len(self.panels), "Chosen", "")
+        self.chosen = TimePlot(self.area, len(self.panels), "Chosen", "")
         self.chosen.item.setVisible(False)
         title = "Which limit acts" if self._drives else "What the sensing reports"
         self.bands = LimitBands(
-            self._area, len(self.panels) + 1, self.columns.flags(self.axis), title
+            self.area, len(self.panels) + 1, self.columns.flags(self.axis), title
         )
         for panel in (*self.panels, self.chosen):
             panel.item.setXLink(self.bands.item)
@@ -156,7 +139,7 @@ class LiveWindow(QMainWindow):
         self.trigger_bar = TriggerBar(self.trigger, everything, self.feed.now_s)
         self.trigger_bar.setVisible(False)
         self._split = QSplitter()
-        self._split.addWidget(self._area)
+        self._split.addWidget(self.area)
         self._split.addWidget(self._loop_area)
         self._split.setSizes([760, 340])
 
@@ -198,8 +181,7 @@ class LiveWindow(QMainWindow):
 
     def _actions(self) -> None:
         device = self.feed.device
-        look = self.menuBar().addMenu("&Look")
-        for name, keys, job in (
+        look: list[tuple[str, str, Job]] = [
             ("Pause, go on", "P", self.pause),
             ("Shorter time", "+", partial(self.zoom, -1)),
             ("Longer time", "-", partial(self.zoom, 1)),
@@ -214,29 +196,26 @@ class LiveWindow(QMainWindow):
             ("Parameters", "E", partial(self.toggle_dock, "Parameters")),
             ("Note", "N", self.note.setFocus),
             ("Dark, light", "T", self.toggle_theme),
-            *([("The next axis", "A", self._next_axis)] if len(self.columns.axes) > 1 else []),
-        ):
-            self._action(look, name, keys, job)
+        ]
+        if len(self.columns.axes) > 1:
+            look.append(("The next axis", "A", self._next_axis))
+        self.add_menu("&Look", look)
         if self.played is not None:
             return
-        board = self.menuBar().addMenu("&Board")
+        board: list[tuple[str, str, Job]] = [
+            ("Zero", "Ctrl+0", device.zero),
+            ("Fault has been seen to", "Ctrl+L", device.clear),
+        ]
+        stop: list[tuple[str, str, Job]] = []
         if self._drives:
-            self._action(board, "STOP: Space or Escape", "F12", self.stop)
-        for name, keys, job, of_drive in (
-            ("Release the stop", "Ctrl+R", device.release, True),
-            ("Zero", "Ctrl+0", device.zero, False),
-            ("Arm: the motor may move", "Ctrl+Shift+A", device.arm, True),
-            ("Disarm", "Ctrl+D", device.disarm, True),
-            ("Fault has been seen to", "Ctrl+L", device.clear, False),
-        ):
-            if self._drives or not of_drive:
-                self._action(board, name, keys, partial(self.feed.do, name, job))
-
-    def _action(self, menu: Any, name: str, keys: str, job: Any) -> None:
-        action = QAction(name, self)
-        action.setShortcut(QKeySequence(keys))
-        action.triggered.connect(lambda _checked=False: job())
-        menu.addAction(action)
+            stop = [("STOP: Space or Escape", "F12", self.stop)]
+            board.insert(0, ("Release the stop", "Ctrl+R", device.release))
+            board[2:2] = [
+                ("Arm: the motor may move", "Ctrl+Shift+A", device.arm),
+                ("Disarm", "Ctrl+D", device.disarm),
+            ]
+        asked = [(name, keys, partial(self.feed.do, name, job)) for name, keys, job in board]
+        self.add_menu("&Board", [*stop, *asked])
 
     # -- stop ------------------------------------------------------------------------------------
 
@@ -246,17 +225,7 @@ class LiveWindow(QMainWindow):
             self.pause()
             return
         self.feed.stop()
-        self._stop_asked_s = time.monotonic()
-
-    def eventFilter(self, _: QObject, event: QEvent) -> bool:
-        """Space and Escape stop, whatever has the focus; only into text a space is typed."""
-        if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
-            if event.key() == Qt.Key.Key_Escape:
-                self.stop()
-            if event.key() == Qt.Key.Key_Space and not _typing():
-                self.stop()
-                return True
-        return False
+        self.stop_asked_s = time.monotonic()
 
     # -- looking ---------------------------------------------------------------------------------
 
@@ -264,7 +233,7 @@ class LiveWindow(QMainWindow):
     def paused(self) -> bool:
         return bool(self._frozen)
 
-    def pause(self, on: bool | None = None, *_: Any) -> None:
+    def pause(self, on: bool | None = None, *_: object) -> None:
         """Hold the picture, or go on; rows are kept and recorded meanwhile."""
         hold = not self.paused if on is None else on
         if hold != self.paused:
@@ -293,14 +262,14 @@ class LiveWindow(QMainWindow):
             found[name] = ring.last(int(back_s / self.feed.period_s[name]) + 1)
         return found
 
-    def _turn(self) -> None:
+    def turn(self) -> None:
         started_s = time.monotonic()
         try:
             self.draw()
         finally:
             # At least as long for keys and buttons as for drawing.
             spent_ms = (time.monotonic() - started_s) * 1e3
-            self._timer.start(max(FRAME_MS, int(2 * spent_ms)))
+            self.timer.start(max(FRAME_MS, int(2 * spent_ms)))
 
     def draw(self) -> None:
         shown = self._shown()
@@ -321,7 +290,7 @@ class LiveWindow(QMainWindow):
         if self.cursors.on:
             self.cursors.read(shown)
         self._tell(shown)
-        for area in (self._area, self._loop_area):
+        for area in (self.area, self._loop_area):
             if area.isVisible():
                 # Ranges now: in the middle of a painting they ask for another one.
                 area.scene().prepareForPaint()
@@ -341,8 +310,7 @@ class LiveWindow(QMainWindow):
         dialect = self.feed.device.session.dialect
         mode = self.columns.mode(self.axis)
         acts = ", ".join(f.name for f in self.bands.acting(shown))
-        colour = theme.alarm if news.state in ALARMING else theme.good
-        colour = theme.measured if news.state in MOVING else colour
+        colour = state_colour(theme, news.state)
         state = f'<b style="color:{colour}; font-size:16px">{escape(news.state)}</b>'
         parts = [f"{state} &nbsp; {escape(self._who)}"]
         parts += [f"mode: {escape(mode)}"] if mode else []
@@ -352,27 +320,11 @@ class LiveWindow(QMainWindow):
         self.state.setText(" &nbsp;|&nbsp; ".join(parts))
         measures = news.state == "READY" and not self._drives
         meaning = "Measures; it has no motor." if measures else state_text(dialect, news.state)
-        self.fault.setText(self._alarm() or escape(meaning))
+        alarms = "<br>".join(map(escape, self.alarms(self.feed)))
+        alarm = f'<b style="color:{theme.alarm}">{alarms}</b>' if alarms else ""
+        self.fault.setText(alarm or escape(meaning))
         self.link.setText(self._health())
         self.said.setText(news.said)
-
-    def _alarm(self) -> str:
-        news = self.feed.news
-        lines = []
-        waited_s = time.monotonic() - self._stop_asked_s
-        if self._stop_asked_s and news.state == "STOPPED":
-            self._stop_asked_s = 0.0
-        elif self._stop_asked_s and waited_s > UNCONFIRMED_S:
-            lines.append("STOP was sent, and the board has not confirmed it: switch its power off.")
-        if news.error:
-            lines.append(news.error)
-        if self.feed.silent and self.played is None:
-            lines.append("Nothing comes from the board: what is shown is old.")
-        if news.fault is not None:
-            f = news.fault
-            lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")
-        said = "<br>".join(map(escape, lines))
-        return f'<b style="color:{self.theme.alarm}">{said}</b>' if said else ""
 
     def _health(self) -> str:
         news, recording = self.feed.news, self.feed.recording
@@ -398,7 +350,7 @@ class LiveWindow(QMainWindow):
                 stream, _, name = item.text().partition(".")
                 signals.append(signal_of(stream, name, self.columns.all[stream, name].unit))
         units = {s.unit for s in signals}
-        self.chosen.unit = units.pop() if len(units) == 1 else ""
+        self.chosen.left = units.pop() if len(units) == 1 else ""
         colours = self.theme.curves
         self.chosen.show(signals, self.theme, [colours[i % 8] for i in range(len(signals))])
         self.chosen.item.setVisible(bool(signals))
@@ -427,19 +379,15 @@ class LiveWindow(QMainWindow):
         on = not self.trigger_bar.isVisible()
         self.trigger_bar.setVisible(on)
         self.trigger_bar.mode.setCurrentText(NORMAL if on else OFF)
-        (self.trigger_bar.level if on else self._area).setFocus()
+        (self.trigger_bar.level if on else self.area).setFocus()
 
     def toggle_cursors(self) -> None:
         if self.cursors.toggle():
             self.pause(True)
 
-    def toggle_theme(self) -> None:
-        self.set_theme(LIGHT if self.theme is DARK else DARK)
-
     def set_theme(self, theme: Theme) -> None:
-        self.theme = theme
-        self.setPalette(theme.palette())
-        for area in (self._area, self._loop_area):
+        super().set_theme(theme)
+        for area in (self.area, self._loop_area):
             area.setBackground(theme.ground)
         for panel, signals in zip(self.panels, self._signals, strict=True):
             own = {"wanted": theme.wanted, "set": theme.good}
@@ -453,15 +401,7 @@ class LiveWindow(QMainWindow):
         if self.note.text().strip():
             self.feed.note(self.note.text().strip())
         self.note.clear()
-        self._area.setFocus()
-
-    def closeEvent(self, event: QCloseEvent) -> None:
-        """The connection and the recording are not the window's to end."""
-        self._timer.stop()
-        application = QApplication.instance()
-        if application is not None:
-            application.removeEventFilter(self)
-        super().closeEvent(event)
+        self.area.setFocus()
 
 
 def _toggle(item: QListWidgetItem) -> None:
@@ -469,5 +409,16 @@ def _toggle(item: QListWidgetItem) -> None:
     item.setCheckState(Qt.CheckState.Unchecked if checked else Qt.CheckState.Checked)
 
 
-def _typing() -> bool:
-    return isinstance(QApplication.focusWidget(), QLineEdit)
+def run_live(
+    feed: LiveFeed,
+    dark: bool | None = None,
+    seconds: float | None = None,
+    screenshot: Path | None = None,
+    push: Callable[..., None] | None = None,
+) -> None:
+    """Open the view until it is closed; push: pushes a simulated board's axes, each so far, rad."""
+    window = LiveWindow(feed, qt_application(dark))
+    if push is not None:
+        add_arms(window, feed, push)
+    window.resize(1280, 860)
+    run_until_closed(window, seconds, screenshot)

@@ -1,29 +1,51 @@
-"""The plots of the live view: curves over time, which limit acts, and torque over deflection."""
+"""The plots of the live view: curves, cursors, acting limits, torque over deflection, spectrum."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pyqtgraph as pg
+import scipy  # its parts are read on first use
 from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel
 
+from esea_gen.model.sensing import of_axis
+from esea_host.windows.feed import LiveFeed
+from esea_host.windows.frame import coloured
 from esea_host.windows.history import Floats, Stretch, curve, spans
-from esea_host.windows.meanings import LimitFlag
+from esea_host.windows.meanings import LimitFlag, limit_flags, mode_text
 from esea_host.windows.theme import Theme
 
 MOST_POINTS = 1400  # of a curve: two for each column of pixels
+MOST_ROWS, LEAST_ROWS, LEAST_PX = 8192, 64, 230  # of a spectrum, and its height
 MOST_BANDS, AXIS_PX, BANDS_PX = 6, 140, 150
 DEG = 180 / math.pi
 Shown = Mapping[str, Stretch]
+# Of a plot its title and unit, then of each signal its column, unit and label.
+PANELS = (
+    (
+        ("Torque", "Nm"),
+        ("tau_desired_Nm", "Nm", "wanted"),
+        ("tau_set_Nm", "Nm", "set"),
+        ("tau_Nm", "Nm", "measured"),
+    ),
+    (("Deflection", "deg"), ("theta_rad", "rad", "deflection")),
+    (("Joint", "deg"), ("theta_load_rad", "rad", "angle")),
+    (("Motor", "Nm"), ("u_Nm", "Nm", "command")),
+)
+LOOP = (("theta_rad", "rad", "deflection"), ("tau_Nm", "Nm", "measured torque"))
 
 
 @dataclass(frozen=True)
 class ShownSignal:
+    """A column of a stream; scale: from the column's unit to the shown one."""
+
     stream: str
     column: str
     label: str
@@ -46,47 +68,124 @@ def signal_of(stream: str, column: str, unit: str, label: str = "") -> ShownSign
     return ShownSignal(stream, column, label or column, "" if unit == "1" else unit)
 
 
-class TimePlot:
+class AxisColumns:
+    """The columns of all streams, found by the axis that they are of."""
+
+    def __init__(self, feed: LiveFeed) -> None:
+        self._feed, self._device = feed, feed.device.identity.device
+        self.axes, self.drives = self._device.axes, bool(self._device.laws)
+        self.all = {(n, c.name): c for n, r in feed.rings.items() for c in r.layout.columns}
+        self._streams: dict[str, str] = {}
+        for stream, name in self.all:  # a task's inputs come before its outputs
+            self._streams.setdefault(name, stream)
+
+    def signals(self, wanted: Sequence[tuple[str, str, str]], axis: str) -> list[ShownSignal]:
+        """Those of an axis that the device has."""
+        own = [(of_axis(name, axis), unit, label) for name, unit, label in wanted]
+        return [
+            signal_of(self._streams[n], n, u, label) for n, u, label in own if n in self._streams
+        ]
+
+    def panels(self, axis: str) -> list[tuple[tuple[str, str], list[ShownSignal]]]:
+        """Title and unit of each plot that has signals, and these."""
+        found = [(head, self.signals(wanted, axis)) for head, *wanted in PANELS]
+        return [(head, signals) for head, signals in found if signals]
+
+    def flags(self, axis: str) -> list[tuple[str, LimitFlag]]:
+        """What may be reported of an axis, each with its stream."""
+        found = limit_flags(self._device, axis)
+        return [(self._streams[f.word], f) for f in found if f.word in self._streams]
+
+    def mode(self, axis: str) -> str:
+        """The mode in force, in words; empty where there is none."""
+        name = of_axis("mode_held", axis)
+        newest = self._feed.rings[self._streams[name]].newest() if name in self._streams else None
+        return "" if newest is None else mode_text(self._device, float(newest[name]))
+
+
+def legend(named: Iterable[tuple[str, str]]) -> str:
+    """Names with their colours, for a title."""
+    return " &nbsp; ".join(coloured(f"\u2501 {name}", colour) for name, colour in named)
+
+
+class PlotPanel:
+    """A plot without menus, in the colours of a theme."""
+
+    def __init__(self, item: Any, title: str, bottom: str = "", left: str = "") -> None:
+        self.item, self.title, self.bottom, self.left = item, title, bottom, left
+        item.setMenuEnabled(False)
+        item.hideButtons()
+
+    def dress(self, theme: Theme, more: str = "", size: str = "9pt") -> None:
+        """Title with what comes after it, labels, axes and grid."""
+        self.item.setTitle(f"<b>{self.title}</b>{more}", color=theme.ink, size=size)
+        for side, label in (("bottom", self.bottom), ("left", self.left)):
+            axis = self.item.getAxis(side)
+            if label or axis.labelText:
+                self.item.setLabel(side, escape(label), color=theme.ink)
+            axis.setPen(theme.soft)
+            axis.setTextPen(theme.ink)
+            # Numbers in the unit that stands there, whatever their size: the switch alone does not.
+            axis.setSIPrefixEnableRanges(())
+            axis.enableAutoSIPrefix(False)
+            # Half the time of a picture went into finer lines.
+            axis.setStyle(maxTickLevel=0)
+        for side in ("top", "right"):
+            # Not seen, but they would write their label anew whenever the range moves.
+            self.item.getAxis(side).enableAutoSIPrefix(False)
+        self.item.showGrid(x=True, y=True, alpha=theme.grid_alpha)
+
+
+class SignalPlot(PlotPanel):
+    """Some signals, a curve each."""
+
+    # The lowest of several is wider: where two agree, both are seen.  Wide lines are slow.
+    LOWEST_WIDTH = 3.0
+    CURVE: ClassVar[Mapping[str, Any]] = {"connect": "finite", "antialias": True}
+
+    def __init__(self, item: Any, title: str, bottom: str = "", left: str = "") -> None:
+        super().__init__(item, title, bottom, left)
+        self.signals: list[ShownSignal] = []
+        self.curves: list[Any] = []
+
+    def show(self, signals: list[ShownSignal], theme: Theme, colours: list[str]) -> None:
+        """Draw these from now on, the last on top."""
+        for drawn in self.curves:
+            self.item.removeItem(drawn)
+        self.signals = signals
+        widths = [self.LOWEST_WIDTH if len(signals) > 1 else 1.0] + [1.0] * len(signals)
+        self.curves = [
+            self.item.plot(pen=pg.mkPen(c, width=w), **self.CURVE)
+            for c, w in zip(colours, widths, strict=False)
+        ]
+        labels = [s.label for s in signals]
+        self.dress(theme, f" &nbsp; {legend(zip(labels, colours, strict=True))}")
+
+
+class TimePlot(SignalPlot):
+    """Signals over time, in one plot of a column of them."""
+
     def __init__(self, area: Any, row: int, title: str, unit: str) -> None:
-        self.item = area.addPlot(row=row, col=0)
-        self.title, self.unit = title, unit
-        self.item.setMenuEnabled(False)
-        self.item.hideButtons()
+        super().__init__(area.addPlot(row=row, col=0), title, left=unit)
         self.item.getAxis("bottom").setStyle(showValues=False)
         self.item.getAxis("left").setWidth(AXIS_PX)
-        self.signals: list[ShownSignal] = []
-        self._curves: list[Any] = []
         self.cursors = [pg.InfiniteLine(angle=90, movable=True) for _ in range(2)]
         for line in self.cursors:
             line.setVisible(False)
             self.item.addItem(line, ignoreBounds=True)
 
     def show(self, signals: list[ShownSignal], theme: Theme, colours: list[str]) -> None:
-        for drawn in self._curves:
-            self.item.removeItem(drawn)
-        self.signals = signals
-        # The lowest of several is wider: where two agree, both are seen.  Wide lines are slow.
-        widths = [3.0 if i == 0 and len(signals) > 1 else 1.0 for i in range(len(signals))]
-        self._curves = [
-            self.item.plot(pen=pg.mkPen(c, width=w), connect="finite", antialias=True)
-            for c, w in zip(colours, widths, strict=True)
-        ]
-        said = " &nbsp; ".join(
-            f'<span style="color:{c}">&#9473; {escape(s.label)}</span>'
-            for s, c in zip(signals, colours, strict=True)
-        )
-        self.item.setTitle(f"<b>{self.title}</b> &nbsp; {said}", color=theme.ink, size="9pt")
-        self.item.setLabel("left", escape(self.unit), color=theme.ink)
-        dress(self.item, theme)
+        super().show(signals, theme, colours)
         for line in self.cursors:
             line.setPen(pg.mkPen(theme.ink, style=Qt.PenStyle.DashLine))
 
     def draw(self, shown: Shown) -> None:
-        for signal, drawn in zip(self.signals, self._curves, strict=True):
+        for signal, drawn in zip(self.signals, self.curves, strict=True):
             time_s, values = curve(shown[signal.stream], signal.values(shown), MOST_POINTS)
             drawn.setData(time_s, values)
 
     def at(self, time_s: float, shown: Shown) -> list[str]:
+        """The signals' values at a time."""
         found = []
         for signal in self.signals:
             times = shown[signal.stream].time_s
@@ -96,79 +195,119 @@ class TimePlot:
         return found
 
 
-class LimitBands:
-    """When which limit acted: a row each, of those that did."""
+class Cursors:
+    """Two lines across all time plots, moved together; span: gives the first and last time seen."""
+
+    def __init__(self, plots: list[TimePlot], readout: QLabel, span: Any) -> None:
+        self._plots, self.readout, self._span = plots, readout, span
+        self._active = 0
+        for plot in plots:
+            for which, line in enumerate(plot.cursors):
+                line.sigPositionChanged.connect(partial(self._moved, which))
+
+    @property
+    def on(self) -> bool:
+        return bool(self._plots[0].cursors[0].isVisible())
+
+    def toggle(self) -> bool:
+        on = not self.on
+        left_s, right_s = self._span()
+        for plot in self._plots:
+            for i, line in enumerate(plot.cursors):
+                line.setVisible(on)
+                line.setValue(left_s + (right_s - left_s) * (0.4 + 0.2 * i))
+        self.readout.setVisible(on)
+        return on
+
+    def _moved(self, which: int, line: Any) -> None:
+        for plot in self._plots:
+            if plot.cursors[which].value() != line.value():
+                plot.cursors[which].setValue(line.value())
+
+    def move(self, part: float) -> None:
+        """Move the chosen one by a part of what is seen."""
+        left_s, right_s = self._span()
+        line = self._plots[0].cursors[self._active]
+        line.setValue(line.value() + part * (right_s - left_s))
+
+    def other(self) -> None:
+        self._active = 1 - self._active
+
+    def read(self, shown: Shown) -> None:
+        first_s, second_s = (line.value() for line in self._plots[0].cursors)
+        lines = []
+        for i, at_s in enumerate((first_s, second_s)):
+            values = [v for p in self._plots for v in p.at(at_s, shown)]
+            mark = "&#9656; " if i == self._active else ""
+            lines.append(f"{mark}<b>{at_s:.3f} s</b>: {escape(', '.join(values))}")
+        self.readout.setText("<br>".join(lines) + f"<br>apart: {second_s - first_s:.3f} s")
+
+
+class LimitBands(PlotPanel):
+    """When which limit acted: a row each, of those that did; flags: each with its stream."""
 
     def __init__(self, area: Any, row: int, flags: list[tuple[str, LimitFlag]], title: str) -> None:
-        self.item = area.addPlot(row=row, col=0)
-        self.item.setMenuEnabled(False)
-        self.item.hideButtons()
+        super().__init__(area.addPlot(row=row, col=0), title, "time on the board's clock [s]")
         self.item.getAxis("left").setWidth(AXIS_PX)
         self.item.setMouseEnabled(y=False)
         self.item.setYRange(-0.6, MOST_BANDS - 0.4, padding=0)
         self.item.invertY(True)
         area.ci.layout.setRowMinimumHeight(row, BANDS_PX)  # so that the names stay apart
-        self.flags, self.title = flags, title
+        self.flags = flags
         self._bands = self.item.plot(connect="pairs")
-        self._names: list[tuple[int, str]] = []
+        self.names: list[tuple[int, str]] = []
         self.item.getAxis("left").setTicks([[]])
 
     def show(self, theme: Theme) -> None:
         pen = pg.mkPen(theme.limit, width=9)
         pen.setCapStyle(Qt.PenCapStyle.FlatCap)
         self._bands.setPen(pen)
-        self.item.setTitle(f"<b>{self.title}</b>", color=theme.ink, size="9pt")
-        self.item.setLabel("bottom", "time on the board's clock [s]", color=theme.ink)
-        dress(self.item, theme)
+        self.dress(theme)
 
     def acting(self, shown: Shown) -> list[LimitFlag]:
         return [f for s, f in self.flags if len(shown[s].rows) and f.held(shown[s].rows[-1:])[0]]
 
     def draw(self, shown: Shown, left_s: float, right_s: float) -> None:
         """Draw those that acted between two times; the latest to begin come first."""
-        x: list[float] = []
-        y: list[float] = []
         found = []
         for stream, flag in self.flags:
             part = shown[stream]
             seen = flag.held(part.rows) & (part.time_s >= left_s) & (part.time_s <= right_s)
             if seen.any():
-                joined_s = (right_s - left_s) / 500
-                found.append((spans(part.time_s, seen, joined_s), flag))
+                found.append((spans(part.time_s, seen, (right_s - left_s) / 500), flag.name))
         found.sort(key=lambda one: -one[0][-1][1])
-        least_s = (right_s - left_s) / 300
         del found[MOST_BANDS:]
-        for row, (stretches, _) in enumerate(found):
-            for start_s, end_s in stretches:
-                x += [start_s, max(end_s, start_s + least_s)]
-                y += [row, row]
-        names = [(row, flag.name) for row, (_, flag) in enumerate(found)]
-        if names != self._names:
-            self._names = names
+        least_s = (right_s - left_s) / 300
+        ends = [
+            (row, start_s, max(end_s, start_s + least_s))
+            for row, (stretches, _) in enumerate(found)
+            for start_s, end_s in stretches
+        ]
+        names = [(row, name) for row, (_, name) in enumerate(found)]
+        if names != self.names:
+            self.names = names
             self.item.getAxis("left").setTicks([names])
-        self._bands.setData(np.array(x), np.array(y))
+        table = np.array(ends, np.float64).reshape(-1, 3)
+        self._bands.setData(table[:, 1:].ravel(), np.repeat(table[:, 0], 2))
 
 
-class LoopPlot:
+class LoopPlot(PlotPanel):
+    """Torque over deflection: the hysteresis of the elastomer."""
+
     def __init__(self, area: Any, x: ShownSignal, y: ShownSignal) -> None:
-        self.item = area.addPlot(row=0, col=0)
-        self.item.setMenuEnabled(False)
-        self.item.hideButtons()
+        super().__init__(area.addPlot(row=0, col=0), "Torque over deflection")
         self.x, self.y = x, y
-        self._past, self._now = self.item.plot(antialias=True), self.item.plot()
+        self._past, self._now = self.item.plot(antialias=True), self.item.plot(symbol="o")
 
     def show(self, theme: Theme) -> None:
         self._past.setPen(pg.mkPen(theme.measured, width=1))
-        self._now.setSymbol("o")
         self._now.setSymbolBrush(theme.measured)
         self._now.setSymbolPen(theme.ink)
-        self.item.setTitle("<b>Torque over deflection</b>", color=theme.ink, size="9pt")
-        self.item.setLabel("bottom", escape(f"{self.x.label} [{self.x.unit}]"), color=theme.ink)
-        self.item.setLabel("left", escape(f"{self.y.label} [{self.y.unit}]"), color=theme.ink)
-        dress(self.item, theme)
+        self.bottom, self.left = (f"{s.label} [{s.unit}]" for s in (self.x, self.y))
+        self.dress(theme)
 
     def draw(self, shown: Shown) -> None:
-        """Draw what has come; here rows are thinned, for a peak has two values."""
+        """Rows are thinned here, for a peak has two values."""
         part = shown[self.x.stream]
         step = max(1, len(part.rows) // MOST_POINTS)
         x, y = self.x.values(shown)[::step], self.y.values(shown)[::step]
@@ -176,17 +315,40 @@ class LoopPlot:
         self._now.setData(x[-1:], y[-1:])
 
 
-def dress(item: Any, theme: Theme) -> None:
-    for side in ("top", "right"):
-        # Not seen, but they would write their label anew whenever the range moves.
-        item.getAxis(side).enableAutoSIPrefix(False)
-    for side in ("left", "bottom"):
-        axis = item.getAxis(side)
-        axis.setPen(theme.soft)
-        axis.setTextPen(theme.ink)
-        # Numbers in the unit that stands there, whatever their size: the switch alone does not do.
-        axis.setSIPrefixEnableRanges(())
-        axis.enableAutoSIPrefix(False)
-        # Half the time of a picture went into finer lines.
-        axis.setStyle(maxTickLevel=0)
-    item.showGrid(x=True, y=True, alpha=theme.grid_alpha)
+def amplitudes(stretch: Stretch, values: Floats) -> tuple[Floats, Floats]:
+    """Frequencies in Hz and the amplitude of the sine at each, of the newest rows without a gap."""
+    holes = np.flatnonzero(stretch.after_gap)
+    first = int(holes[-1]) if len(holes) else 0
+    y, time_s = values[first:], stretch.time_s[first:]
+    if len(y) < LEAST_ROWS or not np.isfinite(y).all():
+        return np.zeros(0), np.zeros(0)
+    # Welch's estimate with a Hann window: a sine of amplitude a shows as a, whatever the window.
+    fs_Hz = (len(y) - 1) / (time_s[-1] - time_s[0])
+    f_Hz, power = scipy.signal.welch(y, fs_Hz, "hann", min(len(y), MOST_ROWS), scaling="spectrum")
+    return f_Hz[1:], np.sqrt(2 * power[1:])
+
+
+class SpectrumPlot(SignalPlot):
+    """Spectra of some signals, both axes logarithmic."""
+
+    LOWEST_WIDTH, CURVE = 1.0, {}
+
+    def __init__(self, area: Any, row: int) -> None:
+        super().__init__(area.addPlot(row=row, col=0), "Spectrum", "Hz")
+        self.item.setLogMode(x=True, y=True)
+        self.item.setVisible(False)
+        self._layout, self._row = area.ci.layout, row
+
+    def toggle(self) -> None:
+        on = not self.item.isVisible()
+        self.item.setVisible(on)
+        self._layout.setRowMinimumHeight(self._row, LEAST_PX if on else 0)
+
+    def show(self, signals: list[ShownSignal], theme: Theme, colours: list[str]) -> None:
+        self.left = f"amplitude [{', '.join(sorted({s.unit for s in signals}))}]"
+        super().show(signals, theme, colours)
+
+    def draw(self, shown: Shown) -> None:
+        for signal, drawn in zip(self.signals, self.curves, strict=True):
+            f_Hz, size = amplitudes(shown[signal.stream], signal.values(shown))
+            drawn.setData(f_Hz, np.maximum(size, 1e-12))

@@ -10,47 +10,40 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
-from PySide6.QtGui import QAction, QCloseEvent, QKeyEvent, QKeySequence, QMouseEvent
-from PySide6.QtWidgets import (
-    QApplication,
-    QGridLayout,
-    QHBoxLayout,
-    QLabel,
-    QMainWindow,
-    QPushButton,
-    QSizePolicy,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtCore import Signal
+from PySide6.QtGui import QCloseEvent, QMouseEvent
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QSizePolicy
 
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
-from esea_host.windows.counting import take_many
 from esea_host.windows.feed import LiveFeed
+from esea_host.windows.frame import (
+    Job,
+    StopWindow,
+    column_of,
+    push_button,
+    row_of,
+    state_colour,
+)
 from esea_host.windows.meanings import link_text, state_text
-from esea_host.windows.plots import dress
+from esea_host.windows.operator import WORKING, ConstraintKeeper
+from esea_host.windows.plots import PlotPanel
 from esea_host.windows.study.scene_view import SceneView, square_in
-from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme, plain_label
-from esea_host.wrist.constraint import WORKING, ConstraintKeeper
+from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label
+from esea_host.wrist.calibration import AXES
 from esea_host.wrist.display import AxisView, DisplayPicture, WristDisplay
-from esea_host.wrist.guide import CalibrationGuide
-from esea_host.wrist.hand import WanderingHand
-from esea_host.wrist.past import AXES
+from esea_host.wrist.guide import CalibrationGuide, WanderingHand
 from esea_host.wrist.stored import (
     WristCalibration,
     calibration_of,
     save_calibration,
 )
 
-take_many()
 FRAME_MS, TOLD_EVERY = 16, 6  # words change every so many frames
-UNCONFIRMED_S = 1.0
 SAVED = Path("wrist-calibration.toml")
-STOP_KEYS = (Qt.Key.Key_Space, Qt.Key.Key_Escape)
 UNZEROED = ("UNKNOWN", "UNREFERENCED", "ZEROING")
-ALARMING = ("FAULT", "STOPPED")
 NAMES = {"FE": "flexion - / extension +", "RU": "ulnar - / radial +"}
 
 
@@ -70,40 +63,36 @@ class _Pane(SceneView):
         self.dragged.emit(None)
 
 
-class _FactorPlot:
+class _FactorPlot(PlotPanel):
     # Scaling factor over the angle of one axis, with its nodes and the present angle.
 
     def __init__(self, area: Any, row: int, axis: str) -> None:
-        self.item = area.addPlot(row=row, col=0)
-        self.item.setMenuEnabled(False)
-        self.item.hideButtons()
+        super().__init__(area.addPlot(row=row, col=0), axis, left="scaling factor")
         self.item.setMouseEnabled(x=False, y=False)
         self.item.getAxis("left").setWidth(48)
-        self.axis = axis
         self._range = pg.LinearRegionItem(movable=False)
-        self._curve, self._nodes = self.item.plot(antialias=True), self.item.plot()
-        self._now, self._here = pg.InfiniteLine(angle=90), self.item.plot()
+        self._curve = self.item.plot(antialias=True)
+        self._nodes = self.item.plot(pen=None, symbol="o", symbolSize=9)
+        self._now = pg.InfiniteLine(angle=90)
+        self._here = self.item.plot(pen=None, symbol="o", symbolSize=15)
         self.item.addItem(self._range)
         self.item.addItem(self._now)
 
     def show(self, display: WristDisplay, theme: Theme) -> None:
-        dress(self.item, theme)
-        found = display.curves.get(self.axis)
+        found, stored = (display.maps or {}).get(self.title), display.calibration
         for part in (self._range, self._curve, self._nodes):
             part.setVisible(found is not None)
-        half = display.half_width_deg
-        self.item.setXRange(-half, half, padding=0)
-        top = 2.0
-        if found is not None:
-            self._curve.setData(found.theta_deg, found.factor)
-            self._nodes.setData(found.nodes_deg, found.at_nodes)
+        half, top = display.half_width_deg, 2.0
+        if found is not None and stored is not None and stored.constrained is not None:
+            theta = np.linspace(found.low_deg, found.high_deg, 201)
+            factor, nodes = found.scaling(theta), stored.constrained.axis(self.title).nodes_deg
+            self._curve.setData(theta, factor)
+            self._nodes.setData(np.array(nodes), found.scaling(nodes))
             self._range.setRegion((found.low_deg, found.high_deg))
-            top = max(top, 1.15 * float(found.factor.max()))
+            top = max(top, 1.15 * float(factor.max()))
+        self.item.setXRange(-half, half, padding=0)
         self.item.setYRange(0, top, padding=0)
         self._curve.setPen(pg.mkPen(theme.wanted, width=3))
-        self._nodes.setPen(None)
-        self._nodes.setSymbol("o")
-        self._nodes.setSymbolSize(9)
         self._nodes.setSymbolBrush(theme.ground)
         self._nodes.setSymbolPen(pg.mkPen(theme.wanted, width=2))
         shade = pg.mkColor(theme.wanted)
@@ -112,21 +101,16 @@ class _FactorPlot:
         for line in self._range.lines:
             line.setPen(pg.mkPen(theme.limit, width=2))
         self._now.setPen(pg.mkPen(theme.measured, width=2))
-        self._here.setPen(None)
-        self._here.setSymbol("o")
-        self._here.setSymbolSize(15)
         self._here.setSymbolBrush(theme.measured)
         self._here.setSymbolPen(pg.mkPen(theme.ink, width=1))
-        self.item.setLabel("left", "scaling factor", color=theme.ink)
-        title = f"<b>{self.axis}</b> ({NAMES[self.axis]}) from neutral [deg]"
-        self.item.setTitle(title, color=theme.ink, size="10pt")
+        self.dress(theme, f" ({NAMES[self.title]}) from neutral [deg]", "10pt")
 
     def draw(self, now: AxisView) -> None:
         self._now.setValue(now.theta_deg)
         self._here.setData([now.theta_deg], [now.factor])
 
 
-class WristWindow(QMainWindow):
+class WristWindow(StopWindow):
     """lead: leads a simulated hand, deg; save_to: a complete calibration, never overwritten."""
 
     def __init__(
@@ -143,7 +127,7 @@ class WristWindow(QMainWindow):
         self.feed, self.display, self.keeper = feed, display, keeper
         self._lead, self._save_to, self._guide = lead, save_to, guide
         self.hand = WanderingHand()
-        self.said, self._asked_s, self._frames = "", 0.0, 0
+        self.said, self._frames = "", 0
         self._rows = feed.device.subscribe(list(display.streams))
         identity = feed.device.identity
         mark = "SIMULATED" if feed.device.simulated else ""
@@ -153,33 +137,19 @@ class WristWindow(QMainWindow):
         self._build()
         self._actions()
         self.set_theme(DARK if dark else LIGHT)
-        application = QApplication.instance()
-        assert application is not None
-        application.installEventFilter(self)
-        self._timer = QTimer(self)
-        self._timer.timeout.connect(self.turn)
+        self.timer.timeout.connect(self.turn)
         self.draw()
 
     def start(self) -> None:
-        self._timer.start(FRAME_MS)
+        self.timer.start(FRAME_MS)
 
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self) -> None:
-        self.state, self.words, self.note = QLabel(), QLabel(), plain_label()
-        self.words.setWordWrap(True)
-        self.note.setWordWrap(True)
+        self.state, self.words, self.note = QLabel(), plain_label(), plain_label()
+        for label in (self.words, self.note):
+            label.setWordWrap(True)
         self.note.setMinimumHeight(40)
-        stop = QPushButton("STOP  (Space)")
-        stop.setStyleSheet(STOP_STYLE)
-        stop.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        stop.pressed.connect(self.stop)  # when it goes down
-        self.stop_button = stop
-        top, left = QHBoxLayout(), QVBoxLayout()
-        left.addWidget(self.state)
-        left.addWidget(self.words)
-        top.addLayout(left, 1)
-        top.addWidget(stop)
         raw = _Pane()
         self.panes: dict[str, SceneView] = {"raw": raw, "normalised": SceneView()}
         self.heads = {n: QLabel() for n in self.panes}
@@ -197,21 +167,15 @@ class WristWindow(QMainWindow):
         grid.addWidget(self._area, 0, 2, 3, 1)
         grid.setColumnStretch(2, 5)
         grid.setRowStretch(1, 1)
-        column_ = QVBoxLayout()
-        column_.addLayout(top)
-        column_.addLayout(self._bar())
-        column_.addLayout(grid, 1)
-        column_.addWidget(self.note)
-        middle = QWidget()
-        middle.setLayout(column_)
-        self.setCentralWidget(middle)
+        top = row_of((column_of(self.state, self.words), 1), self.stop_button)
+        self.fill(column_of(top, self._bar(), (grid, 1), self.note))
         if self._lead is not None:
             raw.dragged.connect(self._dragged)
 
     def _bar(self) -> QHBoxLayout:
-        bar, device = QHBoxLayout(), self.feed.device
+        device = self.feed.device
         self.buttons: dict[str, QPushButton] = {}
-        jobs: dict[str, Callable[[], object]] = {
+        jobs: dict[str, Job] = {
             "Release": partial(self.feed.do, "release", device.release),
             "Zero": partial(self.feed.do, "zero", device.zero),
             "Arm": partial(self.feed.do, "arm", device.arm),
@@ -221,52 +185,34 @@ class WristWindow(QMainWindow):
             "Repeat step": self.back,
         }
         for name, job in jobs.items():
-            button = QPushButton(name)
-            button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-            button.clicked.connect(partial(self._asked, job))
-            button.setCheckable(name in ("Healthy", "Constrained"))
+            made = self.buttons[name] = push_button(name, job, focus=False)
+            made.setCheckable(name in ("Healthy", "Constrained"))
             needs_motor = name in ("Arm", "Healthy", "Constrained")
-            button.setVisible(self.keeper.there or not needs_motor)
-            bar.addWidget(button)
-            self.buttons[name] = button
+            made.setVisible(self.keeper.there or not needs_motor)
         self.confirmed = QLabel()
-        bar.addWidget(self.confirmed, 1)
-        return bar
-
-    def _asked(self, job: Callable[[], object], _checked: bool = False) -> None:
-        job()
+        return row_of(*self.buttons.values(), (self.confirmed, 1))
 
     def _actions(self) -> None:
-        device, menu = self.feed.device, self.menuBar().addMenu("&Board")
-        for name, keys, job in (
+        acknowledge = partial(self.feed.do, "acknowledge", self.feed.device.clear)
+        jobs: list[tuple[str, str, Job]] = [
             ("STOP: Space or Escape", "F12", self.stop),
             ("Disarm", "Ctrl+D", self.disarm),
-            ("Acknowledge fault", "Ctrl+L", partial(self.feed.do, "acknowledge", device.clear)),
+            ("Acknowledge fault", "Ctrl+L", acknowledge),
             ("Dark, light", "T", self.toggle_theme),
-        ):
-            action = QAction(name, self)
-            action.setShortcut(QKeySequence(keys))
-            action.triggered.connect(partial(self._asked, job))
-            menu.addAction(action)
+        ]
+        self.add_menu("&Board", jobs)
 
     # -- asking ------------------------------------------------------------------------------------
 
     def stop(self) -> None:
         self.feed.stop()
         self.keeper.wanted = False
-        self._asked_s = time.monotonic()
+        self.stop_asked_s = time.monotonic()
         self._end_guide("The calibration was stopped.")
 
     def disarm(self) -> None:
         self.keeper.arms = False
         self.feed.do("disarm", self.feed.device.disarm)
-
-    def eventFilter(self, _: QObject, event: QEvent) -> bool:
-        """Space and Escape stop, whatever has the focus."""
-        stops = event.key() in STOP_KEYS if isinstance(event, QKeyEvent) else False
-        if stops and event.type() == QEvent.Type.KeyPress:
-            self.stop()
-        return stops
 
     def constrain(self, wanted: bool) -> None:
         if self.display.guide is None:
@@ -285,7 +231,7 @@ class WristWindow(QMainWindow):
         # No state in which a calibration means anything.
         state = self.feed.news.state
         armed = self.keeper.arms or state in WORKING  # one that arms itself soon is again
-        return state in ALARMING or (self.keeper.there and not armed)
+        return state in ("FAULT", "STOPPED") or (self.keeper.there and not armed)
 
     def back(self) -> None:
         if self.display.guide is not None:
@@ -356,16 +302,14 @@ class WristWindow(QMainWindow):
 
     def _tell(self, picture: DisplayPicture) -> None:
         theme, news, guide = self.theme, self.feed.news, self.display.guide
-        colour = theme.alarm if news.state in ALARMING else theme.good
-        colour = theme.measured if news.state in WORKING else colour
+        colour = state_colour(theme, news.state)
         self.state.setText(
             f'<span style="font-size:18px"><b style="color:{colour}">{escape(news.state)}</b>'
             f" &nbsp; {self._who}</span>"
         )
-        alarm = self._alarm()
+        alarm = "  ".join([*self.alarms(self.feed), *filter(None, [self.keeper.said])])
         self.words.setStyleSheet(f"color: {theme.alarm if alarm else theme.ink}")
         dialect = self.feed.device.session.dialect
-        self.words.setTextFormat(Qt.TextFormat.PlainText)
         self.words.setText(alarm or f"{state_text(dialect, news.state)}  {link_text(news.health)}")
         self.confirmed.setText(self._constraint(picture.acts))
         for name, wanted in (("Healthy", False), ("Constrained", True)):
@@ -405,19 +349,6 @@ class WristWindow(QMainWindow):
         why = "" if self.feed.news.state in WORKING else " (arm the motors first)"
         return f"Constraint {'asked for' if self.keeper.wanted else 'is to end'}, not yet{why}"
 
-    def _alarm(self) -> str:
-        news, lines = self.feed.news, []
-        if self._asked_s and news.state == "STOPPED":
-            self._asked_s = 0.0
-        elif self._asked_s and time.monotonic() - self._asked_s > UNCONFIRMED_S:
-            lines.append("STOP was sent, and the board has not confirmed it: switch its power off.")
-        if self.feed.silent:
-            lines.append("Nothing comes from the board: the picture is old.")
-        if news.fault is not None:
-            f = news.fault
-            lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")
-        return "  ".join([*lines, *filter(None, (news.error, self.keeper.said))])
-
     def _note(self) -> str:
         guide, used = self.display.guide, self.display.calibration
         if guide is not None:
@@ -434,12 +365,8 @@ class WristWindow(QMainWindow):
         parts += [news.said] if news.said and news.state not in WORKING else []
         return "  |  ".join(parts)
 
-    def toggle_theme(self) -> None:
-        self.set_theme(LIGHT if self.theme is DARK else DARK)
-
     def set_theme(self, theme: Theme) -> None:
-        self.theme = theme
-        self.setPalette(theme.palette())
+        super().set_theme(theme)
         self._area.setBackground(theme.ground)
         style = (
             f"QPushButton {{background: {theme.ground}; color: {theme.ink};"
@@ -456,9 +383,5 @@ class WristWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """The connection is not the window's to end."""
-        self._timer.stop()
         self.feed.device.receiver.unsubscribe(self._rows)
-        application = QApplication.instance()
-        if application is not None:
-            application.removeEventFilter(self)
         super().closeEvent(event)

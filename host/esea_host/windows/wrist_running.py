@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import math
-import signal
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QTimer
-from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 
 from esea_gen.errors import UserError
-from esea_gen.files import written_whole
 from esea_host.connection import ConnectedDevice
 from esea_host.connection.address import SimulatedProcess
 from esea_host.connection.recording import LiveRecording
 from esea_host.simulated.drive import SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
 from esea_host.windows.feed import LiveFeed
+from esea_host.windows.frame import qt_application, run_until_closed, save_picture
+from esea_host.windows.operator import WORKING, ConstraintKeeper
 from esea_host.windows.wrist import TOLD_EVERY, WristWindow
-from esea_host.wrist.constraint import WORKING, ConstraintKeeper
 from esea_host.wrist.display import WristDisplay
 from esea_host.wrist.guide import CalibrationGuide
 from esea_host.wrist.stored import WristCalibration
@@ -42,10 +39,7 @@ def run_wrist(
     screenshot: Path | None = None,
 ) -> None:
     """Open the display, and return when it is closed, or after some seconds."""
-    application = QApplication.instance() or QApplication([])
-    assert isinstance(application, QApplication)
-    if dark is None:
-        dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
+    dark = qt_application(dark)
     display = WristDisplay(device.identity.device, calibration)
     keeper = ConstraintKeeper(device, arms=device.simulated)
     feed = LiveFeed(device, recording)
@@ -53,18 +47,10 @@ def run_wrist(
     lead = partial(_lead, transport) if isinstance(transport, SimulatedProcess) else None
     window = WristWindow(feed, display, keeper, dark, lead, save_to)
     window.resize(WIDTH, HEIGHT)
-    window.show()
     window.start()
-    if seconds is not None:
-        QTimer.singleShot(int(seconds * 1000), window.close)
-    if screenshot is not None:
-        before_ms = max(0, int((seconds or 5.0) * 1000) - 300)
-        QTimer.singleShot(before_ms, partial(save_picture, window, screenshot))
-    before = signal.signal(signal.SIGINT, lambda *_: window.close())
     try:
-        application.exec()
+        run_until_closed(window, seconds, screenshot)
     finally:
-        signal.signal(signal.SIGINT, before)
         keeper.close()
         feed.close()
 
@@ -73,9 +59,57 @@ def _lead(transport: SimulatedProcess, fe_deg: float, ru_deg: float) -> None:
     transport.lead(math.radians(fe_deg), math.radians(ru_deg))
 
 
-def save_picture(window: WristWindow, path: Path) -> None:
-    with written_whole(path) as scratch:
-        window.grab().save(str(scratch))
+class FilmedWrist:
+    """The display of a simulated board whose clock is moved by :meth:`turn`, with a hand in it."""
+
+    def __init__(
+        self,
+        name: str,
+        save_to: Path,
+        calibration: WristCalibration | None = None,
+        dark: bool = False,
+    ) -> None:
+        self.board = SimulatedBoard(name)
+        self.board.led = True
+        self.device = LockstepDevice(self.board)
+        self.display = WristDisplay(self.device.identity.device, calibration)
+        self.keeper = ConstraintKeeper(self.device, arms=True, threaded=False)
+        self.feed = LiveFeed(self.device, threaded=False)
+        given = self.feed, self.display, self.keeper, dark, self._lead, save_to, BRISK
+        self.window = WristWindow(*given)
+        self.window.resize(WIDTH, HEIGHT)
+        self._turns = 0
+
+    def _lead(self, fe_deg: float, ru_deg: float) -> None:
+        self.board.pushes_rad = [math.radians(fe_deg), math.radians(ru_deg)]
+
+    def turn(self) -> None:
+        self.device.advance(TURN_S)
+        self.keeper.turn(self._turns * TURN_S)
+        self.feed.gather()
+        self.window.take()
+        if self._turns % ASK_TURNS == 0:
+            self.feed.ask()
+        self._turns += 1
+
+    def until(self, what: str, most_s: float, done: Callable[[], object]) -> None:
+        for _ in range(round(most_s / TURN_S)):
+            self.turn()
+            if done():
+                return
+        why = self.window.said or f"the board is in {self.feed.news.state}"
+        raise UserError(f"The simulated wrist was not {what} within {most_s:g} s: {why}.", "")
+
+    def draw(self) -> None:
+        """Words too, which change less often than pictures, and the layout that they ask for."""
+        for _ in range(TOLD_EVERY):
+            self.window.draw()
+            QApplication.processEvents()
+
+    def close(self) -> None:
+        self.window.close()
+        self.feed.close()
+        self.device.close()
 
 
 def film_wrist(
@@ -91,82 +125,32 @@ def film_wrist(
     """Run a simulated board as fast as it can: calibrate unless done, constrain, draw."""
     if record is not None and record.exists():
         raise UserError(f"{record} is there already.", "Give another name.")
-    application = QApplication.instance() or QApplication([])
-    assert isinstance(application, QApplication)
-    board = SimulatedBoard(name)
-    device = LockstepDevice(board)
+    qt_application()
+    filmed = FilmedWrist(name, save_to, calibration, dark)
+    display, keeper = filmed.display, filmed.keeper
     try:
-        _Film(board, device, calibration, save_to, dark, say).run(picture, record, seconds)
-    finally:
-        device.close()
-
-
-class _Film:
-    def __init__(
-        self,
-        board: SimulatedBoard,
-        device: LockstepDevice,
-        calibration: WristCalibration | None,
-        save_to: Path,
-        dark: bool,
-        say: Callable[[str], None],
-    ) -> None:
-        self.board, self.device, self.say = board, device, say
-        self.display = WristDisplay(device.identity.device, calibration)
-        self.keeper = ConstraintKeeper(device, arms=True, threaded=False)
-        self.feed = LiveFeed(device, threaded=False)
-        given = self.feed, self.display, self.keeper, dark, self._lead, save_to, BRISK
-        self.window = WristWindow(*given)
-        self.window.resize(WIDTH, HEIGHT)
-        board.led = True
-        self._turns = 0
-
-    def _lead(self, fe_deg: float, ru_deg: float) -> None:
-        self.board.pushes_rad = [math.radians(fe_deg), math.radians(ru_deg)]
-
-    def turn(self) -> None:
-        self.device.advance(TURN_S)
-        self.keeper.turn(self._turns * TURN_S)
-        self.feed.gather()
-        self.window.take()
-        if self._turns % ASK_TURNS == 0:
-            self.feed.ask()
-        self._turns += 1
-
-    def until(self, what: str, most_s: float, done: Callable[[], bool]) -> None:
-        for _ in range(round(most_s / TURN_S)):
-            self.turn()
-            if done():
-                return
-        why = self.window.said or f"the board is in {self.feed.news.state}"
-        raise UserError(f"The simulated wrist was not {what} within {most_s:g} s: {why}.", "")
-
-    def run(self, picture: Path, record: Path | None, seconds: float) -> None:
-        mark = self.board.device.name
-        self.say(f"simulated {mark}, simulated hand")
-        ready = WORKING if self.keeper.there else ("READY",)
-        self.until("ready", READY_S, lambda: self.feed.news.state in ready)
-        if self.display.calibration is None:
-            self.window.calibrate()
-            self.until("calibrated", CALIBRATED_S, lambda: self.display.guide is None)
-            if self.display.calibration is None:
-                raise UserError(self.window.said, "")
-            self.say(f"simulated calibration, {self.display.time_s:.0f} s: {self.window.said}")
-        self.keeper.wanted = self.keeper.there
-        if self.keeper.there:
-            self.until("constrained", SWITCHED_S, lambda: self.display.acts)
-        recording = self.device.record(record) if record is not None else None
-        for _ in range(round(seconds / TURN_S)):
-            self.turn()
+        say(f"simulated {filmed.board.device.name}, simulated hand")
+        ready = WORKING if keeper.there else ("READY",)
+        filmed.until("ready", READY_S, lambda: filmed.feed.news.state in ready)
+        if display.calibration is None:
+            filmed.window.calibrate()
+            filmed.until("calibrated", CALIBRATED_S, lambda: display.guide is None)
+            if display.calibration is None:
+                raise UserError(filmed.window.said, "")
+            say(f"simulated calibration, {display.time_s:.0f} s: {filmed.window.said}")
+        keeper.wanted = keeper.there
+        if keeper.there:
+            filmed.until("constrained", SWITCHED_S, lambda: display.acts)
+        recording = filmed.device.record(record) if record is not None else None
+        for _ in range(round(seconds / TURN_S)):  # by the board's clock
+            filmed.turn()
         if recording is not None:
             recording.close()
-            self.say(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
-        self.feed.ask()
-        self.window.show()
-        for _ in range(TOLD_EVERY):  # words, and the layout that they ask for
-            self.window.draw()
-            QApplication.processEvents()
-        save_picture(self.window, picture)
-        self.say(f"{picture}: the simulated wrist's display")
-        self.window.close()
-        self.feed.close()
+            say(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
+        filmed.feed.ask()
+        filmed.window.show()
+        filmed.draw()
+        save_picture(filmed.window, picture)
+        say(f"{picture}: the simulated wrist's display")
+    finally:
+        filmed.close()

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_host.statistics import NoStatisticError, holm, signed_rank
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import well_formed
-from esea_host.wrist.metrics import learning, tracking
 
 Row = Mapping[str, Any]
+Array = npt.NDArray[np.float64]
+# A spectrum of some seconds is coarse: the transform is taken over this many times its length.
+PADDED = 16
+# Peaks below this share of the largest are corrections, not movements.
+LEAST_PEAK = 0.25
 Values = Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Comparison:
+    """A line of a published table: names of either side's value, their medians, and p."""
+
     metric: str
     unit: str
     first: str
@@ -29,32 +36,71 @@ class Wanted:
     p: float | None
 
 
-# Thesis tables 7.1 to 7.4 and the p values in its text.
+@dataclass(frozen=True)
+class StudyTable:
+    """A published table; rms: its RMS speed error, which has one side."""
+
+    sides: tuple[str, str]
+    lines: tuple[Comparison, ...]
+    rms: float | None = None
+
+
+HEALTHY, CONSTRAINED = "healthy", "constrained"
 TRACKED = (
     ("dominant frequency", "Hz", "frequency_h_Hz", "frequency_c_Hz"),
     ("amplitude there", "deg/s", "amplitude_h_deg_s", "amplitude_c_deg_s"),
     ("peak speed", "deg/s", "peak_h_deg_s", "peak_c_deg_s"),
 )
-TRACKED_PUBLISHED = {
-    "7.1 validation, RU": (((0.24, 0.24), 0.50), ((37.6, 34.5), 0.0098), ((51.2, 47.3), 0.027)),
-    "7.2 validation, FE": (((0.21, 0.22), 0.75), ((69.6, 66.6), 0.19), ((95.0, 91.8), 0.32)),
+LEARNED = tuple(
+    (metric, unit, f"{name} 1", f"{name} 2")
+    for metric, unit, name in (
+        ("FE targets achieved", "of 15", "achieved_FE"),
+        ("FE SSE", "deg^2", "sse_FE_deg2"),
+        ("RU targets achieved", "of 15", "achieved_RU"),
+        ("RU SSE", "deg^2", "sse_RU_deg2"),
+        ("after-effect", "deg", "after_effect_deg"),
+    )
+)
+
+
+def _lines(
+    measured: Sequence[tuple[str, str, str, str]], *published: tuple[float, float, float]
+) -> tuple[Comparison, ...]:
+    each = zip(measured, published, strict=True)
+    return tuple(Comparison(*m, (first, second), p) for m, (first, second, p) in each)
+
+
+# Thesis tables 7.1 to 7.4: medians of either side, and the p values in its text.
+RU_TRACKED, FE_TRACKED = "7.1 validation, RU", "7.2 validation, FE"
+SESSIONS, STATES = "7.3 sessions", "7.4 states"
+TABLES = {
+    RU_TRACKED: StudyTable(
+        (HEALTHY, CONSTRAINED),
+        _lines(TRACKED, (0.24, 0.24, 0.50), (37.6, 34.5, 0.0098), (51.2, 47.3, 0.027)),
+        21.0,
+    ),
+    FE_TRACKED: StudyTable(
+        (HEALTHY, CONSTRAINED),
+        _lines(TRACKED, (0.21, 0.22, 0.75), (69.6, 66.6, 0.19), (95.0, 91.8, 0.32)),
+        22.1,
+    ),
+    SESSIONS: StudyTable(
+        ("session 1", "session 2"),
+        _lines(
+            LEARNED,
+            *((11.0, 11.0, 0.89), (746.6, 694.4, 0.15), (9.5, 10.5, 0.94)),
+            *((813.9, 697.9, 0.20), (-4.65, -4.31, 0.74)),
+        ),
+    ),
+    STATES: StudyTable(
+        (HEALTHY, CONSTRAINED),
+        _lines(
+            LEARNED,
+            *((12.5, 10.0, 0.016), (734.6, 706.4, 0.55), (11.0, 9.0, 0.16)),
+            *((879.9, 697.9, 0.15), (-4.50, -4.31, 0.74)),
+        ),
+    ),
 }
-RMS_PUBLISHED = {"7.1 validation, RU": 21.0, "7.2 validation, FE": 22.1}
-LEARNED = (
-    ("FE targets achieved", "of 15", "achieved_FE"),
-    ("FE SSE", "deg^2", "sse_FE_deg2"),
-    ("RU targets achieved", "of 15", "achieved_RU"),
-    ("RU SSE", "deg^2", "sse_RU_deg2"),
-    ("after-effect", "deg", "after_effect_deg"),
-)
-SESSIONS_PUBLISHED = (
-    *(((11.0, 11.0), 0.89), ((746.6, 694.4), 0.15), ((9.5, 10.5), 0.94)),
-    *(((813.9, 697.9), 0.20), ((-4.65, -4.31), 0.74)),
-)
-STATES_PUBLISHED = (
-    *(((12.5, 10.0), 0.016), ((734.6, 706.4), 0.55), ((11.0, 9.0), 0.16)),
-    *(((879.9, 697.9), 0.15), ((-4.50, -4.31), 0.74)),
-)
 
 
 @dataclass(frozen=True)
@@ -88,9 +134,6 @@ class WristResult:
     people: Mapping[str, Mapping[str, Values]]
     sides: Mapping[str, tuple[str, str]]
 
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 def analyse(folder: Path) -> WristResult:
     study = StudyFolder.open(folder, durable=False, runs=False)
@@ -105,30 +148,19 @@ def analyse(folder: Path) -> WristResult:
         raise UserError(
             f"{folder} holds no completed trial of the wrist study.", "Run a session of it first."
         )
-    tables: dict[str, tuple[TableLine, ...]] = {}
-    sides: dict[str, tuple[str, str]] = {}
-    people: dict[str, Mapping[str, Values]] = {}
-    for title, tracks in TRACKED_PUBLISHED.items():
-        axis = title[-2:]
-        values = {c: t[axis] for c, t in tracked.items() if axis in t}
-        lines = [
-            Wanted(m, unit, a, b, medians, p)
-            for (m, unit, a, b), (medians, p) in zip(TRACKED, tracks, strict=True)
-        ]
-        table = _tested(lines, values)
-        tables[title] = (*table, _rms(values, RMS_PUBLISHED[title]))
-        sides[title], people[title] = ("healthy", "constrained"), values
-    for title, keys, names, published in (
-        ("7.3 sessions", (0, 1), ("session 1", "session 2"), SESSIONS_PUBLISHED),
-        ("7.4 states", (False, True), ("healthy", "constrained"), STATES_PUBLISHED),
-    ):
-        values = {c: _two(found, keys) for c, found in learned.items() if found}
-        lines = [
-            Wanted(m, unit, f"{k} 1", f"{k} 2", medians, p)
-            for (m, unit, k), (medians, p) in zip(LEARNED, published, strict=True)
-        ]
-        tables[title] = _tested(lines, values)
-        sides[title], people[title] = names, values
+    people: dict[str, dict[str, Values]] = {
+        title: {c: found[axis] for c, found in tracked.items() if axis in found}
+        for title, axis in ((RU_TRACKED, "RU"), (FE_TRACKED, "FE"))
+    }
+    # The two sides of a session's values: its number, and whether it was constrained.
+    for title, side in ((SESSIONS, lambda x: x[0]), (STATES, lambda x: int(x[1]))):
+        people[title] = {
+            code: {f"{k} {side(x) + 1}": v for x in found for k, v in x[2].items()}
+            for code, found in learned.items()
+            if found
+        }
+    tables = {title: _tested(table, people[title]) for title, table in TABLES.items()}
+    sides = {title: table.sides for title, table in TABLES.items()}
     return WristResult(simulated, len(by_code), tables, people, sides)
 
 
@@ -152,25 +184,17 @@ def _learned(rows: Sequence[Row]) -> list[tuple[int, bool, Values]]:
     return found
 
 
-def _two(found: Sequence[tuple[int, bool, Values]], keys: tuple[Any, Any]) -> Values:
-    by_session = isinstance(keys[0], int) and not isinstance(keys[0], bool)
-    out: dict[str, float | None] = {}
-    for session, constrained, values in found:
-        own = session if by_session else constrained
-        side = keys.index(own) + 1
-        out |= {f"{k} {side}": v for k, v in values.items()}
-    return out
-
-
-def _tested(lines: Sequence[Wanted], values: Mapping[str, Values]) -> tuple[TableLine, ...]:
-    found = [_line(w, values) for w in lines]
+def _tested(table: StudyTable, values: Mapping[str, Values]) -> tuple[TableLine, ...]:
+    found = [_line(w, values) for w in table.lines]
     tested = {k: x.p for k, x in enumerate(found) if x.p is not None}
     for k, p in zip(tested, holm(list(tested.values())) if tested else (), strict=True):
         found[k] = replace(found[k], p_holm=float(p))
+    if table.rms is not None:
+        found.append(_rms(values, table.rms))
     return tuple(found)
 
 
-def _line(w: Wanted, values: Mapping[str, Values]) -> TableLine:
+def _line(w: Comparison, values: Mapping[str, Values]) -> TableLine:
     pairs = [(v.get(w.first), v.get(w.second)) for v in values.values()]
     both = np.array([(a, b) for a, b in pairs if a is not None and b is not None], np.float64)
     known = TableLine(w.metric, w.unit, len(both), published=w.medians, published_p=w.p)
@@ -204,3 +228,73 @@ def _rms(values: Mapping[str, Values], published: float) -> TableLine:
         published=(None, published),
         note="one value a person: nothing to compare",
     )
+
+
+# -- of one participant ---------------------------------------------------------------------------
+
+
+def speed(time_s: npt.ArrayLike, x_deg: npt.ArrayLike) -> tuple[Array, float]:
+    """Speed at equal steps, deg/s, and the step."""
+    t, x = np.asarray(time_s, np.float64), np.asarray(x_deg, np.float64)
+    step = float(t[-1] - t[0]) / (len(t) - 1)
+    even = t[0] + step * np.arange(len(t))
+    return np.asarray(np.gradient(np.interp(even, t, x), step)), step
+
+
+def dominant(values: Array, step_s: float) -> tuple[float, float]:
+    """Frequency of the largest component, Hz, and its amplitude."""
+    n = len(values)
+    spectrum = 2.0 / n * np.abs(np.fft.rfft(values - np.mean(values), PADDED * n))
+    k = int(np.argmax(spectrum))
+    return k / (PADDED * n * step_s), float(spectrum[k])
+
+
+def median_peak(values: Array) -> float:
+    """Median of the peaks of the magnitude, one between two changes of sign."""
+    edges = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1])) + 1
+    peaks = np.array([np.max(np.abs(part)) for part in np.split(values, edges) if len(part)])
+    return float(np.median(peaks[peaks >= LEAST_PEAK * np.max(peaks)]))
+
+
+def tracking(row: Row) -> dict[str, float]:
+    healthy, step = speed(row["time_s"], row["target_deg"])
+    shown, _ = speed(row["time_s"], row["cursor_deg"])
+    h, c = dominant(healthy, step), dominant(shown, step)
+    rms = float(np.sqrt(np.mean((healthy - shown) ** 2)))
+    return {
+        "frequency_h_Hz": h[0],
+        "frequency_c_Hz": c[0],
+        "amplitude_h_deg_s": h[1],
+        "amplitude_c_deg_s": c[1],
+        "peak_h_deg_s": median_peak(healthy),
+        "peak_c_deg_s": median_peak(shown),
+        "rms_error_percent": 100.0 * rms / float(np.max(np.abs(healthy))),
+    }
+
+
+def after_effect_deg(row: Row, pulls_away: bool) -> float:
+    """On a standing target, how far beyond it, or away first; negative as published."""
+    if pulls_away:
+        return float(row["nearest_deg"] - row["distance_deg"])
+    return float(min(row["distance_deg"] - row["furthest_deg"], 0.0))
+
+
+def learning(rows: Sequence[Row]) -> dict[str, float | None]:
+    found: dict[str, float | None] = {}
+    blocks = list(dict.fromkeys(r["block"] for r in rows))
+    for axis in ("FE", "RU"):
+        counts, errors = [], []
+        for block in blocks:
+            own = [r for r in rows if r["block"] == block and r["axis"] == axis and not r["catch"]]
+            caught = [r["sse_deg2"] for r in own if r["achieved"]]
+            counts.append(len(caught))
+            if caught:
+                errors.append(float(np.median(caught)))
+        found[f"achieved_{axis}"] = float(np.median(counts)) if counts else None
+        found[f"sse_{axis}_deg2"] = float(np.median(errors)) if errors else None
+    catch = [r for r in rows if r["catch"]]
+    moving = [r for r in rows if not r["catch"]]
+    pulls = bool(moving) and float(np.mean([r["pulled_away"] for r in moving])) > 0.5
+    effects = [after_effect_deg(r, pulls) for r in catch]
+    found["after_effect_deg"] = float(np.median(effects)) if effects else None
+    return found

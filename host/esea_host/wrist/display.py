@@ -15,9 +15,9 @@ from esea_host.connection import Batch
 from esea_host.study.fitting import ACTS, DeviceSignals
 from esea_host.study.scene import Scene, Shape
 from esea_host.study.task import task_named
+from esea_host.wrist.calibration import AXES
 from esea_host.wrist.guide import CalibrationGuide
 from esea_host.wrist.normalisation import CursorMap
-from esea_host.wrist.past import AXES
 from esea_host.wrist.stored import WristCalibration
 from esea_host.wrist.tasks import dot, place
 
@@ -37,16 +37,6 @@ class AxisView:
     theta_deg: float
     cursor_deg: float
     factor: float
-
-
-@dataclass(frozen=True)
-class FactorCurve:
-    theta_deg: Floats
-    factor: Floats
-    nodes_deg: Floats
-    at_nodes: Floats
-    low_deg: float
-    high_deg: float
 
 
 @dataclass(frozen=True)
@@ -93,7 +83,6 @@ class WristDisplay:
     def calibrate(self, calibration: WristCalibration | None) -> None:
         self.maps: dict[str, CursorMap] | None = calibration.maps() if calibration else None
         self.calibration = calibration
-        self.curves = {a: _curve(m, calibration, a) for a, m in (self.maps or {}).items()}
 
     # -- telemetry ---------------------------------------------------------------------------------
 
@@ -150,8 +139,8 @@ class WristDisplay:
         if self.calibration is None:
             return HALF_WIDTH_DEG
         ends = [x for a in AXES for x in self.calibration.healthy.axis(a).range_deg]
-        for axis, curve in self.curves.items():
-            ends += (self.maps or {})[axis].position([curve.low_deg, curve.high_deg]).tolist()
+        for mapped in (self.maps or {}).values():
+            ends += mapped.position([mapped.low_deg, mapped.high_deg]).tolist()
         return 1.2 * max(map(abs, ends))
 
     def picture(self) -> DisplayPicture:
@@ -206,19 +195,3 @@ class WristDisplay:
         corners = [(left, bottom), (right, bottom), (right, top), (left, top), (left, bottom)]
         edge = EDGE_SHARE * self.half_width_deg
         return [Shape("line", "boundary", *a, edge, *b) for a, b in pairwise(corners)]
-
-
-def _curve(mapped: CursorMap, calibration: WristCalibration | None, axis: str) -> FactorCurve:
-    assert calibration is not None
-    assert calibration.constrained is not None
-    stored = calibration.constrained.axis(axis)
-    theta = np.linspace(stored.low_deg, stored.high_deg, 201)
-    nodes = np.array(stored.nodes_deg)
-    return FactorCurve(
-        theta,
-        mapped.scaling(theta),
-        nodes,
-        mapped.scaling(nodes),
-        stored.low_deg,
-        stored.high_deg,
-    )

@@ -22,18 +22,8 @@ from esea_host.study.task import (
     TrialOutcome,
     register,
 )
+from esea_host.wrist.calibration import AXES, Method, calibrated, cursor_maps
 from esea_host.wrist.normalisation import CursorMap
-from esea_host.wrist.past import AXES, Method, calibrated, cursor_maps
-from esea_host.wrist.target import (
-    DAMPING_KG_S,
-    HOLD_S,
-    MASS_KG,
-    REACH_S,
-    WITHIN_DEG,
-    Moving,
-    advance,
-    target_distance_deg,
-)
 from esea_host.wrist.tasks import (
     IMPAIRMENT,
     OnAxis,
@@ -46,11 +36,31 @@ from esea_host.wrist.tasks import (
 )
 
 Row = Mapping[str, Any]
+MASS_KG, DAMPING_KG_S = 5.0, 18.0  # equation 7.7; the printed unit kgm/s is a misprint
+WITHIN_DEG, HOLD_S, REACH_S = 2.0, 0.75, 10.0
+SHARE, LARGER_SHARE = 0.20, 0.25
 ANGLES_SEEN = 0.25  # of the distance: a first excursion that far is a strategy, not a tremor
 
 
 class OnScreen(OnAxis):
     method: Method = Field("rbf", description="normalisation: none, linear, published or rbf")
+
+
+# First columns of their rows.
+SHOWN = (
+    IMPAIRMENT,
+    DataColumn("axis", str, "FE or RU"),
+    DataColumn("method", str, "normalisation"),
+)
+
+
+def _about(p: OnScreen) -> dict[str, Any]:
+    return {"impairment": p.impairment, "axis": p.axis, "method": p.method}
+
+
+def _since(near: bool, before_s: float | None, now_s: float) -> float | None:
+    # From when on something has been so without a break.
+    return (now_s if before_s is None else before_s) if near else None
 
 
 @dataclass(frozen=True)
@@ -107,9 +117,7 @@ class Track(_WristTask):
     title = "Replay of the own healthy motion"
     Parameters = TrackParameters
     columns = (
-        IMPAIRMENT,
-        DataColumn("axis", str, "FE or RU"),
-        DataColumn("method", str, "normalisation"),
+        *SHOWN,
         DataColumn("time_s", list, "times of the samples"),
         DataColumn("cursor_deg", list, "cursor along the axis"),
         DataColumn("target_deg", list, "the healthy motion"),
@@ -150,23 +158,19 @@ class Track(_WristTask):
         shapes = (dot("target", *place(p.axis, target), 4.0), dot("cursor", x, y, 2.5))
         outcome = None
         if shown >= times[-1]:
-            outcome = TrialOutcome(
-                {
-                    "impairment": p.impairment,
-                    "axis": p.axis,
-                    "method": p.method,
-                    "time_s": list(state.times),
-                    "cursor_deg": list(state.cursors),
-                    "target_deg": list(state.targets),
-                }
-            )
+            taken = {
+                "time_s": state.times,
+                "cursor_deg": state.cursors,
+                "target_deg": state.targets,
+            }
+            outcome = TrialOutcome(_about(p) | {k: list(v) for k, v in taken.items()})
         return TaskStep(state, Scene(shapes, (Text("follow"),), 90.0), requests(p), (), outcome)
 
     def _get_ready(self, state: Tracking, time_s: float, here: tuple[float, float]) -> TaskStep:
         # The motion starts once the cursor has been at its start for half a second.
         p, start = state.parameters, state.healthy[1][0]
         near = abs(here[AXES.index(p.axis)] - start) <= p.start_within_deg
-        since = (time_s if state.ready_since_s is None else state.ready_since_s) if near else None
+        since = _since(near, state.ready_since_s, time_s)
         held = since is not None and time_s - since >= 0.5
         begun = time_s if held or time_s >= p.start_s else None
         events = (
@@ -195,6 +199,37 @@ def _interpolated(
 
 
 # -- motor learning --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Moving:
+    x_deg: float
+    v_deg_s: float = 0.0
+
+
+def advance(
+    target: Moving, cursor_from_deg: float, cursor_to_deg: float, dt_s: float, rate_1_s: float
+) -> Moving:
+    """One step of equation 7.7, exact for a cursor that moves evenly between two samples."""
+    speed = (cursor_to_deg - cursor_from_deg) / dt_s
+    slip = target.v_deg_s - speed
+    kept = math.exp(-rate_1_s * dt_s)
+    moved = speed * dt_s + slip * (1.0 - kept) / rate_1_s
+    return Moving(target.x_deg + moved, speed + kept * slip)
+
+
+def target_distance_deg(smallest_deg: float) -> float:
+    """Where targets stand: a fifth of the smallest range, a quarter where that is too near."""
+    for share in (SHARE, LARGER_SHARE):
+        if share * smallest_deg > WITHIN_DEG:
+            return share * smallest_deg
+    raise UserError(
+        f"The smallest range of motion is {smallest_deg:.1f} deg: targets at "
+        f"{100 * LARGER_SHARE:.0f} % of it would appear within {WITHIN_DEG:g} deg of the origin, "
+        "caught before anything moves.",
+        f"More than {WITHIN_DEG / LARGER_SHARE:g} deg are needed: measure again with another "
+        "neutral position; who cannot reach that cannot do this task.",
+    )
 
 
 class CatchParameters(OnScreen):
@@ -236,9 +271,7 @@ class Catch(_WristTask):
     title = "Catch the target"
     Parameters = CatchParameters
     columns = (
-        IMPAIRMENT,
-        DataColumn("axis", str, "FE or RU"),
-        DataColumn("method", str, "normalisation"),
+        *SHOWN,
         DataColumn("stationary", bool, "whether the target stood still"),
         DataColumn("achieved", bool, "within 2 deg for 750 ms"),
         DataColumn("left", bool, "whether it was lost over the boundary"),
@@ -277,8 +310,7 @@ class Catch(_WristTask):
         )
 
     def _home(self, state: Catching, time_s: float, here: tuple[float, float]) -> TaskStep:
-        near = math.hypot(*here) <= WITHIN_DEG
-        since = (time_s if state.home_since_s is None else state.home_since_s) if near else None
+        since = _since(math.hypot(*here) <= WITHIN_DEG, state.home_since_s, time_s)
         p = state.parameters
         state = replace(state, home_since_s=since, last_s=time_s, last=here)
         events: tuple[TaskEvent, ...] = ()
@@ -315,7 +347,7 @@ class Catch(_WristTask):
             last_s=time_s,
             last=here,
             target=target,
-            within_since_s=(time_s if since is None else since) if inside else None,
+            within_since_s=_since(inside, since, time_s),
             sse_deg2=state.sse_deg2 + error**2 * dt * p.sse_rate_Hz,
             furthest_deg=max(state.furthest_deg, along),
             nearest_deg=min(state.nearest_deg, along),
@@ -325,18 +357,14 @@ class Catch(_WristTask):
 
     def _row(self, state: Catching, shown: float, held: bool, left: bool) -> Row:
         p = state.parameters
+        kept = ("sse_deg2", "distance_deg", "furthest_deg", "nearest_deg")
         return {
-            "impairment": p.impairment,
-            "axis": p.axis,
-            "method": p.method,
+            **_about(p),
             "stationary": p.stationary,
             "achieved": held,
             "left": left,
             "reach_time_s": shown,
-            "sse_deg2": state.sse_deg2,
-            "distance_deg": state.distance_deg,
-            "furthest_deg": state.furthest_deg,
-            "nearest_deg": state.nearest_deg,
+            **{name: getattr(state, name) for name in kept},
             "pulled_away": bool(state.pulled_away),
         }
 

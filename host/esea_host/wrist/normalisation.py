@@ -12,13 +12,15 @@ References
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import erf
 
 from esea_gen.errors import UserError
+from esea_gen.files import plain
 
 Array = npt.NDArray[np.float64]
 LEAST_NODES = 3
@@ -40,6 +42,14 @@ class NodeSpeeds:
     high_deg: float
     nodes_deg: tuple[float, ...]
     speeds_deg_s: tuple[float | None, ...]
+
+    @property
+    def width_deg(self) -> float:
+        return self.high_deg - self.low_deg
+
+    @property
+    def middle_deg(self) -> float:
+        return (self.low_deg + self.high_deg) / 2
 
 
 @dataclass(frozen=True)
@@ -76,7 +86,13 @@ class RbfNetwork:
 def fit_rbf(
     nodes_deg: npt.ArrayLike, values: npt.ArrayLike, *, slope: bool = False, base: bool = True
 ) -> RbfNetwork:
-    """Fit a network through values at nodes."""
+    """Fit a network through values at nodes.
+
+    Without w the Gaussian matrix of separate nodes is positive definite, and nothing is
+    regularised.  With w there is one unknown more than values: of all networks through the values
+    the one with the least sum of a_n^2 + (w sigma)^2 (so that the unit of the angle does not
+    matter).  On 0 the network falls to 0 outside its nodes, on the mean it falls to the mean.
+    """
     nodes, wanted = np.asarray(nodes_deg, np.float64), np.asarray(values, np.float64)
     sigma = float(np.mean(np.diff(nodes)))
     d = (nodes[:, None] - nodes) / sigma
@@ -106,13 +122,10 @@ class CursorMap:
         within = self.factor.integral(inside - self.middle_deg)
         return np.asarray(within + (theta - inside) * self.factor.value(inside - self.middle_deg))
 
-    def numbers(self) -> dict[str, float | list[float]]:
-        fitted = asdict(self.factor) | {
-            "centres_deg": self.factor.centres_deg.tolist(),
-            "weights": self.factor.weights.tolist(),
-        }
-        ends = "middle_deg", "low_deg", "high_deg"
-        return {n: float(getattr(self, n)) for n in ends} | fitted
+    def numbers(self) -> dict[str, Any]:
+        """All that it was fitted to, for a log."""
+        ends = {n: float(getattr(self, n)) for n in ("middle_deg", "low_deg", "high_deg")}
+        return ends | dict(plain(self.factor))
 
     def scaling(self, theta_deg: npt.ArrayLike) -> Array:
         """Scaling factor: the cursor's speed over the wrist's."""
@@ -122,14 +135,13 @@ class CursorMap:
 
 def plain_map(speeds: NodeSpeeds, factor: float = 1.0) -> CursorMap:
     """A map with one factor everywhere: none (1), or linear scaling."""
-    middle = (speeds.low_deg + speeds.high_deg) / 2
     flat = RbfNetwork(np.zeros(1), np.zeros(1), SPACING_DEG, factor, 0.0)
-    return CursorMap(middle, speeds.low_deg, speeds.high_deg, flat)
+    return CursorMap(speeds.middle_deg, speeds.low_deg, speeds.high_deg, flat)
 
 
 def linear_map(healthy: NodeSpeeds, constrained: NodeSpeeds) -> CursorMap:
     _check_range(healthy, constrained)
-    return plain_map(constrained, _width(healthy) / _width(constrained))
+    return plain_map(constrained, healthy.width_deg / constrained.width_deg)
 
 
 def normalise(
@@ -139,10 +151,9 @@ def normalise(
         check_nodes(name, speeds)
     _check_range(healthy, constrained)
     constrained = without_turns(constrained)
-    middle = (constrained.low_deg + constrained.high_deg) / 2
-    shrink = _width(constrained) / _width(healthy)
-    centre = (healthy.low_deg + healthy.high_deg) / 2
-    compressed = shrink * (np.array(healthy.nodes_deg) - centre)
+    middle = constrained.middle_deg
+    shrink = constrained.width_deg / healthy.width_deg
+    compressed = shrink * (np.array(healthy.nodes_deg) - healthy.middle_deg)
     nodes = np.array(constrained.nodes_deg) - middle
     ours = np.array(constrained.speeds_deg_s, np.float64)
     measured = np.array(healthy.speeds_deg_s, np.float64)
@@ -161,10 +172,6 @@ def without_turns(speeds: NodeSpeeds) -> NodeSpeeds:
     if kept.stop - kept.start < LEAST_NODES:
         return speeds
     return replace(speeds, nodes_deg=speeds.nodes_deg[kept], speeds_deg_s=speeds.speeds_deg_s[kept])
-
-
-def _width(speeds: NodeSpeeds) -> float:
-    return speeds.high_deg - speeds.low_deg
 
 
 def check_nodes(name: str, speeds: NodeSpeeds) -> None:
@@ -188,13 +195,13 @@ def check_nodes(name: str, speeds: NodeSpeeds) -> None:
 
 
 def _check_range(healthy: NodeSpeeds, constrained: NodeSpeeds) -> None:
-    if _width(constrained) > _width(healthy) + REPEATED_DEG:
+    if constrained.width_deg > healthy.width_deg + REPEATED_DEG:
         raise UserError(
-            f"The constrained range, {_width(constrained):.1f} deg, is larger than the healthy "
-            f"one, {_width(healthy):.1f} deg.",
+            f"The constrained range, {constrained.width_deg:.1f} deg, is larger than the healthy "
+            f"one, {healthy.width_deg:.1f} deg.",
             "Measure both ranges again; were the two states mixed up?",
         )
-    if not _width(constrained) > 0:
+    if not constrained.width_deg > 0:
         raise UserError("The constrained range is empty.", "Measure it again.")
 
 
@@ -219,6 +226,7 @@ def _check_fold(found: CursorMap) -> None:
 
 def node_places(low_deg: float, high_deg: float, spacing_deg: float = SPACING_DEG) -> list[float]:
     """Nodes at whole multiples of the spacing from the neutral position, across the range."""
+    # Nearer to an end the wrist turns round, and has no speed to measure.
     room = 0.2 * spacing_deg
     first, last = np.ceil((low_deg + room) / spacing_deg), np.floor((high_deg - room) / spacing_deg)
     return [float(k * spacing_deg) for k in range(int(first), int(last) + 1)]

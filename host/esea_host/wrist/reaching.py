@@ -9,7 +9,7 @@ no FE and RU.  Lengths are shares of the distance to the target, for pixels have
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,8 @@ import numpy.typing as npt
 from esea_gen.errors import UserError
 from esea_host.recording.log import Table
 from esea_host.smoothness import NoAnswerError, sparc, submovements
-from esea_host.wrist.metrics import LEAST_PEAK
-from esea_host.wrist.target import HOLD_S, REACH_S
+from esea_host.wrist.analysis import LEAST_PEAK
+from esea_host.wrist.moving import HOLD_S, REACH_S
 
 Array = npt.NDArray[np.float64]
 COLUMNS = ("x_px", "y_px", "target_x_px", "target_y_px", "inside")
@@ -124,7 +124,3 @@ def summary(found: Sequence[ScreenReach]) -> dict[str, Any]:
         "without_sparc": sum(x.sparc is None for x in found),
         **{n: median(n) for n in names},
     }
-
-
-def to_rows(found: Sequence[ScreenReach]) -> list[dict[str, Any]]:
-    return [asdict(x) for x in found]

@@ -10,7 +10,7 @@ import html
 import json
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,44 +32,37 @@ CLEAR = 0.5  # rank-biserial: three quarters of the ranks go one way
 
 @dataclass(frozen=True)
 class PersonSpan:
-    """A number's range, and whose it is."""
+    """The range of a number of the model of people, and whose it is."""
 
     name: str
-    low: Mapping[str, Any]
-    high: Mapping[str, Any]
-    source: str
+    field: str
+    low: Any
+    high: Any
+    source: str = "assumed"
 
 
-def _scaled(share: float) -> dict[str, Any]:
-    model = PersonModel()
-    return {"range_deg": tuple(share * x for x in model.range_deg)}
-
-
-ASSUMED = "assumed"
+SMOOTH = "J. Saunders, D. Knill, Experimental Brain Research 162, 2005: direction, distance"
+PINCH = "R. Balakrishnan, I. MacKenzie, CHI 1997: from the finger alone to a pinch grip"
+PACES = "Marras, Schoenmarklin, 1993; high end assumed"
+RANGES = PersonModel().range_deg
 SPANS = (
+    PersonSpan("correction's delay, 117 to 200 ms", "delay_s", 0.117, 0.200, SMOOTH),
+    PersonSpan("accuracy, 3 to 4.5 bits/s", "bits_s", 3.0, 4.5, PINCH),
+    PersonSpan("torque's noise, 1 to 10 %", "torque_noise", 0.01, 0.1),
+    PersonSpan("contracted muscles, 0.3 to 2 Nm/rad", "contracted_Nm_rad", 0.3, 2.0),
+    PersonSpan("reaction, 200 to 350 ms", "reaction_s", 0.2, 0.35),
     PersonSpan(
-        *("correction's delay, 117 to 200 ms", {"delay_s": 0.117}, {"delay_s": 0.200}),
-        "J. Saunders, D. Knill, Experimental Brain Research 162, 2005: direction, distance",
+        "comfortable speed, 29 and 17, or 60 and 40 deg/s",
+        *("comfortable_deg_s", (29.0, 17.0), (60.0, 40.0), PACES),
     ),
+    PersonSpan("effort, 2 to 4.5 Nm", "effort_Nm", 2.0, 4.5),
+    PersonSpan("learning, half to twice", "learn", (0.105, 0.01), (0.42, 0.04)),
     PersonSpan(
-        *("accuracy, 3 to 4.5 bits/s", {"bits_s": 3.0}, {"bits_s": 4.5}),
-        "R. Balakrishnan, I. MacKenzie, CHI 1997: from the finger alone to a pinch grip",
+        "range, less or more by 20 %",
+        "range_deg",
+        tuple(0.8 * x for x in RANGES),
+        tuple(1.2 * x for x in RANGES),
     ),
-    PersonSpan("torque's noise, 1 to 10 %", {"torque_noise": 0.01}, {"torque_noise": 0.1}, ASSUMED),
-    PersonSpan(
-        *("contracted muscles, 0.3 to 2 Nm/rad", {"contracted_Nm_rad": 0.3}),
-        *({"contracted_Nm_rad": 2.0}, ASSUMED),
-    ),
-    PersonSpan("reaction, 200 to 350 ms", {"reaction_s": 0.2}, {"reaction_s": 0.35}, ASSUMED),
-    PersonSpan(
-        *("comfortable speed, 29 and 17, or 60 and 40 deg/s", {"comfortable_deg_s": (29.0, 17.0)}),
-        *({"comfortable_deg_s": (60.0, 40.0)}, "Marras, Schoenmarklin, 1993; high end assumed"),
-    ),
-    PersonSpan("effort, 2 to 4.5 Nm", {"effort_Nm": 2.0}, {"effort_Nm": 4.5}, ASSUMED),
-    PersonSpan(
-        *("learning, half to twice", {"learn": (0.105, 0.01)}, {"learn": (0.42, 0.04)}, ASSUMED)
-    ),
-    PersonSpan("range, less or more by 20 %", _scaled(0.8), _scaled(1.2), ASSUMED),
 )
 
 
@@ -81,9 +74,6 @@ class ShiftedRun:
     effects: Mapping[str, float | None]
     changed: tuple[str, ...]
     early: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def effects_of(result: WristResult) -> dict[str, float | None]:
@@ -124,7 +114,8 @@ def sensitivity(
     protocol = parse_protocol(text.replace("seed = 1\n", f"seed = {seed}\n", 1), PROTOCOL.name)
     plan: list[tuple[str, str, str, Mapping[str, Any]]] = [("as it is", "", "", {})]
     for x in spans:
-        plan += [(x.name, "low", x.source, x.low), (x.name, "high", x.source, x.high)]
+        ends = (("low", x.low), ("high", x.high))
+        plan += [(x.name, end, x.source, {x.field: value}) for end, value in ends]
     found: list[ShiftedRun] = []
     for name, end, source, shift in plan:
         place = folder / "-".join([f"{participants}x{seed}", *shift, end or "usual"])

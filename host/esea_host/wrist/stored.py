@@ -15,7 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.errors import UserError
 from esea_gen.files import read_whole, write_whole
-from esea_gen.toml_file import Problem, checked, parse_toml
+from esea_gen.toml_file import checked, parse_toml
+from esea_host.wrist.calibration import AXES, Calibrated, calibrated
 from esea_host.wrist.normalisation import (
     CursorMap,
     NodeSpeeds,
@@ -23,7 +24,6 @@ from esea_host.wrist.normalisation import (
     node_places,
     normalise,
 )
-from esea_host.wrist.past import AXES, Calibrated, calibrated
 
 SEE = "docs/wrist-display.md"
 MAKE = "Give a file that esea-host wrist saved, or calibrate again."
@@ -171,7 +171,7 @@ def load_calibration(path: Path) -> WristCalibration:
     except UnicodeDecodeError as error:
         raise UserError(f"{path}: cannot be read as text ({error}).", MAKE) from None
     document = parse_toml(text, str(path), SEE)
-    found = checked(WristCalibration, document, str(path), _fix, text)
+    found = checked(WristCalibration, document, str(path), lambda _: MAKE, text)
     if found.digest() != found.sha256:
         raise UserError(
             f"{path}: the values do not match the file's sha256: it was edited or damaged.", MAKE
@@ -185,10 +185,6 @@ def load_calibration(path: Path) -> WristCalibration:
     except UserError as error:
         raise UserError(f"{path}: {error.what}", MAKE) from None
     return found
-
-
-def _fix(_: Problem) -> str:
-    return MAKE
 
 
 def _check_axis(where: str, axis: StoredAxis) -> None:

@@ -26,9 +26,14 @@ from esea_host.study.task import (
     TrialOutcome,
     register,
 )
-from esea_host.wrist.calibration import LEAST_PASSES, Complaint, quality
-from esea_host.wrist.past import AXES, Calibrated, calibrated
-from esea_host.wrist.simple_person import Follower
+from esea_host.wrist.calibration import (
+    AXES,
+    LEAST_PASSES,
+    Calibrated,
+    Complaint,
+    calibrated,
+    quality,
+)
 
 Axis = Literal["FE", "RU"]
 Way = Literal[-1, 1]
@@ -58,6 +63,33 @@ def dot(role: str, x: float, y: float, size: float = 1.0) -> Shape:
 def place(axis: str, value: float) -> tuple[float, float]:
     """A point on an axis of the screen."""
     return (value, 0.0) if axis == "FE" else (0.0, value)
+
+
+LIMITS_DEG = ((-60.0, 50.0), (-30.0, 20.0))
+WALL_DEG = 6.0
+
+
+class Follower(Actor):
+    """Goes to the target, or to the origin, along a first-order lag, within a range of motion."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.rng, self.time_s = rng, 0.0
+        self.theta = np.zeros(2)
+
+    def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
+        self.time_s = round(self.time_s + 0.01, 6)
+        aim = next((s for s in scene.shapes if s.role == "target"), None)
+        seen = next((s for s in scene.shapes if s.role == "cursor"), None)
+        if aim is None:
+            aim = next((s for s in scene.shapes if s.role == "origin"), None)
+        if aim is not None and seen is not None:
+            wanted = np.array([aim.x - seen.x, aim.y - seen.y])
+            self.theta += np.clip(0.06 * wanted, -0.6, 0.6) + 0.01 * self.rng.normal(size=2)
+        impaired = requests.get("impairment", 0.0) > 0.5
+        for k, (low, high) in enumerate(LIMITS_DEG):
+            top = WALL_DEG if impaired and k == 0 else high
+            self.theta[k] = min(max(self.theta[k], low), top)
+        return self.time_s, {"fe_deg": float(self.theta[0]), "ru_deg": float(self.theta[1])}
 
 
 class _WristTask(StudyTask):

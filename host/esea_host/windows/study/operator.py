@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
-from functools import partial
 from html import escape
 
-from PySide6.QtCore import QEvent, QObject, Qt, QTimer
-from PySide6.QtGui import QAction, QCloseEvent, QColor, QKeyEvent, QKeySequence
+from PySide6.QtCore import QRectF, QSize, Qt
+from PySide6.QtGui import QCloseEvent, QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
-    QApplication,
     QHBoxLayout,
     QHeaderView,
     QLabel,
     QLineEdit,
     QListWidget,
-    QMainWindow,
-    QPushButton,
     QTableWidget,
     QTableWidgetItem,
     QVBoxLayout,
@@ -29,16 +25,17 @@ from esea_host.study.conductor import HELD, OVER, PAUSED, RESTING, STARTING, Con
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.protocol import GROUP
 from esea_host.study.session import RUNNING
+from esea_host.study.source import Gauge
 from esea_host.study.task import task_named
-from esea_host.windows.stopping import StopSender
-from esea_host.windows.study.gauges import GaugeBar
+from esea_host.windows.feed import StopSender
+from esea_host.windows.frame import Job, StopWindow, column_of, push_button, row_of
 from esea_host.windows.study.scene_view import SceneView
-from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme, plain_label, plain_tip
+from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label, plain_tip
 
 TURN_MS = 100
-UNCONFIRMED_S = 1.0
 COLUMNS = ("", "state", "block", "task", "condition", "reason")
 HIDDEN = "hidden"
+NEAR = 0.85  # of the way to a limit
 WORDS = {
     STARTING: "STARTING",
     RESTING: "REST",
@@ -48,7 +45,41 @@ WORDS = {
 BY_STATE = {"completed": "good", "running": "measured", "failed": "alarm", "aborted": "alarm"}
 
 
-class OperatorWindow(QMainWindow):
+class GaugeBar(QWidget):
+    """Name, value, unit; under them a bar from limit to limit with a mark where the value is."""
+
+    def __init__(self, theme: Theme) -> None:
+        super().__init__()
+        self.gauge, self.theme = Gauge("", 0.0, -1.0, 1.0, ""), theme
+        self.setMinimumSize(180, 44)
+
+    def sizeHint(self) -> QSize:
+        return QSize(260, 44)
+
+    @property
+    def near(self) -> bool:
+        g = self.gauge
+        middle, half = (g.low + g.high) / 2, (g.high - g.low) / 2
+        return not abs(g.value - middle) <= NEAR * half
+
+    def paintEvent(self, _: QPaintEvent) -> None:
+        painter, g, theme = QPainter(self), self.gauge, self.theme
+        painter.setPen(QColor(theme.alarm if self.near else theme.ink))
+        painter.drawText(0, 14, f"{g.name}: {round(g.value, 2) + 0.0:.2f} {g.unit}")
+        painter.setPen(QColor(theme.soft))
+        painter.drawText(0, 42, f"{g.low:.2f}")
+        width = float(self.width() - 2)
+        high = f"{g.high:.2f}"
+        painter.drawText(int(width) - painter.fontMetrics().horizontalAdvance(high), 42, high)
+        painter.fillRect(QRectF(0, 19, width, 8), QColor(theme.ground))
+        if math.isfinite(g.value) and g.high > g.low:
+            share = min(max((g.value - g.low) / (g.high - g.low), 0.0), 1.0)
+            colour = QColor(theme.alarm if self.near else theme.measured)
+            painter.fillRect(QRectF(share * (width - 6), 17, 6, 12), colour)
+        painter.end()
+
+
+class OperatorWindow(StopWindow):
     """A window on a :class:`Conductor`: it reads, and what it asks for is done beside it."""
 
     def __init__(
@@ -61,7 +92,6 @@ class OperatorWindow(QMainWindow):
         super().__init__()
         self.conductor, self.board = conductor, board
         self.stopper = StopSender(board) if board is not None else None
-        self._stop_asked_s = 0.0
         study = conductor.study
         self.group = study.group_shown(conductor.code, "operator")
         self._blind = "operator" in study.protocol.file.blinded
@@ -72,12 +102,8 @@ class OperatorWindow(QMainWindow):
         self._build(language)
         self._actions()
         self.set_theme(DARK if dark else LIGHT)
-        application = QApplication.instance()
-        assert application is not None
-        application.installEventFilter(self)
-        self._timer = QTimer(self)
-        self._timer.timeout.connect(self.refresh)
-        self._timer.start(TURN_MS)
+        self.timer.timeout.connect(self.refresh)
+        self.timer.start(TURN_MS)
 
     # -- what there is -----------------------------------------------------------------------------
 
@@ -88,44 +114,20 @@ class OperatorWindow(QMainWindow):
         # A reason may be long: it must not widen the window.
         for label in (self.state, self.advice, self.now, self.timers, self.coming, self.said):
             label.setWordWrap(True)
-        self.stop_button = QPushButton("STOP  (Space)")
-        self.stop_button.setStyleSheet(STOP_STYLE)
-        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        # When it goes down, not when it comes up again.
-        self.stop_button.pressed.connect(self.stop)
-        top, words = QHBoxLayout(), QVBoxLayout()
-        words.addWidget(self.state)
-        words.addWidget(self.who)
-        top.addLayout(words, 1)
-        top.addWidget(self.stop_button)
         self.scene = SceneView(language)
         self.scene.setMinimumSize(260, 260)
         self._build_trials()
-        middle = QHBoxLayout()
-        middle.addWidget(self.trials, 3)
-        middle.addLayout(self._side(), 2)
-        column = QVBoxLayout()
-        column.addLayout(top)
-        column.addLayout(middle, 1)
-        column.addLayout(self._bottom())
-        column.addWidget(self.said)
-        held = QWidget()
-        held.setLayout(column)
-        self.setCentralWidget(held)
+        top = row_of((column_of(self.state, self.who), 1), self.stop_button)
+        middle = row_of((self.trials, 3), (self._side(), 2))
+        self.fill(column_of(top, (middle, 1), self._bottom(), self.said))
         self.trials.setFocus()  # not where keys are letters
 
     def _side(self) -> QVBoxLayout:
-        side = QVBoxLayout()
-        side.addWidget(self.scene, 3)
-        for label in (self.now, self.timers, self.coming, self.advice):
-            side.addWidget(label)
         self.gauges = [GaugeBar(LIGHT) for _ in self.conductor.source.gauges()]
-        for bar in self.gauges:
-            side.addWidget(bar)
         self.happened = QListWidget()
         self.happened.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        side.addWidget(self.happened, 2)
-        return side
+        labels = self.now, self.timers, self.coming, self.advice
+        return column_of((self.scene, 3), *labels, *self.gauges, (self.happened, 2))
 
     def _build_trials(self) -> None:
         plan = self.conductor.plan
@@ -168,33 +170,22 @@ class OperatorWindow(QMainWindow):
         return HIDDEN if decided else trial.condition
 
     def _bottom(self) -> QHBoxLayout:
-        bottom = QHBoxLayout()
         self.words = QLineEdit()
         self.words.setPlaceholderText("N: a note, or the reason to repeat or skip a trial")
         self.words.returnPressed.connect(self.note)
-        bottom.addWidget(self.words, 1)
-        self.buttons: dict[str, QPushButton] = {}
-        for name, job in (
-            ("Note", self.note),
-            ("Pause", self.pause),
-            ("Recentre", self.conductor.recentre),
-            ("Repeat trial", self.repeat),
-            ("Repeat block", self.repeat_block),
-            ("Skip trial", self.skip),
-        ):
-            button = QPushButton(name)
-            button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-            button.clicked.connect(partial(self._asked, job))
-            bottom.addWidget(button)
-            self.buttons[name] = button
-        return bottom
-
-    def _asked(self, job: Callable[[], object], _checked: bool = False) -> None:
-        job()
+        jobs: dict[str, Job] = {
+            "Note": self.note,
+            "Pause": self.pause,
+            "Recentre": self.conductor.recentre,
+            "Repeat trial": self.repeat,
+            "Repeat block": self.repeat_block,
+            "Skip trial": self.skip,
+        }
+        self.buttons = {name: push_button(name, job, focus=False) for name, job in jobs.items()}
+        return row_of((self.words, 1), *self.buttons.values())
 
     def _actions(self) -> None:
-        menu = self.menuBar().addMenu("&Session")
-        for name, keys, job in (
+        jobs: list[tuple[str, str, Job]] = [
             ("STOP: Space or Escape", "F12", self.stop),
             ("Pause, go on", "P", self.pause),
             ("Recentre", "R", self.conductor.recentre),
@@ -204,18 +195,15 @@ class OperatorWindow(QMainWindow):
             ("Skip trial", "Ctrl+K", self.skip),
             ("Dark, light", "T", self.toggle_theme),
             ("Close", "Ctrl+W", self.close),
-        ):
-            action = QAction(name, self)
-            action.setShortcut(QKeySequence(keys))
-            action.triggered.connect(partial(self._asked, job))
-            menu.addAction(action)
+        ]
+        self.add_menu("&Session", jobs)
 
     # -- asking ------------------------------------------------------------------------------------
 
     def stop(self) -> None:
         if self.stopper is not None:
             self.stopper.stop()
-            self._stop_asked_s = time.monotonic()
+            self.stop_asked_s = time.monotonic()
         self.conductor.stop("the operator stopped it")
 
     def pause(self) -> None:
@@ -251,17 +239,6 @@ class OperatorWindow(QMainWindow):
     def skip(self) -> None:
         if self.chosen is not None:
             self.conductor.skip(self.chosen.number, self._written())
-
-    def eventFilter(self, _: QObject, event: QEvent) -> bool:
-        """Space and Escape stop, whichever window has the focus; only a note takes a space."""
-        if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
-            if event.key() == Qt.Key.Key_Escape:
-                self.stop()
-            typing = isinstance(QApplication.focusWidget(), QLineEdit)
-            if event.key() == Qt.Key.Key_Space and not typing:
-                self.stop()
-                return True
-        return False
 
     # -- looking -----------------------------------------------------------------------------------
 
@@ -300,12 +277,12 @@ class OperatorWindow(QMainWindow):
 
     def _word(self) -> str:
         c = self.conductor
-        if self.board is not None and self._stop_asked_s:
-            waited_s = time.monotonic() - self._stop_asked_s
-            if self.board.state() == "STOPPED":
-                self._stop_asked_s = 0.0
-            elif waited_s > UNCONFIRMED_S:
-                return "STOP IS NOT CONFIRMED: SWITCH THE BOARD'S POWER OFF"
+        if (
+            self.board is not None
+            and self.stop_asked_s
+            and self.stop_unconfirmed(self.board.state())
+        ):
+            return "STOP IS NOT CONFIRMED: SWITCH THE BOARD'S POWER OFF"
         if c.phase == OVER and c.error is not None:
             return f"ENDED: {c.error}"
         if c.phase == OVER:
@@ -356,12 +333,8 @@ class OperatorWindow(QMainWindow):
             self.happened.addItems(lines)
             self.happened.scrollToBottom()
 
-    def toggle_theme(self) -> None:
-        self.set_theme(LIGHT if self.theme is DARK else DARK)
-
     def set_theme(self, theme: Theme) -> None:
-        self.theme = theme
-        self.setPalette(theme.palette())
+        super().set_theme(theme)
         self.scene.set_dark(theme is DARK)
         self._drawn.clear()
         for bar in self.gauges:
@@ -370,12 +343,8 @@ class OperatorWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Who closes the operator's window stops the session."""
-        self._timer.stop()
         if not self.conductor.over:
             self.stop()
-        application = QApplication.instance()
-        if application is not None:
-            application.removeEventFilter(self)
         if self.stopper is not None:
             self.stopper.close()
         super().closeEvent(event)

@@ -9,8 +9,7 @@ from typing import Literal
 from PySide6.QtCore import QRectF, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QColor, QGuiApplication, QMouseEvent, QPainter
 
-from esea_host.study.conductor import Conductor
-from esea_host.windows.study.frames import FrameTimes
+from esea_host.study.conductor import Conductor, FrameTimes
 from esea_host.windows.study.scene_view import PATCH, SceneView, square_in
 
 Patch = Literal["off", "frame", "onset"]
@@ -34,17 +33,17 @@ class ParticipantWindow(SceneView):
         self.setWindowTitle("esea-host")
         self.setMouseTracking(True)
         self.resize(900, 900)
-        self._timer = QTimer(self)
-        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
-        self._timer.timeout.connect(self.turn)
-        self._timer.start(max(1, int(1000 / self.frames.refresh_Hz)))
+        self.timer = QTimer(self)
+        self.timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self.timer.timeout.connect(self.turn)
+        self.timer.start(max(1, int(1000 / self.frames.refresh_Hz)))
 
     def place(self) -> None:
         primary = QGuiApplication.primaryScreen()
         others = [s for s in QGuiApplication.screens() if s is not primary]
         if others:
             self.frames.refresh_Hz = others[0].refreshRate() or self.frames.refresh_Hz
-            self._timer.setInterval(max(1, int(1000 / self.frames.refresh_Hz)))
+            self.timer.setInterval(max(1, int(1000 / self.frames.refresh_Hz)))
             self.setGeometry(others[0].geometry())
             self.showFullScreen()
             self.setCursor(Qt.CursorShape.BlankCursor)
@@ -52,9 +51,6 @@ class ParticipantWindow(SceneView):
             self.show()
         size_px = [self.width(), self.height()]
         self.frames.facts = {"patch": self.patch, "language": self.language, "size_px": size_px}
-
-    def toggle_full_screen(self) -> None:
-        self.setWindowState(self.windowState() ^ Qt.WindowState.WindowFullScreen)
 
     def turn(self) -> None:
         self._now = self.conductor.screen()
@@ -79,6 +75,6 @@ class ParticipantWindow(SceneView):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """A participant's window that has gone ends the session."""
-        self._timer.stop()
+        self.timer.stop()
         self.conductor.stop("the participant's window was closed")
         super().closeEvent(event)

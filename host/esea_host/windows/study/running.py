@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable
 
-from PySide6.QtCore import Qt, QTimer
-from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QApplication
+from PySide6.QtCore import QTimer
 
 from esea_host.connection import ConnectedDevice
 from esea_host.study.conductor import Conductor
+from esea_host.windows.frame import qt_application, run_until_closed
 from esea_host.windows.study.operator import OperatorWindow
 from esea_host.windows.study.participant import ParticipantWindow, Patch
 
@@ -27,19 +25,14 @@ def run_windows(
     point: Callable[[tuple[float, float]], None] | None = None,
 ) -> None:
     """Show a session, and return when its windows are closed and it has ended."""
-    application = QApplication.instance() or QApplication([])
-    assert isinstance(application, QApplication)
-    asked = dark
-    if dark is None:
-        dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
     # Where nobody asks for a light ground the participant's is dark, whatever the desktop.
-    participant = ParticipantWindow(conductor, language, asked is not False, patch)
-    operator = OperatorWindow(conductor, board, language, dark)
+    of_operator, of_participant = qt_application(dark), dark is not False
+    participant = ParticipantWindow(conductor, language, of_participant, patch)
+    operator = OperatorWindow(conductor, board, language, of_operator)
     operator.resize(1240, 820)
     if point is not None:
         participant.point = point
     participant.place()
-    operator.show()
     conductor.start()
 
     def look() -> None:
@@ -54,11 +47,8 @@ def run_windows(
     timer = QTimer()
     timer.timeout.connect(look)
     timer.start(LOOK_MS)
-    # Ctrl+C closes the windows, so that the session is ended well.
-    before = signal.signal(signal.SIGINT, lambda *_: operator.close())
     try:
-        application.exec()
+        run_until_closed(operator)
     finally:
-        signal.signal(signal.SIGINT, before)
         conductor.stop("the windows were closed")
         conductor.join(10.0)

@@ -9,9 +9,7 @@ from PySide6.QtGui import QColor, QFont, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
 from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape, said
-from esea_host.windows.counting import take_many
 
-take_many()
 LEAST_PX = 2.0
 LETTERS = 0.04  # height of letters over that of the picture
 EDGE = 0.01  # of rings, over half of it
