@@ -81,7 +81,7 @@ def _drivers(tape: BoardTape) -> str:
         .get_template("board/scripted.c.j2")
         .render(
             ticks=ticks,
-            measured=[np.array(row, np.float32).view(np.uint32).tolist() for row in tape.measured],
+            measured=np.array(tape.measured, np.float32).view(np.uint32).tolist(),
             bytes=list(b"".join(frames)),
             until=np.cumsum([len(f) for f in frames]).tolist(),
             troubles=[tape.troubles.get(k, 0) for k in range(ticks)],

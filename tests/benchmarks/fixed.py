@@ -73,7 +73,6 @@ def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, 
     chosen, fmt, hand = BARE_BOARDS[board], FORMATS[real], program == "hand"
     renderer = renderer_of(device, device.system, real)
     naming, block = renderer.naming, device.velocity
-    port = {p.name: p for p in (*block.inputs, *block.outputs)}
     tunable = block.tunables[0]
 
     def text(group: str, name: str, value: float) -> str:
