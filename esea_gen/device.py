@@ -30,6 +30,7 @@ from esea_gen.model.sensing import counting_system, measures_counts, sensing_sys
 from esea_gen.observe import Drive, drive_of, has_drive
 
 Made = TypeVar("Made")
+Data = TypeVar("Data", bound=DeviceData)
 _FIRST: WeakValueDictionary[tuple[object, ...], Device] = WeakValueDictionary()
 
 
@@ -137,17 +138,6 @@ def load_device(name_or_path: str | Path, controller: str | None = None) -> Devi
         In place of the file's laws: a shipped controller (``mpc``), a law (``predictive``), a law
         from outside the package (``FILE.py:law``) or the path of a device file whose sections are
         taken; several with a comma between, to switch between them at run time.
-
-    Returns
-    -------
-    Device
-        The validated device.
-
-    Raises
-    ------
-    UserError
-        When there is no such device, the file is not TOML, or a key, unit, value or relation is
-        wrong; the message names file, key, value, limit and fix.
     """
     text, origin = read_file(name_or_path)
     device = _device(text, origin, controller)
@@ -162,16 +152,6 @@ def board_device(device: Device | str | Path) -> Device:
     ----------
     device : Device, str or Path
         A device, or its name or file.
-
-    Returns
-    -------
-    Device
-        One that measures by encoders.
-
-    Raises
-    ------
-    UserError
-        For a passive device file of one's own that has no encoders.
     """
     loaded = device if isinstance(device, Device) else load_device(device)
     passive = loaded.drive is None
@@ -233,21 +213,11 @@ def parse_device(text: str, origin: str) -> Device:
         TOML.
     origin : str
         File name for messages.
-
-    Returns
-    -------
-    Device
-        The validated device.
-
-    Raises
-    ------
-    UserError
-        As :func:`load_device`.
     """
     return Device(parse_file(text, origin), origin)
 
 
-def with_numbers(device: Device, values: Mapping[str, float]) -> Device:
+def with_numbers(device: Data, values: Mapping[str, float]) -> Data:
     """A device with other numbers, which are not validated again.
 
     Parameters
@@ -256,11 +226,6 @@ def with_numbers(device: Device, values: Mapping[str, float]) -> Device:
         Whose other numbers.
     values : mapping
         Number by its place in the file: ``{"timing.sense_rate_Hz": 500.0}``.
-
-    Returns
-    -------
-    Device
-        The changed device.
     """
 
     def changed(section: Any, place: list[str], value: float) -> Any:
@@ -287,15 +252,5 @@ def copy_device(base: Device, name: str) -> Device:
         Whose numbers.
     name : str
         Name of the new device.
-
-    Returns
-    -------
-    Device
-        The new device.
-
-    Raises
-    ------
-    UserError
-        For a name that is no lower case C identifier of 1 to 15 characters, or a shipped device's.
     """
     return Device(copied_file(base, name), f"{name}.toml")

@@ -37,16 +37,6 @@ def from_extra(module: str, extra: str, what: str) -> ModuleType:
         The extra, as pip takes it.
     what : str
         What it is needed for, as the start of a sentence.
-
-    Returns
-    -------
-    module
-        As imported.
-
-    Raises
-    ------
-    UserError
-        When it is not installed; the message names the extra.
     """
     try:
         return import_module(module)

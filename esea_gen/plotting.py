@@ -79,11 +79,6 @@ def svg(figure: Figure, name: str, alternative: str) -> Markup:
         Its own on the page: ids inside are salted with it.
     alternative : str
         What it shows, for those who cannot see it.
-
-    Returns
-    -------
-    Markup
-        An ``<svg>`` element.
     """
     buffer = io.StringIO()
     named = _name_parts(figure)
@@ -206,11 +201,6 @@ def envelope(y: Array, most: int) -> npt.NDArray[np.intp]:
         The signal, shape (n,).
     most : int
         Most samples to draw.
-
-    Returns
-    -------
-    ndarray
-        Indices, rising.
     """
     n = len(y)
     if n <= most:

@@ -49,9 +49,9 @@ class Processor:
     note: str
     toolchain: Toolchain
     flags: tuple[str, ...]
-    fpu: bool = True
-    stack_limit_bytes: int | None = None
-    cycles_per_instruction: float = 1.5
+    fpu: bool = True  # single precision; else the compiler's helpers compute
+    stack_limit_bytes: int | None = None  # of a sensing task's step in f32; None: no gate asks
+    cycles_per_instruction: float = 1.5  # assumed: loads, divisions and waits take more than one
 
     @property
     def m_profile(self) -> bool:
@@ -63,57 +63,31 @@ class Processor:
         return f"{self.title}, {self.note}" if self.note else self.title
 
 
+_SOFT = "-mthumb -mfloat-abi=soft"
+_VFP3 = "-mfpu=vfpv3 -mfloat-abi=softfp"
+_DOUBLE = "double precision FPU: a slip to double would be fast, and silent"
+# Name, title, note, toolchain, flags, FPU, stack limit in bytes.
 PROCESSORS = {
-    p.name: p
-    for p in (
-        Processor("host", "this computer", "", HOST_GCC, (), stack_limit_bytes=1024),
-        Processor(
-            "cortex-m0",
-            "Cortex-M0",
-            "no FPU",
-            ARM_GCC,
-            ("-mcpu=cortex-m0", "-mthumb", "-mfloat-abi=soft"),
-            fpu=False,
+    name: Processor(name, title, note, tools, tuple(flags.split()), fpu, limit)
+    for name, title, note, tools, flags, fpu, limit in (
+        ("host", "this computer", "", HOST_GCC, "", True, 1024),
+        ("cortex-m0", "Cortex-M0", "no FPU", ARM_GCC, f"-mcpu=cortex-m0 {_SOFT}", False, None),
+        ("cortex-m3", "Cortex-M3", "no FPU", ARM_GCC, f"-mcpu=cortex-m3 {_SOFT}", False, 768),
+        (
+            *("cortex-m4f", "Cortex-M4F", "single precision FPU", ARM_GCC),
+            *("-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard", True, 640),
         ),
-        Processor(
-            "cortex-m3",
-            "Cortex-M3",
-            "no FPU",
-            ARM_GCC,
-            ("-mcpu=cortex-m3", "-mthumb", "-mfloat-abi=soft"),
-            fpu=False,
-            stack_limit_bytes=768,
+        (
+            *("cortex-m7", "Cortex-M7", _DOUBLE, ARM_GCC),
+            *("-mcpu=cortex-m7 -mthumb -mfpu=fpv5-d16 -mfloat-abi=hard", True, 640),
         ),
-        Processor(
-            "cortex-m4f",
-            "Cortex-M4F",
-            "single precision FPU",
-            ARM_GCC,
-            ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"),
-            stack_limit_bytes=640,
+        (
+            *("cortex-a9", "Cortex-A9", "Linux, vfpv3, softfp", ARM_LINUX_GCC),
+            *(f"-march=armv7-a -mtune=cortex-a9 {_VFP3}", True, 640),
         ),
-        Processor(
-            "cortex-m7",
-            "Cortex-M7",
-            "double precision FPU: a slip to double would be fast, and silent",
-            ARM_GCC,
-            ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard"),
-            stack_limit_bytes=640,
-        ),
-        Processor(
-            "cortex-a9",
-            "Cortex-A9",
-            "Linux, vfpv3, softfp",
-            ARM_LINUX_GCC,
-            ("-march=armv7-a", "-mtune=cortex-a9", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
-            stack_limit_bytes=640,
-        ),
-        Processor(
-            "cortex-a9-bare",
-            "Cortex-A9",
-            "no operating system, vfpv3, softfp",
-            ARM_GCC,
-            ("-mcpu=cortex-a9", "-marm", "-mfpu=vfpv3", "-mfloat-abi=softfp"),
+        (
+            *("cortex-a9-bare", "Cortex-A9", "no operating system, vfpv3, softfp", ARM_GCC),
+            *(f"-mcpu=cortex-a9 -marm {_VFP3}", True, None),
         ),
     )
 }
@@ -128,18 +102,18 @@ class Board:
     title: str
     processor: Processor
     machine: str
-    family: str = ""
+    family: str = ""  # folder in firmware/boards that it shares with others
     clock_Hz: float = 0.0
-    reset_Hz: float = 0.0
-    runner: str = ""
-    package: str = ""
+    reset_Hz: float = 0.0  # at which it starts; 0: at clock_Hz
+    runner: str = ""  # what runs a program of another processor here
+    package: str = ""  # what opkg calls the processor
     code: int = 0
     code_bytes: int = 0
     ram: int = 0x20000000
     ram_bytes: int = 0
-    most_bits: tuple[tuple[str, int], ...] = ()
+    most_bits: tuple[tuple[str, int], ...] = ()  # that its drivers' encoders send, by key
     real: str = "f32"
-    tick_instructions: int = 1
+    tick_instructions: int = 1  # of QEMU, for a tick of its timer
     uses: tuple[Use, ...] = ()
     flags: tuple[str, ...] = ()
     app_flags: tuple[str, ...] = ()

@@ -13,7 +13,7 @@ from esea_gen.control.reference import reference
 from esea_gen.device import parse_device
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import load_study
-from esea_gen.studies.simulation import ClosedLoopStudy, simulate, simulate_case
+from esea_gen.studies.simulation import ClosedLoopStudy, simulate_case
 from esea_gen.twin.case import Setting
 from esea_gen.twin.run import run_case
 
@@ -79,36 +79,6 @@ def test_a_spring_off_by_its_scale_is_found(block):
         assert int(y["status"][-1]) == flags(block)["LEARNS"]
 
 
-def test_the_first_steps_are_the_gradients(block):
-    """Against the line and its gradient in NumPy, with lag and memory from their definitions."""
-    angle, rate = swung(2.0)
-    shown = 1.1 * MASS_NM * np.sin(angle - HANGS_RAD) + 0.05
-    told = {**HUNG, "mass_kgm2": 0.3, "mass_Nms_rad": 0.1}
-    y, _ = run(block, shown, angle, rate, told)
-    follow, mean = 1 - math.exp(-2 * math.pi * 2 * H), 1 - math.exp(-H / 5)
-    weight = MASS_NM * np.sin(angle - HANGS_RAD)
-    lags = [weight[0], rate[0], shown[0]]
-    a, c, o, middle, square, play = 1.0, 0.0, 0.0, weight[0], 0.0, weight[0]
-    for k in range(len(angle)):
-        alpha = 0.0 if k == 0 else (rate[k] - lags[1]) * follow / H
-        lags = [
-            p + follow * (v - p) for p, v in zip(lags, (weight[k], rate[k], shown[k]), strict=True)
-        ]
-        x = lags[0] + 0.3 * alpha + 0.1 * lags[1]
-        if k == 0:
-            middle = play = x
-        play = min(max(play, x - 0.8), x + 0.8)
-        square += mean * ((x - middle) ** 2 - square)
-        middle += mean * (x - middle)
-        missed = lags[2] - (a * x + c * (x - play) + o)
-        assert y["missed_Nm"][k] == pytest.approx(missed, abs=2e-4), k
-        assert (y["gain"][k], y["loss"][k]) == pytest.approx((a, c), abs=2e-4), k
-        if square > 0.05:
-            step = 0.5 * H * missed
-            a, c, o = a + 0.5 * step * x, c + step * (x - play), o + 0.5 * step
-    assert a != 1
-
-
 def test_nothing_is_learnt_without_information(block):
     angle, rate = swung(3)
     shown = 1.2 * MASS_NM * np.sin(angle - HANGS_RAD)
@@ -159,33 +129,6 @@ def test_the_wish_fades_to_what_was_found_and_off_is_the_wish_itself(block):
     assert on["wish_shift_Nm"] == pytest.approx(shift, abs=1e-6)
 
 
-def test_a_wish_that_is_no_number_still_turns_the_law_off(drive, block):
-    """The reference sees it itself; the adaptation holds what it has."""
-    zero = np.zeros(3)
-    wish = np.array([1.0, math.nan, 1.0])
-    y, _ = run(block, zero, zero, zero, {"gain": 1.25, "share": 1.0}, tau_desired_Nm=wish)
-    assert np.isfinite(y["wish_gain"]).all()
-    assert np.isfinite(y["wish_shift_Nm"]).all()
-    assert y["status"].astype(int).tolist() == [0, flags(block)["INPUT_INVALID"], 0]
-    simulator = reference(drive).simulator({})
-    given = {p.name: 0.0 for p in reference(drive).inputs} | {"mode": 1.0, "wish_gain": 1.2}
-    assert simulator.step(**given)["request_ok"] == 1
-    assert simulator.step(**{**given, "tau_desired_Nm": math.nan})["request_ok"] == 0
-
-
-def test_what_is_asked_of_the_sensor_stays_inside_its_range(drive):
-    """A soft rubber gets no more of the model's torque than any may: the clip stands behind."""
-    made = reference(drive)
-    simulator = made.simulator({"blend_s": 0.02})
-    given = {p.name: 0.0 for p in made.inputs} | {"mode": 1.0, "wish_gain": 1.2}
-    given |= {"tau_desired_Nm": 4.0, "wish_shift_Nm": 0.25}
-    for _ in range(2000):
-        y = simulator.step(**given)
-    assert y["tau_set_Nm"] == pytest.approx(4.47)
-    given["tau_desired_Nm"] = 2.0
-    assert simulator.step(**given)["tau_set_Nm"] == pytest.approx(1.2 * 2.0 + 0.25, abs=1e-6)
-
-
 def test_nothing_but_the_wish_reads_what_was_learnt(drive):
     """So no limit, no comparison and no observer moves: an adaptation cannot move a trip."""
     for device in (drive, esea_gen.load_device("elbow_mpc")):
@@ -221,20 +164,14 @@ def test_it_goes_with_a_drive_and_names_what_it_may_not():
         parse_device(own("elbow_drive", f"[adaptation]\n{scale}\n"), "own.toml")
 
 
-def test_without_the_section_nothing_is_adapted_and_it_says_so(bare, tmp_path):
-    path = tmp_path / "bare.toml"
-    path.write_text(bare, encoding="utf-8")
-    with pytest.raises(UserError, match=r"no section \[adaptation\]"):
-        simulate("tuning", Setting(str(path), "ideal", adapted=True))
+REAL = {"plant": "real", "person": "none", "real": "f32"}
 
 
 def test_a_rubber_that_is_off_is_adapted_to():
     """Ten per cent soft: 0.12 Nm without, 0.04 with, which is what a true rubber has."""
     require_tool("gcc")
     plain, adapted = (
-        simulate_case(
-            "tuning", CASE, 0, "smc", "real", "none", "f32", off="rubber-10", adapted=adapted
-        )
+        simulate_case("tuning", CASE, 0, controller="smc", off="rubber-10", adapted=adapted, **REAL)
         for adapted in (False, True)
     )
     assert plain["rms_true_Nm"] > 0.10
@@ -271,7 +208,5 @@ def test_off_the_drive_gives_the_bits_of_one_without_the_section(bare, tmp_path,
 )
 def test_each_way_for_a_rubber_to_be_off(controller, off, most_Nm):
     require_tool("gcc")
-    found = simulate_case(
-        "tuning", CASE, 0, controller, "real", "none", "f32", off=off, adapted=True
-    )
+    found = simulate_case("tuning", CASE, 0, controller=controller, off=off, adapted=True, **REAL)
     assert found["rms_true_Nm"] < most_Nm

@@ -16,7 +16,6 @@ from typer.testing import CliRunner
 import esea_gen
 from esea_gen.cli import app
 from esea_gen.errors import UserError
-from esea_gen.reproduce.reproduction import Reproduction
 from esea_gen.studies import simulation as room
 from esea_gen.studies.registry import Study, load_study, studies
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate
@@ -208,17 +207,6 @@ def test_every_study_has_what_help_shows():
     rows = re.findall(r"^\| `([\w-]+)` \| [^|]+\| (none|moves)", PAGE.read_text(), re.M)
     moved = {k: "moves" if s.person else "none" for k, s in studies(ClosedLoopStudy).items()}
     assert dict(rows) == moved
-    listed = " ".join(CliRunner().invoke(app, ["simulate", "--help"]).output.split())
-    for study in studies(ClosedLoopStudy).values():
-        assert f"{study.name} {study.title}" in listed
-    for group, names in (
-        ("reproduce", studies(Reproduction)),
-        (None, ("passivity", "tune", "uncertainty", "torque-check")),
-    ):
-        for name in names:
-            called = [*([group] if group else []), name, "--help"]
-            shown = " ".join(CliRunner().invoke(app, called).output.split())
-            assert load_study(name, Study).help in shown
 
 
 def test_a_wrong_name_gets_the_nearest_one(tmp_path):

@@ -23,13 +23,11 @@ from esea_host.assess.hypotheses import (
     between_severities,
     kernel_map,
     mixtures,
-    none_of_these,
     summarised,
 )
 from esea_host.assess.judge import (
     calibration_error,
     confusion,
-    motions_to_confidence,
     share_interval,
 )
 from esea_host.assess.probing import (
@@ -39,7 +37,6 @@ from esea_host.assess.probing import (
     informative,
     inherent_information,
     next_movement,
-    plans,
     probing_movement,
 )
 from esea_host.assess.responses import (
@@ -142,22 +139,6 @@ def test_a_movement_is_one_piece_of_news_with_a_common_error(small):
     away = (Location(9.0, 0.0), *places[1:3])
     assert other.add_movement(MovementReadings(away, y[:3], error, 0.2))
     assert not other.add_movement(MovementReadings(away[:1], y[:1], error[:1, :1], 0.2))
-
-
-def test_next_readings_are_predicted_as_the_chain_rule_says(small):
-    evidence = Evidence(small)
-    for c, v in ((0, 1.0), (7, -2.0)):
-        evidence.add(GRID.location(c), v)
-    before = evidence.log_likelihood()
-    weights = np.eye(GRID.cells)[[7, 12]]
-    error = np.array([[0.4, 0.3], [0.3, 0.4]])
-    mean, between = evidence.now.readings(weights, error)
-    places = GRID.location(7), GRID.location(12)
-    y = np.array([0.3, 1.0])
-    evidence.add_movement(MovementReadings(places, y, error, 0.0))
-    for h in range(3):
-        gained = stats.multivariate_normal(mean[h], between[h]).logpdf(y)
-        assert evidence.log_likelihood()[h] - before[h] == pytest.approx(gained, abs=1e-9)
 
 
 def test_without_covariance_it_is_the_thesis_naive_bayes(small):
@@ -279,15 +260,6 @@ def test_two_disorders_add_beyond_the_relaxed(data):
         y = a[c] + 8 * np.maximum(r[c], 0) + 12 * np.tanh(a[c])
         session.observe(GRID.location(c), float(y), 0.3)
     assert max(session.by_name(), key=session.by_name().get) == "S2+D3"
-
-
-def test_none_is_wide_and_smooth(data):
-    scatter = summarised(data)
-    h = none_of_these(scatter)
-    people = np.diagonal(scatter.covariance, axis1=1, axis2=2)
-    everybody = np.var(scatter.mean, axis=0) + np.mean(people, axis=0)
-    assert np.diagonal(h.covariance[0]) == pytest.approx(1.5**2 * everybody.mean())
-    assert h.covariance[0][0, 1] > 0.5 * h.covariance[0][0, 0]
 
 
 # -- data base --------------------------------------------------------------------------------
@@ -419,10 +391,6 @@ def test_effective_samples_of_an_ar1(phi):
     assert effective_samples(x) == pytest.approx(n * (1 - phi) / (1 + phi), rel=0.15)
 
 
-def test_effective_samples_of_a_constant_is_one():
-    assert effective_samples(np.ones(50)) == 1
-
-
 # -- movements --------------------------------------------------------------------------------
 
 
@@ -475,14 +443,6 @@ def test_a_movement_is_read_from_the_nearest_point_outwards():
     assert not left.passed
     assert max(w.angle_rad for w in left.locations) < 0.75
     assert along(dataclasses.replace(p, strained=p.time_s >= 0), Location(0.9, 0.5)) is None
-
-
-def test_an_error_that_stays_a_second_is_shared_by_the_places_of_a_movement():
-    p = dataclasses.replace(line(0.5), error_Nm=2.0)
-    found = along(p, Location(0.9, 0.5))
-    a = np.array([w.angle_rad for w in found.locations])
-    late_s = np.abs(a[:, None] - a) / 0.5
-    assert found.error_Nm2 == pytest.approx(4 * np.exp(-late_s / 1.0), rel=0.03)
 
 
 def test_weight_and_inertia_of_a_standard_leg_leave_nothing():
@@ -583,21 +543,6 @@ def test_next_movement_goes_where_it_tells_most_and_not_where_it_failed(data):
     assert inherent[able] == pytest.approx(np.std(means, axis=0)[able])
     with pytest.raises(UserError, match="expected, thesis, inherent"):
         informative(session, measure="luck")
-
-
-def test_a_movement_tells_what_its_readings_together_would(data):
-    """A cell's value is that of all its readings, worked out from the maps by hand."""
-    session = Assessment(data)
-    session.observe(GRID.location(20), 6.0, 0.5)
-    h, p = session.evidence.now, session.probabilities
-    plan = plans(session.hypotheses)[5]
-    c = np.array([plan.weights @ x @ plan.weights.T + plan.error_Nm2 for x in h.covariance])
-    c += np.array([np.diag(plan.weights @ x**2) for x in h.noise_Nm])
-    found = expected_information(h.mean @ plan.weights.T, c, p)
-    assert informative(session)[plan.cell] == pytest.approx(found)
-    # More readings never tell less, but for what the bound loses.
-    few = expected_information(h.mean @ plan.weights[:1].T, c[:, :1, :1], p)
-    assert found > few
 
 
 # -- a session --------------------------------------------------------------------------------
@@ -718,12 +663,3 @@ def test_scores_of_cases_known():
     assert share_interval(8, 10) == pytest.approx([0.4902, 0.9433], abs=1e-4)
     low, high = stats.binomtest(3, 40).proportion_ci(method="wilson")
     assert share_interval(3, 40) == pytest.approx([low, high])
-
-
-def test_motions_to_confidence_counts_movements():
-    class Fake:
-        steps = np.array([[0.5, 0.3, 0.2], [0.9, 0.05, 0.05], [0.02, 0.96, 0.02], [0.5, 0.3, 0.2]])
-
-    assert motions_to_confidence(Fake) == 2
-    Fake.steps = np.array([[0.01, 0.01, 0.98]] * 3)  # sure of "none of these" is no category
-    assert motions_to_confidence(Fake) == 30

@@ -150,7 +150,7 @@ def test_keep_repeat_and_the_warning_in_the_window(opened, qtbot, monkeypatch):
         raise AssertionError("it did not happen")
 
     until(lambda: "not zeroed" in panel.verdict.text())
-    qtbot.mouseClick(panel.zero, Qt.MouseButton.LeftButton)
+    panel.zeroed.emit()
     assert not panel.keep.isEnabled()
     window.move_leg()
     until(lambda: desk.attempt is not None)
@@ -172,6 +172,7 @@ def test_keep_repeat_and_the_warning_in_the_window(opened, qtbot, monkeypatch):
     assert "SIMULATED" in window.windowTitle()
 
 
+@pytest.mark.ci
 def test_pendulum_and_range_at_a_board(tmp_path):
     require_tool("gcc")
     found = {}

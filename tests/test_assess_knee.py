@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
 import math
 import re
@@ -22,19 +21,17 @@ from esea_gen.errors import UserError
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
 from esea_host.assess.build import cached, none_offset
 from esea_host.assess.database import ResponseDataBase
-from esea_host.assess.desk import ClinicDesk, converse
-from esea_host.assess.evaluation import draw_groups, evaluate, fixed_protocol, meet
+from esea_host.assess.desk import ClinicDesk
+from esea_host.assess.evaluation import draw_groups, evaluate, meet
 from esea_host.assess.files import angle_columns, from_recordings, read_recording
 from esea_host.assess.hypotheses import KINDS
 from esea_host.assess.judge import judge
 from esea_host.assess.passive_tests import motion_range, pendulum_test
 from esea_host.assess.patients import (
     CATEGORIES,
-    OUTSIDE_KINDS,
     STEP_S,
     KneePatient,
     Knees,
-    afflicted,
     draw_category,
     draw_outside,
     leg_inertia_kgm2,
@@ -44,7 +41,7 @@ from esea_host.assess.patients import (
     stretched,
     sweep,
 )
-from esea_host.assess.probing import MEASURES, Comfort, plans, probing_movement
+from esea_host.assess.probing import MEASURES, Comfort, probing_movement
 from esea_host.assess.responses import LegRecording, Location, along, passage
 from esea_host.assess.session import Assessment, assessed_hypotheses, trail_is_whole
 from esea_host.assess.simulated import knee_sensor
@@ -103,15 +100,6 @@ def test_reflex_grows_with_speed_beyond_its_thresholds_and_tone_does_not():
     assert stretched(np.array([-20.0, 0.0, 20.0])) == pytest.approx([0, 1, 1.4])
 
 
-def test_severities_rise_and_passive_properties_are_everybodys():
-    falling = [afflicted(KneePatient(""), s, 0).threshold_rad[0] for s in range(1, 6)]
-    assert falling == sorted(falling, reverse=True)
-    tone = [afflicted(KneePatient(""), 0, s).tone_Nm for s in range(1, 6)]
-    assert tone == sorted(tone)
-    a, b = (draw_category(c, np.random.default_rng(3)) for c in ("S5", "D1"))
-    assert (a.height_m, a.passive_scale) == (b.height_m, b.passive_scale)
-
-
 def test_reflex_comes_after_its_delay():
     """Held, then stretched at once: nothing of the reflex before the delay."""
     p = dataclasses.replace(nominal("S5"), tone_Nm=0.0)
@@ -148,17 +136,6 @@ def test_the_knees_reflex_is_the_one_that_is_held_against_the_elbow(monkeypatch)
     exact = ramp_torque(path, rate, threshold, stiffness, p.reflex_max_Nm[0])
     assert torque[-1] > 10
     assert np.abs(torque - exact)[path < 110 * DEG].max() < 0.02 * exact[-1]
-
-
-def test_a_stiffer_reflex_with_these_lags_keeps_the_leg_swinging():
-    """Why it is softer than that elbow: published pendulum tests come to rest."""
-    severe = nominal("S5")
-    stiffer = dataclasses.replace(severe, gain_Nms_rad2=2 * severe.gain_Nms_rad2)
-    m = Knees([severe, stiffer]).release(0.0, 8.0, [[0], [1]])
-    rest, swings = (pendulum_test(m.time_s, m.angle_rad[:, i]) for i in (0, 1))
-    assert rest.reached_rest
-    assert not swings.reached_rest
-    assert np.ptp(m.angle_rad[-500:, 1]) > 5 * DEG
 
 
 def test_free_leg_without_passive_torque_is_a_pendulum():
@@ -215,14 +192,6 @@ def test_pendulum_behaviour_as_published():
     assert tense[1]["relaxation_index"] < rows["relaxed"]["relaxation_index"] + 0.05
 
 
-def test_without_the_muscles_own_damping_the_pendulum_is_not_the_published_one(monkeypatch):
-    """Armed: reflexes this late alone keep a severe leg swinging longer than a relaxed one."""
-    monkeypatch.setattr("esea_host.assess.patients.STRETCHED_s", 0.0)
-    rows = {r["category"]: r for r in pendulum_table()}
-    assert rows["S5"]["damping_ratio"] < 0.8 * rows["relaxed"]["damping_ratio"]
-    assert rows["D3"]["relaxation_index"] > rows["relaxed"]["relaxation_index"] + 0.1
-
-
 # -- the sensor -------------------------------------------------------------------------------
 
 
@@ -271,14 +240,6 @@ def test_damped_pendulum_in_closed_form(zeta, hertz):
     assert "Relaxation index" in r.sentences()[1]
 
 
-def test_a_leg_that_creeps_down_has_no_swing():
-    t = np.arange(0, 8, 0.005)
-    r = pendulum_test(t, 60 * DEG * (1 - np.exp(-t / 0.7)))
-    assert r.relaxation_index == pytest.approx(1.0, abs=0.02)
-    assert r.swings == 0
-    assert r.damping_ratio is None
-
-
 def test_a_pendulum_test_that_is_none_is_refused():
     t = np.arange(0, 8, 0.005)
     with pytest.raises(UserError, match="straight knee"):
@@ -308,17 +269,6 @@ def test_loop_in_closed_form(viscous, dry):
     assert r.fastest_rad_s == pytest.approx(amplitude * w, rel=0.02)
     assert r.slow
     assert r.cycles in (3, 4)
-
-
-def test_a_range_test_too_fast_or_too_small_is_told():
-    t = np.arange(0, 10, 0.005)
-    r = motion_range(LegRecording(t, 1 - 0.6 * np.cos(4 * t), np.zeros(len(t))))
-    assert not r.slow
-    assert "too fast" in r.sentences()[-1]
-    with pytest.raises(UserError, match="at least 5 deg"):
-        motion_range(LegRecording(t, 1 + 0.01 * np.sin(t), np.zeros(len(t))))
-    with pytest.raises(UserError, match="no whole cycle"):
-        motion_range(LegRecording(t, 0.2 + 0.1 * t, np.zeros(len(t))))
 
 
 # -- validation -------------------------------------------------------------------------------
@@ -421,29 +371,14 @@ def test_a_meeting_goes_to_its_end_and_draws_again_the_same(monkeypatch):
     assert not np.array_equal(met[0].steps, other[0].steps)
 
 
-def test_everybody_of_no_category_is_somebody():
-    rng = np.random.default_rng(0)
-    plain = KneePatient("")
-    for kind in OUTSIDE_KINDS[:-1]:
-        p = draw_outside(kind, rng)
-        assert p.gain_Nms_rad2 == 0
-        assert p.tone_Nm == 0
-        differs = [
-            f.name
-            for f in dataclasses.fields(p)
-            if getattr(p, f.name) != getattr(plain, f.name) and f.name.endswith(("_Nm", "_Nm_rad"))
-        ]
-        assert differs, kind
-
-
 @pytest.mark.ci
 def test_the_judge_counts(tmp_path):
     """Made-up meetings: all right, all sure at the second movement, one outsider missed."""
-    from esea_host.assess.evaluation import Met, hypothesis_names
+    from esea_host.assess.evaluation import Met
     from esea_host.assess.pages import evaluation_page
 
     data = made_up()
-    names = hypothesis_names(data)
+    names = assessed_hypotheses(data).names
 
     def met(group: str, truth: str, said: str, way: str, sure: int) -> Met:
         steps = np.full((13, len(names)), 0.01 / (len(names) - 1))
@@ -535,8 +470,8 @@ def test_a_typed_torque_is_what_a_sensor_at_the_midpoint_reads():
         assert desk.session.trail[-1].details["response_Nm"] == pytest.approx(response_Nm)
 
 
-@pytest.mark.parametrize("name", ["S3", "S4", "S5"])
-def test_a_typed_torque_says_what_a_recording_of_the_movement_does(name):
+@pytest.mark.parametrize("name", ["S3", "S5"])
+def test_a_typed_torque_says_what_a_recording_of_the_movement_does(name, monkeypatch):
     """A reflex answers 60 ms late: read at the midpoint, it tells of where the leg was before."""
     p, m = nominal(name), probing_movement(Location(75 * DEG, 95 * DEG), Comfort())
     t = np.arange(round((m.duration_s + 0.6) / STEP_S)) * STEP_S
@@ -544,7 +479,7 @@ def test_a_typed_torque_says_what_a_recording_of_the_movement_does(name):
     moved = Knees([p]).move(path[:, None], rate[:, None], [[0]])
     seen = passage(LegRecording(t, moved.angle_rad[:, 0], moved.torque_Nm[:, 0]))
     desk = ClinicDesk(Assessment(made_up()))
-    desk._proposed = m
+    monkeypatch.setattr(ClinicDesk, "proposed", m)
     there = np.flatnonzero(moved.angle_rad[:, 0] >= 75 * DEG)[0]  # soft hands: a little late
     where = desk.answered
     desk.torque(float(moved.torque_Nm[there, 0]))
@@ -632,15 +567,6 @@ def test_wrong_units_and_what_is_no_fall(tmp_path, call, t, columns, said):
     time_s = np.arange(1200) * t
     file = csv_of(tmp_path / "x.csv", time_s=time_s, **{k: f(time_s) for k, f in columns.items()})
     assert re.search(said, refused(call, file))
-
-
-def test_a_leg_that_still_moves_gets_no_sure_index():
-    t = np.arange(0, 3, 0.01)
-    found = pendulum_test(t, fallen(t) * DEG)
-    assert not found.reached_rest
-    assert "which is not sure" in found.sentences()[1]
-    t = np.arange(0, 14, 0.01)
-    assert "not sure" not in " ".join(pendulum_test(t, fallen(t) * DEG).sentences())
 
 
 def test_no_seed_meets_the_calibrations_patients(base):
@@ -778,14 +704,6 @@ def test_a_data_base_from_recordings_of_any_categories(tmp_path):
         from_recordings(tmp_path / "none")
 
 
-def test_the_conversation_ends_with_its_lines(base):
-    said: list[str] = []
-    desk = ClinicDesk(Assessment(ResponseDataBase.load(base)))
-    converse(desk, io.StringIO("strong\n"), said.append)
-    assert sum("knee from" in s for s in said) == 2
-    assert any("still changing" in s for s in said)
-
-
 @pytest.mark.ci
 def test_every_page_says_what_it_is_not(base, tmp_path):
     for name in ("a.png", "a.pdf", "a.html"):
@@ -853,16 +771,6 @@ def test_summaries_and_measures_can_be_chosen(base, tmp_path, choice):
     assert found[0]["probabilities"] != found[1]["probabilities"]
     assert get_args(Summary) == KINDS
     assert get_args(Measure) == MEASURES
-
-
-def test_the_fixed_protocol_is_one_that_a_clinic_might_have():
-    """Each place slowly and at once fast; the middle of the range and both ends among the first."""
-    h = assessed_hypotheses(made_up())
-    places = fixed_protocol(made_up(), np.array([p.cell for p in plans(h)]))
-    speeds = [abs(p.rate_rad_s) for p in places[:12]]
-    assert all(slow < fast for slow, fast in zip(speeds[::2], speeds[1::2], strict=True))
-    assert len({round(p.angle_rad, 3) for p in places[:12]}) >= 3
-    assert {p.rate_rad_s > 0 for p in places[:4]} == {True, False}
 
 
 def test_none_of_these_is_lowered_where_patients_would_be_called_so():

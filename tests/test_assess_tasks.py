@@ -8,10 +8,7 @@ import shutil
 import numpy as np
 import pytest
 
-from esea_gen.errors import UserError
 from esea_host.assess.patients import DEG
-from esea_host.assess.probing import Comfort
-from esea_host.assess.simulated import patient_named
 from esea_host.assess.tasks import (
     PAUSE_S,
     SHOWN,
@@ -20,7 +17,6 @@ from esea_host.assess.tasks import (
     ProbeTask,
     RangeTask,
     assessment_of,
-    leg_scene,
 )
 from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.folder import StudyFolder
@@ -181,15 +177,6 @@ def test_a_missed_location_is_asked_again_and_then_left(base):
     assert state.movement.location != m.location
 
 
-def test_reach_is_kept_and_an_empty_one_is_told(base):
-    state = ProbeTask().begin(situation(base, low_deg=20.0, high_deg=90.0, fastest_deg_s=50.0))
-    ends = sorted((state.movement.start_rad, state.movement.end_rad))
-    assert ends[0] >= 20 * DEG - 1e-9
-    assert ends[1] <= 90 * DEG + 1e-9
-    with pytest.raises(UserError, match="Widen the reach"):
-        ProbeTask().begin(situation(base, low_deg=20.0, high_deg=25.0))
-
-
 def played(task, state, rows):
     for t, angle, torque in rows:
         step = task.step(state, t, {"angle_rad": angle, "torque_Nm": torque})
@@ -225,27 +212,8 @@ def test_the_range_task_takes_the_loop_and_tells_when_there_is_none():
     assert "at least 5 deg" in none.reason
 
 
-def test_a_leg_is_drawn_as_it_stands():
-    scene = leg_scene(("knee_watch",), Comfort(0.0, 120 * DEG), 90 * DEG, 0.0, 30 * DEG)
-    lines = {s.role: s for s in scene.shapes if s.kind == "line" and s.role != "boundary"}
-    assert (lines["cursor"].to_x, lines["cursor"].to_y) == pytest.approx((0, -30))  # hangs
-    assert (lines["target"].to_x, lines["target"].to_y) == pytest.approx((30, 0))  # straight
-    assert sum(s.role == "boundary" for s in scene.shapes) == 2
-
-
 def test_the_shipped_protocol_is_whole():
     know_shipped_tasks()
     protocol = load_protocol(ROOT / "host" / "esea_host" / "assess" / "protocol.toml")
     tasks = {b.task for b in protocol.file.session[0].block}
     assert tasks == {"knee-probe", "knee-pendulum", "knee-range"}
-
-
-def test_simulated_patients_are_named():
-    assert patient_named("S3").spastic == 3
-    both = patient_named("S2+D4.5", (1.6, 55.0))
-    assert (both.spastic, both.dystonic, both.height_m, both.mass_kg) == (2, 4.5, 1.6, 55)
-    assert patient_named("rigid").friction_Nm > 0
-    assert patient_named("any", seed=3) == patient_named("any", seed=3)
-    for bad in ("X3", "S9", "S", ""):
-        with pytest.raises(UserError, match="S1 to S5"):
-            patient_named(bad)

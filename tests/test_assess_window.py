@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from esea_gen.errors import UserError
 from esea_host.assess import NOTICE
 from esea_host.assess.desk import ClinicDesk
 from esea_host.assess.patients import DEG
@@ -136,17 +135,6 @@ def test_a_typed_number_is_the_same_in_every_locale(qtbot, data, locale):
         QLocale.setDefault(before)
 
 
-def test_it_tells_when_probabilities_have_stopped_changing(opened):
-    assert opened.settled.text() == "The probabilities are still changing."
-    session = opened.desk.session
-    a, r = session.hypotheses.grid.centres.T
-    for cell in (2, 9, 15, 20, 23, 6, 3, 7, 11):
-        where = session.hypotheses.grid.location(cell)
-        session.observe(where, float(a[cell] + 8 * np.maximum(r[cell], 0)), 0.3)
-    opened.refresh()
-    assert opened.settled.text() == "The probabilities have stopped changing."
-
-
 def test_a_recording_and_the_page(opened, tmp_path):
     t = np.arange(0, 6, 0.01)
     rows = np.stack([t, 60 + 45 * np.sin(1.2 * t), 0 * t + 2], axis=1)
@@ -162,15 +150,6 @@ def test_a_recording_and_the_page(opened, tmp_path):
     assert page.read_bytes()[:4] == b"%PDF"
     opened.save_page(tmp_path / "page.doc")
     assert ".html, .png or .pdf" in opened.said.text()
-
-
-def test_the_target_moves_as_the_movement_does(opened, monkeypatch):
-    move = opened.desk.proposed
-    now_s = opened._began_s + 0.5 * move.duration_s
-    monkeypatch.setattr("esea_host.windows.assess.time.monotonic", lambda: now_s)
-    opened.animate()
-    (foot,) = [s for s in opened.leg.scene.shapes if s.kind == "ring"]
-    assert np.arctan2(-foot.y, foot.x) == pytest.approx(move.location.angle_rad)
 
 
 @pytest.fixture(scope="module")
@@ -197,7 +176,7 @@ def test_a_simulated_patient_is_driven_from_it_and_never_taken_for_a_person(driv
     assert "measured" in steps(window)
     assert driven.about("P01") == "SIMULATED PATIENT P01"
     wanted, passed = driven.moved
-    window._began_s -= 0.3
+    qtbot.wait(300)
     window.animate()
     assert window.leg.scene.texts[0].key == "knee_moved"
     assert np.ptp(passed.angle_rad) > 0.3 * abs(wanted.end_rad - wanted.start_rad)
@@ -214,7 +193,7 @@ def test_pictures_for_the_manual(driven, qtbot, dark, tmp_path):
     window.show()
     while len(driven.session.evidence) < 3:
         window.move_leg()
-    window._began_s -= 0.9
+    qtbot.wait(900)
     window.animate()
     target = os.environ.get("ESEA_PICTURES") or tmp_path
     path = Path(target) / ("assessment-window-dark.png" if dark else "assessment-window.png")
@@ -227,22 +206,3 @@ def test_pictures_for_the_manual(driven, qtbot, dark, tmp_path):
     assert len(colours) > 20
     if os.environ.get("ESEA_PICTURES") and not dark:
         window.save_page(path.with_name("assessment-page.png"))
-
-
-def test_what_a_movement_would_tell_has_the_unit_of_its_measure(qtbot, data, opened):
-    from esea_host.windows.assess import AssessWindow
-
-    assert "nats" in opened.map.item.titleLabel.text
-    window = AssessWindow(ClinicDesk(Assessment(data), measure="thesis"))
-    window.timer.stop()
-    qtbot.addWidget(window)
-    assert " Nm;" in window.map.item.titleLabel.text
-    spread = np.nanmax(window.desk.value)
-    assert f"{spread:.2f} Nm" in window.map.item.titleLabel.text
-
-
-def test_without_a_simulated_patient_nothing_can_be_moved(data):
-    with pytest.raises(UserError, match="--patient"):
-        ClinicDesk(Assessment(data)).move()
-    with pytest.raises(UserError, match="Widen the reach"):
-        ClinicDesk(Assessment(data), Comfort(0.1, 0.2))

@@ -9,14 +9,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from esea_gen.control import cable_model
+from esea_gen.control.predictive import cable_model
 from esea_gen.control.predictive.drive import drive_model, predictive_controller
 from esea_gen.control.predictive.horizon import Horizon, linearise
 from esea_gen.device import Device, parse_device
-from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.system import System
 from esea_gen.language.wires import Task
 from esea_gen.observe.cable import cable_observer
@@ -25,9 +22,6 @@ from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Setting
 from esea_gen.twin.judge import judge
 from esea_gen.twin.run import run_case
-from esea_gen.verify.coverage import branch_coverage
-from esea_gen.verify.memories import other_memories
-from esea_gen.verify.streams import at_the_limits, streams
 
 from .conftest import require_tool
 
@@ -93,55 +87,6 @@ def test_the_steps_of_the_encoder_average_out(drive):
     raw = (given["theta_gear_rad"] + 0.2 - given["theta_motor_rad"] - wound)[-1700:]
     assert np.std(missed) < 0.6 * np.std(raw)
     assert np.abs(y["gap_rad"][-1700:] - 0.01).max() < 1e-3
-
-
-def test_a_torque_of_the_wrong_sign_is_no_cable(drive):
-    # The check that the others can fail: they would, had the stiffness the other sign.
-    given, wound = cable(150, 0.01, 0.0)
-    y, _ = cable_observer(drive).simulator().run(given | {"tau_Nm": -given["tau_Nm"]})
-    assert np.all(y["give_rad_Nm"][-1700:] == 0)
-    assert rms((y["wound_rad"] - wound)[-1700:]) > 5e-3
-
-
-def test_an_end_is_learnt_at_its_rate_and_so_is_what_the_cable_gives(drive):
-    """In closed form: exponentials of the file's rate, 20 1/s, and of a quarter of it."""
-    taut, moved, rate_1_s = 1.7, 0.003, 20.0
-    block = cable_observer(drive)
-    simulator = block.simulator()
-    wide = 0.01
-
-    def step(lies: float, torque: float, seconds: float) -> list[dict[str, float]]:
-        out = []
-        for _ in range(round(seconds * 1000)):
-            give = float(np.ravel(simulator.state["give_rad_Nm"])[0])
-            gear = lies + give * torque
-            one = simulator.step(
-                theta_gear_rad=gear, gear_usable=1.0, theta_motor_rad=0.0, motor_usable=1.0,
-                tau_Nm=torque, mode=1.0,
-            )  # fmt: skip
-            assert float(one["status"]) == 0
-            out.append({k: float(np.ravel(v)[0]) for k, v in (one | simulator.state).items()})
-        return out
-
-    # Both ends are shown until they are known, then the upper one lies elsewhere.
-    for _ in range(2):
-        step(0.5 * wide, taut, 1.5)
-        known = step(-0.5 * wide, -taut, 1.5)[-1]
-    assert known["gap_rad"] == pytest.approx(wide, rel=1e-6)
-    step(0.0, 0.0, 0.01)  # inside, carrying nothing
-    after = step(0.5 * wide + moved, taut, 0.4)
-    for k in (0, 24, 49, 99, 399):
-        learnt = 1 - math.exp(-rate_1_s * (k + 1) * 1e-3)
-        assert after[k]["gap_rad"] - wide == pytest.approx(moved * learnt, rel=1e-4, abs=1e-8)
-        # At an end it lies half of the gap from the middle, of the gap as it is known now.
-        lies = after[k]["wound_rad"] - taut * after[k]["give_rad_Nm"]
-        assert lies == pytest.approx(0.5 * after[k]["gap_rad"], abs=1e-8)
-    # Means since taut: the first sample, then a quarter as fast as the ends.
-    assert after[0]["mean_Nm"] == pytest.approx(taut)
-    more = step(0.5 * wide + moved, taut + 0.5, 0.2)
-    for k in (0, 49, 199):
-        share = 1 - math.exp(-0.25 * rate_1_s * (k + 1) * 1e-3)
-        assert more[k]["mean_Nm"] - taut == pytest.approx(0.5 * share, rel=1e-6)
 
 
 def test_without_torque_the_usual_gap_moves_with_what_is_seen(drive):
@@ -304,21 +249,6 @@ def rms(x: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(x))))
 
 
-def test_that_comparison_sees_a_cable_that_is_wrong(drive):
-    start, u_Nm = STARTS[0]
-    true = integrated(drive, start, u_Nm, np.array(Horizon(delay_s=0.002).ends_s))
-    right = rms(predicted(drive, start, u_Nm, "cable") - true)
-    faults = (
-        {"wound_rad": -start["wound"]},
-        {"gap_rad": 0.0},
-        {"gap_rad": 0.02},
-        {"give_rad_Nm": 0.0},
-        {"give_rad_Nm": 1 / 80},
-    )
-    for wrong in faults:
-        assert rms(predicted(drive, start, u_Nm, "cable", **wrong) - true) > 1.3 * right, wrong
-
-
 def test_a_command_leads_out_of_the_gap(drive, monkeypatch):
     # At rest in its middle nothing is carried: what is wanted must still be asked of the motor.
     def asked_for() -> float:
@@ -369,21 +299,6 @@ def predictive(text: str) -> Device:
     return mine(f'laws = ["predictive"]\n[predictive]\n{numbers}{text}')
 
 
-def test_the_file_chooses_and_without_a_cable_all_is_as_it_was(drive):
-    known = predictive("").system.blocks
-    assert "cable" in known
-    rigid = predictive('drive = "rigid"\n').system.blocks
-    text = predictive("").toml()
-    for without in ("[cable]", "[redundancy]"):
-        bare = parse_device(text[: text.index(f"\n{without}")], "bare.toml").system.blocks
-        for blocks in (rigid, bare):
-            assert "cable" not in blocks
-            names = {p.name for p in blocks["predictive"].inputs}
-            assert "omega_rad_s" in names
-            assert names.isdisjoint({"wound_rad", "gap_rad", "omega_gear_rad_s"})
-            assert "drive_by_gear" not in blocks
-
-
 def test_what_does_not_go_together_is_refused():
     text = predictive('drive = "cable"\n').toml()
     bare = parse_device(text[: text.index("\n[cable]")], "bare.toml")
@@ -402,21 +317,6 @@ def alone(block) -> System:
     ins = {p.name: (f"one.{p.name}",) for p in block.inputs}
     outs = {p.name: f"one.{p.name}" for p in block.outputs}
     return System("alone", block.period_s, {"one": block}, (Task("run", ("one",)),), {}, ins, outs)
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize("make", [cable_observer, drive_observer_by_gear])
-def test_both_lower_to_whole_numbers_and_take_every_branch(drive, make):
-    require_tool("gcc")
-    block = make(drive)
-    files = Renderer(alone(block), FORMATS["q31"], "-", "-", "test").files()
-    assert any(block.name in name for name in files)
-    found = [*streams(block), at_the_limits(block, FORMATS["f32"].dtype)]
-    found += other_memories(block, FORMATS["f32"].dtype)
-    library = HostLibrary(alone(block), Renderer(alone(block), FORMATS["f32"], "-", "-", "test"))
-    covered = branch_coverage(block, found, library)
-    assert covered.uncovered == []
-    assert covered.excluded == []
 
 
 @pytest.mark.ci

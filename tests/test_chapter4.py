@@ -76,12 +76,9 @@ def test_exact_inverse_is_exact(chapter4):
 
 def test_content_can_be_written_and_shown(chapter4):
     content = json.loads(json.dumps(chapter4.to_dict(), allow_nan=False))
-    for name in ("table_4_4", "table_4_5"):
-        table = content[name]
-        assert list(table)[:3] == ["no_dob", "filter_a", "filter_b"]
-        for row in ("no_dob", "filter_a", "filter_b"):
+    for table in (content["table_4_4"], content["table_4_5"]):
+        for row in list(table)[:3]:
             assert all(len(table[row][k]) == 5 for k in ("thesis", "printed", "rounding"))
-        assert set(table["exact"]) >= {"whole", "interior"}
     lines = chapter4.table()
     assert sum("thesis" in x for x in lines) == 6
     assert max(map(len, lines)) <= 100
@@ -134,6 +131,7 @@ def test_ideal_encoders(tables):
     assert not rows["explicit Euler"].stable
 
 
+@pytest.mark.ci
 def test_real_encoders_decide_the_default(tables, elbow):
     rows = {r.source: r for r in tables.real}
     (ours,) = (r for s, r in rows.items() if "the device's" in s)
@@ -148,6 +146,7 @@ def test_real_encoders_decide_the_default(tables, elbow):
     assert ours.rms_pct == pytest.approx({14: 0.178, 12: 0.710}, rel=0.01)
 
 
+@pytest.mark.ci
 def test_tables_can_be_written_and_shown(tables):
     content = json.loads(json.dumps(tables.to_dict(), allow_nan=False))
     assert set(content["ideal"][OURS]["rms_pct"]) == {"1000", "500"}

@@ -149,22 +149,6 @@ omega_max_rad_s = { value = 1.7, status = "assumed", source = "typed" }
 """
 
 
-@pytest.mark.filterwarnings("ignore:.*designed for")
-@pytest.mark.parametrize("way", [1, -1])
-def test_a_shaft_at_its_fastest_does_not_start_its_encoder_afresh(way):
-    """Clipped a hair beyond its port the rate would count as a corrupt state in the next step."""
-    block = gear_encoder(parse_device(ODD, "odd.toml"))
-    # 2 rad/s at the joint are 65.2 counts in a period, and a count at either end is allowed.
-    fastest = way * 67 * np.arange(200)
-    out, _ = block.simulator().run({"count": fastest % 4096.0, "frame_error": np.zeros(200)})
-    bit = [f.name for f in block.status_port.flags].index("STATE_REPAIRED")
-    assert not (out["status"].astype(int) >> bit & 1).any()
-    assert (out["gear_usable"][1:] == 1).all()
-    np.testing.assert_allclose(
-        out["theta_gear_rad"], fastest * 2 * np.pi / (4096 * 50), rtol=1e-12, atol=1e-12
-    )
-
-
 def last_ends(kernel, i):
     """Numbers at which a value is cut before it is stored, whatever was chosen."""
     n = kernel.nodes[i]

@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 import esea_gen.identify.family.compare as comparing
 import esea_gen.verify.step_count
 from esea_gen.cli.app import app
-from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.drafting import draft
@@ -32,7 +31,6 @@ from esea_gen.identify.family.members import members
 from esea_gen.identify.family.peers import PEERS, fit_peer
 from esea_gen.identify.recording.conditions import splits_of
 from esea_gen.identify.recording.misfit import Misfits
-from esea_gen.identify.verdict import judge
 from esea_gen.verify.step_count import sensor_instructions
 from tests.conftest import require_tool
 from tests.test_recordings import MAPPING
@@ -217,24 +215,6 @@ def test_softening_is_what_the_bearing_needs(hdrb):
     """Without it the same operators leave twice the error: what the term is there for."""
     with_it, without = held_out(hdrb, "slips, worn"), held_out(hdrb, "slips")
     assert without["last cycles"] > 2 * with_it["last cycles"]
-
-
-def test_the_emitted_c_draws_the_fitted_torque(hdrb):
-    """The device's own C at its own rate, as for every identified device."""
-    source, recordings = hdrb
-    template = draft(source, recordings, False)
-    fitted = fit_member(
-        UnitTerms(member("slips, worn"), recordings, 100.0),
-        recordings,
-        template.tau_full_scale_Nm,
-    )
-    device = family_device(template, fitted, "hdrb.csv")
-    means = judge(device, recordings).misfits.means(device.tau_full_scale_Nm)
-    assert means["held_out_percent"] < 1.5
-    assert fitted.least_slope_Nm_rad(device.file.limits.theta_rad.value) > 1.0
-    assert len(fitted.used) <= 14
-    header = next(b for b in render_device(device, ["f32"])).files["esea_hdrb.h"]
-    assert "slip of x, path 0.03" in header
 
 
 @pytest.mark.ci

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.device import Device, copy_device, load_device, parse_device
@@ -25,27 +25,6 @@ def refuse(text: str) -> str:
     with pytest.raises(UserError) as caught:
         parse_device(text, "mine.toml")
     return str(caught.value)
-
-
-def test_elbow_has_the_published_parameters():
-    values = {k: q.value for k, q in load_device("elbow").quantities()}
-    # thesis table 3.2, typed from spec/3-elastomer.md
-    published = {
-        "alpha_Nm_rad": 10.3,
-        "beta_1_rad": 62.5,
-        "omega_rad": 0.0197,
-        "k1_Nm_rad": 9.39,
-        "k3_Nm_rad3": 239.0,
-        "stops": 10,
-    }
-    rates = {"A_Nms_rad": 53.9, "B": 0.732, "m": 2.77, "n": 0.77, "eps1_Nms_rad": 0.0288}
-    rates |= {"eps2": 0.0130, "kv_Nm_rad": 51.6}
-    for key, value in published.items():
-        assert values[f"elastomer.{key}"] == value
-    for key, value in rates.items():
-        assert values[f"elastomer.maxwell.{key}"] == value
-    assert values["domain.theta_max_rad"] == pytest.approx(11.5 * 3.141592653589793 / 180)
-    assert values["domain.omega_max_rad_s"] == pytest.approx(61.6 * 3.141592653589793 / 180)
 
 
 @pytest.mark.parametrize(
@@ -235,6 +214,7 @@ def test_unknown_device_suggests_one():
         load_device("elbwo")
 
 
+@settings(max_examples=25)
 @given(st.text(max_size=200))
 def test_any_text_gives_a_clear_error(text: str):
     with pytest.raises(UserError, match=r"any\.toml"):

@@ -37,23 +37,7 @@ BOARDS = ("elbow_board", "knee_board", "wrist_board")  # from counts of encoders
 NAMES = ("elbow", "knee", "knee_printed", "wrist", *BOARDS)  # those that measure
 DRIVES = ("elbow_drive", "elbow_mpc", "wrist_drive")
 
-# Thesis table 8.2, typed from spec/8-assessment.md; kv and eps2 as printed.
-TABLE = {
-    "alpha_Nm_rad": 12.8,
-    "beta_1_rad": 12.7,
-    "omega_rad": 0.0046,
-    "k1_Nm_rad": 83.0,
-    "k3_Nm_rad3": 1155.0,
-    "A_Nms_rad": 414.0,
-    "B": 428.0,
-    "m": 0.890,
-    "n": 0.829,
-    "eps1_Nms_rad": 0.0253,
-}
-READINGS = {
-    "knee": {"eps2": 0.217, "kv_Nm_rad": 11.5},
-    "knee_printed": {"eps2": 11.5, "kv_Nm_rad": 0.217},
-}
+READINGS = ("knee", "knee_printed")
 DEAD_ZONE = np.deg2rad(2.81)
 
 
@@ -119,23 +103,6 @@ def test_its_c_equals_its_model(name, reals):
 
 
 # -- knee --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", READINGS)
-def test_knee_has_the_numbers_of_table_8_2(name):
-    quantities = dict(esea_gen.load_device(name).quantities())
-    for key, value in TABLE.items():
-        q = quantities.get(f"elastomer.{key}") or quantities[f"elastomer.maxwell.{key}"]
-        assert (q.value, q.status) == (value, "published")
-    for key, value in READINGS[name].items():
-        q = quantities[f"elastomer.maxwell.{key}"]
-        # The swap is our reading, and says so.
-        assert (q.value, q.status) == (value, "assumed" if name == "knee" else "published")
-        assert "printed" in q.source or "swapped" in q.source
-    assert quantities["elastomer.dead_zone_rad"].value == pytest.approx(DEAD_ZONE, abs=1e-15)
-    assert quantities["domain.tau_full_scale_Nm"].value == 47.8
-    for key in ("domain.theta_max_rad", "domain.omega_max_rad_s", "limits.theta_rad"):
-        assert quantities[key].status == "assumed"
 
 
 @pytest.mark.parametrize("name", READINGS)
@@ -286,18 +253,12 @@ def test_wrist_axes_are_independent_elbows(elbow):
             .task("sense")
             .run({"theta_rad": theta[f"theta_{axis}_rad"]}, trace=False)
         )
-        symbolic = wrist.system.simulator()
         for port, name in (
             ("tau_Nm", f"tau_{axis}_Nm"),
             ("omega_rad_s", f"omega_{axis}_rad_s"),
             ("sensor_status", f"sensor_{axis}_status"),
         ):
             assert both[name].tobytes() == one[port].tobytes()
-        last = [
-            symbolic.step("sense", **{k: float(v[i]) for k, v in theta.items()})
-            for i in range(len(both[f"tau_{axis}_Nm"]))
-        ][-1]
-        assert both[f"tau_{axis}_Nm"][-1] == pytest.approx(last[f"tau_{axis}_Nm"], abs=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from esea_gen.plotting import svg
 from esea_gen.report import builder, drive
 from esea_gen.report.board import BoardRun, run_board
 from esea_gen.report.builder import gather
+from esea_gen.report.page import finite
 from esea_gen.studies.simulation import simulate
 from esea_gen.twin.case import Setting
 from esea_gen.verify import equivalence
@@ -23,7 +24,6 @@ from esea_gen.verify.streams import streams
 
 from .browser import browser, readable
 from .conftest import ROOT, require_tool
-from .html_tables import figure, table_of
 from .test_report import Page, shorten
 
 pytestmark = pytest.mark.ci
@@ -100,7 +100,7 @@ def test_its_numbers_are_those_of_the_commands(findings, html):
     assert row["ratio"] == pytest.approx(row["rms_true_Nm"] / row["printed_rms_true_Nm"])
     assert row["thesis_rms_Nm"] == 0.590
     assert f"{row['rms_true_Nm']:.4f}" in Page(html).text
-    step = simulate("step", Setting("smc")).to_dict()["steps"]
+    step = finite(simulate("step", Setting("smc")).to_dict()["steps"])
     assert findings.to_dict()["response"]["steps"] == step
 
 
@@ -120,36 +120,6 @@ def test_every_block_parameter_and_task_is_there(findings, html):
     checks = {c["block"]: c for c in findings.to_dict()["checks"]}
     assert set(checks) == {b.name for b in device.system.kinds}
     assert all(c["steps"] > 100 and c["bits_equal"] and c["passed"] for c in checks.values())
-
-
-@pytest.mark.usefixtures("figures_kept")
-def test_per_cent_of_its_tables(findings, html):
-    checks = table_of(html, "Block", "error", "% FS")
-    scales = findings.verification.full_scales
-    shares = 0
-    for cells in checks[1:]:
-        row = dict(zip(checks[0], cells, strict=True))
-        if figure(row["error"]) and row["float32, worst"] in scales[row["Block"]]:
-            shares += 1
-            share = figure(row["error"]) / scales[row["Block"]][row["float32, worst"]]
-            assert figure(row["% FS"]) == pytest.approx(100 * share, rel=0.06)
-    assert shares >= 10
-    # The inverse is judged by the torque that its set-point gives back, of the device's full scale.
-    (inverse,) = (c for c in findings.to_dict()["checks"] if c.get("rule") == "residual")
-    assert inverse["block"] == "inverse"
-    assert inverse["percent"] == pytest.approx(100 * inverse["error"] / 4.47)
-    assert inverse["error"] > 0
-    # A command that stands at its limit for a quarter of the time.
-    tuning = findings.simulations["tuning"]
-    (result,) = tuning.monte_carlo.results
-    often = replace(result, values=dict(result.values or {}) | {"limited_share": 0.25})
-    limited = replace(tuning, monte_carlo=replace(tuning.monte_carlo, results=(often,)))
-    page = replace(findings, simulations=findings.simulations | {"tuning": limited}).html()
-    experiments = table_of(page, "case", "limits act", "ratio")
-    (row,) = (dict(zip(experiments[0], cells, strict=True)) for cells in experiments[1:])
-    assert row["limits act"] == "25 %"
-    assert figure(row["RMS, true"]) == pytest.approx(limited.cases()[0]["rms_true_Nm"], rel=0.01)
-    assert any("25.0%" in line for line in limited.table())
 
 
 def test_the_same_twice(findings, html):

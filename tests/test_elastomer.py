@@ -76,15 +76,6 @@ def test_play_form_is_the_stop_operator(theta: np.ndarray):
     assert out["tau_hysteresis_Nm"] == pytest.approx(stop_operators(theta), abs=1e-13)
 
 
-def test_spring(sensor):
-    theta = np.concatenate([np.linspace(0, 0.3, 200), np.linspace(0.3, -0.3, 400)])
-    out, _ = sensor.simulator().run({"theta_rad": theta, "omega_rad_s": 0 * theta + 1.5})
-    assert np.max(np.abs(out["tau_Nm"])) < 20.0  # nothing is clipped
-    assert out["tau_spring_Nm"] == pytest.approx(239.0 * theta**3 + 9.39 * theta, abs=1e-13)
-    parts = out["tau_spring_Nm"] + out["tau_rate_Nm"] + out["tau_hysteresis_Nm"]
-    assert out["tau_Nm"] == pytest.approx(parts, abs=1e-13)
-
-
 @pytest.mark.parametrize(("rate_Hz", "limit_pct"), [(1000, 0.01), (500, 0.05)])
 def test_discretisation_with_ideal_encoders(rate_Hz: int, limit_pct: float):
     # 10 deg chirp up to 1 Hz in 8 s, against a grid 20 times finer; % of 4.47 Nm (spec/4).
@@ -126,39 +117,6 @@ def test_published_behaviour():
     cycle = t >= 100
     loop_mJ = 1e3 * np.trapezoid(torque[cycle], theta[cycle])
     assert loop_mJ == pytest.approx(87.6, abs=0.1)
-
-
-def test_status_tells_of_the_domain(sensor):
-    def status(theta: float, omega: float) -> int:
-        simulator = sensor.simulator()
-        simulator.step(theta_rad=theta, omega_rad_s=0.0)
-        return simulator.step(theta_rad=theta, omega_rad_s=omega)["status"]
-
-    bits = {f.name: 1 << i for i, f in enumerate(sensor.status_port.flags)}
-    assert status(0.1, 0.5) == 0
-    assert status(0.21, 0.0) == bits["THETA_OUTSIDE"]
-    assert status(0.1, -1.2) == bits["RATE_OUTSIDE"]
-    assert status(0.25, 0.0) == bits["THETA_OUTSIDE"] | bits["TORQUE_OUTSIDE"]
-    assert status(np.nan, 0.0) == bits["INPUT_INVALID"]
-    assert status(0.1, np.inf) == bits["INPUT_INVALID"]
-
-
-def test_an_invalid_sample_holds_the_last_deflection(sensor):
-    simulator = sensor.simulator()
-    before = simulator.step(theta_rad=0.1, omega_rad_s=0.0)
-    held = simulator.step(theta_rad=np.nan, omega_rad_s=0.0)
-    assert held["tau_Nm"] == before["tau_Nm"]
-    assert simulator.state["theta_prev_rad"] == 0.1
-
-
-def test_first_sample_starts_the_operators_where_it_is(sensor):
-    simulator = sensor.simulator()
-    for bad in (np.nan, np.inf, 1e30):  # nothing to hold yet: no torque, still waiting
-        assert simulator.step(theta_rad=bad, omega_rad_s=0.0)["tau_Nm"] == 0.0
-        assert simulator.state["primed"] == 0.0
-    out = simulator.step(theta_rad=0.15, omega_rad_s=0.0)
-    assert out["tau_hysteresis_Nm"] == 0.0
-    assert out["tau_rate_Nm"] == 0.0
 
 
 def test_observer_follows_a_parabola_without_error():

@@ -238,6 +238,7 @@ def test_step_frequency_and_output_impedance():
         (["bread", "--person", "none"], "bread needs somebody who moves the load"),
         (["tuning", "--real", "f16"], "Unknown number format 'f16'"),
         (["tuning", "--figure", "a.txt"], "not a picture's name"),
+        (["tuning", "--jobs", "0"], "Give 1 or more, or -1"),
     ],
 )
 def test_bad_input_is_explained(arguments, said):

@@ -6,25 +6,19 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from esea_gen.board.sim import SimBoard
-from esea_gen.device import load_device
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError
 
-from .conftest import require_tool
+from .sim_drive import powered_on, zeroed
 
-ANGLES = {"count_motor": 700, "count_load": 900, "count_gear": 5}
 AGE_MS = 500  # as docs/firmware.md has it
 ZERO, CLEAR, STOP, RELEASE, RESET = 31011, 31012, 31013, 31014, 31010
 ARM, STORE = 400, 245
 
 
 @pytest.fixture(scope="module")
-def powered():
-    require_tool("gcc")
-    board = SimBoard(load_device("elbow_drive"))
-    yield board
-    board.close()
+def powered(drive):
+    yield from powered_on(drive)
 
 
 @pytest.fixture
@@ -32,16 +26,7 @@ def board(powered):
     powered.clock_s = lambda: powered.lib.sim_time_ms() * 1e-3
     powered.restart(blank=True)
     powered.sign_with(None)
-    return ready(powered)
-
-
-def ready(board):
-    board.measure(**ANGLES)
-    board.ticks(20)
-    board.zero()
-    board.ticks(230)
-    assert board.state_now == "READY"
-    return board
+    return zeroed(powered)
 
 
 def command(board, number, value=0.0):
@@ -248,7 +233,7 @@ def test_recorded_signed_frames_are_void_after_a_power_off(board, tmp_path):
         board.restart()
         board.sign_with(None)
         board.use_key(tmp_path / "key")
-        ready(board)
+        zeroed(board)
         board.arm()  # who has the key still commands
         board.disarm()
         if start == 2:

@@ -21,11 +21,7 @@ from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term, softened
 from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_sensor, unit_terms
-from esea_gen.model.family_step import maxwell_shares
-from esea_gen.model.inverse import inverse_system
 from esea_gen.model.rubber import fitted_of
-from esea_gen.verify.bounds import bounds_or_rule
-from esea_gen.verify.compare import compare as compare_c
 from esea_gen.verify.fixed import compare_fixed
 from esea_gen.verify.streams import streams
 from tests.conftest import require_tool
@@ -83,22 +79,6 @@ def test_a_fractional_element_relaxes_by_a_power_of_time():
     z = terms_over([Term("maxwell", LINEAR, times, 0.25)], x)[:, 0]
     exponent = np.diff(np.log(z[[50, 500, 5000]])) / np.log(10)
     assert np.abs(exponent + 0.25).max() < 0.03
-
-
-def test_shares_of_slow_branches_do_not_cancel():
-    """By series where the difference of exponentials has no digits left."""
-    for ratio in (1e-9, 1e-5, 0.9999e-3, 1.0001e-3, 0.3, 50.0):
-        a, b = maxwell_shares(ratio)
-        n = np.arange(2, 40)
-        factorial = np.cumprod(np.concatenate([[1.0], np.arange(1, 41.0)]))
-        if ratio < 1:  # 1 - (1 - e^-r)/r and (1 - e^-r)/r - e^-r, term by term
-            series_a = -np.sum((-ratio) ** (n - 1) / factorial[n])
-            series_b = np.sum((-ratio) ** (n - 1) * (1 / factorial[n] - 1 / factorial[n - 1]))
-        else:
-            series_a = 1 - (1 - np.exp(-ratio)) / ratio
-            series_b = (1 - np.exp(-ratio)) / ratio - np.exp(-ratio)
-        assert a == pytest.approx(series_a, rel=2e-6)
-        assert b == pytest.approx(series_b, rel=2e-6)
 
 
 def relays(x: np.ndarray, r: float, count: int = 4001) -> np.ndarray:
@@ -200,15 +180,6 @@ def test_no_path_gives_energy(every_term, turns, back, each):
     assert np.all(least >= -1e-4 * np.maximum(moved, 1e-6)), EVERY[int(np.argmin(least))]
 
 
-def test_a_law_that_gives_energy_is_seen():
-    """Armed: a spring that hardens with the largest strain, and a branch of negative weight."""
-    x = path_of([1.0, 0.0], 400)
-    hardening = x * (1 + np.maximum.accumulate(np.abs(x)))
-    negative = -terms_over([Term("maxwell", LINEAR, (1.0,))], x)[:, 0]
-    least, moved = least_work(x, np.stack([hardening, negative], axis=1))
-    assert np.all(least < -0.05 * moved)
-
-
 # A fitted member: slope, inverse, safety.
 
 
@@ -266,12 +237,6 @@ def test_what_would_not_be_passive_cannot_be_written(wrong):
         wrong()
 
 
-def test_each_side_may_have_its_own_stiffness():
-    sides = [Term("spring", Rise("power", 1, s)) for s in ("positive", "negative")]
-    x = np.array([0.0, 0.5, -0.5])
-    assert terms_over(sides, x).tolist() == [[0, 0], [0.5, 0], [0, -0.5]]
-
-
 # Its C.
 
 
@@ -304,20 +269,6 @@ def family_device(base: Device, name: str) -> Device:
     return device_of(base, some_member(rng, member), "drawn")
 
 
-@pytest.mark.parametrize("name", ["slips, worn", "stops, worn", *TIMED])
-def test_the_c_is_the_model(name, hdrb_device):
-    """f64 as the symbols; f32 within the bound that the walker derives."""
-    require_tool("gcc")
-    device = family_device(hdrb_device, name)
-    bounds, rule = bounds_or_rule(device, device.sensor)
-    for real in ("f64", "f32"):
-        library = compile_device(device, real)
-        for stream in streams(device.sensor, 5, 800):
-            found = compare_c(device, device.sensor, library, stream, bounds, None, rule)
-            assert found.problems == []
-            assert found.status_differences == 0
-
-
 @pytest.mark.ci
 def test_the_whole_number_c_is_its_executor(hdrb_device):
     """One operator of each kind, both softenings."""
@@ -338,24 +289,6 @@ def test_the_whole_number_c_is_its_executor(hdrb_device):
         assert compare_fixed(device, plan, runner, stream, bound).problems == []
 
 
-def test_another_model_has_another_hash(hdrb_device):
-    """So that no board runs another rubber than its file says."""
-    found = {family_device(hdrb_device, n).digest for n in ("slips, worn", "stops, worn")}
-    assert len(found | {hdrb_device.digest}) == 3
-
-
-def test_a_conditioned_start_is_softer_than_a_virgin_one(hdrb_device):
-    fitted = fitted_of(family_device(hdrb_device, "slips, worn"))
-    theta = np.linspace(0, 0.1, 50)
-    first, later = (
-        family_sensor(hdrb_device, fitted, start)
-        .simulator()
-        .run({"theta_rad": theta, "omega_rad_s": 0 * theta})[0]["tau_Nm"]
-        for start in ("virgin", "conditioned")
-    )
-    assert np.all(later[1:] < first[1:])
-
-
 # Its exact inverse.
 
 SWEEP_Nm = 2.0 * np.sin(2 * np.pi * (0.2 * np.arange(4000) / 1000 + (np.arange(4000) / 1000) ** 2))
@@ -373,24 +306,6 @@ def test_the_inverse_gives_the_request_back(name, hdrb_device):
     limit = next(f.threshold for f in inverse.status_port.flags if f.name == "NOT_CONVERGED")
     assert np.abs(felt["tau_Nm"] - SWEEP_Nm).max() <= limit < 1e-3
     assert np.all(y["status"].astype(int) & 0b1100011 == 0)
-
-
-def test_the_set_points_rate_is_its_move_in_a_period_and_none_at_first(hdrb_device):
-    device = family_device(hdrb_device, "slips, worn")
-    block = family_inverse(device, fitted_of(device))
-    inverse, limits = block.simulator(), device.file.limits
-    # From one end of the deflection to the other in a period.
-    fastest = 2 * limits.theta_rad.value / device.period_s
-    most = {p.name: p.high for p in block.outputs}["omega_mid_rad_s"]
-    assert most == pytest.approx(fastest, rel=1e-6)
-    for wanted in (0.5, 0.5), (-0.3, 0.4):
-        inverse.reset()
-        first, second = (inverse.step(tau_Nm=x) for x in wanted)
-        assert abs(first["theta_rad"]) > 1e-3
-        assert first["omega_mid_rad_s"] == 0
-        rate = (second["theta_rad"] - first["theta_rad"]) / device.period_s
-        clipped = pytest.approx(np.clip(rate, -most, most), rel=1e-6)
-        assert second["omega_mid_rad_s"] == clipped
 
 
 @pytest.mark.parametrize("name", ["slips, worn", *TIMED])
@@ -444,40 +359,3 @@ def test_what_cannot_be_reached_ends_at_the_limit_and_says_so(hdrb_device):
     held = runner.step(tau_Nm=np.nan)
     assert held["theta_rad"] == y["theta_rad"]
     assert int(held["status"]) & 1
-
-
-@pytest.mark.ci
-def test_the_inverse_in_single_precision(hdrb_device):
-    require_tool("gcc")
-    device = family_device(hdrb_device, "slips, worn")
-    inverse = family_inverse(device, fitted_of(device))
-    wanted = SWEEP_Nm.astype(np.float32).astype(float)
-    exact, _ = inverse.simulator().run({"tau_Nm": wanted})
-    library = compile_system(inverse_system(device, inverse), "f32")
-    found, _ = library.block("inverse").run({"tau_Nm": wanted}, trace=False)
-    assert np.abs(found["theta_rad"] - exact["theta_rad"]).max() < 1e-5
-
-
-def test_flags_of_the_domain_are_raised_beyond_it_and_not_at_it(elbow):
-    """A spring of 2 Nm/rad; the ends of its domain are numbers of every format."""
-    spring = FittedMember(Member("one", "one", (Term("spring", LINEAR),)), 1.0, (2.0,))
-    q = {"status": "assumed", "source": "drawn"}
-    domain = {"theta_max_rad": 0.25, "omega_max_rad_s": 1.5, "tau_full_scale_Nm": 0.375}
-    file = elbow.file
-    found = {k: type(file.domain.theta_max_rad)(value=v, **q) for k, v in domain.items()}
-    file = file.model_copy(update={"domain": file.domain.model_copy(update=found)})
-    block = family_sensor(device_of(Device(file, "drawn"), spring, "drawn"), spring)
-    names = [f.name for f in block.status_port.flags]
-
-    def raised(theta: float, omega: float = 0.0) -> set[str]:
-        y = block.simulator().step(theta_rad=theta, omega_rad_s=omega)
-        return {n for i, n in enumerate(names) if int(y["status"]) >> i & 1}
-
-    for side in (1, -1):
-        tick = 1 + 1e-12
-        assert raised(side * 0.1875) == set()  # where the torque is full scale
-        assert raised(side * 0.1875 * tick) == {"TORQUE_OUTSIDE"}
-        assert raised(side * 0.25) == {"TORQUE_OUTSIDE"}
-        assert raised(side * 0.25 * tick) == {"THETA_OUTSIDE", "TORQUE_OUTSIDE"}
-        assert raised(0.0, side * 1.5) == set()
-        assert raised(0.0, side * 1.5 * tick) == {"RATE_OUTSIDE"}

@@ -13,7 +13,6 @@ from esea_gen.device import Device, parse_device
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner
-from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import to_raw
 from esea_gen.hostlib.library import compile_system
@@ -22,7 +21,6 @@ from esea_gen.language.block import Guard, Labels
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_step
-from esea_gen.model.family_step import FamilyStep
 from esea_gen.model.inverse import inverse_system
 from esea_gen.model.rubber import fitted_of
 from esea_gen.model.temperature import TemperatureFactor
@@ -126,19 +124,6 @@ def test_the_first_samples_slope_is_that_at_the_worst_temperature():
         assert hot.first_slope_Nm_rad(0.2) == pytest.approx(worst * own)
 
 
-@pytest.mark.parametrize("left_out", ["relax", "stop", "slip", "soften", "rise"])
-def test_a_part_left_out_of_the_slope_is_seen(left_out, devices, monkeypatch):
-    if left_out == "rise":
-        monkeypatch.setattr(Rise, "slope", lambda self, x: ca.SX(1))
-    elif left_out == "soften":
-        own = FamilyStep.soften
-        monkeypatch.setattr(FamilyStep, "soften", lambda *a: (own(*a)[0], {}))
-    else:
-        step = getattr(FamilyStep, left_out)
-        monkeypatch.setattr(FamilyStep, left_out, lambda *a: (*step(*a)[:2], ca.SX(1)))
-    assert Tried(devices["more"]).worst_slope() > 3e-5  # thirty times what passes
-
-
 @pytest.mark.parametrize("name", MEMBERS)
 def test_nothing_follows_the_set_point_faster_or_slower_than_said(name, devices):
     """Secants from one memory: what the error analysis carries a set-point's error with."""
@@ -208,22 +193,6 @@ def test_without_a_least_slope_no_error_is_claimed(devices):
     with pytest.raises(UserError, match="no error of inverse in q31 can be proven") as caught:
         bounds_of(SimpleNamespace(system=system, origin="mine.toml"))
     assert "linear spring" in caught.value.fix
-
-
-def test_no_fact_cuts_anything_that_can_be(devices):
-    """Labelled values in float64, from requests and memories over their whole ranges."""
-    block = family_inverse(devices["every"], fitted_of(devices["every"]))
-    names, rng = block.labelled_step.name_out(), np.random.default_rng(2)
-    reached = dict.fromkeys(block.facts, 0.0)
-    for _ in range(300):
-        given = [rng.uniform(1.2 * p.low, 1.2 * p.high, p.size) for p in block.state]
-        given += [rng.uniform(p.low, p.high, p.size) for p in block.inputs]
-        found = dict(zip(names, block.labelled_step.call(given), strict=True))
-        for name, (low, high) in block.facts.items():
-            value = float(found[f"label_{name}"])
-            assert low <= value <= high, name
-            reached[name] = max(reached[name], abs(value) / high)
-    assert reached["move_1_rad"] > 0.9  # the longest step is taken, and would be longer
 
 
 # In whole numbers.
@@ -296,27 +265,6 @@ def test_the_sensor_feels_what_was_asked_for(fixed):
     asked, _ = exact.run({"tau_Nm": sweep})
     assert np.abs(found["theta_rad"] - asked["theta_rad"]).max() < 2 * good / 7.5
     assert not np.any(found["status"].astype(int) & 0b1100011)
-
-
-@pytest.mark.ci
-def test_a_wrong_constant_is_felt(fixed):
-    """The inverse then agrees with itself; the sensor does not, by what the test above allows."""
-    device, *_ = fixed
-    other = FittedMember(EVERY.member, 0.2, (1.503, *EVERY.weights_Nm[1:]))
-    block = family_inverse(device, other, steps=6)
-    good = next(f.threshold for f in block.status_port.flags if f.name == "NOT_CONVERGED")
-    stream = streams(block, 7, 400)[0]
-    found, _ = block.simulator().run(stream.inputs)
-    said, felt = forward_residual(device, block, stream, found)
-    assert said < good < felt
-
-
-def test_a_clip_left_out_cannot_be_planned(devices, monkeypatch):
-    """The divisor of a slip is of a step that is clipped."""
-    monkeypatch.setattr(FamilyStep, "clip", lambda self, x, low, high: x)
-    device = devices["bearing"]
-    with pytest.raises(LoweringError, match="holds zero"):
-        Planner(family_inverse(device, fitted_of(device))).plan()
 
 
 @pytest.mark.ci

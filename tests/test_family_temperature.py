@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,16 +14,13 @@ import pytest
 from esea_gen.control.predictive.drive import predictive_controller
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.schema import json_schema
-from esea_gen.emit.build import render_device
 from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
-from esea_gen.errors import UserError
 from esea_gen.export.fmu import make_fmu
 from esea_gen.export.model import block_model
 from esea_gen.hostlib.library import compile_device
 from esea_gen.identify.family.file import family_device
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
-from esea_gen.model.family_sensor import temperature_parts
 from esea_gen.model.rubber import fitted_of, rubber_inverse, stiffness_range_Nm_rad
 from esea_gen.model.temperature import TemperatureFactor
 from tests.conftest import require_tool
@@ -128,15 +124,6 @@ def test_the_inverse_is_that_of_the_sensor_at_the_same_temperature(warm, by_hand
     assert np.abs(hand["theta_rad"] - points["theta_rad"]).max() < 1e-4
 
 
-def test_what_a_higher_temperature_does_is_said(warm, elbow):
-    assert WARM.per_K < 0
-    stiffer = TemperatureFactor(WARM.reference_C, -WARM.per_K, WARM.low_C, WARM.high_C)
-    other = family_device(elbow, replace(EVERY, temperature=stiffer), "drawn")
-    for device, effect in ((warm, "softens"), (other, "stiffens")):
-        (knob,) = device.sensor.tunables
-        assert f"higher {effect} the torque model" in knob.meaning
-
-
 def test_slopes_and_torques_are_those_of_the_worst_temperature(warm, elbow):
     """Least and largest factor of 10 to 40 degC: 0.932 and 1.052; the offset has none."""
     cold = family_device(elbow, EVERY, "drawn")
@@ -226,30 +213,6 @@ def test_what_is_written_is_read_back(warm):
             warm.sensor.simulator({"temperature_C": outside})
 
 
-def test_without_the_section_nothing_of_it_is_in_the_c(elbow, warm):
-    """The shipped devices' C is committed and compared elsewhere, byte for byte."""
-    cold = family_device(elbow, EVERY, "drawn")
-    (bundle,) = render_device(cold, ["f64"])
-    assert not any("temperature" in text for text in bundle.files.values() if "sensor" in text)
-    assert "sensor" not in dict(cold.system.tunables)
-    (bundle,) = render_device(warm, ["f64"])
-    assert "temperature_C" in bundle.files["esea_elbow_sensor.c"]
-
-
-def test_a_factor_beyond_its_range_by_a_ten_thousandth_is_still_one(elbow):
-    for per_K, ends in ((-0.004, (0.932, 1.052)), (0.01, (0.87, 1.17))):
-        fitted = replace(EVERY, temperature=TemperatureFactor(23.0, per_K, 10.0, 40.0))
-        parts = temperature_parts(elbow, fitted)
-        (factor,) = parts["coefficients"]
-        wanted = (0.9999 * ends[0], 1.0001 * ends[1])
-        assert (factor.low, factor.high) == pytest.approx(wanted, rel=1e-7)
-        (t,) = parts["tunables"]
-        assert (t.name, t.default, t.low, t.high) == ("temperature_C", 23.0, 10.0, 40.0)
-        (at_top,) = parts["prepare"](SimpleNamespace(temperature_C=40.0)).values()
-        assert at_top == pytest.approx(1 + 17 * per_K)
-    assert temperature_parts(elbow, EVERY) == {}
-
-
 @pytest.mark.parametrize("fmi", ["2", "3"])
 def test_an_fmu_knows_that_0_degC_is_no_0_K(warm, fmi):
     require_tool("gcc")
@@ -303,14 +266,3 @@ def test_a_wrong_factor_is_refused_with_its_place(warm, was, now, parts):
 def test_a_factor_that_holds_nowhere_cannot_be_made(numbers):
     with pytest.raises(ValueError, match=r"."):
         TemperatureFactor(*numbers)
-
-
-def test_the_published_model_has_none(elbow):
-    with pytest.raises(UserError, match=r"elastomer\.temperature"):
-        parse_device(
-            elbow.toml().replace(
-                "[domain]", '[elastomer.temperature]\nper_K = { value = 0.0, status = "assumed", '
-                'source = "x" }\n\n[domain]', 1
-            ),
-            "mine.toml",
-        )  # fmt: skip

@@ -111,7 +111,8 @@ def test_plans_and_bounds_of_one_planner_are_those_of_a_fresh_one():
         if n.op not in ("input", "const") and not n.boolean
     ]  # fmt: skip
     for chosen in (nodes, nodes[::2], nodes[::3], [], nodes[1::2], nodes[::2]):
-        made, fresh = one.plan(chosen), Planner(block).plan(chosen)
+        wide = dict.fromkeys(chosen, "")
+        made, fresh = one.plan(wide), Planner(block).plan(wide)
         assert made.step.steps == fresh.step.steps
         assert made.step.results == fresh.step.results
         assert made.step.values == fresh.step.values

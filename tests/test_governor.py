@@ -77,14 +77,6 @@ def test_the_torque_is_led_as_far_as_the_set_point_is_smoothed(drive):
     assert led(drive, trust=0.5)["tau_led_Nm"] == pytest.approx(0.5 + expected / 2, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    "values", [{"mode": 2.0}, {"mode": 0.0}, {"settled": 0.0}, {"trust": 0.0}, {"mode": np.nan}]
-)
-def test_nothing_is_led_or_smoothed_where_it_must_not(drive, values):
-    out = led(drive, **values)
-    assert (out["tau_led_Nm"], out["governed"]) == (1.0, 0.0)
-
-
 # -- in the loop -----------------------------------------------------------------------------------
 
 

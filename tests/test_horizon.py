@@ -13,24 +13,6 @@ from esea_gen.control.predictive.horizon import Horizon, Model, Stops, Tape, lin
 from esea_gen.errors import UserError
 
 
-def test_the_grid_of_a_prediction():
-    grid = Horizon(3, 0.03, 4, 0.02)
-    assert grid.substep_s == pytest.approx(0.0075)
-    assert grid.ends_s == pytest.approx((0.05, 0.08, 0.11))
-    shipped = Horizon()
-    assert (shipped.intervals, shipped.interval_s, shipped.substeps) == (10, 0.02, 4)
-    assert shipped.delay_s == 0.001
-
-
-@pytest.mark.parametrize(
-    ("delay_s", "steps"),
-    # Of 5 ms; rounding makes no step more.
-    [(0.0, 0), (1e-4, 1), (0.005, 1), (0.00501, 2), (3 * 0.005, 3), (0.0151, 4)],
-)
-def test_the_delay_is_predicted_in_no_longer_steps(delay_s, steps):
-    assert Horizon(delay_s=delay_s).delay_substeps == steps
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -47,49 +29,6 @@ def test_the_delay_is_predicted_in_no_longer_steps(delay_s, steps):
 def test_what_is_outside_its_range_is_refused(changes, words):
     with pytest.raises(UserError, match=words):
         Horizon(**changes)
-
-
-def test_what_is_at_an_end_of_its_range_is_taken():
-    for changes in (
-        *({"intervals": 2}, {"intervals": 100}, {"substeps": 1}, {"substeps": 50}),
-        *({"interval_s": 10.0}, {"delay_s": 0.0}, {"delay_s": 10 * 0.02}),
-    ):
-        Horizon(**changes)
-
-
-def test_thresholds_rise_from_above_0_each_with_a_weight():
-    assert Stops((0.1,), (-2.0,)).r == (0.1,)
-    for r, p, words in (
-        ((), (), "0 thresholds and 0 weights"),
-        ((0.1, 0.2), (1.0,), "2 thresholds and 1 weights"),
-        ((0.1,), (1.0, 2.0), "1 thresholds and 2 weights"),
-        ((0.0,), (1.0,), "do not rise"),
-        ((-0.1, 0.1), (1.0, 1.0), "do not rise"),
-        ((0.1, 0.1), (1.0, 1.0), "do not rise"),
-        ((0.1, 0.3, 0.2), (1.0, 1.0, 1.0), "do not rise"),
-    ):
-        with pytest.raises(UserError, match=words):
-            Stops(r, p)
-
-
-def test_the_memory_takes_what_was_named_last_and_once():
-    t = Tape()
-    with pytest.raises(ValueError, match="named last"):
-        t.memory(ca.SX.sym("d"))
-    d = t.let("d", ca.SX(1))
-    kept = t.keep("k", d * 2)
-    with pytest.raises(ValueError, match="named last"):
-        t.memory(d)
-    with pytest.raises(ValueError, match="named last"):
-        t.memory(kept)
-    e = t.let("e", d + kept)
-    assert t.memory_at is None
-    t.memory(e)
-    assert t.memory_at == 3
-    with pytest.raises(ValueError, match="twice"):
-        t.memory(e)
-    named = [(x.symbol.name(), x.link) for x in t.entries]
-    assert named == [("d", True), ("k", False), ("e", True)]
 
 
 def made_up(t, h, x, u, p, w):
@@ -160,30 +99,6 @@ def test_a_substep_is_split_at_its_memory_and_differentiated():
             assert float(d_deflection) == pytest.approx(expected[0], rel=1e-6)
 
 
-def test_names_are_given_once_and_states_are_those_of_the_model():
-    def twice(t, h, x, u, p, w):
-        t.let("a", x.s)
-        return {"s": t.let("a", x.s)}
-
-    def as_a_state(t, h, x, u, p, w):
-        return {"s": t.let("s", x.s)}
-
-    model = Model(
-        states=("s",),
-        start=lambda u, tau: {},
-        substep=twice,
-        error=lambda x, p, r: [],
-        effort=lambda x, u, p: [],
-        inputs=(),
-        in_force="",
-        u_max=1.0,
-    )
-    for substep in (twice, as_a_state):
-        object.__setattr__(model, "substep", substep)
-        with pytest.raises(ValueError, match="names a value twice"):
-            linearise(model, 0.1, 1.0)
-
-
 # -- cable -----------------------------------------------------------------------------------------
 
 SOFT, INSIDE = 30.0, 150 / 15  # Nm/rad
@@ -225,27 +140,3 @@ def test_the_motor_side_goes_where_cable_and_elastomer_balance(drive, tau_e, tur
         assert carried == pytest.approx(elastomer, abs=1e-9)
     else:
         assert wound == pytest.approx(0, abs=1e-12)
-
-
-def test_friction_takes_a_tenth_of_the_cables_torque_more(drive):
-    model, tape = CableModel(drive, SOFT), Tape()
-    tau_e = ca.SX.sym("tau_e")
-    model.coulomb(tape, 0.4688, tau_e)
-    (entry,) = tape.entries
-    (slope,) = (s for _, s in entry.slopes)
-    f = ca.Function("f", [tau_e], [entry.value, slope])
-    for tau, lost, by in ((3.0, 0.7688, 0.1), (-3.0, 0.7688, -0.1), (0.0, 0.4688, 0.1)):
-        assert [float(v) for v in f(tau)] == pytest.approx([lost, by])
-
-
-def test_what_is_known_of_the_cable(drive):
-    model = CableModel(drive, SOFT)
-    ports = {p.name: (p.low, p.high) for p in model.ports()}
-    most = 1.01 * (0.015 + 20 / 80)
-    assert ports == {
-        "wound_rad": pytest.approx((-most, most), rel=1e-6),
-        "give_rad_Nm": pytest.approx((0, 1 / 80), rel=1e-6),
-        "gap_rad": pytest.approx((0, 0.03), rel=1e-6),
-    }
-    constants = {c.name: c.value for c in model.constants(drive)}
-    assert constants == {"cable_Nm_rad": 150, "loss": 0.1, "backlash_most_rad": 0.03}

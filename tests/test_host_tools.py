@@ -253,7 +253,7 @@ def test_an_export_that_fails_leaves_nothing_and_can_be_repeated(demo, tmp_path,
 
     with esea_host.open_log(demo.recording) as log:
         with monkeypatch.context() as patch:
-            patch.setattr("esea_host.recording.export._text", full)
+            patch.setattr("csv.writer", full)
             with pytest.raises(UserError, match="No space left"):
                 to_csv(log, "sense_out", tmp_path / "a.csv")
         assert list(tmp_path.iterdir()) == []

@@ -308,32 +308,6 @@ def test_standard_deviations_are_the_scatter_of_repeated_experiments(rho):
 FEW_rad = np.array([-0.2, -0.1, 0.05, 0.15, 0.2])
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e-6])
-def test_standard_deviations_of_a_few_samples_by_fits_without_each(unit):
-    # Fewer samples than blocks: each is one.  In another unit of torque the deviations are the same
-    # share of the values.
-    plant = Cubic(FEW_rad, unit * 0.01 * np.array([1.0, -2.0, 1.5, -1.0, 0.5]))
-    k1, k3 = 10.0, 200.0
-    plant.measured += unit * plant.basis @ [k1, k3]
-    fit = np.linalg.lstsq(plant.basis, plant.measured, rcond=None)[0]
-    rest = plant.measured - plant.basis @ fit
-    assert rest[1:] @ rest[:-1] < 0  # of which neighbours are not alike
-    fits = []
-    for i in range(5):
-        other = np.arange(5) != i
-        # The normal equations of a straight line through the origin and a cube, by hand.
-        x, y = FEW_rad[other], plant.measured[other]
-        m2, m4, m6 = (float(np.sum(x**n)) for n in (2, 4, 6))
-        b1, b3 = float(x @ y), float(x**3 @ y)
-        fits.append(np.array([b1 * m6 - b3 * m4, b3 * m2 - b1 * m4]) / (m2 * m6 - m4**2))
-    expected = np.sqrt(4 / 5 * np.sum((np.array(fits) - np.mean(fits, axis=0)) ** 2, axis=0))
-    values = dict(zip(("k1_Nm_rad", "k3_Nm_rad3"), (fit / unit).tolist(), strict=True))
-    plant.basis = unit * plant.basis
-    told = uncertainty(plant, values)
-    assert told.correlation_factor == 1.0
-    np.testing.assert_allclose([told.sigma[k] for k in values], expected / unit, rtol=1e-6)
-
-
 @pytest.mark.parametrize("unit", [1.0, 1e6, 1e-6])
 def test_a_parameter_without_effect_is_not_determined(unit):
     plant = Cubic(FEW_rad, unit * (10 * FEW_rad + [0.01, -0.02, 0.015, -0.01, 0.005]))

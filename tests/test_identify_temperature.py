@@ -21,7 +21,6 @@ from esea_gen.identify.family.fit import UnitTerms, fit_member, misfits_of
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.family.members import members
 from esea_gen.identify.notes import temperature_notes
-from esea_gen.identify.recording.conditions import splits_of
 from esea_gen.identify.recording.temperatures import searched_factor
 from esea_gen.model.family import Member, Rise, Term
 from esea_gen.model.temperature import TemperatureFactor
@@ -151,20 +150,6 @@ def test_a_temperature_left_out_is_predicted(tmp_path):
 
 def springs(theta: np.ndarray, temperature_C: float, per_K: float) -> np.ndarray:
     return (1 + per_K * (temperature_C - AT_23_C)) * (8 * theta + 180 * theta**3) - 0.06
-
-
-def test_each_temperature_is_a_condition_to_leave_out(tmp_path):
-    path = recorded(tmp_path, THREE | {15.2: "cycles"})
-    splits = splits_of(load_recordings(load_mapping(path)))
-    warm = [s for s in splits if s.condition.endswith("degC")]
-    assert [s.condition for s in warm] == ["15 degC", "23 degC", "31 degC"]
-    assert all(s.whole for s in warm)
-    judged = {r.label for r in warm[0].recordings for s in r.sets if len(s.held_out)}
-    assert judged == {"at15", "at15.2"}
-    text = path.read_text().replace("hold_out_last = 1", 'hold_out = "31 degC"')
-    path.write_text(text)
-    held = {r.label for r in load_recordings(load_mapping(path)) for s in r.sets if len(s.held_out)}
-    assert held == {"at31"}
 
 
 @pytest.mark.parametrize(

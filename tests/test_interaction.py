@@ -16,13 +16,13 @@ from esea_gen.analysis.passivity import Hand
 from esea_gen.errors import UserError
 from esea_gen.studies.passivity.push import PushRun, judge_push, push_case, run_push
 from esea_gen.studies.passivity.region import push_map
-from esea_gen.studies.passivity.sliding import SlidingCheck, check_sliding, sliding_condition
-from esea_gen.studies.passivity.study import HANDS, gain_axis, study_interaction
+from esea_gen.studies.passivity.sliding import check_sliding, sliding_condition
+from esea_gen.studies.passivity.study import HANDS, study_interaction
 from esea_gen.studies.tracking import Grid
 from esea_gen.twin.case import OFF, Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.loop_run import RanAwayError
-from esea_gen.twin.run import plant_variant, run_case
+from esea_gen.twin.run import run_case
 
 from .conftest import require_tool
 from .test_tune import command
@@ -77,34 +77,6 @@ def test_a_wall_throws_a_heavy_hand_back():
     held = 0.5 * wall * (moved[deep] - 0.02) ** 2
     assert held == pytest.approx(6.25, rel=0.03)
     assert not judge_push(run, hand, 0.0, U_MAX_NM, wall).stopped
-
-
-def test_the_energy_of_a_wall_counts_as_held():
-    """A hand that is held in it, at rest, from the push on."""
-    run = pushed(Hand("light", 0.1), 0.0, 0.0)
-    leant = np.where(np.arange(len(run.plant["theta_l_rad"])) < 1000, 0.0, 0.05) + 1.0
-    still = dict.fromkeys(("omega_l_rad_s", "tau_e_Nm"), 0 * leant) | {"theta_l_rad": leant}
-    run = dataclasses.replace(run, plant=run.plant | still)
-    found = judge_push(run, Hand("light", 0.1), 2.0, U_MAX_NM, 100.0)
-    assert found.held_end_J == pytest.approx(0.5 * (2 * 0.05**2 + 100 * 0.03**2))
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize("controller", ["smc", "mpc"])
-def test_limp_hands_get_nothing_from_a_wall(controller):
-    require_tool("gcc")
-    for hand in (Hand("a", 0.05), Hand("b", 0.4, 0.0, 30.0)):
-        for kp, wall in ((0.0, 100.0), (3.0, 1000.0)):
-            found = PushRun(
-                **run_push(
-                    kp, 0.0, dataclasses.asdict(hand), controller, "real", 0.5, 0, wall_Nm_rad=wall
-                )
-            )
-            push_J = 0.5 * hand.inertia_kgm2 * 0.25
-            assert not found.stopped
-            assert not found.swings_up(push_J)
-            # The torque is late at an impact.
-            assert found.generated_J < 0.05 * push_J
 
 
 def test_a_drive_that_is_off_is_passive_with_every_hand():
@@ -201,12 +173,6 @@ def test_verdicts(change, mark):
     json.dumps(region.to_dict(), allow_nan=False)
 
 
-def test_gains_are_closer_where_they_are_used():
-    tunables = {t.name: t for t in controller_device("smc").system.blocks["reference"].tunables}
-    axis = gain_axis(tunables["Kp_Nm_rad"], 5)
-    assert axis == pytest.approx([0, 0.1875, 0.75, 1.6875, 3])
-
-
 # -- sliding condition ----------------------------------------------------------------------------
 
 
@@ -272,11 +238,6 @@ def test_what_is_outside_agrees_with_the_controllers_own_flag():
     assert "3 Nm 1 Hz" in wide.line()
 
 
-def test_a_layer_that_was_never_left_says_so():
-    check = SlidingCheck("ideal", "case", 1.5, 100, 0, 0, 0, 0, 0.0, 0.0, 0.4)
-    assert check.line().endswith("never left the layer")
-
-
 # -- what is refused ------------------------------------------------------------------------------
 
 
@@ -325,11 +286,3 @@ def test_a_plant_that_runs_away_is_a_result_not_an_end(monkeypatch):
     monkeypatch.setattr("esea_gen.studies.passivity.push.run_case", break_)
     with pytest.raises(RuntimeError, match="anything else"):
         run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0)
-
-
-def test_the_hand_is_the_plants_person():
-    """Every number of a hand is a tunable of both plants; none is dropped on the way."""
-    device = controller_device("smc")
-    case = push_case(device, HANDS[0], 1.0, 0.0)
-    for plant in ("ideal", "real"):
-        assert set(case.plant) <= set(plant_variant(device, plant, "ideal", 0).values)

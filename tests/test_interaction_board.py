@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import esea_gen
@@ -151,6 +151,7 @@ def means_of(stiffness_Nm_rad, memory, load_Nm, zero_rad=0.0):
     return [zero_rad + bent * x for x in (0.0, 1.0, memory, -1.0, -memory)]
 
 
+@settings(max_examples=12, deadline=None)
 @given(st.floats(0.5, 3.0), st.floats(-0.05, 0.05), st.sampled_from([-1, 1]))
 def test_the_numbers_come_back_whatever_the_zero_and_the_side(mass_kg, zero_rad, side):
     load = KnownLoad(mass_kg, 0.2)

@@ -11,25 +11,20 @@ import pytest
 from typer.testing import CliRunner
 
 from esea_gen.board.blackbox import blackbox_csv, read_record
-from esea_gen.board.sim import SimBoard
 from esea_gen.emit.states import BOARD_FAULTS
 from esea_gen.link.kept import kept_use, name_encoders, read_blackbox, release_blackbox
 from esea_gen.link.transport import LinkError
 from esea_host.cli import app
 from esea_host.cli import board as commands
 
-from .conftest import require_tool
+from .sim_drive import ANGLES, active, powered_on, texts, zeroed
 
-ANGLES = {"count_motor": 700.0, "count_load": 900.0, "count_gear": 5.0}
 WATCHDOG = next(f.value for f in BOARD_FAULTS if f.name == "WATCHDOG")
 
 
 @pytest.fixture(scope="module")
 def powered(drive):
-    require_tool("gcc")
-    board = SimBoard(drive)
-    yield board
-    board.close()
+    yield from powered_on(drive)
 
 
 @pytest.fixture
@@ -43,26 +38,12 @@ def board(powered):
     return powered
 
 
-def zeroed(board) -> None:
-    board.zero()
-    board.ticks(230)
-    assert board.state_now == "READY"
-
-
 def again(board, **angles: float) -> str:
     """Power off and on; the state that it comes to."""
     board.restart()
     board.measure(**ANGLES | angles)
     board.ticks(20)
     return board.state_now
-
-
-def active(board) -> None:
-    board.arm()
-    board.ticks(1)
-    board.want(mode=1.0, tau_desired_Nm=0.2)
-    board.ticks(5)
-    assert board.state_now == "ACTIVE"
 
 
 def test_a_zero_of_encoders_that_nobody_named_lasts_until_power_off(board):
@@ -86,7 +67,7 @@ def test_the_zero_of_named_encoders_is_put_back(board):
     assert told.encoders == ((11, taken[0]), (12, taken[1]))
     assert board.parameter("encoder_motor.zero_rad") == taken[0]
     assert board.parameter("encoder_load.zero_rad") == taken[1]
-    active(board)  # it can be worked with
+    active(board, 0.2, 5)  # it can be worked with
     board.disarm()
     board.ticks(600)
     board.reset()  # and a reset puts it back too
@@ -120,7 +101,7 @@ def test_what_makes_a_kept_zero_invalid(board):
     # A fault of the sensors under torque.
     zeroed(board)
     assert again(board) == "READY"
-    active(board)
+    active(board, 0.2, 5)
     board.measure(**ANGLES | {"frame_error_load": 64.0})
     board.ticks(20)
     assert board.state_now == "FAULT"
@@ -138,7 +119,7 @@ def test_a_fault_that_has_nothing_to_do_with_sensors_leaves_the_zero(board):
     name_encoders(board, [11, 12])
     board.ticks(20)
     zeroed(board)
-    active(board)
+    active(board, 0.2, 5)
     board.lib.sim_tick(5, True)  # lost ticks: CLOCK
     board.ticks(20)
     assert board.state_now == "FAULT"
@@ -152,14 +133,10 @@ def test_encoders_are_named_with_the_motor_off_and_once_each(board):
         with pytest.raises(LinkError, match="no serial numbers"):
             name_encoders(board, wrong)
     zeroed(board)
-    active(board)
+    active(board, 0.2, 5)
     with pytest.raises(LinkError, match="motor off"):
         name_encoders(board, [11, 12])
     assert kept_use(board).encoders == ((0, None), (0, None))
-
-
-def texts(board) -> list[str]:
-    return [m.text for m in board.pending() if m.get_type() == "STATUSTEXT"]
 
 
 def test_of_what_is_kept_it_says_what_is_so(board):
@@ -194,7 +171,7 @@ def test_a_cut_while_a_zero_is_kept_leaves_the_old_one_or_the_new_one(board):
     whole = [bytes(a) for a in board.flash]
     board.measure(**ANGLES | {"count_motor": 740.0})
     board.ticks(60)
-    zeroed(board)
+    zeroed(board, count_motor=740.0)
     new = dict(kept_use(board).encoders)
     assert new[11] != old[11]
     after = [bytes(a) for a in board.flash]
@@ -275,7 +252,7 @@ def test_counters_do_not_replace_the_set_of_another_device(board):
 def frozen(board):
     """A board whose black box holds a fault."""
     zeroed(board)
-    active(board)
+    active(board, 0.2, 5)
     board.ticks(30)
     board.lib.sim_tick(5, True)
     board.ticks(3)
@@ -346,7 +323,7 @@ def test_the_commands_show_and_name_and_read(run, board, tmp_path):
     assert "encoder_motor, encoder_load" in str(few.exception)
     table = tmp_path / "box.csv"
     assert "not frozen" in str(run("blackbox", "sim:elbow_drive", "--out", str(table)).exception)
-    active(board)
+    active(board, 0.2, 5)
     board.lib.sim_tick(5, True)
     board.ticks(3)
     done = run("blackbox", "sim:elbow_drive", "--out", str(table), "--release")

@@ -27,7 +27,7 @@ from esea_gen.link.kept import coupling_lives, forget_coupling, name_coupling
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import APP_FLAGS, firmware_folder
 from esea_host.cli import app
-from esea_host.cli import life as commands
+from esea_host.cli import board as commands
 from esea_host.connection.opening import warn_of_life
 
 from .conftest import require_tool

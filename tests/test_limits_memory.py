@@ -10,6 +10,7 @@ import pytest
 
 from esea_gen.control.limits.block import limits
 from esea_gen.control.limits.faults import Fault
+from esea_gen.hostlib.codec import block_field
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import single
@@ -260,7 +261,7 @@ class Memory:
         library = runner.library
         self.bytes = runner.coefficient_memory
         self.fields = {
-            p.name: library.block_field(runner.owner, "coeffs", p)
+            p.name: block_field(library.naming, runner.owner, "coeffs", p)
             for p in runner.owner.coefficients
         }
         kind = {"f64": "f8", "f32": "f4", "q31": "i4"}[library.real]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from esea_gen.control import sliding_mode as law
+from esea_gen.control.sliding_mode import controller as law
 from esea_gen.control.sliding_mode.linear_loop import LEAST_DAMPING, least_damped, low_pass
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError

@@ -16,8 +16,6 @@ from esea_gen.control.passivity import passivity
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import find_compiler
-from esea_gen.observe.rates import filter_delay_s
-from esea_gen.twin.controllers import controller_device
 
 from .conftest import require_tool
 
@@ -88,14 +86,6 @@ def test_the_damping_settles_where_the_hand_feels_the_least(drive, size_rad):
     assert np.mean(added[-1000:]) == pytest.approx(0.11, abs=0.01)
 
 
-def test_a_law_that_damps_by_itself_gets_none(drive):
-    assert np.max(swing(drive, -0.1, 0.2, 8.0)[-1000:]) < 1e-3
-
-
-def test_what_the_law_is_more_active_than_all_damping_leaves_all_of_it(drive):
-    assert np.min(swing(drive, 0.5, 0.2, 3.0)[100:]) == pytest.approx(DAMPING, rel=1e-2)
-
-
 def test_a_spring_asks_for_its_own_lag(drive):
     """2 Nm/rad that come 34.88 ms late push with 0.070 Nms/rad."""
     added = swing(drive, 0.1, 0.2, 8.0, mode=2.0, Kp_Nm_rad=2.0)
@@ -111,17 +101,6 @@ def test_a_wanted_damping_counts_as_felt(drive):
     off = passivity(drive).simulator().step(**sample(mode=0.0, omega_load_rad_s=1.0))
     assert off["damping_Nms_rad"] == 0
     assert off["tau_set_Nm"] == 0
-
-
-def test_bad_samples_neither_count_nor_move_it(drive):
-    block = passivity(drive).simulator()
-    block.step(**sample())
-    block.step(**sample(sensing_ok=0.0, theta_motor_rad=2.0, tau_Nm=5.0))
-    y = block.step(**sample(theta_motor_rad=2.0, tau_Nm=5.0))
-    assert y["given_J"] == 0
-    bad = block.step(**sample(tau_Nm=math.nan, u_command_Nm=0.1))
-    assert bad["u_command_Nm"] == 0
-    assert int(bad["status"]) & 1
 
 
 # -- what the drive may give -----------------------------------------------------------------------
@@ -285,23 +264,6 @@ def test_what_a_tick_gives_and_what_the_lag_still_holds_make_the_command():
     assert sp.simplify(work + tau * (after - v) - h * m) == 0
     rest = late * (after - v)
     assert sp.simplify(rest - late * (1 - a) * (m - v)) == 0
-
-
-def test_the_numbers_of_the_proof_are_the_devices(drive):
-    """Typed by hand above: another drive in the file, and the proof would be of no drive at all."""
-    f = drive.file
-    a, safety, own = f.actuator, f.safety, f.passivity
-    assert (drive.period_s, a.J_kgm2.value, a.gear_ratio.value) == (H, J, RATIO)
-    assert (a.tau_c_s.value, safety.u_max_Nm.value) == (LAG_S, U_MAX)
-    assert safety.u_rate_Nm_s.value * drive.period_s == pytest.approx(U_STEP)
-    assert (own.energy_J.value, own.damping_Nms_rad.value) == (ENERGY_J, DAMPING)
-    # Second order, and half a difference.
-    cutoff = f.joint.motor_velocity_Hz.value
-    assert pytest.approx(LATE_S, rel=1e-2) == filter_delay_s(cutoff) + 0.5 * H
-    # The shipped predictive controller stands on the same drive.
-    assert controller_device("mpc").file.passivity == own
-    assert controller_device("mpc").file.actuator == a
-    assert controller_device("mpc").file.safety == safety
 
 
 def proof(least_ticks: float) -> str:

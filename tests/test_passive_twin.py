@@ -11,7 +11,7 @@ import esea_gen
 from esea_gen.hostlib.library import compile_system
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.twin.parameters import STEP_S
-from esea_gen.twin.passive import ENCODER_NOISE_RAD, HAND_Nms_rad, PassiveTwin
+from esea_gen.twin.passive import ENCODER_NOISE_RAD, HAND_Nms_rad, PassiveTwin, passive_system
 
 from .conftest import require_tool
 
@@ -31,6 +31,12 @@ def twin(knee):
 
 
 @pytest.fixture(scope="module")
+def plant(knee):
+    """Cuff and coupling alone, step by step."""
+    return compile_system(passive_system(knee), "f64").block("plant")
+
+
+@pytest.fixture(scope="module")
 def slow(twin):
     """Hands that push and pull slowly on a limb that moves."""
     t = np.arange(0, 8, 0.002)
@@ -38,18 +44,18 @@ def slow(twin):
     return t, tau, angle, twin.run(t, tau, angle, np.random.default_rng(3))
 
 
-def moved(twin, tau, seconds):
+def moved(plant, tau, seconds):
     """The cuff under a torque, the limb held: time, angle, torque of the coupling."""
     n = round(seconds / STEP_S)
     still = {"theta_l_rad": np.zeros(n), "omega_l_rad_s": np.zeros(n)}
-    twin._plant.reset()
-    out, _ = twin._plant.run({"tau_hand_Nm": np.full(n, tau), **still}, trace=False)
+    plant.reset()
+    out, _ = plant.run({"tau_hand_Nm": np.full(n, tau), **still}, trace=False)
     return STEP_S * np.arange(1, n + 1), out["theta_m_rad"], out["tau_e_Nm"]
 
 
-def test_in_the_dead_zone_the_cuff_is_a_mass_with_a_damper(twin):
+def test_in_the_dead_zone_the_cuff_is_a_mass_with_a_damper(plant):
     """J w' = tau - b w in closed form, until the coupling is touched."""
-    t, theta, tau_e = moved(twin, 0.5, 0.2)
+    t, theta, tau_e = moved(plant, 0.5, 0.2)
     inside = theta < DEAD_ZONE_RAD
     lag_s = CUFF_kgm2 / HAND_Nms_rad
     exact = 0.5 / HAND_Nms_rad * (t - lag_s * -np.expm1(-t / lag_s))
@@ -59,16 +65,16 @@ def test_in_the_dead_zone_the_cuff_is_a_mass_with_a_damper(twin):
     assert tau_e.max() > 0.3
 
 
-def test_what_the_hands_do_not_spend_on_the_cuff_reaches_the_limb(twin):
+def test_what_the_hands_do_not_spend_on_the_cuff_reaches_the_limb(plant):
     """Impulse: of hands, less damper and coupling, is J w; and at rest all of it passes."""
-    t, theta, tau_e = moved(twin, 10.0, 1.0)
+    t, theta, tau_e = moved(plant, 10.0, 1.0)
     speed = np.gradient(theta, STEP_S)
     left = np.cumsum(10.0 - tau_e) * STEP_S - HAND_Nms_rad * theta
     assert left[:-1] == pytest.approx(CUFF_kgm2 * speed[:-1], abs=2e-3)
     assert tau_e[t > 0.8] == pytest.approx(10.0, abs=0.05)
 
 
-def test_away_from_the_dead_zone_it_is_the_exact_inverse(twin, knee, slow):
+def test_away_from_the_dead_zone_it_is_the_exact_inverse(plant, knee, slow):
     """Deflection from the torque through the model: the other way to it, solved and not moved."""
     t, tau, angle, run = slow
     block = exact_inverse(knee)
@@ -78,9 +84,9 @@ def test_away_from_the_dead_zone_it_is_the_exact_inverse(twin, knee, slow):
     # The limb's own torque, in the plant's step.
     h = np.arange(len(t) * round(0.002 / STEP_S)) * STEP_S
     limb = np.interp(h, t, angle)
-    twin._plant.reset()
-    twin._plant.put_state({"theta_m_rad": limb[0]})
-    out, _ = twin._plant.run(
+    plant.reset()
+    plant.put_state({"theta_m_rad": limb[0]})
+    out, _ = plant.run(
         {
             "tau_hand_Nm": np.interp(h, t, tau),
             "theta_l_rad": limb,

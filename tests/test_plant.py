@@ -405,24 +405,6 @@ def test_energy_balance_of_random_plants(
         assert np.all(got["work_person_J"] == 0)
 
 
-@pytest.mark.ci
-@pytest.mark.parametrize(("kind", "order"), [("ideal", 1.7), ("real", 0.3)])
-def test_smaller_steps_come_closer(device, kind, order):
-    variant = (ideal_plant if kind == "ideal" else real_plant)(device)
-    values, runs = {**variant.values, "torque_noise_Nm": 0.0}, {}
-    for steps_ms in (40, 5, 2):
-        rig = Rig(device, variant.cable, 1e-3 / steps_ms)
-        ms = 0.03 * np.sin(2 * np.pi * 0.6e-3 * np.arange(1500))
-        got = rig.run(np.repeat(ms, steps_ms), path=swing, **values)
-        runs[steps_ms] = got["tau_e_Nm"][steps_ms - 1 :: steps_ms]
-
-    def error(steps_ms):
-        return np.sqrt(np.mean((runs[steps_ms] - runs[40]) ** 2))
-
-    assert error(5) < 1e-4  # Nm, the step in use
-    assert math.log2(error(2) / error(5)) / math.log2(2.5) > order
-
-
 # -- guards ---------------------------------------------------------------------------------------
 
 

@@ -13,11 +13,10 @@ from scipy.optimize import lsq_linear
 
 from esea_gen.control.predictive.box_qp import packed
 from esea_gen.control.predictive.drive import predictive_controller
-from esea_gen.control.predictive.horizon import Horizon, Model, Stops, Tape
+from esea_gen.control.predictive.horizon import Horizon, Model, Tape
 from esea_gen.control.predictive.program import FLAGS, predictive_program
 from esea_gen.control.predictive.rubber_ahead import SMOOTH_RAD, SMOOTH_RAD_S
 from esea_gen.device import load_device, parse_device
-from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.ports import Port, Tunable
@@ -297,24 +296,10 @@ def runners(program):
     return {real: compiled(program, real) for real in ("f64", "f32")}
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_sensitivities_and_command_against_a_second_derivation(drive, seed):
     smooth = check_linearisation(drive, Horizon(), seed)
     assert np.mean(smooth) > 0.9
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize(
-    "horizon",
-    [
-        Horizon(intervals=2, interval_s=0.05, substeps=10, delay_s=0.0),
-        Horizon(intervals=5, interval_s=0.02, substeps=1, delay_s=0.005),
-        Horizon(intervals=20, interval_s=0.01, substeps=2, delay_s=0.001),
-    ],
-)
-@pytest.mark.parametrize("preview", [False, True])
-def test_any_horizon_and_preview(drive, horizon, preview):
-    check_linearisation(drive, horizon, 11, q=35.0, r=0.3, preview=preview)
 
 
 @pytest.mark.ci
@@ -460,7 +445,7 @@ def test_single_precision_changes_the_command_by_little(drive, program, runners)
     apart = []
     for real in runners:
         runners[real].reset()
-    for _ in range(300):
+    for _ in range(150):
         given = situation(rng, drive, program)
         a, b = (runners[real].step(**given) for real in ("f64", "f32"))
         assert a["status"] == b["status"] == 0
@@ -518,29 +503,6 @@ def test_nothing_invalid_passes(drive, program, runners, real):
             assert out["u_Nm"] == fresh["u_Nm"]
 
 
-@settings(max_examples=60)
-@given(st.integers(0, 10**6), st.floats(0.01, 60), st.floats(0.1, 6))
-def test_wild_but_valid_inputs_give_a_bounded_command(drive, program, runners, seed, speed, torque):
-    rng = np.random.default_rng(seed)
-    given = situation(rng, drive, program)
-    ports = {p.name: p for p in program.inputs}
-    for name, scale in (
-        ("omega_rad_s", speed),
-        ("omega_l_rad_s", speed),
-        ("tau_rate_Nm", torque),
-        ("tau_h_Nm", 3 * torque),
-        ("tau_d_Nm", 3 * torque),
-    ):
-        given[name] = float(np.clip(rng.normal() * scale, ports[name].low, ports[name].high))
-    given["play_rad"] = rng.uniform(-0.7, 0.7, len(given["play_rad"]))  # no history leaves this
-    for real in ("f64", "f32"):
-        runners[real].reset()
-        for _ in range(2):
-            out = runners[real].step(**given)
-            assert abs(out["u_Nm"]) <= program.outputs[0].high
-            assert not out["status"] & (BIT["CAP_REACHED"] | BIT["NOT_CONVEX"])
-
-
 def test_off_means_no_command_and_no_plan(drive, program, runners):
     given = situation(np.random.default_rng(5), drive, program) | {"tau_d_Nm": 4.0}
     for runner in runners.values():
@@ -549,22 +511,6 @@ def test_off_means_no_command_and_no_plan(drive, program, runners):
         out = runner.step(**given | {"mode": 0.0})
         assert (out["u_Nm"], out["status"]) == (0.0, 0)
         assert not np.any(runner.state["plan"])
-
-
-def test_bad_horizons_are_refused(drive):
-    for wrong in (
-        {"intervals": 1},
-        {"intervals": 101},
-        {"substeps": 0},
-        {"interval_s": 0.0},
-        {"delay_s": 0.21},
-    ):
-        with pytest.raises(UserError, match=next(iter(wrong))):
-            Horizon(**wrong)
-    with pytest.raises(UserError, match="rise"):
-        Stops((0.1, 0.05), (1.0, 1.0))
-    with pytest.raises(UserError, match="no drive"):
-        predictive_controller(load_device("elbow"))
 
 
 def test_a_substep_that_breaks_the_rules_is_refused():

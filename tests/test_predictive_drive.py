@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
-import casadi as ca
 import pytest
 
 from esea_gen.control.predictive.drive import drive_model
-from esea_gen.control.predictive.horizon import Horizon, _Coefficients
+from esea_gen.control.predictive.horizon import Horizon
 
 
 class Plain:
@@ -90,29 +89,3 @@ def test_the_load_is_kicked_by_half_before_and_after(drive):
     assert y["omega_l"] == pytest.approx(
         first + 0.5 * h * load_1_kgm2 * (y["tau_e"] + tau_h), rel=1e-9
     )
-
-
-def test_of_the_file_the_model_lists_what_it_uses(drive):
-    cable = {"cable_Nm_rad", "loss", "backlash_most_rad"}
-    for train, its in (("rigid", set()), ("cable", cable)):
-        model = drive_model(drive, Horizon(delay_s=0.002), train=train)
-        names = {c.name for c in model.constants}
-        assert {"J_kgm2", "k1_Nm_rad", "tau_c_s"} <= names
-        # The observer's own numbers are not among them.
-        assert names & (cable | {"rate_1_s", "contact_Nm", "backlash_rad"}) == its
-
-
-def test_a_derivative_is_kept_once_with_either_sign():
-    held = _Coefficients()
-    x, y, z = ca.SX.sym("x"), ca.SX.sym("y"), ca.SX.sym("z")
-
-    def built():
-        return ca.sin(x * y + z) * ca.exp(x - y) / (z + x * y)
-
-    first = held.of(built())
-    other = held.of(built() + 1)
-    assert held.of(ca.SX(3)).is_constant()  # no coefficient at all
-    assert ca.is_equal(held.of(built()), first)
-    assert ca.is_equal(held.of(-built()), -first, 2)
-    assert ca.is_equal(held.of(built() + 1), other)
-    assert [s.name() for s in held.symbols] == ["k1", "k2"]

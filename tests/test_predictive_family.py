@@ -142,17 +142,6 @@ def test_substeps_of_5_ms_cost_little(devices, name, most_Nm):
     assert 0 < max(worst) < most_Nm
 
 
-@pytest.mark.ci
-@pytest.mark.parametrize(
-    ("name", "port"),
-    [("every", "relaxed_Nm"), ("every", "play"), ("every", "slip"), ("every", "kept"),
-     ("bearing", "slip"), ("bearing", "kept"), ("bearing", "reached")],
-)  # fmt: skip
-def test_a_memory_that_is_not_carried_over_is_seen(devices, name, port):
-    mine, sensed = both(devices[name], 0.005, 0.005, 3, lambda t: t | {port: 0.9 * t[port]})
-    assert np.abs(mine - sensed).max() > 1e-4
-
-
 class FamilyPlain(Plain):
     """The plant with the sensor Block for its rubber, differentiated as a whole by CasADi."""
 

@@ -10,7 +10,6 @@ from esea_gen.control.predictive.box_qp import packed
 from esea_gen.control.predictive.box_qp_program import box_qp
 from esea_gen.control.predictive.drive import drive_model, predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
-from esea_gen.control.shown import with_state_as_output
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
@@ -98,22 +97,6 @@ def test_the_bound_of_a_box_qp_on_every_core(core):
     assert none < 0.5 * costs[1]
 
 
-def test_a_box_qp_never_exceeds_its_bound():
-    require_tool("arm-none-eabi-gcc")
-    require_tool("qemu-system-arm")
-    n, rng = 4, np.random.default_rng(0)
-    qp = box_qp(n)
-    rows = []
-    for _ in range(60):
-        a = rng.normal(size=(n, n))
-        h = a @ a.T + 0.01 * np.eye(n)
-        f = h @ rng.normal(size=n) * 3
-        tri = [h[i, j] for i in range(n) for j in range(i + 1)]
-        rows.append([*tri, *f, *[-0.5] * n, *[0.5] * n, *rng.normal(size=n)])
-    seen, _ = seen_on_m4f(qp, np.array(rows))
-    assert seen.max() <= cost_on(qp, "Cortex-M4F").bound.instructions
-
-
 def test_what_cannot_be_bounded_is_an_error(tmp_path):
     require_tool("arm-none-eabi-gcc")
     renderer = render_program(box_qp(3), "f32")
@@ -184,18 +167,6 @@ def test_a_third_derivation_gives_the_same_jacobian(drive, train):
                 for j in range(i + 1):
                     mine[offset + i, j] = simulator.array(name)[packed(i, j)]
         assert np.max(np.abs(mine - jacobian)) < 1e-9 * np.max(np.abs(jacobian))
-
-
-def test_a_state_shown_as_an_output_changes_nothing_else(drive):
-    shown = with_state_as_output(drive.sensor, "play_rad", "play states")
-    one, two = drive.sensor.simulator(), shown.simulator()
-    for k in range(50):
-        u = {"theta_rad": 0.1 * np.sin(0.1 * k), "omega_rad_s": 0.5 * np.cos(0.1 * k)}
-        a, b = one.step(**u), two.step(**u)
-        assert np.array_equal(b.pop("play_rad"), two.state["play_rad"])
-        assert a == b
-    with pytest.raises(ValueError, match="no state"):
-        with_state_as_output(drive.sensor, "tau_Nm", "")
 
 
 def test_the_standard_experiments(drive):

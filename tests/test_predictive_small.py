@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from math import ceil, inf, nan, nextafter
-from types import SimpleNamespace
+from math import inf, nan, nextafter
 
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear
 
-from esea_gen.control.predictive.box_qp import packed
 from esea_gen.control.predictive.horizon import Horizon, Model, Stops, Tape
 from esea_gen.control.predictive.program import FLAGS, predictive_program
 from esea_gen.language.ports import Port, Tunable
-from esea_gen.language.statements import For
 
 BIT = {f.name: 1 << i for i, f in enumerate(FLAGS)}
 U_MAX = 1.5
@@ -87,79 +82,7 @@ def situation(n: int) -> dict:
     }
 
 
-class Typed:
-    """The rollout in floats, each stop operator by itself, as a clip of the stop state."""
-
-    def __init__(self, z: Horizon, given: dict) -> None:
-        self.z, self.given = z, SimpleNamespace(**given)
-
-    def substep(self, s, u, middle_s: float, h: float) -> None:
-        t, push = 3 * middle_s, self.given.push_Nm
-        d = s.d + h * s.v
-        s.e = [float(np.clip(e + d - s.d, -r, r)) for e, r in zip(s.e, R, strict=True)]
-        tau = sum(p * e for p, e in zip(P, s.e, strict=True))
-        force = u + push + 0.4 * t - 2 * push * t - 0.4 * s.v - tau - 3 * d
-        s.d, s.v = d, s.v + h * force
-
-    def residuals(self, plan) -> np.ndarray:
-        z, g = self.z, self.given
-        s = SimpleNamespace(d=g.d_rad, e=list(g.d_rad - g.play_rad))
-        tau = sum(p * e for p, e in zip(P, s.e, strict=True))
-        s.v = g.pair_rad_s[0] - g.pair_rad_s[1] + 0.1 * tau
-        late = ceil(z.delay_s / (z.interval_s / z.substeps) - 1e-9)
-        for _ in range(late):
-            self.substep(s, g.u_now_Nm, z.delay_s / 2, z.delay_s / late)
-        out = []
-        for k in range(z.intervals):
-            u = U_MAX * plan[k]
-            effort = g.lean * (u - 0.5 * s.v)
-            for _ in range(z.substeps):
-                middle = z.delay_s + (k + 0.5) * z.interval_s
-                self.substep(s, u, middle, z.interval_s / z.substeps)
-            out += [30 * (s.d - g.wanted_rad[k]), 0.3 * (s.v - g.held_rad_s), effort]
-        return np.array(out)
-
-    def problem(self, plan) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals and slopes: linear between the stops, so differences are exact."""
-        steps = 1e-6 * np.eye(len(plan))
-        slopes = [(self.residuals(plan + d) - self.residuals(plan - d)) / 2e-6 for d in steps]
-        return self.residuals(plan), np.stack(slopes, axis=1)
-
-
 PERIOD_S = 0.03
-
-
-@pytest.mark.parametrize(
-    "z",
-    [
-        Horizon(3, 0.07, 3, 0.0),
-        Horizon(3, 0.07, 2, 0.02),  # a delay of one step
-        Horizon(4, 0.09, 3, 0.08),  # and of three
-        Horizon(2, 0.02, 1, 0.02),  # an interval shorter than the period
-        Horizon(16, 0.05, 1, 0.01),
-        Horizon(17, 0.05, 1, 0.01),
-    ],
-)
-def test_the_quadratic_program_is_that_of_the_plant(z):
-    n = z.intervals
-    simulator = predictive_program(plant(n), z, period_s=PERIOD_S).simulator()
-    plan = 0.8 * np.cos(2.3 * np.arange(n))
-    simulator.state = {"plan": plan}
-    given = situation(n)
-    out = simulator.step(**given)
-    share = min(1.0, PERIOD_S / z.interval_s)
-    start = np.append(plan[:-1] + share * np.diff(plan), plan[-1])
-    value, slopes = Typed(z, given).problem(start)
-    hessian = [[simulator.array("qp_H")[packed(i, j)] for j in range(n)] for i in range(n)]
-    assert np.array(hessian) == pytest.approx(slopes.T @ slopes, rel=1e-6, abs=1e-6)
-    offset = value - slopes @ start
-    assert simulator.array("qp_f") == pytest.approx(slopes.T @ offset, rel=1e-6, abs=1e-6)
-    best = lsq_linear(slopes, -offset, (-1, 1), tol=1e-14, lsq_solver="exact", method="bvls").x
-    assert simulator.state["plan"] == pytest.approx(best, abs=1e-5)
-    assert out["u_Nm"] == pytest.approx(U_MAX * best[0], abs=1e-5)
-    assert out["status"] == 0
-    assert 0 <= out["residual"] < 1e-8
-    assert (set(simulator.array("qp_low")), set(simulator.array("qp_high"))) == ({-1}, {1})
 
 
 def test_a_plan_is_kept_while_the_law_acts_on_sound_numbers():
@@ -210,41 +133,3 @@ def test_a_command_is_told_with_what_is_known_of_it():
     program = predictive_program(replace(plant(3), **flat), z, period_s=PERIOD_S)
     out = program.simulator().step(**situation(3))
     assert (out["u_Nm"], out["status"] & BIT["NOT_CONVEX"]) == (0, BIT["NOT_CONVEX"])
-
-
-def test_ports_of_the_program():
-    program = predictive_program(plant(3), Horizon(3, 0.07, 2, 0.02), period_s=PERIOD_S)
-    assert [(p.name, p.low, p.high, p.size) for p in program.outputs] == [
-        ("u_Nm", -1.5, 1.5, 1),
-        ("residual", 0.0, 2.0, 1),
-        ("iterations", 0, 1000, 1),
-        ("status", 0, 31, 1),
-    ]
-    assert (program.state[0].name, program.state[0].size) == ("plan", 3)
-    assert [p.name for p in program.inputs] == list(situation(3))
-    assert (program.name, program.period_s) == ("predictive", PERIOD_S)
-    assert list(BIT) == (
-        ["INPUT_INVALID", "STATE_REPAIRED", "NOT_CONVEX", "CAP_REACHED", "NOT_OPTIMAL"]
-    )
-    assert program.outputs[-1].flags == FLAGS
-
-
-def loops(body) -> Iterator[For]:
-    for s in body:
-        if isinstance(s, For):
-            yield s
-        for inner in ("body", "then", "otherwise"):
-            yield from loops(getattr(s, inner, []))
-
-
-@pytest.mark.parametrize(("n", "straight"), [(16, True), (17, False)])
-def test_up_to_sixteen_intervals_what_is_short_is_straight_code(n, straight):
-    program = predictive_program(plant(n), Horizon(n, 0.05, 1, 0.0), period_s=PERIOD_S)
-    gram = list(loops(program.parts["gram"].body))
-    assert len(gram) == 3 * 2 + 1 + 3 + 1 + 3
-    assert {s.unroll for s in gram} == {straight}
-    step = [s for s in loops(program.parts["step"].body) if s.most.constant >= n - 1]
-    kernels = {s.body[0].kernel.name() for s in step if s.unroll and hasattr(s.body[0], "kernel")}
-    short = {"plan_ok", "plan_used", "shift_plan", "fill_qp_low", "fill_qp_high"}
-    short |= {"plan_fine", "plan_next"}
-    assert {k for k in kernels if k in short} == (short if straight else set())

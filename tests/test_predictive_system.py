@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import re
-import subprocess
 
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ from esea_gen.control.predictive.ahead import ahead
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
-from esea_gen.emit.fixed.report import range_report
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device
@@ -33,8 +30,6 @@ from esea_gen.twin.run import compiled_loop, plant_variant, previews, run_case
 from esea_gen.twin.trajectories import Trajectory
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.gates import TARGETS, check_objects
-from esea_gen.verify.mutation.campaign import run_mutation
-from esea_gen.verify.mutation.mutants import mutants
 from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import run_c, run_executor
 from esea_gen.verify.verdict import Verification
@@ -43,10 +38,8 @@ from .conftest import require_tool
 from .proof.sanitize import (
     UNDEFINED,
     GivenRenderer,
-    replay_device,
     standard_error,
     tried_streams,
-    undefined_behaviour,
 )
 
 pytestmark = pytest.mark.ci
@@ -87,34 +80,6 @@ def test_the_parabola_is_the_least_squares_fit():
     future = np.stack([np.ones(11), ahead_s, ahead_s**2], axis=1)
     by_normal_equations = future @ np.linalg.solve(design.T @ design, design.T @ past)
     assert future @ (parabola_weights() @ past) == pytest.approx(by_normal_equations, rel=1e-9)
-
-
-@pytest.mark.parametrize("controller", ["mpc-published", "smc"])
-def test_the_parabola_goes_on_exactly(controller):
-    # At 20 Hz every value counts, at 200 Hz every tenth: 0.05 s apart in both.
-    block = parabola(controller_device(controller))
-    simulator = block.simulator()
-    h = block.period_s
-    f = np.poly1d([0.7, -1.1, 2.0])
-    steps = round(0.6 / h)
-    for k in range(steps):
-        out = simulator.step(tau_h_Nm=f(k * h))
-    now = (steps - 1) * h
-    assert out["status"] == 0
-    assert out["tau_h_fit_Nm"] == pytest.approx(f(now), abs=1e-9)
-    assert out["tau_h_rate_Nm_s"] == pytest.approx(f.deriv()(now), abs=1e-8)
-    assert out["tau_h_curve_Nm_s2"] == pytest.approx(f.deriv(2)(now), abs=1e-7)
-
-
-def test_the_parabola_starts_flat_and_holds_what_was_valid():
-    simulator = parabola(controller_device("mpc-published")).simulator()
-    assert simulator.step(tau_h_Nm=np.nan)["tau_h_fit_Nm"] == 0
-    first = simulator.step(tau_h_Nm=3.0)
-    assert first["tau_h_fit_Nm"] == pytest.approx(3.0)
-    assert abs(first["tau_h_rate_Nm_s"]) < 1e-12
-    held = simulator.step(tau_h_Nm=np.inf)
-    assert held["status"] & 1
-    assert held["tau_h_fit_Nm"] == pytest.approx(3.0)
 
 
 def test_the_parabola_refuses_a_rate_that_does_not_suit():
@@ -171,51 +136,6 @@ def test_a_known_future_starts_where_the_torque_is(small):
     )
     assert (law["Kp_Nm_rad"], law["Kd_Nms_rad"]) == (2.0, 0.25)
     assert law["theta_d_rad"] == pytest.approx(0.5)
-
-
-def test_damping_that_is_added_resists_all_of_the_speed(small):
-    """As a gain, so that it bends with the speed along the horizon; not against the wanted rate."""
-    z = Horizon(4, 0.02, 2, 0.002)
-    simulator = ahead(small, z, given=True, one_layer=True).simulator()
-    ahead_of = AS_IT_IS | {
-        "tau_preview_Nm": np.full(4, 0.5),
-        "theta_preview_rad": np.full(4, 0.5),
-        "omega_preview_rad_s": np.array([0.0, 1.0, 2.0, 3.0]),
-    }
-    for mode, kd in ((1.0, 0.0), (2.0, 0.25)):
-        out = simulator.step(**wanted(mode=mode, damping_Nms_rad=0.1), **ahead_of)
-        assert out["Kd_Nms_rad"] == pytest.approx(kd + 0.1)
-        # What the law does at a speed of 2 rad/s: tau_d + Kd (omega_d - 2), and -0.1 * 2 more.
-        felt = out["tau_d_Nm"] + out["Kd_Nms_rad"] * (out["omega_d_rad_s"] - 2.0)
-        expected = 0.5 + kd * (ahead_of["omega_preview_rad_s"] - 2.0) - 0.2
-        assert felt == pytest.approx(expected)
-
-
-def test_in_two_layers_it_is_a_torque(small):
-    z = Horizon(4, 0.02, 2, 0.002)
-    simulator = ahead(small, z, given=True, one_layer=False).simulator()
-    given = {k: v for k, v in wanted().items() if k not in ("Kp_Nm_rad", "Kd_Nms_rad")}
-    given.pop("theta_load_rad")
-    given |= {"damping_Nms_rad": 0.1, "omega_load_rad_s": 2.0, "tau_set_Nm": 0.7} | AS_IT_IS
-    out = simulator.step(**given, tau_preview_Nm=np.full(4, 0.5))
-    assert out["tau_d_Nm"] == pytest.approx(0.3)
-    # In impedance mode the set torque has it already.
-    law = simulator.step(**(given | {"mode": 2.0}), tau_preview_Nm=np.full(4, 0.5))
-    assert law["tau_d_Nm"] == pytest.approx(0.7)
-
-
-def test_without_a_known_future_the_rate_holds_and_stiffness_has_a_limit(small):
-    z = Horizon(4, 0.02, 2, 0.002)
-    simulator = ahead(small, z, given=False, one_layer=True).simulator()
-    given_now = {"tau_wanted_Nm": 0.3, "theta_wanted_rad": 0.4, "omega_wanted_rad_s": 1.5}
-    out = simulator.step(**wanted(mode=2.0, omega_load_rad_s=1.0), **given_now)
-    ends = np.array(z.ends_s)
-    assert out["theta_d_rad"] == pytest.approx(0.4 + 1.5 * ends)
-    # 2 Nm/rad may ask for 3 Nm: 1.5 rad from where the load side coasts to.
-    far = simulator.step(
-        **wanted(mode=2.0, omega_load_rad_s=1.0), **(given_now | {"theta_wanted_rad": 2.9})
-    )
-    assert far["theta_d_rad"] == pytest.approx(0.4 + ends + 1.5)
 
 
 def test_an_invalid_future_turns_it_off(small):
@@ -384,22 +304,6 @@ def test_the_section_needs_a_drive():
         device(base="elbow")
 
 
-def test_the_emitted_device_is_whole_and_says_what_it_is(small, elbow, tmp_path):
-    gcc = require_tool("gcc")
-    files = render_device(small, ["f32"])[0].files
-    assert "straight-line code" not in files["esea_small.h"]
-    assert "loops of bounded trip count" in files["esea_small.h"]
-    plain = render_device(elbow, ["f32"])[0].files
-    assert "straight-line code" in plain["esea_elbow.h"]
-    for name, text in files.items():
-        (tmp_path / name).write_text(text)
-    sources = sorted(n for n in files if n.endswith(".c"))
-    # The example program checks its own samples.
-    subprocess.run([gcc, "-std=c99", "-O0", "-ffp-contract=off", *sources, "-o", "run", "-lm"],
-                   cwd=tmp_path, check=True)  # fmt: skip
-    subprocess.run(["./run"], cwd=tmp_path, check=True, capture_output=True)
-
-
 def test_the_object_code_passes_the_gates_of_a_drive_with_a_program(small):
     require_tool("arm-none-eabi-gcc")
     report = check_objects(small, "cortex-m4f")
@@ -494,15 +398,6 @@ def test_undefined_behaviour_is_watched(small):
 
 
 @pytest.mark.slow
-def test_every_sanitizer_over_the_whole_device(small):
-    require_tool("gcc")
-    for real in ("f64", "f32"):
-        assert undefined_behaviour(small, real, steps=300).passed
-        run = replay_device(small, real, "address", steps=300)
-        assert run.passed, (run.reports, run.differences)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("controller", ["mpc", "mpc-published"])
 def test_the_shipped_controllers_pass_verification(controller):
     require_tool("gcc")
@@ -542,25 +437,3 @@ def test_a_loop_that_breaks_its_stated_total_is_found(passes, total):
             p.simulator().step(x_Nm=1.0)
     else:
         p.simulator().step(x_Nm=1.0)
-
-
-def test_ranges_cover_the_other_blocks_and_name_the_program(small):
-    system = copy.copy(small.system)
-    system.blocks = {n: small.system.blocks[n] for n in ("joint", "predictive")}
-    report = range_report("small", system)
-    assert [b.name for b in report.blocks] == ["joint"]
-    assert report.to_dict()["not_covered"] == ["predictive"]
-    assert "not covered, a program of loops: predictive" in report.table()
-
-
-def test_the_kernels_of_a_program_are_mutated(small):
-    require_tool("gcc")
-    report = run_mutation(small, "f64", sample=6, seed=2, blocks=["predictive"])
-    assert report.tried == 6
-    assert report.rejected == 0
-    assert report.killed >= 4, [str(m) for m in report.survivors]
-    assert report.contradicted == []
-    program = small.system.blocks["predictive"]
-    named = {m.function for m in mutants(small, "f64") if m.block is program}
-    assert named <= set(program.kernels)
-    assert len(named) > 80  # a copy has no place for a fault

@@ -114,19 +114,6 @@ def test_of_three_conditions_the_one_of_middle_amplitude_judges():
     assert {k for k, v in used(divided(made, Cycles())).items() if v == "judge"} == set("xyz")
 
 
-def test_what_is_said_or_not_of_cycles_alone_stays_as_it_is():
-    three = amplitudes(0.1, 0.2, 0.3)
-    for made, rules in (
-        (amplitudes(0.1, 0.2), Cycles()),
-        (three, Cycles(hold_out_last=1)),
-        ([*three, recording(data("d", ONLY))], Cycles()),
-        ([*three, recording(data("d", BOTH), conditions=("x", "y"))], Cycles()),
-    ):
-        assert divided(made, rules) is made
-    unused = [*three, recording(data("d", UNUSED))]
-    assert {k for k, v in used(divided(unused, Cycles())).items() if v == "judge"} == {"b"}
-
-
 def test_a_condition_that_is_asked_for_judges_if_it_can_be_left_out():
     made = amplitudes(0.1, 0.2)
     assert used(divided(made, Cycles(hold_out="b"))) == {"a": "train", "b": "judge"}

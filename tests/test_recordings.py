@@ -159,15 +159,6 @@ def test_a_wrong_mapping_is_explained(old: str, new: str, parts: list[str]) -> N
     says(caught.value, "map.toml", *parts)
 
 
-def test_rate_terms_take_an_assumed_period() -> None:
-    """And say so: test_family_quality has what becomes of it."""
-    text = MAPPING.replace("rate_terms = false", "rate_terms = true").replace(
-        'time_column = "t"', 'period_s = { value = 0.01, status = "assumed", source = "x" }'
-    )
-    assert parse_mapping(text, "map.toml").device.rate_terms
-    assert parse_mapping(text.replace('"assumed"', '"published"'), "map.toml").device.rate_terms
-
-
 def test_a_missing_mapping_or_folder_is_explained(tmp_path: Path) -> None:
     (tmp_path / "map.toml").write_text(MAPPING)
     with pytest.raises(UserError) as caught:

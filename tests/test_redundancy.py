@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.control.limits.redundancy import redundancy, shares_of_room
+from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.model.gear_encoder import gear_encoder
@@ -96,15 +96,6 @@ def test_a_jump_is_held_and_then_starts_again(drive):
     assert np.all(y["omega_gear_rad_s"] == 0)
 
 
-def test_beyond_the_joints_whole_range_it_is_not_usable(drive):
-    p = np.round(np.arange(600) * 0.95 * FASTEST).astype(int)
-    y = turned(drive, p)
-    beyond = p * RAD > SPAN * RAD + RAD
-    assert beyond.any()
-    assert np.array_equal(y["gear_usable"][1:] == 0, beyond[1:])
-    assert np.max(y["theta_gear_rad"]) <= SPAN * RAD + RAD
-
-
 def test_encoders_whose_turns_cannot_be_counted_are_refused():
     with pytest.raises(UserError, match=r"counts 5\.31e\+07, too many .* 24 bits") as e:
         gear_encoder(mine(f"[actuator]\nencoder_bits = {q(20)}\n"))
@@ -179,27 +170,6 @@ def test_torques_may_be_as_far_apart_as_friction_and_the_rubbers_model_explain(d
     assert y["apart_Nm"][1] == pytest.approx(sign * room, abs=2e-4)
 
 
-def test_a_drive_that_was_moved_hard_may_be_moved_by_a_wrong_inertia(drive):
-    room = 2.2 + 0.35 * 0.663 * 12.0
-    d = (room + np.array([-1e-4, 1e-4])) / 0.663
-    y = compared(drive, d_gear_rad_s2=d, moves_rad_s2=12.0)
-    assert y["agree"].tolist() == [1.0, 0.0]
-    assert y["room_Nm"] == pytest.approx(room)
-
-
-def test_how_hard_the_drive_was_moved_is_remembered_for_a_while(drive):
-    """Speed rises by 10 rad/s^2 for 0.3 s and stays: the lag's step response, then its decay."""
-    t = np.arange(1200) * H
-    omega = 10.0 * np.minimum(t, 0.3)
-    given = {"u_Nm": 0 * t, "omega_gear_rad_s": omega, "tau_Nm": 0 * t}
-    y, _ = gear_observer(drive).simulator().run(given)
-    rising = 10.0 * (1 - np.exp(-20.0 * t))
-    assert y["moves_rad_s2"][1:300] == pytest.approx(rising[1:300], abs=0.01)
-    # A tenth of a second is longer than the lag's 1/20: the memory decays, not the acceleration.
-    falling = rising[300] * np.exp(-(t - 0.3) / 0.1)
-    assert y["moves_rad_s2"][301:] == pytest.approx(falling[301:], rel=0.02)
-
-
 def test_the_zero_is_set_once_and_angles_stay_parted(drive):
     theta = np.array([0.3, 0.3, 0.35, 0.37, 0.37, 0.3])
     y = compared(drive, theta_gear_rad=theta)
@@ -218,18 +188,6 @@ def test_without_an_encoder_nothing_is_vouched_for_and_the_zero_is_set_again(dri
     assert (y["status"].astype(int) & 4 > 0).tolist() == [False, False, True, False, False]
     y = compared(drive, tau_Nm=np.array([0.0, np.nan, 0.0]))
     assert y["agree"].tolist() == [1.0, 0.0, 1.0]
-
-
-def test_shares_of_the_room_are_one_at_the_limit(drive):
-    shown = {
-        "apart_rad": np.array([0.06, -0.03, 0.06 + 4 * (1 / 80 - 1 / 150)]),
-        "apart_Nm": np.array([2.2, -1.1, 3.5]),
-        "room_Nm": np.array([0.0, 2.2, 3.5]),  # 0 before the first run
-        "tau_Nm": np.array([0.0, 0.0, -4.0]),
-    }
-    angle, torque_ = shares_of_room(drive, shown)
-    assert angle == pytest.approx([1.0, 0.5, 1.0])
-    assert torque_ == pytest.approx([1.0, 0.5, 1.0])
 
 
 def test_a_corrupt_memory_vouches_for_nothing(drive):

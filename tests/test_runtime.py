@@ -139,21 +139,6 @@ def test_the_watch_counts(library, given):
     assert watch.n_sense_late == 1
 
 
-def test_times_stand_in_the_header(drive):
-    text = render_device(drive, ["f32"])[0].files["esea_elbow_drive.h"]
-    found = dict(re.findall(r"#define ESEA_ELBOW_DRIVE_(\w+) (\d+)u", text))
-    typed = {
-        "TICK_US": 1000,
-        "SENSE_EVERY": 1, "SENSE_PHASE": 0, "SENSE_RELEASE": 1,
-        "SENSE_PERIOD_US": 1000, "SENSE_DEADLINE_US": 1000,
-        "CONTROL_EVERY": 5, "CONTROL_PHASE": 0, "CONTROL_RELEASE": 1,
-        "CONTROL_PERIOD_US": 5000, "CONTROL_DEADLINE_US": 1000,
-    }  # fmt: skip
-    assert {k: int(found[k]) for k in typed} == typed
-    for fault in Fault:
-        assert int(found[f"FAULT_{fault.name}"]) == fault
-
-
 # -- copies of the state ---------------------------------------------------------------------------
 
 
@@ -406,11 +391,3 @@ def test_tasks_in_threads_give_the_same_bits_and_no_race(drive, library, given, 
     assert done.returncode == 0, done.stderr[:2000]
     assert "WARNING: ThreadSanitizer" not in done.stderr
     assert same(done.stdout.splitlines(), sequential(library, given))
-
-
-@pytest.mark.ci
-def test_without_its_marks_the_race_is_found(drive, library, given, tmp_path):
-    require_tool("gcc")
-    flags = ("-fsanitize=thread", "-g", "-DESEA_FENCE()=(void)0")
-    done = threaded(drive, library, given, tmp_path / "c", *flags)
-    assert "WARNING: ThreadSanitizer: data race" in done.stderr

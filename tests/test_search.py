@@ -6,10 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.drafting import draft
+from esea_gen.identify.published.parameters import bounds_of
 from esea_gen.identify.published.plant import FittedPlant
-from esea_gen.identify.published.search_memo import SearchMemo
+from esea_gen.identify.published.search_memo import HEAD, SearchMemo
 from esea_gen.identify.published.search_problem import Searching, SearchProblem
 from esea_gen.identify.published.searches import (
     SEARCHES,
@@ -17,7 +19,7 @@ from esea_gen.identify.published.searches import (
     search_named,
     threshold_minima,
 )
-from esea_gen.identify.published.space import Space
+from esea_gen.identify.published.space import Space, parameters_of
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.language.block import Block
@@ -278,3 +280,118 @@ def test_minima_along_the_thresholds_are_looked_for_with_the_other_numbers_held(
     points = np.concatenate(asked)
     assert points.min(axis=0) == pytest.approx([0, 2, 4])
     assert points.max(axis=0) == pytest.approx([1, 12, 4])
+
+
+# What a search keeps on the disk.
+
+
+def test_numbers_are_kept_in_memory_and_on_the_disk(tmp_path):
+    path = tmp_path / "deep" / "search.txt"
+    memo = SearchMemo(path)
+    assert HEAD == "esea-gen search 1"
+    assert path.read_text() == "esea-gen search 1\n"
+    memo.put([("x", (0.1, -2)), ("y", np.array([1 / 3, 2.0])), ("z", 7)])
+    memo.put([])
+    memo.put([("x", [5.0])])
+    kept = {"x": (5.0,), "y": (1 / 3, 2.0), "z": (7.0,), "none": None}
+    assert {n: memo.get(n) for n in kept} == kept
+    lines = path.read_text().splitlines()
+    assert lines == [HEAD, '["x", 0.1, -2.0]', f'["y", {1 / 3!r}, 2.0]', '["z", 7.0]', '["x", 5.0]']
+    again = SearchMemo(path)
+    assert {n: again.get(n) for n in kept} == kept
+    own = SearchMemo()
+    own.put([("x", (1.5,))])
+    assert own.get("x") == (1.5,)
+
+
+@pytest.mark.parametrize(
+    ("left", "kept", "known"),
+    [
+        ("", f"{HEAD}\n", None),
+        ("esea-g", f"{HEAD}\n", None),
+        (HEAD, f"{HEAD}\n", None),
+        (f'{HEAD}\n["x", 1.5]\n["y", 2', f'{HEAD}\n["x", 1.5]\n', (1.5,)),
+        (f'{HEAD}\n\n["x", 1.5]\n', f'{HEAD}\n\n["x", 1.5]\n', (1.5,)),
+        (f'{HEAD}\n["y"]\n', f'{HEAD}\n["y"]\n', None),
+    ],
+)
+def test_a_torn_end_is_cut_off(tmp_path, left, kept, known):
+    path = tmp_path / "search.txt"
+    path.write_text(left)
+    assert SearchMemo(path).get("x") == known
+    assert path.read_text() == kept
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("esea-gen search 2\n", "is no record of a search"),
+        ("t,x,y\n1,2,3\n", "is no record of a search"),
+        (f'{HEAD}\n["x", 1.5]\n["y", "two"]\n', "line 3: is damaged"),
+        (f"{HEAD}\n7\n", "line 2: is damaged"),
+        (f'{HEAD}\n["x", null]\n', "line 2: is damaged"),
+        (f'{HEAD}\n["x", 1\n', "line 2: is damaged"),
+    ],
+)
+def test_what_is_no_record_is_refused_and_left_as_it_is(tmp_path, text, words):
+    path = tmp_path / "search.txt"
+    path.write_text(text)
+    with pytest.raises(UserError, match=words) as refused:
+        SearchMemo(path)
+    assert "Name another file for --resume." in str(refused.value)
+    assert path.read_text() == text
+
+
+def test_what_cannot_be_written_is_refused(tmp_path):
+    with pytest.raises(UserError, match="cannot be used"):
+        SearchMemo(tmp_path)
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(UserError, match="cannot be used"):
+        SearchMemo(tmp_path / "file" / "below")
+
+
+# From searched numbers to a file's parameters.
+
+LINEAR = np.array([12.0, 90.0, 40.0, 5.0])
+X = np.array([math.log(0.01), 0.7, math.log(0.5), math.log(20.0), 1.5, math.log(4.0), 0.6])
+
+
+@pytest.mark.parametrize(
+    ("kv", "share", "dropped"),
+    [
+        (5.0, 1e-4, False),
+        (5.0, 0.999e-4, True),
+        (0.0, 0.5, True),
+        (-1.0, 0.5, True),
+        (1e-3, 0.5, False),
+    ],
+)
+def test_a_maxwell_element_that_carries_next_to_nothing_is_left_out(kv, share, dropped):
+    space = Space(True, 0.2, 3.0, 10.0)
+    values, left_out = parameters_of(space, X, np.array([*LINEAR[:3], kv]), share)
+    assert left_out is dropped
+    assert ("kv_Nm_rad" in values) is not dropped
+    # One that was not asked for is not left out.
+    assert parameters_of(Space(False, 0.2, 3.0, 10.0), X[:2], LINEAR[:3], share)[1] is False
+
+
+def test_parameters_are_cut_to_the_files_bounds():
+    space = Space(False, 0.2, 3.0, 10.0)
+    values, _ = parameters_of(space, X[:2], np.array([1e9, -1.0, 40.0]), 0.0)
+    assert values["k1_Nm_rad"] == bounds_of("k1_Nm_rad")[1]
+    assert values["k3_Nm_rad3"] == bounds_of("k3_Nm_rad3")[0]
+    assert values["alpha_Nm_rad"] == 40
+
+
+def test_slopes_of_the_shape_are_those_by_differences():
+    space, h = Space(True, 0.2, 3.0, 10.0), 1e-6
+    slopes = space.shape_slopes(X)
+    for i in range(len(X)):
+        step = h * np.eye(len(X))[i]
+        up, down = space.shape(X + step), space.shape(X - step)
+        for key in up:
+            by = (up[key] - down[key]) / (2 * h)
+            assert slopes.get(key, {}).get(i, 0.0) == pytest.approx(by, rel=1e-6, abs=1e-7), (
+                key,
+                i,
+            )

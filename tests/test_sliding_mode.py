@@ -20,16 +20,8 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.stream import SPECIAL
 from esea_gen.language.system import System, Task
-from esea_gen.model.inverse import exact_inverse
-from esea_gen.observe.disturbance import drive_observer
-from esea_gen.observe.rates import motor_rate
-from esea_gen.verify.bounds import bounds_or_rule
-from esea_gen.verify.compare import compare
-from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
-from esea_gen.verify.streams import streams
 
 from .conftest import require_tool
-from .test_elastomer import P as RUBBER
 
 H, TS = 1e-3, 5e-3
 N, J, FV, FC, WIDTH, TAU_C, JH, U_MAX = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.22, 0.221
@@ -62,11 +54,8 @@ def beside(*blocks) -> System:
 def libraries(drive):
     require_tool("gcc")
     fast = beside(reference(drive), setpoint_rates(drive))
-    return {
-        (kind, real): compile_system(system, real)
-        for real in ("f64", "f32")
-        for kind, system in (("fast", fast), ("slow", beside(sliding_mode(drive))))
-    }
+    slow = beside(sliding_mode(drive))
+    return {k: compile_system(s, "f32") for k, s in (("fast", fast), ("slow", slow))}
 
 
 def bits(block) -> SimpleNamespace:
@@ -119,7 +108,7 @@ def test_equivalent_control_and_gain_as_typed(drive, printed, which):
     lam, lead = GAINS[which]
     simulator = block.simulator({} if which == "printed" else {"softening": which == "softened"})
     left = clipped = 0
-    for _ in range(400):
+    for _ in range(150):
         u = random_inputs(rng, block)
         integral = rng.uniform(-4, 4)
         simulator.state = {"active": 1.0, "integral_rad_s": integral, "offset_Nm": 0.0}
@@ -142,8 +131,8 @@ def test_equivalent_control_and_gain_as_typed(drive, printed, which):
         assert bool(y["status"] & bits(block).SATURATED) == saturated
         assert bool(y["status"] & bits(block).LAYER_LEFT) == beyond
         left, clipped = left + beyond, clipped + saturated
-    assert 50 < left < 390
-    assert clipped > 5
+    assert 20 < left < 146
+    assert clipped > 2
 
 
 def test_printed_law_knows_no_acceleration_lag_or_person(printed):
@@ -234,7 +223,7 @@ def test_sliding_condition_holds_for_every_plant_inside_the_bounds(drive):
     # The condition is of the measured rate's friction.
     simulator = block.simulator({"friction_ahead": 0.0, "softening": 0.0})
     worst, broken = -np.inf, 0
-    for _ in range(3000):
+    for _ in range(1500):
         s, slope = slope_of_surface(rng, block, simulator, 1.0)
         if abs(s) > 1.5:
             worst = max(worst, slope * np.sign(s))
@@ -242,53 +231,7 @@ def test_sliding_condition_holds_for_every_plant_inside_the_bounds(drive):
         broken += bool(abs(s) > 1.5 and slope * s > 0)
     # J_true s' sign(s) <= -J_max eta, so that s s' <= -eta |s|.
     assert worst <= -0.001 * (J + 0.05) + 1e-12
-    assert broken > 30  # beyond the bounds it does not hold: the check can fail
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_surface_is_reached_along_trajectories(drive, seed):
-    # The loop at 200 Hz on plants with every number at the end of its uncertainty; the motor
-    # follows its command, as (5.16) has it.  From a surface far outside the layer.
-    rng = np.random.default_rng(seed)
-    sign = rng.choice([-1, 1], 3)
-    inertia, fv, fc = J + 0.05 * sign[0], FV * (1 + 0.25 * sign[1]), FC * (1 + 0.25 * sign[2])
-    block = sliding_mode(drive, lead=1.0)
-    simulator = block.simulator({"load_share": 0.0, "friction_ahead": 0.0, "softening": 0.0})
-    start = float(rng.choice([-1, 1]) * 4.0)
-    theta, omega, s, slope, w = 0.0, 0.12 * np.pi, [], [], 1.2 * np.pi
-    for k in range(1600):
-        t = k * TS
-        u = inputs_of(
-            block,
-            delta_set_rad=0.1 * math.sin(w * t),
-            delta_rate_rad_s=0.1 * w * math.cos(w * t),
-            delta_acc_rad_s2=-0.1 * w * w * math.sin(w * t),
-            theta_rad=theta,
-            omega_motor_rad_s=omega,
-            tau_Nm=12.0 * theta,
-        )
-        if k == 1:
-            simulator.state = simulator.state | {"integral_rad_s": start, "offset_Nm": 0.0}
-        y = simulator.step(**u)
-        friction = fv * omega + fc * math.tanh(omega / WIDTH)
-        omega_dot = (N * y["u_command_Nm"] - friction - 12.0 * theta) / inertia
-        e, de = u["delta_set_rad"] - theta, u["delta_rate_rad_s"] - omega
-        s.append(y["s_rad_s"])
-        slope.append(u["delta_acc_rad_s2"] - omega_dot + 30.0 * de + 225.0 * e)
-        for _ in range(10):
-            friction = fv * omega + fc * math.tanh(omega / WIDTH)
-            omega += 5e-4 * (N * y["u_command_Nm"] - friction - 12.0 * theta) / inertia
-            theta += 5e-4 * omega
-    s, slope = np.array(s[1:]), np.array(slope[1:])
-    beyond = np.abs(s) > 1.5
-    assert np.count_nonzero(beyond) > 1000
-    # s s' < -eta |s| wherever a command is given outside the layer ...
-    assert np.max((slope * np.sign(s))[beyond]) < -0.001
-    # ... so that a cycle ends nearer than it began; within a step the held command may let |s|
-    # rise by what the wanted acceleration changes, 2 mrad/s at most.
-    cycle = round(1 / 0.6 / TS)
-    assert np.all(np.abs(s[cycle:]) < np.abs(s[:-cycle]))
-    assert np.max(np.diff(np.abs(s))[beyond[:-1]]) < 0.005
+    assert broken > 15  # beyond the bounds it does not hold: the check can fail
 
 
 def test_off_asks_for_nothing_and_entry_is_bumpless(drive):
@@ -317,22 +260,6 @@ def test_off_asks_for_nothing_and_entry_is_bumpless(drive):
     y = simulator.step(**inputs_of(block))
     assert y["u_command_Nm"] == 0
     assert y["s_rad_s"] == 0
-
-
-@pytest.mark.parametrize("bad", SPECIAL)
-def test_an_invalid_input_asks_for_nothing(drive, bad):
-    block = sliding_mode(drive)
-    for name in [p.name for p in block.inputs]:
-        simulator = block.simulator()
-        good = inputs_of(block, delta_set_rad=0.01, tau_Nm=0.5)
-        for _ in range(10):
-            assert simulator.step(**good)["status"] & bits(block).ACTIVE
-        y = simulator.step(**(good | {name: bad}))
-        assert y["u_command_Nm"] == 0
-        assert y["status"] == bits(block).INPUT_INVALID
-        y = simulator.step(**good)
-        assert y["status"] & bits(block).ENTERED
-        assert y["u_command_Nm"] == pytest.approx(0, abs=1e-12)
 
 
 def test_integral_rests_while_the_command_is_held_back(drive):
@@ -428,264 +355,14 @@ def test_a_released_set_point_never_comes_back(drive):
         assert simulator.step(**u) == fresh.step(**u)
 
 
-@pytest.mark.parametrize("bad", SPECIAL)
-def test_an_invalid_input_is_off_and_holds(drive, bad):
-    block = reference(drive)
-    for name in [p.name for p in block.inputs]:
-        simulator = block.simulator()
-        good = inputs_of(block, tau_desired_Nm=1.0, tau_Nm=0.9)
-        before = [simulator.step(**good) for _ in range(100)][-1]
-        y = simulator.step(**(good | {name: bad}))
-        assert y["mode"] == 0
-        assert y["request_ok"] == 0
-        assert y["tau_set_Nm"] == before["tau_set_Nm"]
-        y = simulator.step(**good)
-        assert y["mode"] == 1
-        assert y["request_ok"] == 1
-        assert y["tau_set_Nm"] == pytest.approx(0.9)
-
-
-def test_range_of_the_set_torque(drive):
-    block = reference(drive)
-    simulator = block.simulator({"tau_range_Nm": 2.0})
-    for sign in (1, -1):
-        for _ in range(3000):
-            y = simulator.step(**inputs_of(block, tau_desired_Nm=4.0 * sign))
-        assert y["tau_set_Nm"] == 2.0 * sign
-        assert y["status"] & bits(block).CLIPPED
-    tunable = {t.name: t for t in block.tunables}["tau_range_Nm"]
-    assert tunable.high == pytest.approx(4.47)
-    with pytest.raises(ValueError, match="outside"):
-        block.simulator({"tau_range_Nm": 5.0})
-
-
-@given(st.floats(0, 2))
-@settings(max_examples=30)
-def test_mode_is_rounded(libraries, mode):
-    block = libraries["fast", "f64"].system.blocks["reference"]
-    y = block.simulator().step(**inputs_of(block, mode=mode))
-    assert y["mode"] == (2 if mode > 1.5 else 1 if mode > 0.5 else 0)
-
-
-# -- rates of the set-point -----------------------------------------------------------------------
-
-
-def test_observer_follows_a_parabola_without_error(drive):
-    t = np.arange(600) * H
-    delta = 0.05 + 0.2 * t - 0.6 * t**2 / 2
-    y, _ = setpoint_rates(drive).simulator().run({"theta_set_rad": delta})
-    assert y["delta_set_rad"][-100:] == pytest.approx(delta[-100:], abs=1e-7)
-    assert y["delta_rate_rad_s"][-100:] == pytest.approx(0.2 - 0.6 * t[-100:], abs=1e-5)
-    assert y["delta_acc_rad_s2"][-100:] == pytest.approx(-0.6, abs=1e-3)
-
-
-def test_plain_differences_are_numpys(drive):
-    t = np.arange(500) * H
-    delta = 0.1 * np.sin(2 * np.pi * 2 * t)
-    block = setpoint_rates(drive, "differences")
-    y, _ = block.simulator().run({"theta_set_rad": delta})
-    assert y["delta_rate_rad_s"][1:] == pytest.approx(np.diff(delta) / H, abs=1e-9)
-    assert y["delta_acc_rad_s2"][2:] == pytest.approx(np.diff(delta, 2) / H**2, abs=1e-6)
-    assert y["delta_acc_rad_s2"][:2] == pytest.approx(0)
-    with pytest.raises(ValueError, match="kind must be one of"):
-        setpoint_rates(drive, "spline")  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("kind", ["observer", "differences"])
-def test_an_invalid_set_point_is_held_at_rest(drive, kind):
-    block = setpoint_rates(drive, kind)
-    simulator = block.simulator()
-    for k in range(200):
-        simulator.step(theta_set_rad=0.05 + 0.3 * k * H)
-    y = simulator.step(theta_set_rad=np.nan)
-    assert y["delta_set_rad"] == pytest.approx(0.05 + 0.3 * 0.199)
-    assert y["delta_rate_rad_s"] == 0
-    assert y["status"] & 1
-
-
-# -- closed loop ----------------------------------------------------------------------------------
-
-
-def loop_system(device: Device) -> System:
-    """Fixed output, true torque for the sensor: rates, set torque, inverse, control."""
-    rate = motor_rate(device)
-    blocks = {
-        "motor_rate": rate,
-        "reference": reference(device),
-        "inverse": exact_inverse(device),
-        "setpoint": setpoint_rates(device),
-        "set_rate": rate,
-        "drive": drive_observer(device),
-        "sliding": sliding_mode(device),
-    }
-    wires = {
-        "inverse.tau_Nm": "reference.tau_set_Nm",
-        "setpoint.theta_set_rad": "inverse.theta_rad",
-        "set_rate.theta_rad": "inverse.theta_rad",
-        "drive.omega_motor_rad_s": "motor_rate.omega_rad_s",
-        "drive.u_Nm": "sliding.u_command_Nm",
-        "sliding.delta_set_rad": "setpoint.delta_set_rad",
-        "sliding.delta_rate_rad_s": "set_rate.omega_rad_s",
-        "sliding.delta_acc_rad_s2": "setpoint.delta_acc_rad_s2",
-        "sliding.omega_motor_rad_s": "motor_rate.omega_rad_s",
-        "sliding.d4_rad_s2": "drive.d4_rad_s2",
-        "sliding.u_a_Nm": "drive.u_a_Nm",
-        "sliding.mode": "reference.mode",
-    }
-    inputs = {
-        "theta_motor_rad": ("motor_rate.theta_rad",),
-        "tau_Nm": ("reference.tau_Nm", "drive.tau_Nm"),
-        "tau_desired_Nm": ("reference.tau_desired_Nm",),
-        "wish_gain": ("reference.wish_gain",),
-        "wish_shift_Nm": ("reference.wish_shift_Nm",),
-        "mode": ("reference.mode",),
-        "theta_load_rad": ("reference.theta_load_rad",),
-        "omega_load_rad_s": ("reference.omega_load_rad_s",),
-        "theta_desired_rad": ("reference.theta_desired_rad",),
-        "omega_desired_rad_s": ("reference.omega_desired_rad_s",),
-        "theta_rad": ("sliding.theta_rad",),
-        "u_applied_Nm": ("sliding.u_applied_Nm",),
-        "rate_of_load_rad_s": ("sliding.omega_load_rad_s",),
-        "tau_e_Nm": ("sliding.tau_Nm",),
-        "tau_h_Nm": ("sliding.tau_h_Nm",),
-    }
-    sense = tuple(n for n in blocks if n != "sliding")
-    tasks = (Task("sense", sense), Task("control", ("sliding",), every=5, release=1))
-    return System("loop", H, blocks, tasks, wires, inputs, {"u_Nm": "sliding.u_command_Nm"})
-
-
-class Rubber:
-    """The elastomer of spec 3 in plain floats, at the plant's step."""
-
-    def __init__(self) -> None:
-        self.r = RUBBER["omega"] * np.arange(1, 11)
-        self.weight = RUBBER["alpha"] * np.exp(-RUBBER["beta"] * self.r)
-        self.play, self.tau_r = np.zeros(10), 0.0
-
-    def torque(self, theta: float, omega: float, h: float) -> float:
-        p = RUBBER
-        self.play = np.clip(self.play, theta - self.r, theta + self.r)
-        gain = p["A"] * abs(theta) ** p["m"] + p["eps1"]
-        x = h * p["kv"] * (p["B"] * abs(omega) ** p["n"] + p["eps2"]) / gain
-        self.tau_r = self.tau_r * math.exp(-x) + p["kv"] * omega * h * -math.expm1(-x) / x
-        hysteresis = float(self.weight @ (theta - self.play))
-        return p["k3"] * theta**3 + p["k1"] * theta + self.tau_r + hysteresis
-
-
-def closed_loop(device: Device, seconds: float, counts: int) -> tuple[np.ndarray, np.ndarray]:
-    """1.7 Nm at 0.6 Hz, output fixed, nominal plant at 0.1 ms: true torque error and command."""
-    system = loop_system(device)
-    controller = system.simulator()
-    rubber, lsb = Rubber(), 2 * math.pi / counts
-    theta = omega = u_a = tau = u = sent = 0.0
-    last = (0.0, 0.0)
-    error, command = [], []
-    for k in range(int(seconds / H)):
-        wanted = 1.7 * math.sin(2 * math.pi * 0.6 * k * H)
-        seen = math.floor(theta / lsb) * lsb
-        zero = dict.fromkeys(("theta_load_rad", "omega_load_rad_s"), 0.0)
-        zero |= dict.fromkeys(("theta_desired_rad", "omega_desired_rad_s"), 0.0)
-        zero |= {"wish_gain": 1.0, "wish_shift_Nm": 0.0}  # the rubber is its model
-        controller.release(k)
-        if k % 5 == 1:
-            u = sent
-        controller.step(
-            "sense", theta_motor_rad=seen, tau_Nm=tau, tau_desired_Nm=wanted, mode=1.0, **zero
-        )
-        if k % 5 == 0:
-            sent = controller.step(
-                "control",
-                theta_rad=last[0],
-                tau_e_Nm=last[1],
-                tau_h_Nm=-last[1],  # a fixed output holds against the coupling
-                u_applied_Nm=u,
-                rate_of_load_rad_s=0.0,
-            )["u_Nm"]
-        last = (seen, tau)
-        error.append(tau - wanted)
-        command.append(u)
-        for _ in range(10):
-            u_a += (u - u_a) * 1e-4 / TAU_C
-            friction = FV * omega + FC * math.tanh(omega / 0.02)
-            omega += 1e-4 * (N * u_a - friction - tau) / J
-            theta += 1e-4 * omega
-            tau = rubber.torque(theta, omega, 1e-4)
-    return np.array(error), np.array(command)
-
-
-def test_tuning_case_in_closed_loop(drive):
-    error, command = closed_loop(drive, 5.0, 4096)
-    settled = error[1667:]
-    assert np.sqrt(np.mean(settled**2)) < 0.1  # 0.07 measured; 0.2 is the limit asked for
-    assert np.max(np.abs(settled)) < 0.3
-    # No limit cycle: above 5 Hz there is less than the 12-bit counts alone make of it.
-    spectrum = np.abs(np.fft.rfft(settled * np.hanning(len(settled)))) / len(settled)
-    f = np.fft.rfftfreq(len(settled), H)
-    assert np.sqrt(np.sum(spectrum[f > 5] ** 2)) < 0.03
-    assert np.max(np.abs(command[1667:])) < 0.9 * U_MAX
-
-
-def test_as_printed_is_worse_in_the_same_loop(drive, printed):
-    ours, _ = closed_loop(drive, 3.4, 2**17)
-    theirs, _ = closed_loop(printed, 3.4, 2**17)
-    rms = [np.sqrt(np.mean(e[1667:] ** 2)) for e in (ours, theirs)]
-    assert rms[0] < 0.4 * rms[1]
-    assert 0.1 < rms[1] < 0.6
-
-
 # -- C --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["reference", "setpoint_rates", "sliding_mode"])
-def test_c_is_the_symbolic_block(drive, libraries, name):
-    kind = "slow" if name == "sliding_mode" else "fast"
-    double, single = libraries[kind, "f64"], libraries[kind, "f32"]
-    system = double.system
-    block = system.blocks[name]
-    bounds, rule = ({}, None) if kind == "slow" else bounds_or_rule(drive, block)
-    oracle = CasadiOracle(system)
-    for stream in streams(block, steps=800):
-        result = compare(drive, block, double, stream, {}, oracle)
-        assert result.passed, (stream.name, result.problems)
-        assert result.bit_identical
-        y, s = run_c(single.block(name), stream)
-        assert all(np.all(np.isfinite(v)) for v in (*y.values(), *s.values()))
-        if kind == "slow":
-            expected, _ = run_symbolic(block, stream)
-            differs = y["status"].astype(int) ^ expected["status"].astype(int)
-            assert not np.any(differs & 3), stream.name
-        else:
-            result = compare(drive, block, single, stream, bounds, None, rule)
-            assert result.passed, (stream.name, result.problems)
-
-
-def test_f32_law_stays_with_f64_from_the_same_memory(drive, libraries):
-    # An integral adds its rounding up, so the two are compared step by step from one memory.
-    block = libraries["slow", "f64"].system.blocks["sliding_mode"]
-    rng = np.random.default_rng(8)
-    runners = {r: libraries["slow", r].block("sliding_mode") for r in ("f64", "f32")}
-    worst = 0.0
-    for _ in range(500):
-        u = {k: float(np.float32(v)) for k, v in random_inputs(rng, block).items()}
-        memory = {"active": 1.0, "integral_rad_s": float(np.float32(rng.uniform(-3, 3)))}
-        got = {}
-        for real, runner in runners.items():
-            runner.reset()
-            state = runner.state
-            for key, value in memory.items():
-                state[key] = value
-            runner.state = state
-            got[real] = runner.step(**u)
-        for key in ("u_command_Nm", "u_eq_Nm", "k_smc_Nm"):
-            worst = max(worst, abs(float(got["f64"][key]) - float(got["f32"][key])))
-    assert worst < 2e-6
-
-
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(data=st.data())
 @pytest.mark.parametrize("name", ["reference", "setpoint_rates", "sliding_mode"])
 def test_any_input_and_state_gives_numbers_in_range(libraries, name, data):
-    library = libraries["slow" if name == "sliding_mode" else "fast", "f32"]
+    library = libraries["slow" if name == "sliding_mode" else "fast"]
     block, runner = library.system.blocks[name], library.block(name)
     value = st.one_of(st.sampled_from(SPECIAL), st.floats(-30, 30, width=32))
     inputs = {p.name: data.draw(st.lists(value, min_size=5, max_size=5)) for p in block.inputs}

@@ -75,6 +75,12 @@ def test_a_step_softens_nothing_and_a_swing_is_forgotten(drive):
 LIGHT_AND_LATE = (0, 16, 36, 71)
 
 
+RANDOM = {
+    **{"controller": "smc", "plant": "random", "person": "none", "real": "f32"},
+    "off": "random",
+}
+
+
 def test_light_and_late_drives_do_not_swing(drive):
     require_tool("gcc")
     case = load_study("tuning", ClosedLoopStudy).cases()[0]
@@ -82,9 +88,7 @@ def test_light_and_late_drives_do_not_swing(drive):
     for softening in (0.0, 1.0):
         tunables = {"smc": {"softening": softening}}
         above[softening] = [
-            simulate_case(
-                "tuning", case.name, k, "smc", "random", "none", "f32", tunables, "", "random"
-            )["rms_above_4Hz_Nm"]
+            simulate_case("tuning", case.name, k, tunables=tunables, **RANDOM)["rms_above_4Hz_Nm"]
             for k in LIGHT_AND_LATE
         ]
     assert min(above[0.0]) > SWINGING_NM > max(above[1.0])

@@ -11,9 +11,9 @@ from hypothesis import assume, settings
 from hypothesis import given as drawn
 from hypothesis import strategies as st
 
-from esea_gen.emit.error_bounds import FloatArithmetic
+from esea_gen.emit.error_bounds import FloatRounding
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.spans import Arithmetic, RangeError, Span, propagate, span
+from esea_gen.emit.spans import RangeError, Rounding, Span, propagate, span
 from esea_gen.emit.walker import walk
 
 F32, F64 = FORMATS["f32"], FORMATS["f64"]
@@ -21,7 +21,7 @@ X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 U = 2.0**-24
 
 
-class Exact(Arithmetic):
+class Exact(Rounding):
     """Operations that round nothing: what is left is what the operands' errors make."""
 
     exponent_off = 0.0
@@ -43,8 +43,8 @@ def given(low: float, high: float, a: float = 0.0, r: float = 0.0, whole: bool =
 def result(expression, *spans: Span, fmt=None, **more) -> tuple[Span, tuple[str, ...]]:
     """Span of an expression of x and y, and what it takes for granted."""
     kernel = walk(ca.Function("f", [X, Y][: len(spans)], [expression]))
-    arithmetic = Exact(kernel) if fmt is None else FloatArithmetic(kernel, fmt)
-    values, assumed = propagate(arithmetic, [[s] for s in spans], **more)
+    rounding = Exact(kernel) if fmt is None else FloatRounding(kernel, fmt)
+    values, assumed = propagate(rounding, [[s] for s in spans], **more)
     return values[kernel.results[0][0]], assumed
 
 
@@ -118,7 +118,7 @@ def test_the_bound_holds_for_any_expression(tree, centre, width):
     kernel = walk(ca.Function("f", [x], [build(tree, x)]))
     ranges = [[given(c - width, c + width) for c in centre]]
     try:
-        values, _ = propagate(FloatArithmetic(kernel, F32), ranges)
+        values, _ = propagate(FloatRounding(kernel, F32), ranges)
     except RangeError:
         assume(False)
     bound = values[kernel.results[0][0]]

@@ -147,6 +147,8 @@ def test_a_twentieth_of_a_step_is_a_response(sign):
 
 
 def test_steps_that_cannot_be_judged_are_refused():
+    with pytest.raises(UserError, match="is not after"):
+        step_metrics(np.concatenate([T[:20], T[10:]]), np.zeros(60), step_s=0.0)
     with pytest.raises(UserError, match=r"response: shape \(49,\), time has \(50,\)"):
         step_metrics(T, GOOD[1:], step_s=0.0)
     for wrong, words in (

@@ -23,7 +23,7 @@ from .conftest import require_tool
 
 EMPTY, LOADED, OTHER_LAYOUT, OTHER_DEVICE = range(4)
 # parameters, encoders; lives of couplings, with their classes and points
-SMALL, WHOLE = (4, 2, 1, 3, 2), (160, 4, 4, 48, 64)
+SMALL = (4, 2, 1, 3, 2)
 HEAD, LAST = 24, 4
 
 
@@ -152,11 +152,6 @@ def library(tmp_path_factory):
     return build(tmp_path_factory.mktemp("store"), SMALL)
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    return build(tmp_path_factory.mktemp("store"), WHOLE)
-
-
 def a_set(number: int, count: int = 4) -> dict[int, float]:
     return {0x1000 * k + 7: number + k / 4 for k in range(count)}
 
@@ -247,18 +242,6 @@ def test_a_power_cut_at_any_unit_leaves_the_old_set_or_the_new_one(library, unit
     assert 1 <= found["new"] <= 3
     cut = flash.slot + (len(flash.areas[0]) if saves % slots == 0 else 0)
     assert found["old"] >= cut // unit - 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("saves", range(3))
-def test_a_power_cut_at_any_byte_of_a_whole_set(whole, saves):
-    flash = Flash(whole, 1)
-    store = Store(flash)
-    old = {}
-    for number in range(saves):
-        old = a_set(number, 160)
-        assert store.save(old)
-    assert cut_everywhere(flash, old, a_set(77, 160))["old"] > flash.slot
 
 
 @pytest.mark.parametrize("saves", [1, 2, 3])
@@ -376,13 +359,6 @@ def test_what_cannot_be_saved_changes_nothing(library, values):
     assert not store.lib.esea_store_save(store.c, pairs, len(values))
     assert store.load() == a_set(1)
     assert [bytes(a) for a in flash.areas] == before
-
-
-def test_no_more_is_loaded_than_there_is_room_for(library):
-    store = Store(Flash(library))
-    assert store.save(a_set(1))
-    assert store.load(2) == dict(list(a_set(1).items())[:2])
-    assert store.load(0) == {}
 
 
 def test_a_flash_that_does_not_take_it_leaves_the_old_set(library):

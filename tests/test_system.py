@@ -130,30 +130,10 @@ def test_latched_values_do_not_depend_on_preemption(release):
 def test_the_c_does_what_the_symbolic_system_does(real: str, gain: bool, lateness: int):
     require_tool("gcc")
     system = two_rates(3, gain)
-    library = compile_system(system, real)
-    quick, lazy = library.task("quick"), library.task("lazy")
-    lazy._state = quick._state  # one instance, two tasks
-
-    def c_step(task: str, **inputs):
-        runner = quick if task == "quick" else lazy
-        if task == "lazy":
-            packed = np.zeros(1, lazy._in_type)
-            out = np.zeros(1, lazy._out_type)
-            library.lib.esea_twotasks_lazy_step(
-                *lazy._coeffs,
-                lazy._cast("esea_twotasks_state_t", quick._state),
-                lazy._cast("esea_twotasks_lazy_in_t", packed),
-                lazy._cast("esea_twotasks_lazy_out_t", out),
-            )
-            return {"slow_y": out["slow_y"][0]}
-        return runner.step(**inputs)
-
-    def c_release(tick: int) -> None:
-        library.lib.esea_twotasks_release(quick._cast("esea_twotasks_state_t", quick._state), tick)
-
+    board = compile_system(system, real).board()
     simulator = system.simulator()
     expected = run(simulator.step, simulator.release, 0)
-    got = run(c_step, c_release, lateness)
+    got = run(board.step, board.release, lateness)
     for a, b in zip(expected, got, strict=True):
         assert a["y"] == b["y"]
         assert np.array_equal(a["both"], b["both"])

@@ -176,6 +176,7 @@ def test_whatever_a_file_holds_it_is_read_or_refused(raw):
 def test_the_kind_is_told_by_the_content():
     table = read(parquet(T, names=["x"]))
     assert (table.form.kind, table.numbers("x").tolist()) == ("parquet", T.tolist())
+    assert read(mat(x=X)).numbers("x").tolist() == X.tolist()  # from a process of its own
     for kind, said in (("csv", "is a parquet file, but it is read as csv"), ("json", "as json")):
         with pytest.raises(UserError, match=said):
             read(b"PAR1", form=TableFormat(kind=kind))
@@ -218,6 +219,12 @@ def hdf5(**content) -> bytes:
     return file.getvalue()
 
 
+@pytest.fixture
+def here(monkeypatch):
+    """MATLAB files are read in this process: starting another one takes a second."""
+    monkeypatch.setattr(structured, "apart", structured.mat_content)
+
+
 def mat(**content) -> bytes:
     file = io.BytesIO()
     scipy.io.savemat(file, content)
@@ -242,6 +249,7 @@ T, X = np.arange(3.0), np.array([1.5, 2, 4])
 ROWS = [{"t": t, "x": x} for t, x in zip(T.tolist(), X.tolist(), strict=True)]
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("kind", "raw", "path"),
     [
@@ -268,6 +276,7 @@ def test_fields_of_structs_are_columns(kind, raw, path):
             read(raw(), "s", form=TableFormat(kind=kind))
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("kind", "raw"),
     [
@@ -284,6 +293,7 @@ def test_one_row_is_a_table(kind, raw):
         assert (len(table), table.numbers("x").tolist(), table.left_out) == (1, [2], ())
 
 
+@pytest.mark.usefixtures("here")
 def test_a_single_value_beside_vectors_is_no_column():
     table = read(mat(x=X, n=5.0))
     assert (table.names, table.left_out) == (("x",), ("'n', not columns",))
@@ -322,6 +332,7 @@ def test_what_unpacks_to_too_much_is_refused(monkeypatch):
 BIG = 2**53 + 1
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("kind", "raw", "said"),
     [

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import select
 import socket
 import subprocess
 import sys
 import threading
 import time
+import tty
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -37,6 +41,21 @@ def elbow():
 def native(elbow, tmp_path_factory):
     require_tool("gcc")
     return build_firmware(elbow, "host", tmp_path_factory.mktemp("host"))
+
+
+@contextmanager
+def opened():
+    """A terminal: our end, and the name of the other, which is held open."""
+    ours, theirs = os.openpty()
+    for end in (ours, theirs):
+        tty.setraw(end)
+    yield ours, os.ttyname(theirs)
+    for end in (ours, theirs):
+        os.close(end)
+
+
+def heard(end, timeout_s=1.0):
+    return os.read(end, 4096) if select.select([end], [], [], timeout_s)[0] else b""
 
 
 class Bridge:
@@ -109,11 +128,10 @@ def tcp_port(native):
 @pytest.fixture
 def terminal(native):
     """Name of a terminal, and the board that speaks at its other end once it is told to."""
-    ours, name = PtyTransport.pair()
-    bridge = Bridge(native, lambda: ours.read(0.1), lambda b: ours.write(b, 5))
-    yield name, bridge.start
-    bridge.close()
-    ours.close()
+    with opened() as (ours, name):
+        bridge = Bridge(native, lambda: heard(ours, 0.1), lambda b: os.write(ours, b))
+        yield name, bridge.start
+        bridge.close()
 
 
 def works(session):
@@ -145,47 +163,40 @@ def test_over_a_terminal_and_a_serial_port(elbow, terminal, address):
 
 
 def test_a_silent_line_gives_nothing_in_time_and_no_error():
-    ours, name = PtyTransport.pair()
-    for transport in (PtyTransport(name), SerialTransport(name)):
-        start_s = time.monotonic()
-        assert transport.read(0.1) == b""
-        assert 0.05 < time.monotonic() - start_s < 2
-        transport.write(b"abc", 1)
-        assert ours.read(1) == b"abc"
-        transport.close()
-        transport.close()
-    ours.close()
+    with opened() as (ours, name):
+        for transport in (PtyTransport(name), SerialTransport(name)):
+            start_s = time.monotonic()
+            assert transport.read(0.1) == b""
+            assert 0.05 < time.monotonic() - start_s < 2
+            transport.write(b"abc", 1)
+            assert heard(ours) == b"abc"
+            transport.close()
+            transport.close()
 
 
-def test_a_terminal_carries_every_byte_as_it_is():
-    ours, name = PtyTransport.pair()
-    theirs = PtyTransport(name)
+def test_a_terminal_carries_every_byte_as_it_is_and_what_came_before():
     data = bytes(range(256)) * 4
-    for one, other in ((ours, theirs), (theirs, ours)):
-        one.write(data, 1)
+    with opened() as (ours, name):
+        os.write(ours, data)
+        theirs = PtyTransport(name)
         got = b""
         while len(got) < len(data):
-            got += other.read(1)
+            got += theirs.read(1)
         assert got == data
-    theirs.close()
-    ours.close()
-
-
-def test_what_came_before_a_terminal_was_opened_is_there():
-    ours, name = PtyTransport.pair()
-    ours.write(b"early", 1)
-    theirs = PtyTransport(name)
-    assert theirs.read(1) == b"early"
-    theirs.close()
-    ours.close()
+        theirs.write(data, 1)
+        got = b""
+        while len(got) < len(data):
+            got += heard(ours)
+        assert got == data
+        theirs.close()
 
 
 def test_nobody_who_takes_data_is_an_error_in_time():
-    ours, name = PtyTransport.pair()
-    with pytest.raises(LinkError, match=r"did not take data within 0\.2 s"):
-        ours.write(bytes(1 << 20), 0.2)
-    ours.close()
-    assert name
+    with opened() as (_, name):
+        theirs = PtyTransport(name)
+        with pytest.raises(LinkError, match=r"did not take data within 0\.2 s"):
+            theirs.write(bytes(1 << 20), 0.2)
+        theirs.close()
 
 
 def test_a_file_is_read_and_takes_nothing(elbow, tmp_path):

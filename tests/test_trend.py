@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from functools import cache
 
 import numpy as np
@@ -22,7 +21,6 @@ from .conftest import require_tool
 GRID = Horizon(10, 0.02, 4, 0.002)
 ENDS = np.array(GRID.ends_s)
 H = 0.005
-RANGE_NM = 20.0  # of a wanted torque
 
 
 @cache
@@ -40,10 +38,6 @@ def gone_on(rate, curve):
     """A torque that goes on with a rate, an acceleration and the fading of both: by quadrature."""
     path = [quad(lambda x: (rate + curve * x) * np.exp(-x / FADE_S), 0, t)[0] for t in ENDS]
     return np.array(path)
-
-
-def test_a_constant_stays_what_it_is():
-    assert np.all(ahead(np.full(200, 1.3)) == 1.3)
 
 
 @pytest.mark.parametrize("rate", [0.5, -3.0, 12.0])
@@ -96,85 +90,6 @@ def test_noise_is_not_taken_for_a_motion():
     assert max(added(s) for s in (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.3)) < 0.03
     # Armed: an observer that no noise slows down.
     assert added(0.1, quiet_Nm=1.0) > 1
-
-
-def typed_again(wanted, ends_s, bandwidth_Hz=16.0, quiet_Nm=0.018):
-    """The whole Block a second time, in numbers: rate, curve, trust, settled, clipped, ahead."""
-    full = load_device("elbow_drive").tau_full_scale_Nm
-    fastest = full * 6 * np.pi, full * (6 * np.pi) ** 2
-    pole0 = np.exp(-2 * np.pi * H * bandwidth_Hz)
-    raw, grown = [0.0, 0.0], [0.0, 0.0]
-    noise = stepped = missed = rate = curve = 0.0
-    out = []
-    for k, w in enumerate(wanted):
-        fresh = w - wanted[k - 1] if k else 0.0
-        middle = sorted([fresh, *raw])[1]
-        beside, room = fresh - middle, 0.01 + 4 * noise
-        size = abs(beside)
-        # In full, then falling with slope 1 to nothing at twice the room.
-        counted = size if size <= room else max(2 * room - size, 0.0)
-        step_Nm = size - counted
-        now = middle + np.sign(beside) * counted
-        stepped = max(min(step_Nm / 0.1, 1.0), stepped * np.exp(-H / 0.15))
-        bend = abs(now - 2 * grown[0] + grown[1])
-        noise += (1 - np.exp(-H / 0.2)) * (bend - noise)
-        pole = 1 - (1 - pole0) / (1 + min(max(noise, bend) / quiet_Nm, 100.0))
-        off = missed + now - (rate * H + curve * H * H / 2)
-        rate, curve = (
-            rate + H * curve + 1.5 * (1 - pole) ** 2 * (1 + pole) / H * off,
-            curve + (1 - pole) ** 3 / H**2 * off,
-        )
-        clipped = abs(rate) > fastest[0] or abs(curve) > fastest[1]
-        rate, curve = (np.clip(x, -m, m) for x, m in zip((rate, curve), fastest, strict=True))
-        missed = np.clip(pole**3 * off, -4 * RANGE_NM, 4 * RANGE_NM)
-        trust = 1 / (1 + (min(noise / quiet_Nm, 100.0) / 10) ** 2)
-        goes_on = [
-            trust * (rate * (1 - np.exp(-t)) + curve * (1 - (1 + t) * np.exp(-t))) for t in ends_s
-        ]
-        ahead_Nm = np.clip(w + np.array(goes_on), -RANGE_NM, RANGE_NM)
-        raw, grown = [fresh, raw[0]], [now, grown[0]]
-        out.append((rate, curve, trust, 1 - stepped, 4.0 * clipped, *ahead_Nm))
-    return np.array(out)
-
-
-def events():
-    """Motion, steps of many sizes, noise, a torque that runs to and fro over the range."""
-    rng = np.random.default_rng(11)
-    t = H * np.arange(1200)
-    wanted = 1.2 * np.sin(2 * np.pi * 0.7 * t) + rng.normal(0, 2e-3, 1200) * (t > 2)
-    wanted += np.cumsum(np.where(rng.random(1200) < 0.02, rng.normal(0, 0.15, 1200), 0))
-    wanted[400:500] += rng.normal(0, 0.5, 100)
-    wanted[900:1000] = 6 * np.sin(2 * np.pi * 5 * t[900:1000])
-    wanted[1000:] = RANGE_NM * np.sin(2 * np.pi * 4 * t[1000:])
-    return wanted
-
-
-@pytest.mark.parametrize("tunables", [{}, {"bandwidth_Hz": 5.0, "quiet_Nm": 0.3}])
-def test_every_output_is_that_of_the_law_typed_again(tunables):
-    wanted = events()
-    simulator = block().simulator(tunables)
-    found = []
-    for w in wanted:
-        y = simulator.step(tau_wanted_Nm=w)
-        names = ("tau_rate_Nm_s", "tau_curve_Nm_s2", "trust", "settled", "status")
-        found.append((*(float(y[n]) for n in names), *y["tau_ahead_Nm"]))
-    expected = typed_again(wanted, ENDS, **tunables)
-    off = np.abs(np.array(found) - expected).max(axis=0)
-    assert np.all(off <= 1e-6 * np.abs(expected).max(axis=0))
-    # It has been everywhere: clipped and not, just after a step, without any trust.
-    assert set(expected[:, 4]) == {0.0, 4.0}
-    assert expected[:, 3].min() == 0.0
-    assert expected[:, 2].min() < (0.1 if not tunables else 0.9)
-
-
-def test_what_is_no_number_leaves_the_last_value():
-    simulator = block().simulator()
-    for w in (0.4, 0.4, 0.4):
-        simulator.step(tau_wanted_Nm=w)
-    for bad in (np.nan, np.inf, -1e9):
-        out = simulator.step(tau_wanted_Nm=bad)
-        assert out["status"] == 1
-        assert np.all(out["tau_ahead_Nm"] == 0.4)
 
 
 def test_what_it_may_ask_for_has_an_end():
@@ -238,17 +153,3 @@ def test_a_step_is_followed_as_by_a_held_torque(tmp_path):
     moving = Case("ramp", fixed_output("ramp", np.clip(np.arange(2500) / 1000 - 1, 0, 1), 1000))
     runs = [run_case(moving, Setting(c), 0) for c in ("mpc-no-preview", held(tmp_path))]
     assert not np.array_equal(runs[0].controller["u_Nm"], runs[1].controller["u_Nm"])
-
-
-def test_a_slow_task_has_a_lower_bandwidth():
-    """At most a tenth of the rate, and the lowest at most half of the highest."""
-    device = load_device("elbow_drive")
-    for rate_Hz, numbers in ((200, (16, 0.5, 20)), (20, (2, 0.5, 2)), (5, (0.5, 0.25, 0.5))):
-        rate = device.file.timing.control_rate_Hz.model_copy(update={"value": float(rate_Hz)})
-        timing = device.file.timing.model_copy(update={"control_rate_Hz": rate})
-        slow = copy(device)
-        slow.file = device.file.model_copy(update={"timing": timing})
-        bandwidth, quiet = trend(slow).tunables
-        assert (bandwidth.name, quiet.name) == ("bandwidth_Hz", "quiet_Nm")
-        assert (bandwidth.default, bandwidth.low, bandwidth.high) == pytest.approx(numbers)
-        assert (quiet.default, quiet.low, quiet.high) == pytest.approx((0.018, 0.001, 1))

@@ -282,26 +282,6 @@ def test_the_fixes_that_are_named_are_accepted():
     _ = device(disturbance=("drive_1_s", 18.03)).system
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["nothing"], ["Unknown study 'nothing'", "step, tuning"]),
-        (["tuning", "--controller", "nothing"], ["Unknown controller 'nothing'", "smc"]),
-        (["tuning", "--controller", "gone.toml"], ["no device 'gone.toml'"]),
-        (["tuning", "--jobs", "0"], ["--jobs 0", "Give 1 or more, or -1"]),
-        (["tuning", "--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
-        (["bread", "--person", "dog"], ["Unknown person 'dog'", "none, ideal"]),
-        (["backdriven", "--person", "none"], ["backdriven needs somebody", "Give --person"]),
-    ],
-)
-def test_simulate_refuses(monkeypatch, capsys, arguments, words):
-    code, shown, error = command(monkeypatch, capsys, "simulate", *arguments)
-    assert (code, shown) == (2, "")
-    assert "Traceback" not in error
-    for word in words:
-        assert word in error
-
-
 # -- outputs --------------------------------------------------------------------------------------
 
 LONG_RUNS = (

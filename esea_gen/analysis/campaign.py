@@ -44,11 +44,6 @@ class Workers:
         Processes on this machine; -1: all cores, 1 for none beside this one.
     cluster : str, optional
         Address of a Dask scheduler, whose workers then run all cases instead.
-
-    Raises
-    ------
-    UserError
-        When jobs is neither -1 nor 1 or more.
     """
 
     jobs: int = -1
@@ -60,7 +55,7 @@ class Workers:
 
 
 def seeded(count: int, *, root: int = 0, **fixed: Any) -> list[dict[str, Any]]:
-    """Cases that differ in their seed only.
+    """Cases that differ in their seed only, each an independent number of 64 bits.
 
     Parameters
     ----------
@@ -70,16 +65,6 @@ def seeded(count: int, *, root: int = 0, **fixed: Any) -> list[dict[str, Any]]:
         Root of the seeds; a longer list begins with the shorter one.
     **fixed
         Further arguments of every case.
-
-    Returns
-    -------
-    list of dict
-        ``{"seed": ..., **fixed}``; the seeds are independent 64-bit numbers.
-
-    Raises
-    ------
-    UserError
-        When count is below 1.
     """
     if count < 1:
         raise UserError(f"count: {count}.", "Ask for at least 1 case.")
@@ -113,7 +98,7 @@ def run_cases(
     retry_failed: bool = False,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> MonteCarlo:
-    """Run a function over cases, in parallel, and keep what is finished.
+    """Run cases in parallel: results in their order, the same whoever ran them, and if resumed.
 
     Parameters
     ----------
@@ -132,17 +117,6 @@ def run_cases(
         Run cases again that the journal holds as failed.
     progress : callable, optional
         ``progress(done, total, failed)`` at the start and after each case.
-
-    Returns
-    -------
-    MonteCarlo
-        In the order of ``cases``, the same for any number of workers and any interruption.
-
-    Raises
-    ------
-    UserError
-        On cases that are not JSON-ready or occur twice, an unusable journal, or a cluster that does
-        not answer, has no worker, or has one whose code or versions are not those of this machine.
 
     Notes
     -----

@@ -31,7 +31,7 @@ class Bandwidth:
     drop_dB: float
     peak_dB: float
     peak_Hz: float
-    returns: bool
+    returns: bool  # above the level at a higher frequency: the figure hangs on the definition
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class FrequencyResponse:
     frequency_Hz: Array
     response: Complex
     coherence: Array | None
-    sigma: Array | None
+    sigma: Array | None  # relative to the gain, from noise alone
     method: str
 
     def __post_init__(self) -> None:

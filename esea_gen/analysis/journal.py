@@ -82,7 +82,7 @@ class Configuration:
 @dataclass(frozen=True)
 class Result:
     case: dict[str, Any]
-    values: dict[str, float] | None
+    values: dict[str, float] | None  # None: it failed
     failure: str = ""
 
 

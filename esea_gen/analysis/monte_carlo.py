@@ -70,16 +70,6 @@ def percentiles(name: str, values: npt.ArrayLike, *, failed: int = 0) -> Percent
     failed : int
         Cases that gave none, for the record.
 
-    Returns
-    -------
-    Percentiles
-        The same for the same values in any order.
-
-    Raises
-    ------
-    UserError
-        When there is no value, or one is not finite.
-
     Notes
     -----
     Linear interpolation between order statistics; interval: 2.5 and 97.5 % of the percentile over
@@ -145,16 +135,6 @@ class MonteCarlo:
             The figure.
         where : dict, optional
             Only cases with these arguments.
-
-        Returns
-        -------
-        ndarray
-            In the order of the cases.
-
-        Raises
-        ------
-        UserError
-            When no case has this figure.
         """
         found = [
             r.values[name] for r in self._chosen(where) if r.values is not None and name in r.values

@@ -28,12 +28,12 @@ class StepMetrics:
     initial: float | None = None
     final: float | None = None
     rise_s: float | None = None
-    settling_2_s: float | None = None
+    settling_2_s: float | None = None  # None: not within the record, its tail excluded
     settling_5_s: float | None = None
     overshoot_percent: float | None = None
     steady_error: float | None = None
     steady_error_percent: float | None = None
-    tail_rms: float | None = None
+    tail_rms: float | None = None  # about its mean: noise, creep or ringing
     oscillation_Hz: float | None = None
 
     @property

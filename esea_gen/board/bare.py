@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.render import Renderer
-from esea_gen.hostlib.compiler import compile_sources, find_compiler
+from esea_gen.hostlib.compiler import compile_sources, find_compiler, run_tool
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.targets import (
     ARM_GCC,
@@ -55,31 +55,29 @@ class BareResult:
     stack_bytes: int
 
 
-def _plugin() -> Path:
+def counting_plugin() -> Path:
+    """The emulator's plugin that counts instructions from one entry of a step to the next."""
     source = firmware_folder() / "tools" / "count_instructions.c"
     return compile_sources({source.name: source.read_text(encoding="utf-8")})
 
 
 def _symbols(image: Path) -> dict[str, tuple[int, int]]:
     nm = find_compiler(*ARM_GCC.tool("nm"))
-    text = _said([nm, "-S", str(image)])
+    text = call_tool([nm, "-S", str(image)])
     found = {}
     for row in re.findall(r"^([0-9a-f]+) (?:([0-9a-f]+) )?\w (\S+)$", text, re.MULTILINE):
         found[row[2]] = (int(row[0], 16), int(row[1] or "0", 16))
     return found
 
 
-def _said(command: list[str]) -> str:
-    done = subprocess.run(
+def call_tool(command: Sequence[str | Path]) -> str:
+    """All that a tool of the toolchain says."""
+    done = run_tool(
         command,
-        capture_output=True,
-        text=True,
-        check=False,
+        failed=f"{Path(command[0]).name} failed",
         timeout=TIMEOUT_S,
         stdin=subprocess.DEVNULL,
     )
-    if done.returncode != 0:
-        raise RuntimeError(f"{Path(command[0]).name} failed:\n{done.stderr[-3000:]}")
     return done.stdout + done.stderr
 
 
@@ -103,11 +101,11 @@ def emulate(files: Mapping[str, str], board: Board) -> Emulation:
         image = folder / "bare.elf"
         flags = [*board.compile_flags, *EXACT_FLAGS, *SECTION_FLAGS]
         link = [*BARE_LINK, "--specs=nosys.specs", f"-T{folder}/bare.ld"]
-        _said([gcc, *flags, f"-I{folder}", *sources, *link, "-o", str(image)])
+        call_tool([gcc, *flags, f"-I{folder}", *sources, *link, "-o", str(image)])
         symbols = _symbols(image)
         start, end = symbols["counted_step"][0], symbols["harness"][0]
-        count = f"{_plugin()},entry={start:#x},low=0x0,high={end:#x}"
-        said = _said(
+        count = f"{counting_plugin()},entry={start:#x},low=0x0,high={end:#x}"
+        said = call_tool(
             [
                 *qemu_command(board, semihosting=True),
                 *("-d", "plugin", "-plugin", count),

@@ -8,7 +8,6 @@ recursion, is an error, never a guess.
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
 from esea_gen.emit.program_c import LoopBound
+from esea_gen.hostlib.compiler import run_tool
 
 _CONDITIONS = "eq|ne|cs|hs|cc|lo|mi|pl|vs|vc|hi|ls|ge|lt|gt|le"
 _BRANCH = re.compile(rf"b({_CONDITIONS})?(\.n|\.w)?$")
@@ -61,9 +61,8 @@ class InstructionBound:
 
 def disassemble(elf: Path, objdump: str = "arm-none-eabi-objdump") -> dict[str, list[Instruction]]:
     """Every function of a linked program."""
-    said = subprocess.run(
-        [objdump, "-dl", "--no-show-raw-insn", str(elf)], capture_output=True, text=True, check=True
-    ).stdout
+    command = [objdump, "-dl", "--no-show-raw-insn", elf]
+    said = run_tool(command, failed="the disassembler failed").stdout
     functions: dict[str, list[Instruction]] = {}
     code: list[Instruction] = []
     file, line = "", 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,7 +11,7 @@ from typing import Any
 
 import cffi
 
-from esea_gen.hostlib import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.targets import APP_FLAGS, HOST_GCC, firmware_folder
 
 Frames = Callable[[bytes], bytes]
@@ -182,9 +181,7 @@ class Drivers:
             gcc = find_compiler(*HOST_GCC.gcc)
             command: list[str | Path] = [gcc, *flags, *checks, "-o", built]
             command += sorted(folder.glob("*.c"))
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            if done.returncode != 0:
-                raise RuntimeError(f"the drivers do not build:\n{done.stderr}")
+            run_tool(command, failed="the drivers do not build")
             self.lib: Any = self.ffi.dlopen(str(built))
         self.hardware = self._hardware()
 

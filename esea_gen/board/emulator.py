@@ -7,7 +7,6 @@ GHz, so it counts instructions, which are not cycles.
 from __future__ import annotations
 
 import socket
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,6 +22,7 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device, find_compiler
+from esea_gen.hostlib.compiler import compiler_version
 from esea_gen.hostlib.runner import run_schedule
 from esea_gen.language.system import Task
 from esea_gen.link.session import Session
@@ -55,8 +55,7 @@ def program_command(image: FirmwareImage, board: Board) -> list[str]:
 
 def emulator_version() -> str:
     """First line of QEMU's version."""
-    done = subprocess.run([find_qemu(), "--version"], capture_output=True, text=True, check=True)
-    return done.stdout.splitlines()[0]
+    return compiler_version(find_qemu())
 
 
 def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] = ()) -> Transport:

@@ -6,7 +6,6 @@ import hashlib
 import math
 import re
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -22,7 +21,7 @@ from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
-from esea_gen.hostlib.compiler import compiler_version, find_compiler
+from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool
 from esea_gen.model.sensing import measures_counts
 from esea_gen.targets import (
     APP_FLAGS,
@@ -71,7 +70,7 @@ class FirmwareImage:
 def symbols(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[tuple[str, str, str]]:
     """What stands in the symbol tables of objects or an image, by one call of ``nm`` for all."""
     tool = find_compiler(*toolchain.tool("nm"))
-    done = subprocess.run([tool, "-A", "-P", *objects], capture_output=True, text=True, check=True)
+    done = run_tool([tool, "-A", "-P", *objects], failed="nm failed")
     found = []
     for line in done.stdout.splitlines():
         file, _, rest = line.rpartition(": ")
@@ -93,14 +92,8 @@ def double_helpers(elf: Path, toolchain: Toolchain = ARM_GCC) -> list[str]:
     return sorted({n for _, n, _ in symbols([elf], toolchain) if DOUBLE_HELPER.fullmatch(n)})
 
 
-def _run(command: Sequence[str | Path], folder: Path, what: str) -> None:
-    done = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
-    if done.returncode != 0:
-        raise RuntimeError(f"{what} does not build:\n{done.stderr}")
-
-
 def _sections(elf: Path, size: str) -> dict[str, int]:
-    done = subprocess.run([size, "-A", elf], capture_output=True, text=True, check=True)
+    done = run_tool([size, "-A", elf], failed="size failed")
     rows = (line.split() for line in done.stdout.splitlines())
     return {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
 
@@ -141,7 +134,8 @@ def build_firmware(
         bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]
         built = folder / f"{prefix}_{board}.elf"
-        _run([gcc, *chosen.compile_flags, *objects, *link, "-o", built], folder, "the image")
+        command = [gcc, *chosen.compile_flags, *objects, *link, "-o", built]
+        run_tool(command, folder, "the image does not build")
         helpers = double_helpers(built, toolchain) if chosen.machine else []
         if helpers:
             raise RuntimeError("the image holds double arithmetic: " + ", ".join(helpers))
@@ -227,7 +221,7 @@ def compile_objects(
                 if kept.with_suffix(suffix).is_file():
                     shutil.copyfile(kept.with_suffix(suffix), item.with_suffix(suffix))
             continue
-        _run([gcc, *flags, "-c", name, "-o", item], folder, name)
+        run_tool([gcc, *flags, "-c", name, "-o", item], folder, f"{name} does not build")
         for suffix in (".ci", ".o"):  # the object last: where it stands, all does
             if item.with_suffix(suffix).is_file():
                 with suppress(UserError):  # a full disk costs time, no image

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import socket
 import struct
-import subprocess
 import tempfile
 from types import TracebackType
 from typing import Self
 
 from esea_gen.board.emulator import qemu_command
 from esea_gen.board.firmware import FirmwareImage
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.link.transport import LinkError, Process
 from esea_gen.targets import ARM_GCC, find_board
 
@@ -167,8 +166,6 @@ class HeldProcessor:
 def addresses(image: FirmwareImage) -> dict[str, int]:
     """Where an image's functions and objects stand."""
     tool = find_compiler(*ARM_GCC.tool("nm"))
-    said = subprocess.run(
-        [tool, "-P", image.elf], capture_output=True, text=True, check=True
-    ).stdout
+    said = run_tool([tool, "-P", image.elf], failed="nm failed").stdout
     rows = [line.split() for line in said.splitlines()]
     return {r[0]: int(r[2], 16) & ~1 if r[1] in "tT" else int(r[2], 16) for r in rows if len(r) > 2}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.program_c import LoopBound, loop_lines
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.language.system import Task
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, Board, Processor
 
@@ -141,9 +140,7 @@ def task_bounds(device: Device, processor: Processor) -> dict[str, int]:
             *(str(folder / n) for n in files if n.endswith(".c")),
             *(*BARE_LINK, "--specs=nosys.specs", *keep, f"-T{folder / 'bare.ld'}", "-o", str(elf)),
         ]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise RuntimeError(f"the compiler refuses the device:\n{done.stderr}")
+        run_tool(command, failed="the compiler refuses the device")
         for task in device.system.tasks:
             bound = step_bound(
                 elf,

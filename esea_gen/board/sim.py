@@ -18,13 +18,13 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.emit.roles import board_roles, every_tick
 from esea_gen.emit.states import EVENTS, GUARDS, STATES
 from esea_gen.link.session import Session
-from esea_gen.link.transport import LinkError
+from esea_gen.link.transport import LinkError, Transport
 from esea_gen.targets import firmware_folder
 
 _LINE_BYTES = 1 << 16
 
 
-class SimTransport:
+class SimTransport(Transport):
     """A serial line to a board in this process; it never waits, for nothing comes by itself."""
 
     def __init__(self, lib: Any, ffi: cffi.FFI) -> None:
@@ -43,13 +43,6 @@ class SimTransport:
         """See :class:`esea_gen.link.transport.Transport`."""
         self._lib.sim_feed(data, len(data))
         self._lib.sim_poll()
-
-    def close(self) -> None:
-        """Nothing to let go of."""
-
-    def said(self) -> str:
-        """Nothing."""
-        return ""
 
 
 @lru_cache(maxsize=4)

@@ -9,17 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import esea_gen
+from esea_gen.cli import options
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import (
-    BoardOption,
-    ControllerOption,
-    DataOption,
-    DeviceArgument,
-    JsonOption,
-    RecordingOption,
-    option,
-    recorded_streams,
-)
+from esea_gen.cli.options import option, recorded_streams
 from esea_gen.cli.output import exit_unless, progress_bar
 from esea_gen.errors import UserError
 from esea_gen.files import write_json
@@ -33,8 +25,8 @@ if TYPE_CHECKING:
 
 @app.command()
 def firmware(
-    device: DeviceArgument,
-    board: BoardOption = DEFAULT_BOARD,
+    device: options.DeviceArgument,
+    board: options.BoardOption = DEFAULT_BOARD,
     folder: Annotated[
         Path | None, option("--out DIR", "Output folder; default: build/<device>.")
     ] = None,
@@ -42,8 +34,8 @@ def firmware(
         float | None,
         option("--cycles", "For a drive: cycles an instruction; default: assumed 1.5."),
     ] = None,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Compile firmware for a board and say how large it is.
 
@@ -94,16 +86,16 @@ def _fits(loaded: Device, name: str, cycles: float | None) -> tuple[list[str], f
 
 @app.command()
 def emulate(
-    device: DeviceArgument,
-    recording: RecordingOption = None,
-    data: DataOption = None,
-    board: BoardOption = DEFAULT_BOARD,
+    device: options.DeviceArgument,
+    recording: options.RecordingOption = None,
+    data: options.DataOption = None,
+    board: options.BoardOption = DEFAULT_BOARD,
     seconds: Annotated[
         float | None,
         option("--seconds", "For a drive: how many seconds of the tuning case; default: 3."),
     ] = None,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Run the firmware in an emulator and compare every bit with the host library.
 

@@ -8,21 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import esea_gen
+from esea_gen.cli import options
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import (
-    BlockOption,
-    ControllerOption,
-    DataOption,
-    DeviceArgument,
-    FigureOption,
-    JsonOption,
-    RealOption,
-    RecordingOption,
-    SeedOption,
-    chosen_formats,
-    option,
-    recorded_streams,
-)
+from esea_gen.cli.options import chosen_formats, option, recorded_streams
 from esea_gen.cli.output import exit_unless, progress_line, show
 from esea_gen.files import write_json
 
@@ -42,14 +30,14 @@ SearchOption = Annotated[
 
 @app.command()
 def verify(
-    device: DeviceArgument,
-    real: RealOption = None,
-    recording: RecordingOption = None,
-    data: DataOption = None,
-    block: BlockOption = None,
-    controller: ControllerOption = None,
+    device: options.DeviceArgument,
+    real: options.RealOption = None,
+    recording: options.RecordingOption = None,
+    data: options.DataOption = None,
+    block: options.BlockOption = None,
+    controller: options.ControllerOption = None,
     search: SearchOption = 0,
-    json_file: JsonOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Compare the generated C, compiled for this machine, with the symbolic model."""
     from esea_gen.verify.chain import search_chain
@@ -142,10 +130,10 @@ def _print_verification(loaded: Device, result: Any) -> None:
 
 @app.command()
 def coverage(
-    device: DeviceArgument,
-    block: BlockOption = None,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    device: options.DeviceArgument,
+    block: options.BlockOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Which sides of every minimum, comparison and select the test streams take."""
     from esea_gen.verify.coverage import branch_coverage
@@ -176,10 +164,10 @@ def coverage(
 
 @app.command()
 def gates(
-    device: DeviceArgument,
+    device: options.DeviceArgument,
     target: Annotated[list[str] | None, option("--target", "Target; default: all.")] = None,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Inspect the f32 object code: no double, libm, heap, writable data; stack bound."""
     from esea_gen.verify.gates import TARGETS, check_objects, find_target
@@ -199,15 +187,15 @@ def gates(
 
 @app.command()
 def mutate(
-    device: DeviceArgument,
-    real: RealOption = None,
+    device: options.DeviceArgument,
+    real: options.RealOption = None,
     sample: Annotated[
         int | None, option("--sample", "Number of mutants, drawn at random; default: all.", min=1)
     ] = None,
-    seed: SeedOption = 0,
-    block: BlockOption = None,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    seed: options.SeedOption = 0,
+    block: options.BlockOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Put one fault at a time into kernels and wiring and see whether the tests notice."""
     from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
@@ -256,10 +244,10 @@ def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
 
 @app.command()
 def ranges(
-    device: DeviceArgument,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
-    figure: FigureOption = None,
+    device: options.DeviceArgument,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
+    figure: options.FigureOption = None,
 ) -> None:
     """Fixed point: range, format, headroom and proven error of every value, and what to do."""
     from esea_gen.emit.fixed.report import range_report
@@ -272,12 +260,12 @@ def ranges(
 
 @app.command()
 def fixed(
-    device: DeviceArgument,
+    device: options.DeviceArgument,
     minutes: Annotated[
         float, option("--minutes", "Length of the chirps in the domain.", min=1.0)
     ] = 1.0,
-    recording: RecordingOption = None,
-    data: DataOption = None,
+    recording: options.RecordingOption = None,
+    data: options.DataOption = None,
     cores: Annotated[
         bool, option("--cores", "Also run on emulated Cortex-M3, M0 and M4F.")
     ] = False,
@@ -285,8 +273,8 @@ def fixed(
         bool, option("--prove", "Also run Frama-C's value analysis; lists its assumptions.")
     ] = False,
     search: SearchOption = 0,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Fixed point: bits, proven and measured errors, torque against f64, emulated cores."""
     from esea_gen.verify.fixed_report import check_fixed, read_recorded

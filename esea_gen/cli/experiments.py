@@ -7,19 +7,10 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli import options
 from esea_gen.cli.app import app
 from esea_gen.cli.names import PEOPLE, PLANTS, closed_loop_studies, completing, configured
-from esea_gen.cli.options import (
-    ClusterOption,
-    FigureOption,
-    JobsOption,
-    JournalOption,
-    JsonOption,
-    SeedOption,
-    chosen_formats,
-    option,
-    writable,
-)
+from esea_gen.cli.options import chosen_formats, option, writable
 from esea_gen.cli.output import counted, show
 from esea_gen.cli.studies import CONTROLLER_HELP, Reproductions, SimulateCommand, StudyCommand
 from esea_gen.errors import UserError
@@ -100,7 +91,7 @@ def simulate(
         ),
     ] = None,
     off: OffOption = "none",
-    seed: SeedOption = 0,
+    seed: options.SeedOption = 0,
     runs: Annotated[int, option("--runs", "Runs of each case.", min=1)] = 1,
     real: Annotated[str, option("--real f64|f32|q31", "Number format of the controller.")] = "f32",
     fault: FaultOption = "",
@@ -108,14 +99,14 @@ def simulate(
         bool, option("--adapted", "Adapted to the rubber before, with a known mass.")
     ] = False,
     axis: AxisOption = "",
-    jobs: JobsOption = -1,
-    cluster: ClusterOption = None,
-    resume: JournalOption = None,
+    jobs: options.JobsOption = -1,
+    cluster: options.ClusterOption = None,
+    resume: options.JournalOption = None,
     csv_file: Annotated[
         Path | None, option("--csv FILE", "Also write every run as CSV.", callback=writable)
     ] = None,
-    json_file: JsonOption = None,
-    figure: FigureOption = None,
+    json_file: options.JsonOption = None,
+    figure: options.FigureOption = None,
 ) -> None:
     """Run a study: a controller's C against the virtual exoskeleton, as in the thesis or yours."""
     from esea_gen.analysis.campaign import Workers
@@ -156,7 +147,7 @@ def passivity(
     plant: PlantOption = "real",
     points: Annotated[int, option("--points N", "Gains along each axis.")] = 9,
     push: Annotated[float, option("--push RAD_S", "Speed that the push gives a free hand.")] = 0.5,
-    seed: SeedOption = 0,
+    seed: options.SeedOption = 0,
     wall: Annotated[
         float,
         option(
@@ -168,10 +159,10 @@ def passivity(
         bool, option("--sliding/--no-sliding", "Also check the sliding condition.")
     ] = True,
     axis: AxisOption = "",
-    jobs: JobsOption = -1,
-    cluster: ClusterOption = None,
-    json_file: JsonOption = None,
-    figure: FigureOption = None,
+    jobs: options.JobsOption = -1,
+    cluster: options.ClusterOption = None,
+    json_file: options.JsonOption = None,
+    figure: options.FigureOption = None,
 ) -> None:
     from esea_gen.analysis.campaign import Workers
     from esea_gen.studies.passivity.study import study_interaction
@@ -200,11 +191,11 @@ def tune(
         str | None, option("--parameter NAME", "Tunable; default: the thesis' procedure.")
     ] = None,
     values: Annotated[str, option("--values A,B,C", "Values of the parameter.")] = "",
-    seed: SeedOption = 0,
-    jobs: JobsOption = 1,
-    cluster: ClusterOption = None,
-    json_file: JsonOption = None,
-    figure: FigureOption = None,
+    seed: options.SeedOption = 0,
+    jobs: options.JobsOption = 1,
+    cluster: options.ClusterOption = None,
+    json_file: options.JsonOption = None,
+    figure: options.FigureOption = None,
 ) -> None:
     from esea_gen.analysis.campaign import Workers
     from esea_gen.studies.tuning_sweep.study import tune as sweep_tunables

@@ -10,19 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import esea_gen
+from esea_gen.cli import options
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import (
-    DataOption,
-    DeviceArgument,
-    FigureOption,
-    JobsOption,
-    JsonOption,
-    MappingArgument,
-    RecordingOption,
-    SeedOption,
-    option,
-    writable,
-)
+from esea_gen.cli.options import option, writable
 from esea_gen.cli.output import exit_unless, picture, progress_line, progress_share, show
 from esea_gen.cli.studies import StudyCommand
 from esea_gen.errors import UserError, choose
@@ -62,8 +52,8 @@ DrawOption = Annotated[
 
 @app.command()
 def identify(
-    mapping: MappingArgument,
-    data: DataOption = None,
+    mapping: options.MappingArgument,
+    data: options.DataOption = None,
     folder: Annotated[
         Path | None, option("--out DIR", "Output folder; default: identified/<device>.")
     ] = None,
@@ -87,8 +77,8 @@ def identify(
     search: SearchOption = "multi-start",
     resume: ResumeOption = None,
     draw: DrawOption = None,
-    jobs: JobsOption = -1,
-    json_file: JsonOption = None,
+    jobs: options.JobsOption = -1,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Fit the torque model to a recording: device file and report."""
     how = _searching(search, jobs, resume, draw)
@@ -198,15 +188,15 @@ def _compare_models(
 
 @app.command()
 def advise(
-    mapping: MappingArgument,
-    data: DataOption = None,
+    mapping: options.MappingArgument,
+    data: options.DataOption = None,
     minutes: Annotated[
         float, option("--minutes", "How long the motions may take in all.", min=0.1)
     ] = 10.0,
     folder: Annotated[
         Path | None, option("--out DIR", "Folder for the motions: time and deflection.")
     ] = None,
-    json_file: JsonOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Which experiment next: motions that tell most of the published model's parameters."""
     from esea_gen.identify import identify as identify_published
@@ -232,8 +222,8 @@ def reliability(
             "(.toml) whose conditions are specimens: one model is fitted to all, and to each."
         ),
     ],
-    data: DataOption = None,
-    json_file: JsonOption = None,
+    data: options.DataOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """How far specimens agree: ICC(2,1), ICC(3,1), limits of agreement; a joint fit."""
     if table.suffix == ".toml":
@@ -253,16 +243,16 @@ def reliability(
 
 @app.command(cls=StudyCommand)
 def uncertainty(
-    device: DeviceArgument,
+    device: options.DeviceArgument,
     runs: Annotated[int, option("--runs", "Monte Carlo runs.")] = 100,
-    seed: SeedOption = 1,
+    seed: options.SeedOption = 1,
     residual_deg: Annotated[
         float, option("--residual-deg", "Encoder nonlinearity left after correction, degrees.")
     ] = 0.1,
-    recording: RecordingOption = None,
-    data: DataOption = None,
-    json_file: JsonOption = None,
-    figure: FigureOption = None,
+    recording: options.RecordingOption = None,
+    data: options.DataOption = None,
+    json_file: options.JsonOption = None,
+    figure: options.FigureOption = None,
 ) -> None:
     from esea_gen.studies.uncertainty.spread import identified_spread
     from esea_gen.studies.uncertainty.study import torque_uncertainty
@@ -279,7 +269,7 @@ def uncertainty(
 
 @app.command("torque-check", cls=StudyCommand)
 def torque_check(
-    device: DeviceArgument,
+    device: options.DeviceArgument,
     mass: Annotated[float | None, option("--mass KG", "Mass hung on the arm.")] = None,
     arm: Annotated[
         float | None, option("--arm M", "From the joint axis to where the mass hangs.")
@@ -300,7 +290,7 @@ def torque_check(
     resume: Annotated[
         Path | None, option("--resume FILE", "Continue the check in this JSON file.")
     ] = None,
-    json_file: JsonOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     from esea_gen.studies.torque_check.check import TorqueCheck
     from esea_gen.studies.torque_check.load import KnownLoad
@@ -364,8 +354,8 @@ def friction(
     folder: Annotated[
         Path | None, option("--out DIR", "Write the device file with what was found.")
     ] = None,
-    json_file: JsonOption = None,
-    figure: FigureOption = None,
+    json_file: options.JsonOption = None,
+    figure: options.FigureOption = None,
 ) -> None:
     """Friction of a drive from runs at steady speeds: Coulomb, viscous, Stribeck, load."""
     from esea_gen.identify.drive.device_text import actuator_text, with_actuator
@@ -394,7 +384,7 @@ def friction(
 
 @app.command(name="encoder-table")
 def encoder_table(
-    device: DeviceArgument,
+    device: options.DeviceArgument,
     recording: Annotated[
         Path,
         typer.Argument(help="CSV with the encoder's count and a better encoder's reference_rad."),
@@ -407,7 +397,7 @@ def encoder_table(
     folder: Annotated[
         Path | None, option("--out DIR", "Write the device file with the table.")
     ] = None,
-    json_file: JsonOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Correction table of an encoder from a recording beside a better one."""
     from esea_gen.identify.drive.encoder_table import fit_table, read_counts, with_table

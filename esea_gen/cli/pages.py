@@ -9,18 +9,9 @@ from typing import Annotated
 import typer
 
 import esea_gen
+from esea_gen.cli import options
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import (
-    BoardOption,
-    ControllerOption,
-    DataOption,
-    DeviceArgument,
-    JsonOption,
-    MappingArgument,
-    RecordingOption,
-    option,
-    writable,
-)
+from esea_gen.cli.options import option, writable
 from esea_gen.cli.output import exit_unless, progress_line, progress_share
 from esea_gen.files import write_json, write_whole
 from esea_gen.targets import DEFAULT_BOARD
@@ -28,15 +19,15 @@ from esea_gen.targets import DEFAULT_BOARD
 
 @app.command()
 def report(
-    device: DeviceArgument,
-    recording: RecordingOption = None,
-    data: DataOption = None,
-    board: BoardOption = DEFAULT_BOARD,
+    device: options.DeviceArgument,
+    recording: options.RecordingOption = None,
+    data: options.DataOption = None,
+    board: options.BoardOption = DEFAULT_BOARD,
     page: Annotated[
         Path | None, option("--out FILE", "Output file; default: <device>.html.", callback=writable)
     ] = None,
-    controller: ControllerOption = None,
-    json_file: JsonOption = None,
+    controller: options.ControllerOption = None,
+    json_file: options.JsonOption = None,
 ) -> None:
     """Build, verify, emulate, measure: everything known of a device on one HTML page."""
     loaded = esea_gen.load_device(device, controller)
@@ -55,7 +46,7 @@ def report(
 
 @app.command()
 def specimen(
-    mapping: MappingArgument,
+    mapping: options.MappingArgument,
     results: Annotated[
         list[Path] | None,
         typer.Argument(
@@ -64,7 +55,7 @@ def specimen(
             "What none of them says is not known, but for the identification: it is made.",
         ),
     ] = None,
-    data: DataOption = None,
+    data: options.DataOption = None,
     page: Annotated[
         Path | None, option("--out FILE", "Output; default: specimen.html.", callback=writable)
     ] = None,

@@ -47,7 +47,6 @@ def device_hash(device: Device, real: str = "") -> str:
     Parameters
     ----------
     device : Device
-        The device.
     real : str
         A number format outside the default ones: its text is covered too.
     """
@@ -67,9 +66,7 @@ def format_hash(device: Device, real: str) -> str:
     Parameters
     ----------
     device : Device
-        The device.
     real : str
-        Number format.
     """
     return device_hash(device) if FORMATS[real].default else device_hash(device, real)
 
@@ -80,7 +77,6 @@ def build_command(device: Device) -> str:
     Parameters
     ----------
     device : Device
-        The device.
     """
     law = f" --controller {device.controller}" if device.controller else ""
     return f"esea-gen build {device.name if _is_shipped(device) else device.origin}{law}"
@@ -96,7 +92,6 @@ def device_formats(device: Device) -> list[str]:
     Parameters
     ----------
     device : Device
-        The device.
     """
     further = FURTHER_FORMATS.get(device.name, ()) if _is_shipped(device) else ()
     return [*DEFAULT_FORMATS, *further]
@@ -108,9 +103,7 @@ def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
     Parameters
     ----------
     device : Device
-        What to build.
     reals : iterable of str
-        Number formats.
 
     Raises
     ------
@@ -143,7 +136,6 @@ def manifest(
     Parameters
     ----------
     device : Device
-        The device.
     digest : str
         Content hash that the files carry.
     kind : str

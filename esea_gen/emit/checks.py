@@ -75,6 +75,3 @@ def _way(kernel: Kernel, i: int) -> list[int]:
     if kernel.nodes[i].op not in ("le", "add", "fabs"):
         return []
     return [i, *(j for a in kernel.nodes[i].args for j in _way(kernel, a))]
-
-
-__all__ = ["coefficient_checks", "range_checks", "vector_total"]

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.emit.elementary import ACCURACY_ULP, EXPONENT_FRACTION_BITS, exponent_q27
-from esea_gen.emit.spans import Arithmetic, Known, RangeError, Span, propagate, span
+from esea_gen.emit.spans import Known, RangeError, Rounding, Span, propagate, span
 from esea_gen.emit.step_errors import (
     BEYOND,
     Bound,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:  # the q31 format is planned with these errors
 LIBM_ULP = 1.0
 
 
-class FloatArithmetic(Arithmetic):
+class FloatRounding(Rounding):
     """The standard model of floating-point arithmetic, with a term for underflow.
 
     Sums, products and choices of whole numbers below the format's largest (2^24 in f32) are exact.
@@ -125,7 +125,7 @@ def _float_coefficients(block: Block, fmt: Format) -> list[list[tuple[float, flo
         np.asarray(c, dtype=float).ravel() for c in block.prepare.call([ca.DM(v) for v in values])
     ]
     kernel = fuse_selects(walk(block.prepare))
-    spans, _ = propagate(FloatArithmetic(kernel, fmt), [[span(v, v, 0.0, 1)] for v in values])
+    spans, _ = propagate(FloatRounding(kernel, fmt), [[span(v, v, 0.0, 1)] for v in values])
     return [
         [(float(x), float(spans[i].error[0])) for x, i in zip(c, r, strict=True)]
         for c, r in zip(prepared, kernel.results, strict=True)
@@ -138,7 +138,7 @@ def _float_step(
     kernel, labels = labelled_kernel(block, fuse_selects)
     computed = ComputedStep(
         block,
-        FloatArithmetic(kernel, fmt),
+        FloatRounding(kernel, fmt),
         {node: name for node, name, _ in labels},
         {node: block.facts[name] for node, name, _ in labels if name in block.facts},
         lambda: _float_coefficients(block, fmt),
@@ -175,8 +175,8 @@ def whole_nodes(block: Block, kernel: Kernel, fmt: Format) -> frozenset[int]:
     everything = Kernel(kernel.name, kernel.nodes, (tuple(range(len(kernel.nodes))),))
     try:
         once = _float_step(block, fmt, None, BEYOND)
-        arithmetic = FloatArithmetic(fuse_selects(everything), fmt)
-        once.computed = replace(once.computed, arithmetic=arithmetic)
+        rounding = FloatRounding(fuse_selects(everything), fmt)
+        once.computed = replace(once.computed, rounding=rounding)
         once.facts, once.known = {}, Known()
         values, _ = once.values(once.zero)
     except RangeError:

@@ -452,6 +452,3 @@ def _latch_fails(made: DriveExample, run: _Run) -> str:
     if made.driven and any(run.out[a.command.name] == 0.0 for a in made.axes):
         return "after the latch was opened again, the motor is not driven"
     return ""
-
-
-__all__ = ["DriveExample", "Triangle", "example", "has_drive", "tolerance", "triangle"]

@@ -24,26 +24,19 @@ def unused(name: str, taken: Collection[str]) -> str:
     return name
 
 
-class LocalNames:
-    """Names of one function's values: a label's, else a port's, else a number."""
+def namer(
+    taken: Collection[str], labels: Mapping[int, tuple[str, str]], others: Mapping[int, str]
+) -> Callable[[int], str]:
+    """Gives each of one function's values its name: a label's, else a port's, else a number."""
+    used = set(taken)
 
-    def __init__(
-        self,
-        taken: Collection[str],
-        labels: Mapping[int, tuple[str, str]],
-        others: Mapping[int, str],
-    ) -> None:
-        self._taken, self._others, self._labels = set(taken), others, dict[int, str]()
-        for i, (name, _) in labels.items():
-            self._labels[i] = self._new(name)
-
-    def _new(self, name: str) -> str:
-        name = unused(name, self._taken)
-        self._taken.add(name)
+    def new(name: str) -> str:
+        name = unused(name, used)
+        used.add(name)
         return name
 
-    def define(self, i: int) -> str:
-        return self._labels.get(i) or self._new(self._others.get(i, f"v{i}"))
+    labelled = {i: new(name) for i, (name, _) in labels.items()}
+    return lambda i: labelled.get(i) or new(others.get(i, f"v{i}"))
 
 
 def meanings(
@@ -59,21 +52,12 @@ def meanings(
     what a function writes is named by where it goes; a new state is ``<state>_next``.
     """
     if function == "prepare":
-        return _first([_results(kernel, 0, block.coefficients, base, "")])
+        return _results(kernel, 0, block.coefficients, base, "")
     if function == "init":
-        return _first([_results(kernel, 0, block.state, base, "")])
-    return _first(
-        [
-            _guarded(block, kernel, labels, base),
-            _flags(block, kernel),
-            _results(kernel, len(block.state), block.outputs, base, "_out"),
-            _results(kernel, 0, block.state, base, "_next"),
-        ]
-    )
-
-
-def _first(groups: list[dict[int, str]]) -> dict[int, str]:
-    return {i: name for group in reversed(groups) for i, name in group.items()}
+        return _results(kernel, 0, block.state, base, "")
+    after = _results(kernel, 0, block.state, base, "_next")
+    out = _results(kernel, len(block.state), block.outputs, base, "_out")
+    return after | out | _flags(block, kernel) | _guarded(block, kernel, labels, base)
 
 
 def _element(name: str, ending: str, size: int, element: int) -> str:
@@ -137,6 +121,3 @@ def _guarded(
                 if inverse.op == "not" and inverse.args == kernel.nodes[arms[0]].args[:1]:
                     found[i] = found.pop(arms[0])
     return found
-
-
-__all__ = ["LocalNames", "meanings", "unused"]

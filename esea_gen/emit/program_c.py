@@ -27,6 +27,7 @@ from esea_gen.language.statements import (
     SetIndex,
     Statement,
     When,
+    reads_of,
     walk_statements,
 )
 
@@ -206,21 +207,20 @@ class _Writer:
         return done
 
     def _pointers(self, part: Part) -> tuple[str, ...]:
-        used = set()
+        memory = self.program.memory
+        regions = set()
         for s in walk_statements(part.body):
-            refs: list[Ref] = []
+            if isinstance(s, Invoke):
+                regions |= set(self._pointers(self.program.parts[s.part]))
+            refs, expressions = reads_of(s)
+            regions |= {memory[r.array].region for r in refs}
             if isinstance(s, Call):
-                refs = [*s.args, *s.results]
-            elif isinstance(s, Exit) or (isinstance(s, When) and isinstance(s.flag, Ref)):
-                refs = [s.flag]  # type: ignore[list-item]
-            elif isinstance(s, Invoke):
-                used |= set(self._pointers(self.program.parts[s.part]))
-            if any(self.program.memory[t].region == "work" for t in _looked_up(s)):
-                used.add("state")
-            for r in refs:
-                region = self.program.memory[r.array].region
-                used.add("state" if region == "work" else region)
-        return tuple(p for p in _POINTERS if p in used)
+                expressions = [r.start for r in refs]
+            while expressions:
+                for _, table, inner in expressions.pop().lookups:
+                    regions.add(memory[table].region)
+                    expressions.append(inner)
+        return tuple(p for p in _POINTERS if p in regions or (p == "state" and "work" in regions))
 
     def _part(self, part: Part) -> PrintedPart:
         locals_, indices = [], []
@@ -370,28 +370,6 @@ class _Writer:
         return lines
 
 
-def _looked_up(s: Statement) -> set[str]:
-    # Arrays that a statement's index expressions read.
-    if isinstance(s, Call):
-        expressions = [r.start for r in (*s.args, *s.results)]
-    elif isinstance(s, For):
-        expressions = [s.start, s.stop]
-    elif isinstance(s, SetIndex):
-        expressions = [s.value]
-    elif isinstance(s, Invoke):
-        expressions = list(s.args)
-    elif isinstance(s, When) and not isinstance(s.flag, Ref):
-        expressions = [s.flag[0], s.flag[2]]
-    else:
-        expressions = []
-    found = set()
-    while expressions:
-        for _, table, inner in expressions.pop().lookups:
-            found.add(table)
-            expressions.append(inner)
-    return found
-
-
 def loop_lines(text: str, loops: Sequence[LoopBound]) -> dict[str, tuple[int, int]]:
     lines = text.splitlines()
     found = {}
@@ -403,6 +381,3 @@ def loop_lines(text: str, loops: Sequence[LoopBound]) -> dict[str, tuple[int, in
         end = next(i for i in range(heads[0] + 1, len(lines)) if lines[i] == " " * pad + "}")
         found[loop.var] = (heads[0] + 1, end + 1)
     return found
-
-
-__all__ = ["EmittedProgram", "LoopBound", "PrintedPart", "emit_program", "loop_lines"]

@@ -5,15 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
-from functools import cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import casadi as ca
 import jinja2
 
-from esea_gen.cache import cache_folder, code_digest
 from esea_gen.emit.example import example, tolerance
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.printed import EmittedBlock, bare, comment
@@ -30,24 +27,21 @@ from esea_gen.language.watch import LATE_FULL, LATE_MOST, LATE_STEP, Watched
 Emitted = Mapping[str, EmittedBlock | EmittedProgram]
 
 
-class _Compiled(jinja2.FileSystemBytecodeCache):
-    # Templates compiled once, for all renderers and processes; a full disk costs time and no more.
+class _Compiled(jinja2.BytecodeCache):
+    # Templates compiled once a process, for all renderers.
+
+    def __init__(self) -> None:
+        self.code: dict[str, bytes] = {}
+
+    def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
+        if bucket.key in self.code:
+            bucket.bytecode_from_string(self.code[bucket.key])
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        with suppress(OSError):
-            super().dump_bytecode(bucket)
+        self.code[bucket.key] = bucket.bytecode_to_string()
 
 
-@cache
-def _compiled() -> _Compiled | None:
-    # Of this room's code, for a filter of a constant is worked out when its template is compiled.
-    digest = code_digest(("emit",))
-    if digest is None:
-        return None
-    folder = cache_folder() / f"templates-{digest[:16]}-{jinja2.__version__}"
-    with suppress(OSError):
-        folder.mkdir(exist_ok=True)
-    return _Compiled(str(folder))
+_COMPILED = _Compiled()
 
 
 def environment() -> jinja2.Environment:
@@ -59,7 +53,7 @@ def environment() -> jinja2.Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
         autoescape=False,
-        bytecode_cache=_compiled(),
+        bytecode_cache=_COMPILED,
     )
     env.filters["bare"] = bare
     env.filters["comment"] = comment

@@ -5,7 +5,7 @@ Every value carries the interval of its exact value and an error model
     |computed - exact| <= a + r |exact|
 
 pushed through operation by operation: what an operation does to the errors of its operands is here,
-what it adds of its own a format's :class:`Arithmetic` says.  A comparison whose operands carry no
+what it adds of its own a format's :class:`Rounding` says.  A comparison whose operands carry no
 error, or whose outcome follows from the intervals, is decided alike in all formats; any other is
 listed as an assumption.  All boxes of a Block's split ranges go through at once.
 
@@ -123,7 +123,7 @@ def _latest(known: dict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T
     return found
 
 
-class Arithmetic(ABC):
+class Rounding(ABC):
     """What a number format adds to the errors of one kernel's operations."""
 
     keeps_whole = False  # whether sums and products of whole numbers are exact
@@ -385,7 +385,7 @@ def numeric_nodes(
 
 
 def propagate(
-    arithmetic: Arithmetic,
+    rounding: Rounding,
     arguments: Sequence[Sequence[Span]],
     flag_results: Sequence[int] = (),
     facts: Mapping[int, tuple[Any, Any]] | None = None,
@@ -399,19 +399,19 @@ def propagate(
     of earlier analyses with the same boxes and facts.  A decision that only status words use is no
     assumption.
     """
-    kernel = arithmetic.kernel
+    kernel = rounding.kernel
     solved, facts, known = solved or {}, facts or {}, known or Known()
     numeric = numeric_nodes(kernel, flag_results, solved)
     values: list[Span] = []
     assumptions = []
     for i, n in enumerate(kernel.nodes):
         if n.op == "input":
-            values.append(known.one(i, arithmetic.read(i, arguments[n.source[0]][n.source[1]])))
+            values.append(known.one(i, rounding.read(i, arguments[n.source[0]][n.source[1]])))
             continue
-        if n.op == "const" or not arithmetic.computed(i) or (solved and i not in numeric):
+        if n.op == "const" or not rounding.computed(i) or (solved and i not in numeric):
             # Of what is a part of a status word, or not followed, nothing is known.
             if i not in known.points:
-                of = arithmetic.constant(n.value, boxes) if n.op == "const" else None
+                of = rounding.constant(n.value, boxes) if n.op == "const" else None
                 known.points[i] = of or span(0.0, 0.0, 0.0, boxes)
             values.append(known.points[i])
             continue
@@ -419,9 +419,9 @@ def propagate(
             values.append(known.one(i, solved[i]))
             continue
         v = [values[k] for k in n.args]
-        make = partial(_result, arithmetic, i, v, facts.get(i), i in numeric)
+        make = partial(_result, rounding, i, v, facts.get(i), i in numeric)
         with np.errstate(all="ignore"):
-            value, said = known.result(i, (arithmetic.key(i), i in numeric, *v), make)
+            value, said = known.result(i, (rounding.key(i), i in numeric, *v), make)
         values.append(value)
         if said:
             assumptions.append(said)
@@ -429,32 +429,32 @@ def propagate(
 
 
 def _result(
-    arithmetic: Arithmetic, i: int, v: list[Span], fact: tuple[Any, Any] | None, numeric: bool
+    rounding: Rounding, i: int, v: list[Span], fact: tuple[Any, Any] | None, numeric: bool
 ) -> tuple[Span, str]:
     # A node's Span, and the assumption that a comparison is.
-    kernel = arithmetic.kernel
+    kernel = rounding.kernel
     n = kernel.nodes[i]
-    stored = arithmetic.stored(i)
+    stored = rounding.stored(i)
     v = [Span(x.low, x.high, x.a + stored[k], x.r) if k in stored else x for k, x in enumerate(v)]
     if n.op in COMPARES:
         found = _decided(n.op, *v)
-        open_ = numeric and bool(np.any(found.low != found.high)) and not arithmetic.settled(i, v)
+        open_ = numeric and bool(np.any(found.low != found.high)) and not rounding.settled(i, v)
         return found, f"{kernel.name}: v{i} = {n.op}" if open_ else ""
     if n.op in BOOLEAN:
         return _logic(n.op, v), ""
-    x = arithmetic.finished(i, v, _cut(_ruled(arithmetic, n, v), fact))
+    x = rounding.finished(i, v, _cut(_ruled(rounding, n, v), fact))
     if not np.all(np.isfinite(x.error) & np.isfinite(x.magnitude)):
         raise RangeError(f"{kernel.name}: value v{i} ({n.op}) has no finite range")
     return x, ""
 
 
-def _ruled(arithmetic: Arithmetic, n: Node, v: list[Span]) -> Span:
-    kernel = arithmetic.kernel
+def _ruled(rounding: Rounding, n: Node, v: list[Span]) -> Span:
+    kernel = rounding.kernel
     if n.op == "pow":
         exponent = kernel.nodes[n.args[1]]
         if exponent.op != "const":
             raise RangeError(f"{kernel.name}: a power with an exponent that is not constant")
-        return _pow(v[0], exponent.value, arithmetic.exponent_error(exponent.value))
+        return _pow(v[0], exponent.value, rounding.exponent_error(exponent.value))
     if n.op == "mul" and n.args[0] == n.args[1]:
         return _mul(v[0], v[1], True)
     if n.op not in _RULES:
@@ -468,14 +468,3 @@ def _cut(x: Span, fact: tuple[Any, Any] | None) -> Span:
     low = np.maximum(x.low, fact[0])
     # In a box that no value can be in, any value will do.
     return replace(x, low=low, high=np.maximum(np.minimum(x.high, fact[1]), low))
-
-
-__all__ = [
-    "Arithmetic",
-    "Known",
-    "RangeError",
-    "Span",
-    "numeric_nodes",
-    "propagate",
-    "span",
-]

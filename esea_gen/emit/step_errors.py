@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.emit.spans import Arithmetic, Known, RangeError, Span, propagate, span
+from esea_gen.emit.spans import Known, RangeError, Rounding, Span, propagate, span
 from esea_gen.emit.walker import Kernel
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
@@ -29,7 +29,7 @@ Ranges = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Bound:
-    """Worst-case error of a Block in a number format, against exact arithmetic."""
+    """Worst-case error of a Block in a number format, against exact rounding."""
 
     format: str
     # It holds for so many: inf when the Block forgets its errors; 1 for what one step adds.
@@ -59,7 +59,7 @@ class ComputedStep:
     """A Block's step as a number format computes it."""
 
     block: Block
-    arithmetic: Arithmetic
+    rounding: Rounding
     labels: Mapping[int, str]
     facts: Mapping[int, tuple[float, float]]
     # Exact coefficients and the errors of the stored ones, by port and element.
@@ -86,7 +86,7 @@ class StepErrors:
         known: Known | None = None,
     ) -> None:
         self.computed, self.block, self.known = computed, computed.block, known or Known()
-        self.kernel = computed.arithmetic.kernel
+        self.kernel = computed.rounding.kernel
         self.limits = limits_of(self.block, ranges or {})
         if self.known.setting is None:
             self.known.setting = self._setting(room)
@@ -119,7 +119,7 @@ class StepErrors:
         # Ports that count.  The states are whole if, all of them taken as whole, one step leaves
         # them whole; drop those that it does not, until none is dropped.
         block = self.block
-        if not self.computed.arithmetic.keeps_whole:
+        if not self.computed.rounding.keeps_whole:
             return frozenset()
         self.whole = frozenset(f"u_{p.name}" for p in block.inputs if counts(p))
         self.whole |= {f"s_{p.name}" for p in block.state if counts(p)}
@@ -159,9 +159,9 @@ class StepErrors:
         ]
         inputs = [[self.held(f"u_{p.name}", given.get(p.name, 0.0))] * p.size for p in block.inputs]
         arguments = [*self._coefficients, *state, *inputs]
-        words, arithmetic = block.flag_results, self.computed.arithmetic
+        words, rounding = block.flag_results, self.computed.rounding
         more = self.facts, self.count, solved, self.known
-        return propagate(arithmetic, arguments, words, *more)
+        return propagate(rounding, arguments, words, *more)
 
     def values(self, errors: Errors) -> tuple[list[Span], tuple[str, ...]]:
         """Every node's Span, and the assumptions, whatever the format knows besides."""

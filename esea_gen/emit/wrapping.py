@@ -127,6 +127,3 @@ def _breaks(line: str) -> Iterator[_Break]:
             elif word in _LOOSENESS and before not in _LOOSENESS:
                 yield _Break(i, i + 1, depth, _LOOSENESS[word])
         i += 1
-
-
-__all__ = ["WIDTH", "wrap"]

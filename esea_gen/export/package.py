@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import io
-import subprocess
 import tarfile
 import tempfile
 from collections.abc import Mapping
@@ -16,7 +15,7 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.export.library import FORMS, library_files
 from esea_gen.files import write_whole
-from esea_gen.hostlib import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.targets import CONTROL_FLAGS, SECTION_FLAGS, find_board
 
 # Only what is declared in the header can be called.
@@ -36,15 +35,8 @@ def build_flat_library(device: Device, board: str, out: Path) -> tuple[Path, dic
             (folder / name).write_text(text, encoding="utf-8")
         sources = sorted(n for n in bundle.files if n.endswith(".c"))
         flags = (*chosen.processor.flags, *CONTROL_FLAGS, *_LIBRARY)
-        done = subprocess.run(
-            [gcc, *flags, *sources, *_LINK, f"-Wl,-soname,{target.name}", "-o", target.name],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if done.returncode != 0:
-            raise RuntimeError(f"the flat library does not build:\n{done.stderr}")
+        command = [gcc, *flags, *sources, *_LINK, f"-Wl,-soname,{target.name}", "-o", target.name]
+        run_tool(command, folder, "the flat library does not build")
         write_whole(target, (folder / target.name).read_bytes())
     return target, bundle.files
 

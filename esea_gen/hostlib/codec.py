@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.emit.naming import Naming
+from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
+from esea_gen.language.system import External
 
 Array = npt.NDArray[Any]
 
@@ -57,3 +61,36 @@ class Field:
         if self.fraction is None or self.port.flags:
             return held
         return held * 2.0**-self.fraction
+
+
+def block_field(naming: Naming, block: Block, group: str, port: Port) -> Field:
+    """A field of a Block's own struct: ``in``, ``out`` or ``state``."""
+    return Field(port.name, port, naming.fraction(block, group, port.name))
+
+
+def external_field(naming: Naming, external: External) -> Field:
+    """A field of a task's struct."""
+    return Field(external.name, external.port, naming.external_fraction(external))
+
+
+@cache
+def struct_dtype(ffi: Any, c_type: str) -> np.dtype[Any]:
+    """numpy type of a C struct, field for field."""
+
+    def converted(ctype: Any) -> np.dtype[Any]:
+        if ctype.kind == "primitive":
+            primitive = {"double": "f8", "float": "f4", "uint32_t": "u4", "int32_t": "i4"}
+            return np.dtype(primitive[ctype.cname])
+        if ctype.kind == "array":
+            return np.dtype((converted(ctype.item), (ctype.length,)))
+        names, fields = zip(*ctype.fields, strict=True)
+        return np.dtype(
+            {
+                "names": names,
+                "formats": [converted(f.type) for f in fields],
+                "offsets": [f.offset for f in fields],
+                "itemsize": ffi.sizeof(ctype),
+            }
+        )
+
+    return converted(ffi.typeof(c_type))

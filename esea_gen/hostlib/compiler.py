@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 import cffi
 
@@ -34,6 +35,19 @@ def find_compiler(name: str, package: str) -> str:
     return path
 
 
+def run_tool(
+    command: Sequence[object], folder: Path | None = None, failed: str = "", **more: Any
+) -> subprocess.CompletedProcess[str]:
+    """A program run to its end, and what it said; with ``failed``, an error where it fails."""
+    words = [str(word) for word in command]
+    done = subprocess.run(
+        words, cwd=folder, capture_output=True, text=True, errors="replace", check=False, **more
+    )
+    if failed and done.returncode != 0:
+        raise RuntimeError(f"{failed}:\n{(done.stderr or done.stdout)[-3000:]}")
+    return done
+
+
 def compile_sources(
     files: Mapping[str, str], flags: Sequence[str] = (), link: Sequence[str] = ()
 ) -> Path:
@@ -52,12 +66,8 @@ def compile_sources(
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
         built = Path(scratch) / "library.so"
-        done = subprocess.run(
-            [*command, f"-I{scratch}", *_units(files, Path(scratch)), "-o", str(built), *link],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        units = _units(files, Path(scratch))
+        done = run_tool([*command, f"-I{scratch}", *units, "-o", built, *link])
         if "No space left on device" in done.stderr:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), scratch)
         if done.returncode != 0:
@@ -69,7 +79,7 @@ def compile_sources(
 @cache
 def compiler_version(compiler: str) -> str:
     """First line of what a ``compiler`` says of its version; asked once a process."""
-    done = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True)
+    done = run_tool([compiler, "--version"], failed=f"{compiler} --version failed")
     return done.stdout.splitlines()[0]
 
 
@@ -96,13 +106,8 @@ def declared(text: str) -> cffi.FFI:
     """What cffi makes of C text, types and prototypes, whose only includes are standard ones."""
     gcc = find_compiler(HOST_GCC.compiler, HOST_GCC.package)
     bare = re.sub(r"^\s*#\s*include.*$", "", text, flags=re.MULTILINE)
-    done = subprocess.run(
-        [gcc, "-E", "-P", "-x", "c", "-std=c99", "-"],
-        input=bare,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    command = [gcc, "-E", "-P", "-x", "c", "-std=c99", "-"]
+    done = run_tool(command, failed="the header cannot be read", input=bare)
     ffi = cffi.FFI()
     ffi.cdef(done.stdout, override=True)
     return ffi

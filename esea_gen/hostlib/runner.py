@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from esea_gen.hostlib.codec import Array, Field
-from esea_gen.hostlib.loaded import LoadedC
+from esea_gen.hostlib.codec import Array, Field, external_field
 from esea_gen.language.block import Block
 from esea_gen.language.system import System, SystemSimulator
+
+if TYPE_CHECKING:
+    from esea_gen.hostlib.library import HostLibrary
 
 
 class CRunner:
@@ -18,10 +20,9 @@ class CRunner:
 
     Parameters
     ----------
-    library : LoadedC
+    library : HostLibrary
         Where it lives.
     name : str
-        The Block's or task's.
     owner : Block or System
         Whose params, coefficients and state it has: the Block's own, or the System's for a task.
     inputs, outputs, state : sequence of Field
@@ -30,7 +31,7 @@ class CRunner:
 
     def __init__(
         self,
-        library: LoadedC,
+        library: HostLibrary,
         name: str,
         owner: Block | System,
         inputs: Sequence[Field],
@@ -185,7 +186,7 @@ class CBoard:
 
     Parameters
     ----------
-    library : LoadedC
+    library : HostLibrary
         Where it lives.
     tunables : mapping, optional
         ``{instance: {tunable: value}}`` other than the defaults.
@@ -197,14 +198,14 @@ class CBoard:
     """
 
     def __init__(
-        self, library: LoadedC, tunables: Mapping[str, Mapping[str, float]] | None = None
+        self, library: HostLibrary, tunables: Mapping[str, Mapping[str, float]] | None = None
     ) -> None:
         self.library, self.system = library, library.system
         system = library.system
         self._fields = {
             t.name: (
-                [library.external_field(x) for x in system.task_inputs(t)],
-                [library.external_field(x) for x in system.task_outputs(t)],
+                [external_field(library.naming, x) for x in system.task_inputs(t)],
+                [external_field(library.naming, x) for x in system.task_outputs(t)],
             )
             for t in system.tasks
         }
@@ -243,7 +244,6 @@ class CBoard:
         Parameters
         ----------
         tick : int
-            The base tick.
         """
         if self.system.latches:
             self._call("release", self._state, tick)
@@ -260,7 +260,6 @@ class CBoard:
         Parameters
         ----------
         task_name : str
-            Which.
         **inputs : float or sequence of float
             Its external inputs, in units; in q31, NaN and what does not fit is invalid.
         """

@@ -104,6 +104,3 @@ def emitted_once(blocks: Mapping[str, Component]) -> dict[str, Component]:
             one = _merged(name if name and name not in names else group[0].name, group)
             shared |= {id(b): one for b in group}
     return {i: shared.get(id(b), b) for i, b in blocks.items()}
-
-
-__all__ = ["alike", "emitted_once", "joined"]

@@ -44,7 +44,13 @@ class Guard(SimpleNamespace):
     state_ok: ca.SX
 
     def status(self, *bits: Any) -> ca.SX:
-        """Status word of :func:`status_port`: the guard's two flags, then the Block's own."""
+        """Status word of :func:`status_port`: the guard's two flags, then the Block's own.
+
+        Parameters
+        ----------
+        *bits : casadi.SX
+            1 or 0 each.
+        """
         return flag_word([ca.logic_not(self.inputs_ok), ca.logic_not(self.state_ok), *bits])
 
 
@@ -332,7 +338,6 @@ class Simulator(Executor):
     Parameters
     ----------
     block : Block
-        What to run.
     tunables : mapping of str to float, optional
         Values other than the defaults.
     """

@@ -70,7 +70,6 @@ def f32_inside(low: float, high: float) -> tuple[float, float]:
     Parameters
     ----------
     low, high : float
-        Ends of the interval.
     """
     lo, hi = np.float32(low), np.float32(high)
     if float(lo) < low:
@@ -86,7 +85,6 @@ def threshold(value: float) -> float:
     Parameters
     ----------
     value : float
-        Threshold.
     """
     return f32_inside(-value, value)[1]
 
@@ -361,7 +359,6 @@ def symbols_of(ports: Iterable[Port | Tunable]) -> dict[str, ca.SX]:
     Parameters
     ----------
     ports : iterable of Port or Tunable
-        The ports.
     """
     return {p.name: ca.SX.sym(p.name, getattr(p, "size", 1)) for p in ports}
 
@@ -391,7 +388,6 @@ def port_ok(x: ca.SX, port: Port) -> ca.SX:
     x : casadi.SX
         The value, ``port.size`` elements.
     port : Port
-        Its port.
     """
     if port.size == 1:
         return in_range(x, port.low, port.high)

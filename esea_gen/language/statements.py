@@ -168,6 +168,19 @@ class Part:
     comment: str = ""
 
 
+def reads_of(s: Statement) -> tuple[list[Ref], list[Ix]]:
+    """Slices that a statement itself reads or writes, and its index expressions beside theirs."""
+    if isinstance(s, Call):
+        return [*s.args, *s.results], []
+    if isinstance(s, For):
+        return [], [s.start, s.stop]
+    if isinstance(s, When):
+        return ([s.flag], []) if isinstance(s.flag, Ref) else ([], [s.flag[0], s.flag[2]])
+    if isinstance(s, Exit):
+        return [s.flag], []
+    return [], [s.value] if isinstance(s, SetIndex) else list(s.args)
+
+
 def walk_statements(body: Sequence[Statement]) -> Iterator[Statement]:
     """Every statement of a body, the inner ones too."""
     for s in body:

@@ -103,7 +103,6 @@ class System:
         Parameters
         ----------
         task : Task
-            The task.
         """
         return any(self.blocks[i].coefficients for i in task.blocks)
 
@@ -113,7 +112,6 @@ class System:
         Parameters
         ----------
         name : str
-            Name of the task.
         """
         return next(t for t in self.tasks if t.name == name)
 
@@ -123,7 +121,6 @@ class System:
         Parameters
         ----------
         instance : str
-            Name of the instance.
         """
         return self._task_of[instance]
 
@@ -133,7 +130,6 @@ class System:
         Parameters
         ----------
         task : Task
-            The task.
         """
         return tuple(
             x for x in self.inputs if any(self.task_of(s.instance) is task for s in x.signals)
@@ -145,19 +141,8 @@ class System:
         Parameters
         ----------
         task : Task
-            The task.
         """
         return tuple(x for x in self.outputs if self.task_of(x.signals[0].instance) is task)
-
-    def latch_for(self, source: Signal) -> Latch:
-        """The latch that holds an output for other tasks.
-
-        Parameters
-        ----------
-        source : Signal
-            The output.
-        """
-        return self._latch[source]
 
     def latches_read(self, task: Task) -> tuple[Latch, ...]:
         """Latches that a task reads, each once.
@@ -165,7 +150,6 @@ class System:
         Parameters
         ----------
         task : Task
-            The task that reads.
         """
         sources = [w for r, w in self.wires.items() if self.task_of(r.instance) is task]
         return tuple(x for x in self.latches if x.source in sources and x.writer != task.name)
@@ -176,7 +160,6 @@ class System:
         Parameters
         ----------
         task : Task
-            The task that reads.
         """
         read = {
             w.port
@@ -203,7 +186,6 @@ class System:
         Parameters
         ----------
         sink : Signal
-            The input port.
         """
         external = self._external.get(sink)
         if external is not None:
@@ -212,7 +194,7 @@ class System:
         if source.instance == WATCH:
             return Watched(self._output(source))
         if self.task_of(source.instance) is not self.task_of(sink.instance):
-            return self.latch_for(source)
+            return self._latch[source]
         return source
 
     # -- checks ----------------------------------------------------------------------------------
@@ -308,7 +290,6 @@ class SystemSimulator:
     Parameters
     ----------
     system : System
-        What to run.
     tunables : mapping, optional
         ``{instance: {tunable: value}}`` other than the defaults.
     """
@@ -385,7 +366,6 @@ class SystemSimulator:
         Parameters
         ----------
         task_name : str
-            Which.
         **inputs : float or ndarray
             Its external inputs.
         """

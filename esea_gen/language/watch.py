@@ -70,6 +70,3 @@ class TaskWatch:
             "late_level": float(self.late_level),
             "coeffs_ok": float(self.coeffs_ok),
         }
-
-
-__all__ = ["CLOCK_OK", "COEFFS_OK", "LATE_LEVEL", "WATCH", "TaskWatch", "Watched"]

@@ -54,6 +54,3 @@ class Latch:
     source: Signal  # the output that it holds
     port: Port
     writer: str  # task that writes it
-
-
-__all__ = ["External", "Latch", "Signal", "Task"]

@@ -174,18 +174,10 @@ class Messenger:
         own.sign_outgoing = signs
 
     def learn_time(self) -> BoardTime:
-        deadline_s = time.monotonic() + self.timeout_s
-        frames, noise_bytes = self.counters.frames, self.counters.noise_bytes
         self._board_time = None
         self._ask_time()
-        while self._board_time is None:
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0:
-                frames = self.counters.frames - frames
-                noise_bytes = self.counters.noise_bytes - noise_bytes
-                raise self._too_late("ESEA_STAMP", self.timeout_s, frames, noise_bytes)
-            self._read(left_s)
-        return self._board_time
+        told: BoardTime = self._until(lambda: self._board_time, "ESEA_STAMP", self.timeout_s)
+        return told
 
     def boot_number(self) -> int:
         """Number of the board's start, asked of it: another one after every loss of power."""
@@ -257,11 +249,10 @@ class Messenger:
         timeout_s: float | None = None,
         drop_before: bool = False,
     ) -> Any:
-        limit_s = self.timeout_s if timeout_s is None else timeout_s
-        deadline_s = time.monotonic() + limit_s
-        frames, noise_bytes = self.counters.frames, self.counters.noise_bytes
         seen = 0
-        while True:
+
+        def found() -> Any:
+            nonlocal seen
             for i, message in enumerate(islice(self._pending, seen, None), seen):
                 if fits(message):
                     del self._pending[i]
@@ -269,12 +260,21 @@ class Messenger:
                         self._pending.popleft()
                     return message
             seen = len(self._pending)
+            return None
+
+        return self._until(found, name, self.timeout_s if timeout_s is None else timeout_s)
+
+    def _until(self, found: Callable[[], Any], name: str, limit_s: float) -> Any:
+        deadline_s = time.monotonic() + limit_s
+        frames, noise_bytes = self.counters.frames, self.counters.noise_bytes
+        while (message := found()) is None:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0:
                 frames = self.counters.frames - frames
                 noise_bytes = self.counters.noise_bytes - noise_bytes
                 raise self._too_late(name, limit_s, frames, noise_bytes)
             self._read(left_s)
+        return message
 
     def _refuse_beside(self) -> None:
         said = [t for t in self.texts if t.startswith(BUSY)]

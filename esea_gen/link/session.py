@@ -156,7 +156,10 @@ class Session(Messenger):
         """The samples in a message; None when it holds none of a stream of this session."""
         if message.get_type() != "ESEA_DATA":
             return None
-        return streams.by_choice(self._streams, message)
+        stream = self._streams.get(message.stream)
+        if stream is None or stream.choice != message.choice:
+            return None
+        return stream.decode(message)
 
     # -- parameters --------------------------------------------------------------------------------
 

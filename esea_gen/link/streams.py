@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 _SIDES = ("IN", "OUT")
@@ -114,16 +113,3 @@ def choose(known: Sequence[StreamSignal], names: Iterable[str]) -> dict[str, lis
 
 def _names(known: Sequence[StreamSignal]) -> str:
     return ", ".join(dict.fromkeys(f"{s.task}.{s.array}" for s in known))
-
-
-def gaps(samples: Iterable[StreamSamples], interval: int) -> int:
-    times = [t for s in samples for t in s.times]
-    return sum((b - a) // interval - 1 for a, b in pairwise(times))
-
-
-def by_choice(streams: Mapping[int, BoardStream], message: Any) -> StreamSamples | None:
-    """The samples of an ESEA_DATA; None when it is of a choice that no longer holds."""
-    stream = streams.get(message.stream)
-    if stream is None or stream.choice != message.choice:
-        return None
-    return stream.decode(message)

@@ -12,7 +12,7 @@ import time
 import tty
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, Any, Protocol, Self
+from typing import IO, Any
 
 RECEIVE_CHUNK_BYTES = 1 << 16
 STOP_S = 3.0
@@ -25,23 +25,26 @@ class LinkError(RuntimeError):
         self.what, self.fix, self.said = what, fix, said
 
 
-class Transport(Protocol):
+class Transport:
     """Carries bytes both ways; every method raises :class:`LinkError` when the link is broken."""
 
     def read(self, timeout_s: float) -> bytes:
         """What has come, at least a byte; nothing when nothing comes in time."""
+        raise NotImplementedError
 
     def write(self, data: bytes, timeout_s: float) -> None:
         """Send all of it."""
+        raise NotImplementedError
 
     def close(self) -> None:
         """Let go of the other end; more than once does no harm."""
 
     def said(self) -> str:
         """What the other end said beside the link, for an error's text; empty when nothing."""
+        return ""
 
 
-class SocketTransport:
+class SocketTransport(Transport):
     def __init__(self, link: socket.socket) -> None:
         self.link = link
 
@@ -68,9 +71,6 @@ class SocketTransport:
     def close(self) -> None:
         self.link.close()
 
-    def said(self) -> str:
-        return ""
-
 
 class TcpTransport(SocketTransport):
     def __init__(self, port: int, host: str = "127.0.0.1", timeout_s: float = STOP_S) -> None:
@@ -83,7 +83,7 @@ class TcpTransport(SocketTransport):
         super().__init__(link)
 
 
-class SerialTransport:
+class SerialTransport(Transport):
     def __init__(self, port: str, baud: int = 115200) -> None:
         try:
             import serial
@@ -116,11 +116,8 @@ class SerialTransport:
     def close(self) -> None:
         self._port.close()
 
-    def said(self) -> str:
-        return ""
 
-
-class PtyTransport:
+class PtyTransport(Transport):
     """A terminal without a device behind it, as a simulated board offers one."""
 
     def __init__(self, path: str | Path) -> None:
@@ -129,28 +126,12 @@ class PtyTransport:
         except OSError as error:
             raise LinkError(f"{path} cannot be opened ({error.strerror})") from None
         try:
-            self._open(handle)
+            tty.setraw(handle, termios.TCSANOW)  # not after a flush: what has come stays
         except termios.error as error:
             os.close(handle)
             raise LinkError(f"{path} is no terminal ({error.args[1]})") from None
-
-    def _open(self, handle: int) -> None:
-        tty.setraw(handle, termios.TCSANOW)  # not after a flush: what has come stays
         os.set_blocking(handle, False)
         self._handle = handle
-
-    @classmethod
-    def pair(cls) -> tuple[Self, str]:
-        """A new one: this end, and the name of the other."""
-        ours, theirs = os.openpty()
-        made = cls.__new__(cls)
-        made._open(ours)
-        tty.setraw(theirs, termios.TCSANOW)
-        name = os.ttyname(theirs)
-        made._other = theirs  # held open: else this end would find nobody there at first
-        return made, name
-
-    _other: int = -1
 
     def read(self, timeout_s: float) -> bytes:
         try:
@@ -181,19 +162,15 @@ class PtyTransport:
                 raise LinkError(f"the link broke ({error})") from None
 
     def close(self) -> None:
-        for name in ("_handle", "_other"):
-            if getattr(self, name) >= 0:
-                os.close(getattr(self, name))
-                setattr(self, name, -1)
-
-    def said(self) -> str:
-        return ""
+        if self._handle >= 0:
+            os.close(self._handle)
+            self._handle = -1
 
 
 FROM_FILE = "Name a board; of a recording: esea-host show, or esea-host replay."
 
 
-class FileTransport:
+class FileTransport(Transport):
     """Bytes that a link once carried, out of a file; it takes none."""
 
     def __init__(self, path: str | Path) -> None:
@@ -213,9 +190,6 @@ class FileTransport:
 
     def close(self) -> None:
         self._file.close()
-
-    def said(self) -> str:
-        return ""
 
 
 def open_transport(address: str) -> Transport:

@@ -6,8 +6,10 @@ from typing import Any
 
 from esea_gen.device import Device
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.numbers import Quantity
 from esea_gen.emit.formats import FLOATING_FORMATS, FORMATS
 from esea_gen.emit.render import block_kernels, versions
+from esea_gen.identify import MappingFile
 from esea_gen.language.ports import unit_of
 from esea_gen.report.findings import Findings
 from esea_gen.report.page import PageSection
@@ -29,18 +31,23 @@ def quantities(device: Device) -> list[dict[str, Any]]:
 def assumed(found: Findings) -> list[dict[str, Any]]:
     """Every assumed number: of the device file, and of the mapping file in use."""
     out = [p for p in quantities(found.device) if p["status"] == "assumed"]
-    if found.mapping is None:
-        return out
-    m = found.mapping.mapping
-    for key, unit, q in (
+    if found.mapping is not None:
+        for key, unit, q in scales(found.mapping):
+            if q.status == "assumed":
+                source = f"{q.source} ({found.mapping.origin})"
+                out.append({"key": key, "value": q.value, "unit": unit, "source": source})
+    return out
+
+
+def scales(source: MappingFile) -> list[tuple[str, str, Quantity]]:
+    """Numbers by which a mapping makes SI units: key, unit, value."""
+    m = source.mapping
+    known = (
         ("deflection.scale_rad_per_m", "rad/m", m.deflection.scale_rad_per_m),
         ("torque.scale_Nm_per_N", "Nm/N", m.torque.scale_Nm_per_N),
         ("sampling.period_s", "s", m.sampling.period_s),
-    ):
-        if q is not None and q.status == "assumed":
-            source = f"{q.source} ({found.mapping.origin})"
-            out.append({"key": key, "value": q.value, "unit": unit, "source": source})
-    return out
+    )
+    return [(key, unit, q) for key, unit, q in known if q is not None]
 
 
 def _parameters(found: Findings) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import jinja2
 from markupsafe import Markup
+from pydantic_core import to_jsonable_python
 
 from esea_gen import pages
 
@@ -34,7 +35,7 @@ def environment() -> jinja2.Environment:
         "unit": unit_text,
         "people": for_people,
         "count": count_text,
-        "mathml": mathml,
+        "mathml": Markup,  # presentation MathML of a Block: our own output, so not escaped
         "mark": STATUS_MARKS.__getitem__,
     }
     return env
@@ -95,19 +96,6 @@ def count_text(value: int) -> str:
     return f"{value:,}".replace(",", "\u202f")
 
 
-def mathml(equation: str) -> Markup:
-    """An equation for the page."""
-    return Markup(equation)
-
-
 def finite(content: Any) -> Any:
     """JSON-ready content: None in place of NaN and infinity, plain Python numbers."""
-    if isinstance(content, dict):
-        return {str(k): finite(v) for k, v in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [finite(v) for v in content]
-    if hasattr(content, "item") and not isinstance(content, (str, bytes)):
-        content = content.item()
-    if isinstance(content, float) and not math.isfinite(content):
-        return None
-    return content
+    return to_jsonable_python(content, inf_nan_mode="null", fallback=lambda v: v.tolist())

@@ -10,6 +10,7 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.identify import MappingFile, Recording, load_mapping, load_recordings, recordings_for
+from esea_gen.identify.recording.misfit import Misfits
 from esea_gen.identify.verdict import temperature_tunables
 from esea_gen.language.block import Block
 from esea_gen.language.ports import unit_of
@@ -69,31 +70,21 @@ def _fit(found: Findings) -> dict[str, Any] | None:
         return None
     full = found.device.tau_full_scale_Nm
     sets: list[dict[str, Any]] = []
-    apart = 0.0
+    errors, apart = [], 0.0
     for run in found.runs:
         r = run.recording
-        if r is None:
-            continue
-        f32, f64 = (run.torque_at(real, r.time_s) for real in ("f32", "f64"))
-        apart = max(apart, float(np.abs(f32 - f64).max()))
-        error = f32 - r.tau_Nm
-        for s in r.sets:
-            row = {"recording": run.label, "label": s.label, "amplitude_rad": s.amplitude_rad}
-            judged = {k: _figures(error[getattr(s, k)], full) for k in ("training", "held_out")}
-            sets.append({**row, "cycles": dict(sorted(s.cycles.items())), **judged})
-    means = {}
-    for role in ("training", "held_out"):
-        percents = [s[role]["rms_percent"] for s in sets if s[role] is not None]
-        means[role] = float(np.mean(percents)) if percents else None
-    return {"sets": sets, "mean_rms_percent": means, "f32_minus_f64_max_Nm": apart}
-
-
-def _figures(error: Array, full_scale_Nm: float) -> dict[str, float] | None:
-    if not len(error):
-        return None
-    rms, peak = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-    found = {"rms_Nm": rms, "rms_percent": 100 * rms / full_scale_Nm}
-    return found | {"max_Nm": peak, "max_percent": 100 * peak / full_scale_Nm}
+        if r is not None:
+            f32, f64 = (run.torque_at(real, r.time_s) for real in ("f32", "f64"))
+            apart = max(apart, float(np.abs(f32 - f64).max()))
+            errors.append((r, f32 - r.tau_Nm))
+            sets += [{"recording": run.label} for _ in r.sets]
+    misfits = Misfits.of("Nm", errors)
+    for row, (s, judged) in zip(sets, misfits.rows(full), strict=True):
+        row |= {"label": s.label, "amplitude_rad": s.amplitude_rad}
+        row |= {"cycles": dict(sorted(s.cycles.items())), **judged}
+    means = misfits.means(full)
+    percents = {role: means[f"{role}_percent"] for role in ("training", "held_out")}
+    return {"sets": sets, "mean_rms_percent": percents, "f32_minus_f64_max_Nm": apart}
 
 
 def _flags_seen(found: Findings) -> list[dict[str, Any]]:

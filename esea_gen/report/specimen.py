@@ -12,14 +12,20 @@ from typing import Any
 
 from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
-from esea_gen.identify import MappingFile
 from esea_gen.identify.family.compare import THESIS
 from esea_gen.identify.notes import LIKELY
 from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
 from esea_gen.report import figures
+from esea_gen.report.common import scales
 from esea_gen.report.identification import dotted
 from esea_gen.report.page import PageSection, render
 from esea_gen.report.specimen_results import AGREED, COMPARED, LIFE, NAMES, SpecimenResults
+
+SCALES = {
+    "deflection.scale_rad_per_m": "deflection",
+    "torque.scale_Nm_per_N": "torque",
+    "sampling.period_s": "sampling period",
+}
 
 
 def specimen_page(found: SpecimenResults, command: str) -> str:
@@ -30,7 +36,10 @@ def specimen_page(found: SpecimenResults, command: str) -> str:
         "title": f"Specimen: {found.device.title}",
         "f": content,
         "facts": found.source.mapping.specimen,
-        "scales": _scales(found.source),
+        "scales": [
+            {"what": SCALES[key], "unit": unit} | q.model_dump()
+            for key, unit, q in scales(found.source)
+        ],
         "model": model,
         "compared": found.others.get(COMPARED),
         "agreed": found.others.get(AGREED),
@@ -39,16 +48,6 @@ def specimen_page(found: SpecimenResults, command: str) -> str:
         "wanted": found.wanted(),
     }
     return render(PageSection("specimen/head"), SECTIONS, found, **shown)
-
-
-def _scales(source: MappingFile) -> list[dict[str, Any]]:
-    m = source.mapping
-    found = (
-        ("deflection", "rad/m", m.deflection.scale_rad_per_m),
-        ("torque", "Nm/N", m.torque.scale_Nm_per_N),
-        ("sampling period", "s", m.sampling.period_s),
-    )
-    return [{"what": w, "unit": u} | q.model_dump() for w, u, q in found if q is not None]
 
 
 def _loops(found: SpecimenResults) -> dict[str, Any]:

@@ -32,12 +32,12 @@ class Printed:
     title: str
     kind: Kind
     command: str = ""
-    measure: str = ""
+    measure: str = ""  # of `Measures`; of the host's tools where it begins with ``host.``
     unit: str = ""
     published: Mapping[str, float] = field(default_factory=dict)
-    within: float = 0.0
-    most: float = 0.0
-    least: float = math.inf
+    within: float = 0.0  # share by which ours may miss, as reproduced
+    most: float = 0.0  # the same, with ``because``
+    least: float = math.inf  # how often a claim holds at least, with ``because``
     because: str = ""
     simulated: bool = False
 

@@ -49,8 +49,8 @@ MOST_PANELS = 4  # more cases than this are drawn as bars
 class ClosedLoopStudy(Study):
     """Cases of a controller against plant and person."""
 
-    person: ClassVar[bool] = False
-    keeps: ClassVar[bool] = False
+    person: ClassVar[bool] = False  # somebody moves the load; else the output is fixed
+    keeps: ClassVar[bool] = False  # table and JSON need what ``keep`` gives
     thesis_Nm: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
     def cases(self) -> list[Case]:

@@ -21,7 +21,7 @@ PUSH_NM = (0.5, 1.0, 2.0, 3.0, 4.0)
 HANDS_NM_RAD = (0.0, 2.0, 8.0, 20.0, 60.0)
 LIGHTEST_KGM2, RATIO = 0.006, 0.3  # damping of the intent, of a hand that light
 # Where a hand goes that is to push with its muscles and not with its stiffness.
-WALL_RAD, WALL_NM_RAD = 0.0873, 10.0
+WALL_RAD, WALL_NM_RAD = 0.0873, 11.0
 RISE_S, PUSH_S, JUDGED_S, END_S = 0.5, 1.0, 4.5, 6.5
 
 

@@ -88,12 +88,12 @@ def read_mat(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:
         return read_hdf5(raw, name, wanted)
     with _damage_named(name, "a MATLAB"):
         _unpacked(raw, name)
-        return _apart(raw, name)
+        return apart(raw, name)
 
 
-def _apart(raw: bytes, name: str) -> Content:
-    # SciPy's reader may end its process where a file is damaged, and unpacks without a bound: it
-    # runs in a process of its own, which sends arrays and texts back.
+def apart(raw: bytes, name: str) -> Content:
+    """A MATLAB file's content, read in a process of its own, which sends arrays and texts back."""
+    # SciPy's reader may end its process where a file is damaged, and unpacks without a bound.
     code = "import sys; from esea_gen.tables.structured import send_mat; send_mat(sys.argv[1])"
     try:
         done = subprocess.run(
@@ -125,7 +125,7 @@ def send_mat(name: str) -> None:
 
         resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY_BYTES, MOST_MEMORY_BYTES))
     try:
-        content = _mat(sys.stdin.buffer.read(), name)
+        content = mat_content(sys.stdin.buffer.read(), name)
     except UserError as error:
         print(f"{error.what}\n{error.fix}", file=sys.stderr)
         raise SystemExit(2) from None
@@ -136,7 +136,8 @@ def send_mat(name: str) -> None:
     sys.stdout.buffer.write(out.getvalue())
 
 
-def _mat(raw: bytes, name: str) -> Content:
+def mat_content(raw: bytes, name: str) -> Content:
+    """A MATLAB file's content, read in this process."""
     with _damage_named(name, "a MATLAB"):
         kinds = scipy.io.whosmat(io.BytesIO(raw))
         check_unique(name, "", (k for k, *_ in kinds), "Give every variable a name of its own.")

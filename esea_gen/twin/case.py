@@ -16,6 +16,7 @@ class Case:
     trajectory: Trajectory
     mode: int = TORQUE
     tunables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    # Tunables of the plant; with several axes, of the axis that is moved.
     plant: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -26,7 +27,7 @@ class Setting:
     person: str = "none"
     real: str = "f32"
     tunables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    fault: str = ""
-    off: str = "none"
-    adapted: bool = False
+    fault: str = ""  # of an encoder, as ``--fault`` takes it
+    off: str = "none"  # family of what differs from the model
+    adapted: bool = False  # to the rubber before, with a known mass
     axis: str = ""

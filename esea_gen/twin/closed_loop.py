@@ -26,7 +26,7 @@ from esea_gen.language.system import External, System
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.encoders import ENCODERS
 from esea_gen.twin.faults import KINDS, EncoderFault
-from esea_gen.twin.hand_plant import tunable_places, twin_system
+from esea_gen.twin.hand_plant import grouped, prepared, twin_system
 from esea_gen.twin.loop_run import Array, ClosedLoopRun, RanAwayError
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.plant import start_state
@@ -77,12 +77,6 @@ class ClosedLoop:
     from_signals : sequence of str
         Controller inputs that come from signals although the plant has them: what a fault campaign
         puts its thumb on.
-
-    Raises
-    ------
-    UserError
-        When the controller has no output ``u_Nm``, its base tick is no multiple of the plant's
-        step, it has the plant's name, or ``from_signals`` names no input of it.
     """
 
     def __init__(
@@ -273,44 +267,15 @@ class ClosedLoop:
             if values:
                 raise UserError(f"{system.name} has no tunables.", "Give none.")
             return ()
-        params = self.ffi.new(f"{prefix}_params_t *")
-        coeffs = self.ffi.new(f"{prefix}_coeffs_t *")
-        getattr(self._lib, f"{prefix}_default_params")(params)
-        known = {(i, t.name): t for i, t in system.tunables}
-        for instance, group in values.items():
-            for key, value in group.items():
-                if (instance, key) not in known:
-                    names = ", ".join(f"{i}.{n}" for i, n in known)
-                    raise UserError(
-                        f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
-                    )
-                number = known[instance, key].taken(float(value))
-                if system is self.controller:
-                    naming = self._control.naming
-                    number = naming.tunable(system.blocks[instance], key, number)
-                setattr(getattr(params, instance), key, number)
-        refused = int(getattr(self._lib, f"{prefix}_prepare")(params, coeffs))
-        if refused:
-            instance, tunable = system.tunables[refused - 1]
-            raise UserError(
-                f"{instance}.{tunable.name} = {values[instance][tunable.name]:g} is outside "
-                f"{tunable.low:g} to {tunable.high:g}.",
-                f"Give a value inside ({tunable.meaning}).",
-            )
-        return (coeffs,)
 
-    def _plant_values(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        places = tunable_places(self.plant)
-        out: dict[str, dict[str, float]] = {}
-        for key, value in values.items():
-            if key not in places:
-                raise UserError(f"The plant has no tunable {key}.", f"It has: {', '.join(places)}.")
-            instance, name = places[key]
-            whole = name.endswith("_bits") or name.startswith("clamped")
-            if whole and value != round(value):
-                raise UserError(f"{key} = {value:g} is not a whole number.", "Give a whole one.")
-            out.setdefault(instance, {})[name] = value
-        return out
+        def converted(instance: str, key: str, number: float) -> float:
+            return self._control.naming.tunable(system.blocks[instance], key, number)
+
+        def function(name: str) -> Any:
+            return getattr(self._lib, name)
+
+        own = converted if system is self.controller else None
+        return (prepared(self.ffi, function, prefix, system, values, own),)
 
     def _table(self, signals: Mapping[str, Any], ticks: int) -> Array:
         columns = []
@@ -409,11 +374,6 @@ class ClosedLoop:
         missed : array_like of bool, optional
             One value a tick: where true, the controller's last task is due, but does not run.
 
-        Returns
-        -------
-        ClosedLoopRun
-            Everything recorded.
-
         Raises
         ------
         UserError
@@ -430,7 +390,7 @@ class ClosedLoop:
         path = self._path(signals, n, held_rad, seed)
 
         coeffs = self._prepared(self.controller, self._prefix, controller_tunables or {})
-        plant_coeffs = self._prepared(self.plant, self._plant_prefix, self._plant_values(values))
+        plant_coeffs = self._prepared(self.plant, self._plant_prefix, grouped(self.plant, values))
         state = self.ffi.new(f"{self._prefix}_state_t *")
         plant_state = self.ffi.new(f"{self._plant_prefix}_state_t *")
         start = self.ffi.new(f"{self._plant_prefix}_move_out_t *")

@@ -11,7 +11,7 @@ with symmetric matrices M, D and K; tau_intent is the pull of each axis towards 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, TypeVar
@@ -279,3 +279,54 @@ def tunable_places(system: System) -> dict[str, tuple[str, str]]:
         axis = instance.partition("_")[2] if instance.startswith("encoders") else ""
         out[of_axis(t.name, axis)] = (instance, t.name)
     return out
+
+
+def grouped(system: System, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Tunables of a plant by their names with the axis, by instance and name."""
+    places, found = tunable_places(system), dict[str, dict[str, float]]()
+    for key, value in values.items():
+        if key not in places:
+            raise UserError(f"The plant has no tunable {key}.", f"It has: {', '.join(places)}.")
+        instance, name = places[key]
+        whole = name.endswith("_bits") or name.startswith("clamped")
+        if whole and value != round(value):
+            raise UserError(f"{key} = {value:g} is not a whole number.", "Give a whole one.")
+        found.setdefault(instance, {})[name] = value
+    return found
+
+
+def prepared(
+    ffi: Any,
+    function: Callable[[str], Any],
+    prefix: str,
+    system: System,
+    values: Mapping[str, Mapping[str, float]],
+    converted: Callable[[str, str, float], float] | None = None,
+) -> Any:
+    """Coefficients of a compiled System with these tunables, and the defaults of the others.
+
+    ``converted`` gives the number in the C's format.
+    """
+    params, coeffs = ffi.new(f"{prefix}_params_t *"), ffi.new(f"{prefix}_coeffs_t *")
+    function(f"{prefix}_default_params")(params)
+    known = {(i, t.name): t for i, t in system.tunables}
+    for instance, group in values.items():
+        for key, value in group.items():
+            if (instance, key) not in known:
+                names = ", ".join(f"{i}.{n}" for i, n in known)
+                raise UserError(
+                    f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
+                )
+            number = known[instance, key].taken(float(value))
+            if converted is not None:
+                number = converted(instance, key, number)
+            setattr(getattr(params, instance), key, number)
+    refused = int(function(f"{prefix}_prepare")(params, coeffs))
+    if refused:
+        instance, tunable = system.tunables[refused - 1]
+        raise UserError(
+            f"{instance}.{tunable.name} = {values[instance][tunable.name]:g} is outside "
+            f"{tunable.low:g} to {tunable.high:g}.",
+            f"Give a value inside ({tunable.meaning}).",
+        )
+    return coeffs

@@ -58,11 +58,6 @@ class ClosedLoopRun:
         ----------
         axis : str
             Its name.
-
-        Returns
-        -------
-        ClosedLoopRun
-            With names that carry no axis.
         """
         if not axis:
             return self

@@ -29,9 +29,9 @@ _TURN = 2 * math.pi
 
 @dataclass(frozen=True)
 class Deviation:
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict)  # tunables of plant and encoders
     delay_ticks: int = 0
-    missed_share: float = 0.0
+    missed_share: float = 0.0  # probability that a control run is left out
 
     def missed(self, ticks: int, seed: int) -> Array | None:
         """Ticks in which a control run would be left out; None where none is."""
@@ -53,8 +53,8 @@ class OffFamily:
     draw: Draw
 
 
-def _set(**values: float) -> Draw:
-    return lambda _device, _rng: Deviation(values)
+def _same(off: Deviation) -> Draw:
+    return lambda _device, _rng: off
 
 
 def _scaled(scale: float, *keys: str) -> Draw:
@@ -75,14 +75,6 @@ def _encoders(rng: np.random.Generator, deg: Callable[[], float]) -> dict[str, f
 
 def _waved(deg: float) -> Draw:
     return lambda _, rng: Deviation(_encoders(rng, lambda: deg))
-
-
-def _late(ms: int) -> Draw:
-    return lambda _device, _rng: Deviation(delay_ticks=round(ms * RATE_HZ / 1000))
-
-
-def _missing(share: float) -> Draw:
-    return lambda _device, _rng: Deviation(missed_share=share)
 
 
 def _everything(part: float = 1.0, missing: bool = False) -> Draw:
@@ -119,47 +111,56 @@ def _everything(part: float = 1.0, missing: bool = False) -> Draw:
 def off_families() -> dict[str, OffFamily]:
     """Every family by name, in the order of the table."""
     o = PLANTS.off
-    rows = [OffFamily(NOTHING, NOTHING, "nothing off beside what the plant has", _set())]
 
-    def add(name: str, group: str, meaning: str, draw: Draw) -> None:
-        rows.append(OffFamily(name, group, meaning, draw))
+    def values(**numbers: float) -> Draw:
+        return _same(Deviation(numbers))
 
-    for x in o.rubber_scale:
-        percent = f"{100 * (x - 1):+.0f}"
-        text = f"true torque of the rubber {percent} %"
-        add(f"rubber{percent}", "rubber", text, _set(elastomer_scale=x))
-    x = o.hysteresis_scale
-    text = f"stop operators' torque times {x:g}"
-    add(f"hysteresis-x{x:g}", "hysteresis", text, _set(hysteresis_scale=x))
-    branch = {"relaxation_Nm_rad": o.relaxation_Nm_rad, "relaxation_s": o.relaxation_s}
-    text = f"a second Maxwell branch, {o.relaxation_Nm_rad:g} Nm/rad with {o.relaxation_s:g} s"
-    add("relaxation", "relaxation", text, _set(**branch))
+    def percent(x: float) -> str:
+        return f"{100 * (x - 1):+.0f}"
+
+    wide, slow = f"{1000 * o.backlash_rad:g}", o.relaxation_s
+    branch = values(relaxation_Nm_rad=o.relaxation_Nm_rad, relaxation_s=slow)
+    part = f"a second Maxwell branch, {o.relaxation_Nm_rad:g} Nm/rad with {slow:g} s"
+    twice = o.hysteresis_scale
+    rows: list[tuple[str, str, str, Draw]] = [
+        (NOTHING, NOTHING, "nothing off beside what the plant has", values()),
+        *(
+            (f"rubber{p}", "rubber", f"true torque of the rubber {p} %", values(elastomer_scale=x))
+            for x, p in ((x, percent(x)) for x in o.rubber_scale)
+        ),
+        (
+            *(f"hysteresis-x{twice:g}", "hysteresis"),
+            *(f"stop operators' torque times {twice:g}", values(hysteresis_scale=twice)),
+        ),
+        ("relaxation", "relaxation", part, branch),
+    ]
     for x in o.encoder_deg:
         text = f"both joint encoders wrong by {x:g} deg once a turn, any phase"
-        add(f"encoder-{x:g}deg", "encoder", text, _waved(x))
+        rows.append((f"encoder-{x:g}deg", "encoder", text, _waved(x)))
     for x in o.friction_scale:
-        text = f"friction {x:g} times the model's"
-        add(f"friction-x{x:g}", "friction", text, _scaled(x, "fv_Nms_rad", "fc_Nm"))
+        draw = _scaled(x, "fv_Nms_rad", "fc_Nm")
+        rows.append((f"friction-x{x:g}", "friction", f"friction {x:g} times the model's", draw))
     for x in o.inertia_scale:
-        percent = f"{100 * (x - 1):+.0f}"
-        text = f"inertia of motor and drive {percent} % of the model's"
-        add(f"inertia{percent}", "inertia", text, _scaled(x, "J_kgm2"))
+        text = f"inertia of motor and drive {percent(x)} % of the model's"
+        rows.append((f"inertia{percent(x)}", "inertia", text, _scaled(x, "J_kgm2")))
     for x in o.lag_scale:
-        add(f"lag-x{x:g}", "lag", f"motor's lag {x:g} times the model's", _scaled(x, "tau_c_s"))
+        text = f"motor's lag {x:g} times the model's"
+        rows.append((f"lag-x{x:g}", "lag", text, _scaled(x, "tau_c_s")))
     for ms in o.delay_ms:
-        add(f"delay+{ms}ms", "delay", f"command {ms} ms later at the motor", _late(ms))
-    wide = 1000 * o.backlash_rad
-    text = f"backlash of the cable {wide:g} mrad"
-    add(f"backlash-{wide:g}mrad", BACKLASH, text, _set(cable_backlash_rad=o.backlash_rad))
+        late = _same(Deviation(delay_ticks=round(ms * RATE_HZ / 1000)))
+        rows.append((f"delay+{ms}ms", "delay", f"command {ms} ms later at the motor", late))
+    gap, cable = values(cable_backlash_rad=o.backlash_rad), f"backlash of the cable {wide} mrad"
+    rows.append((f"backlash-{wide}mrad", BACKLASH, cable, gap))
     for x in o.missed_share:
         name, text = f"missed-{100 * x:g}%", f"{100 * x:g} % of the control runs left out, any"
-        add(name, "missed", text, _missing(x))
-    text = "everything above drawn at once, but no run missed"
-    add("random", "random", text, _everything())
-    add("random-half", "random-half", "the same, half as far from the model", _everything(0.5))
-    text = "as random, and runs missed"
-    add("random-missed", "random-missed", text, _everything(missing=True))
-    return {row.name: row for row in rows}
+        rows.append((name, "missed", text, _same(Deviation(missed_share=x))))
+    half, missed = _everything(0.5), _everything(missing=True)
+    rows += [
+        ("random", "random", "everything above drawn at once, but no run missed", _everything()),
+        ("random-half", "random-half", "the same, half as far from the model", half),
+        ("random-missed", "random-missed", "as random, and runs missed", missed),
+    ]
+    return {row[0]: OffFamily(*row) for row in rows}
 
 
 def _groups(rigid: bool) -> dict[str, list[str]]:

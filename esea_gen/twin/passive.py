@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 import sympy as sp
@@ -25,12 +24,12 @@ from esea_gen.device import Device
 from esea_gen.devices.file import DeviceData
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Flag, Port, flag_word
+from esea_gen.language.ports import Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.symbolic import equation
 from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
 from esea_gen.twin.parameters import STEP_S, assumed
-from esea_gen.twin.plant import TICK_S, true_sensor
+from esea_gen.twin.plant import TICK_S, plant_status, sensed, status_port, true_sensor
 from esea_gen.twin.published import PLANTS
 
 Array = npt.NDArray[np.float64]
@@ -57,28 +56,19 @@ def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
         v = label("v_m", s.omega_m_rad_s + q * s.alpha_m_rad_s2, "speed in the middle of the step")
         x = label("x_m", s.theta_m_rad + step_s * v)
         rate = label("rate_rad_s", v - u.omega_l_rad_s)
-        memory = sensor.state
-        held = [vars(s)[p.name] for p in memory]
-        results = sensor.step.call([*held, x - u.theta_l_rad, rate])
-        shown = dict(zip((p.name for p in sensor.outputs), results[len(memory) :], strict=True))
+        shown, memory = sensed(sensor, s, x - u.theta_l_rad, rate)
         tau_e = label("tau_e", shown["tau_Nm"], "(3.1)")
         slope = c.hand_damping_Nms_rad
         force = u.tau_hand_Nm - slope * rate - tau_e
         a = label("a_m", force / (c.cuff_inertia_kgm2 + q * slope), "damping implicit")
-        state: dict[str, Any] = {"theta_m_rad": x, "omega_m_rad_s": v + q * a, "alpha_m_rad_s2": a}
-        state |= {p.name: ca.vertsplit(results[i]) for i, p in enumerate(memory)}
-        bad = [ca.logic_not(guard.inputs_ok), ca.logic_not(guard.state_ok)]
-        return state, {
+        state = {"theta_m_rad": x, "omega_m_rad_s": v + q * a, "alpha_m_rad_s2": a}
+        return state | memory, {
             "tau_e_Nm": tau_e,
             "theta_m_rad": x,
             "theta_l_rad": u.theta_l_rad,
-            "plant_status": flag_word(bad),
+            "plant_status": plant_status(guard),
         }
 
-    flags = (
-        Flag("INPUT_INVALID", "an input was NaN or outside its range and was replaced", True),
-        Flag("STATE_REPAIRED", "the plant left its ranges and was started afresh", True),
-    )
     b, tau, tau_e, slip = sp.symbols("b tau_hand tau_e omega_ml")
     return Block.define(
         "plant",
@@ -103,7 +93,7 @@ def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
             Port("tau_e_Nm", -1e5, 1e5, "true torque on the limb", equation="(3.1)"),
             Port("theta_m_rad", -ANGLE_RAD, ANGLE_RAD, "angle of the cuff"),
             Port("theta_l_rad", -ANGLE_RAD, ANGLE_RAD, "angle of the limb"),
-            Port("plant_status", 0, 3, "what is known of this step", flags=flags),
+            status_port(),
         ),
         equations=(equation("(5.2)", "J omega_m'", tau - b * slip - tau_e, "cuff"),),
         step=step,

@@ -27,7 +27,7 @@ class PlantVariant:
     """A plant: how it is built, and the tunables that differ from the Blocks' defaults."""
 
     device: DeviceData
-    cable: bool
+    cable: bool  # compliant; else rigid, by construction
     values: Mapping[str, float] = field(default_factory=dict)
     step_s: float = STEP_S
 

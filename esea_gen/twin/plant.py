@@ -27,13 +27,14 @@ second, which no explicit step of 0.2 ms takes.  ``docs/twin.md`` has the eviden
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import sympy as sp
 
+from esea_gen.device import with_numbers
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
@@ -74,22 +75,24 @@ _SPEED_RAD_S, _ACCEL_RAD_S2, _ENERGY_J = 500.0, 1e7, 1e9
 
 def true_sensor(device: DeviceData, step_s: float) -> Block:
     """The sensor's equations at another period, in ranges that no motion of a plant leaves."""
-    file = device.file
-    limits, timing = file.limits, file.timing
+    wide = {
+        "limits.theta_rad": _THETA_RAD,
+        "limits.omega_rad_s": 2 * _SPEED_RAD_S,
+        "limits.tau_Nm": _TAU_NM,
+        "timing.sense_rate_Hz": 1 / step_s,
+    }
+    return rubber_sensor(with_numbers(device, wide))
 
-    def to(quantity: Any, value: float) -> Any:
-        return quantity.model_copy(update={"value": value})
 
-    wide = limits.model_copy(
-        update={
-            "theta_rad": to(limits.theta_rad, _THETA_RAD),
-            "omega_rad_s": to(limits.omega_rad_s, 2 * _SPEED_RAD_S),
-            "tau_Nm": to(limits.tau_Nm, _TAU_NM),
-        }
-    )
-    fast = timing.model_copy(update={"sense_rate_Hz": to(timing.sense_rate_Hz, 1 / step_s)})
-    data = DeviceData(file.model_copy(update={"limits": wide, "timing": fast}), device.origin)
-    return rubber_sensor(data)
+def sensed(
+    sensor: Block, s: SimpleNamespace, delta: ca.SX, rate: ca.SX
+) -> tuple[dict[str, ca.SX], dict[str, list[ca.SX]]]:
+    """What a sensor's step gives for a deflection and its rate, and what it remembers."""
+    names = [p.name for p in sensor.state]
+    results = sensor.step.call([*(vars(s)[n] for n in names), delta, rate])
+    outputs = (p.name for p in sensor.outputs)
+    shown = dict(zip(outputs, results[len(names) :], strict=True))
+    return shown, {n: ca.vertsplit(results[i]) for i, n in enumerate(names)}
 
 
 def bodies_of(cable: bool) -> tuple[str, ...]:
@@ -187,12 +190,7 @@ class AxisStep:
     ) -> Coupling:
         # The sensor's step with the true rate, and the coupling's stop.
         delta, rate = label("delta_rad", delta), label("rate_rad_s", rate)
-        memory = self.sensor.state
-        held = [vars(s)[p.name] for p in memory]
-        results = self.sensor.step.call([*held, delta, rate])
-        shown = dict(
-            zip((p.name for p in self.sensor.outputs), results[len(memory) :], strict=True)
-        )
+        shown, kept = sensed(self.sensor, s, delta, rate)
         more = (c.hysteresis_scale - 1) * shown["tau_hysteresis_Nm"]
         # Exact for a rate that is held over the step.
         branch = label(
@@ -205,28 +203,8 @@ class AxisStep:
         jaw = beyond(delta, -c.coupling_stop_rad, c.coupling_stop_rad)
         tau_jaw, _ = contact(jaw, rate, c.coupling_stop_Nm_rad, c.coupling_stop_Nms_rad)
         tau_e = label("tau_e", rubber + tau_jaw, "with the coupling's stop")
-        kept = {p.name: ca.vertsplit(results[i]) for i, p in enumerate(memory)}
         kept["relaxation_Nm"] = [branch]
         return Coupling(tau_e, rubber, jaw, tau_jaw, kept)
-
-
-@dataclass(frozen=True)
-class _PlantStep:
-    axis: AxisStep
-
-    def __call__(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        at = self.axis.drift(c, s, u, label)
-        q = 0.5 * self.axis.step_s
-        load = move_load(c, s, u, at.coupling.tau, at.x["l"], at.v["l"], q, label)
-        next_state, outputs = self.axis.settle(c, s, at, load, label)
-        return next_state, outputs | {"plant_status": plant_status(guard)}
 
 
 def plant_status(guard: Guard) -> Any:
@@ -247,6 +225,15 @@ def plant_block(
     axis = axis_step(device, cable, step_s)
     sensor = axis.sensor
     passed = passed_on(tunables)
+
+    def step(
+        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        at, q = axis.drift(c, s, u, label), 0.5 * step_s
+        load = move_load(c, s, u, at.coupling.tau, at.x["l"], at.v["l"], q, label)
+        next_state, outputs = axis.settle(c, s, at, load, label)
+        return next_state, outputs | {"plant_status": plant_status(guard)}
+
     return Block.define(
         "plant",
         "Virtual exoskeleton: drive, cable, elastomer, load and person"
@@ -261,7 +248,7 @@ def plant_block(
         inputs=input_ports(),
         outputs=output_ports(),
         equations=plant_equations(cable),
-        step=_PlantStep(axis),
+        step=step,
     )
 
 
@@ -295,48 +282,53 @@ def state_ports(cable: bool) -> tuple[Port, ...]:
 
 
 def input_ports() -> tuple[Port, ...]:
+    angle = _angle("theta_p_rad", "intended angle at the end of the step")
     return (
         Port("u_Nm", -100, 100, "motor command, at the motor's shaft", equation="(5.1)"),
-        Port(
-            "theta_p_rad",
-            -ANGLE_RAD,
-            ANGLE_RAD,
-            "intended angle at the end of the step",
-            on_invalid=0.0,
-        ),
+        replace(angle, on_invalid=0.0),
         _speed("omega_p_rad_s", "intended speed at the end of the step"),
         Port("alpha_p_rad_s2", -1e5, 1e5, "intended acceleration at the end of the step"),
         Port("noise", -100, 100, "white number of variance 1, held for a tick"),
     )
 
 
-def output_ports() -> tuple[Port, ...]:
-    torque = "true torque of the coupling on the load, its stop included"
-    ports = [Port("tau_e_Nm", -1e5, 1e5, torque, equation="(3.1)")]
-    for key, text in _BODIES.items():
-        ports.append(_angle(f"theta_{key}_rad", f"angle of the {text}"))
-        ports.append(_speed(f"omega_{key}_rad_s", f"speed of the {text}"))
-    invalid = "an input was NaN or outside its range and was replaced"
+def status_port() -> Port:
     flags = (
-        Flag("INPUT_INVALID", invalid, True),
+        Flag("INPUT_INVALID", "an input was NaN or outside its range and was replaced", True),
         Flag("STATE_REPAIRED", "the plant left its ranges and was started afresh", True),
     )
-    texts = {
-        "motor": "work of the motor",
-        "loss": "heat in friction, dampers and stops",
-        "elastomer": "work put into the elastomer, stored and lost there",
-        "person": "work of the person on the load",
-        "disturbance": "work of the gear's disturbance",
-    }
+    return Port("plant_status", 0, 3, "what is known of this step", flags=flags)
+
+
+_WORKS = {
+    "motor": "work of the motor",
+    "loss": "heat in friction, dampers and stops",
+    "elastomer": "work put into the elastomer, stored and lost there",
+    "person": "work of the person on the load",
+    "disturbance": "work of the gear's disturbance",
+}
+
+
+def output_ports() -> tuple[Port, ...]:
+    torque = "true torque of the coupling on the load, its stop included"
+    moved = [
+        port
+        for k, text in _BODIES.items()
+        for port in (
+            _angle(f"theta_{k}_rad", f"angle of the {text}"),
+            _speed(f"omega_{k}_rad_s", f"speed of the {text}"),
+        )
+    ]
     return (
-        *ports,
+        Port("tau_e_Nm", -1e5, 1e5, torque, equation="(3.1)"),
+        *moved,
         Port("u_a_Nm", -100, 100, "torque of the motor, at its shaft", equation="(5.1)"),
         Port("tau_h_Nm", -1e5, 1e5, "torque of the person on the load", equation="(5.3)"),
         Port("d4_rad_s2", -1e3, 1e3, "disturbance of the gear", equation="(5.2)"),
         Port("stored_J", 0, _ENERGY_J, "kinetic energy, and that of cable and stops"),
-        *(Port(f"work_{k}_J", -_ENERGY_J, _ENERGY_J, texts[k]) for k in WORKS),
+        *(Port(f"work_{k}_J", -_ENERGY_J, _ENERGY_J, _WORKS[k]) for k in WORKS),
         Port("tripped", 0, 2, "0 running, 1 tripped by speed, 2 by torque"),
-        Port("plant_status", 0, 3, "what is known of this step", flags=flags),
+        status_port(),
     )
 
 

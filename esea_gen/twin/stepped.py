@@ -10,13 +10,12 @@ import math
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.model.sensing import of_axis
-from esea_gen.twin.hand_plant import tunable_places, twin_system
+from esea_gen.twin.hand_plant import grouped, prepared, twin_system
 from esea_gen.twin.parameters import STEP_S
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.plant import TICK_S, start_state
@@ -42,27 +41,6 @@ def compiled_plant(device: DeviceData, cable: bool, step_s: float) -> HostLibrar
     return compile_system(twin_system(device, cable, step_s, TICK_S), "f64")
 
 
-def prepare_plant(library: HostLibrary, coeffs: Any, values: Mapping[str, float]) -> None:
-    """Coefficients of a plant with these tunables, and the defaults of the others."""
-    prefix, places = library.prefix, tunable_places(library.system)
-    params = library.ffi.new(f"{prefix}_params_t *")
-    library.function(f"{prefix}_default_params")(params)
-    for key, value in values.items():
-        if key not in places:
-            raise UserError(f"The plant has no tunable {key}.", f"It has: {', '.join(places)}.")
-        instance, name = places[key]
-        setattr(getattr(params, instance), name, value)
-    refused = int(library.function(f"{prefix}_prepare")(params, coeffs))
-    if refused:
-        instance, tunable = library.system.tunables[refused - 1]
-        value = getattr(getattr(params, instance), tunable.name)
-        raise UserError(
-            f"{instance}.{tunable.name} = {value:g} is outside {tunable.low:g} to "
-            f"{tunable.high:g}.",
-            f"Give a value inside ({tunable.meaning}).",
-        )
-
-
 class SteppedTwin:
     """A plant driven tick by tick: motor commands in, encoder counts by the board's input out."""
 
@@ -83,13 +61,13 @@ class SteppedTwin:
 
     def prepare(self, values: Mapping[str, float]) -> None:
         """Put other tunables in force; everything stays where it is."""
-        prepare_plant(self.library, self._coeffs, values)
+        library, groups = self.library, grouped(self.system, values)
+        self._coeffs = prepared(library.ffi, library.function, library.prefix, self.system, groups)
 
     def begin(self, angles_rad: Sequence[float], values: Mapping[str, float]) -> dict[str, int]:
         """Start at rest at one angle an axis, with these tunables; the counts there."""
         library, prefix = self.library, self.library.prefix
         ffi = library.ffi
-        self._coeffs = ffi.new(f"{prefix}_coeffs_t *")
         self._state = ffi.new(f"{prefix}_state_t *")
         self.prepare(values)
         library.function(f"{prefix}_init")(self._coeffs, self._state)

@@ -25,9 +25,9 @@ class Trajectory:
     omega_p_rad_s: Array
     alpha_p_rad_s2: Array
     tau_desired_Nm: Array
-    start: int
+    start: int  # first sample that is judged, and the one after the last
     end: int
-    clamped: bool = False
+    clamped: bool = False  # the output is fixed: no person
 
     @property
     def window(self) -> slice:

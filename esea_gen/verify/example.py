@@ -11,7 +11,7 @@ from pathlib import Path
 
 from esea_gen.board.firmware import compile_objects
 from esea_gen.emit.formats import FORMATS
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.targets import HOST_GCC
 
 _SAMPLES = re.compile(r"^(\d+) of (\d+) samples agree$", re.M)
@@ -44,26 +44,14 @@ def run_example(files: Mapping[str, str], real: str, quick: bool = False) -> Exa
         sources = sorted(n for n in here if n.endswith(".c"))
         parts = compile_objects(folder, HOST_GCC, flags, sources) if quick else sources
         command = [gcc, *flags, *map(str, parts), "-o", "example", *fmt.libraries.split()]
-        made = _run(command, folder)
+        made = run_tool(command, folder)
         if made.returncode != 0:
             return ExampleRun(0, 0, 0, 0, ("main.c: the example does not compile",), made.stderr)
         try:
-            done = _run([str(folder / "example")], folder)
+            done = run_tool([folder / "example"], folder, timeout=_LONGEST_S)
         except subprocess.TimeoutExpired:
             return ExampleRun(0, 0, 0, 0, ("main.c: the example does not end",), "")
     return judged(done.stdout, done.returncode)
-
-
-def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        check=False,
-        timeout=_LONGEST_S,
-    )
 
 
 def judged(said: str, code: int) -> ExampleRun:

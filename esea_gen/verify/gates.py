@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 import re
-import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -17,7 +16,7 @@ from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError, nearest
-from esea_gen.hostlib.compiler import compiler_version, find_compiler
+from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool
 from esea_gen.targets import CONTROL_FLAGS, PROCESSORS, Processor
 from esea_gen.verify.example import run_example
 
@@ -89,10 +88,6 @@ def _stack_limit(device: Device, target: Processor) -> int:
     return target.stack_limit_bytes + more + (PROGRAM_STACK_BYTES if programs else 0)
 
 
-def _output(*command: str | Path) -> str:
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
-
-
 def _unwanted(objects: Sequence[Path], target: Processor, libm: bool) -> list[str]:
     found = []
     tools = target.toolchain
@@ -129,7 +124,7 @@ def _instructions(objects: Sequence[Path], target: Processor) -> list[str]:
     tool = find_compiler(*target.toolchain.tool("objdump"))
     double = _HOST_DOUBLE if target.name == "host" else _ARM_DOUBLE
     for path in objects:
-        text = _output(tool, "-d", "--no-show-raw-insn", path)
+        text = run_tool([tool, "-d", "--no-show-raw-insn", path], failed="objdump failed").stdout
         hits = [" ".join(m.group().split()) for m in double.finditer(text)]
         if hits:
             found.append(f"{path.name}: {len(hits)} double instructions, first '{hits[0]}'")
@@ -183,15 +178,8 @@ def check_objects(
             if name == "main.c":
                 continue
             item = folder / f"{Path(name).stem}.o"
-            done = subprocess.run(
-                [gcc, *measured, "-c", name, "-o", item.name],
-                cwd=folder,
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-            if done.returncode != 0:
-                raise RuntimeError(f"{name} does not compile for {target}:\n{done.stderr}")
+            command = [gcc, *measured, "-c", name, "-o", item.name]
+            run_tool(command, folder, f"{name} does not compile for {target}")
             objects.append(item)
         problems = _unwanted(objects, chosen, not single) + _symbols(objects, chosen)
         if single:
@@ -199,7 +187,8 @@ def check_objects(
         used, stack_problems = _stack(device, folder, chosen, single)
         if chosen.name == "host" and "main.c" in texts:
             problems += run_example(texts, real).problems
-        sizes = _output(find_compiler(*chosen.toolchain.tool("size")), *objects).splitlines()[1:]
+        size = [find_compiler(*chosen.toolchain.tool("size")), *objects]
+        sizes = run_tool(size, failed="size failed").stdout.splitlines()[1:]
     return GateReport(
         device.name,
         real,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.language.block import Block
 
 TIMEOUT_S = 3600
@@ -44,22 +43,6 @@ class EvaResult:
     def proven(self) -> bool:
         """Whether there is no alarm, nothing unproven, and something was analysed."""
         return not self.alarms and not self.unproven and self.statements > 0
-
-
-def _said(command: Sequence[str], folder: Path, text: str | None = None) -> str:
-    done = subprocess.run(
-        list(command),
-        cwd=folder,
-        input=text,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIMEOUT_S,
-    )
-    said = done.stdout + done.stderr
-    if done.returncode != 0:
-        raise RuntimeError(f"{Path(command[0]).name} failed:\n{said[-3000:]}")
-    return said
 
 
 def prove_block(
@@ -101,7 +84,9 @@ def analysed(
         found = (f"-I{folder / name}" for name in ("", *folders))
         include = f"-cpp-extra-args={' '.join((*found, *SSE, *defines))}"
         paths = [str(folder / n) for n in sources]
-        said = _said([frama, *EVA, *options, include, *paths], folder)
+        command = [frama, *EVA, *options, include, *paths]
+        done = run_tool(command, folder, "frama-c failed", timeout=TIMEOUT_S)
+        said = done.stdout + done.stderr
     counted = re.search(r"(\d+) functions? analyzed.*?(\d+) statements? reached", said, re.DOTALL)
     alarms: list[str] = []
     unproven: list[str] = []

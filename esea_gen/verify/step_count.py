@@ -1,24 +1,16 @@
-"""Instructions of a Block's step on emulated processors, counted by a plugin of the emulator.
-
-Counted is what runs from one entry of the step to the next, the functions that it calls included,
-the loop around it not.  The emulator counts instructions, not cycles.  Each run also gives a
-checksum of its results, which must be the host's.
-"""
+"""Instructions of a Block's step on emulated processors, counted by a plugin of the emulator."""
 
 from __future__ import annotations
 
 import re
-import subprocess
 import tempfile
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from esea_gen.board.bare import call_tool, counting_plugin
 from esea_gen.board.emulator import find_qemu, qemu_command
-from esea_gen.cache import cache_folder
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
@@ -33,10 +25,8 @@ from esea_gen.targets import (
     BARE_LINK,
     BOARDS,
     EXACT_FLAGS,
-    HOST_GCC,
     SECTION_FLAGS,
     Board,
-    firmware_folder,
 )
 from esea_gen.verify.streams import domain_chirp, recorded_stream
 
@@ -62,21 +52,6 @@ def checksum(results: Array) -> int:
     return total
 
 
-def call_tool(command: list[Any]) -> str:
-    """Run a tool of the toolchain; return all its output."""
-    done = subprocess.run(
-        [str(c) for c in command],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-        stdin=subprocess.DEVNULL,
-    )
-    if done.returncode != 0:
-        raise RuntimeError(f"{Path(str(command[0])).name} failed:\n{done.stderr}")
-    return done.stdout + done.stderr
-
-
 def stream_program(renderer: Renderer, block: Block, stream: Stream) -> dict[str, str]:
     """The C of a Block's step as it ships, and a loop that runs a stream through it."""
     renderer.env.filters["number17"] = repr
@@ -95,24 +70,10 @@ def stream_program(renderer: Renderer, block: Block, stream: Stream) -> dict[str
     return own | {n: renderer.render(f"bench/{n}.j2", **context) for n in names}
 
 
-@cache
-def _plugin() -> Path:
-    gcc = find_compiler(*HOST_GCC.gcc)
-    source = firmware_folder() / "tools" / "count_instructions.c"
-    with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
-        built = Path(scratch) / "count.so"
-        call_tool([gcc, "-O2", "-shared", "-fPIC", source, "-o", built])
-        return built.rename(cache_folder() / "count_instructions.so")
-
-
 def count_step(
     board: Board, files: dict[str, str], renderer: Renderer, step: str, libm: bool = False
 ) -> Count:
-    """Count the instructions of a step on an emulated board.
-
-    files: of :func:`stream_program`, or with the same three functions.
-    libm: whether the program needs the compiler's math library.
-    """
+    """Count the instructions of a step on an emulated board."""
     gcc = find_compiler(*board.processor.toolchain.gcc)
     qemu = qemu_command(board, semihosting=True)
     context = {"board": board, "double": libm}
@@ -128,7 +89,7 @@ def count_step(
         listed = call_tool([f"{gcc.removesuffix('gcc')}nm", image]).splitlines()
         at = {parts[2]: parts[0] for line in listed if len(parts := line.split()) == 3}
         named = {"entry": step, "low": "counted_low", "high": "counted_high"}
-        plugin = ",".join([str(_plugin()), *(f"{k}=0x{at[s]}" for k, s in named.items())])
+        plugin = ",".join([str(counting_plugin()), *(f"{k}=0x{at[s]}" for k, s in named.items())])
         answer = call_tool([*qemu, "-d", "plugin", "-D", log, "-plugin", plugin, "-kernel", image])
         counted = [int(n) for n in re.findall(r"\d+", log.read_text())]
     found = re.search(r"^([0-9a-f]{8})$", answer, re.MULTILINE)

@@ -195,6 +195,14 @@ void esea_life_tick(esea_app_t *app);
 uint32_t esea_app_measure(esea_app_t *app, uint32_t task, const esea_link_in_t *in, esea_link_out_t *out);
 
 void esea_send(esea_app_t *app, const mavlink_message_t *message);
+/* Fields of a message, as the board's next frame. */
+#define ESEA_SEND(app, name, fields) \
+    do { \
+        mavlink_message_t frame; \
+        (void)mavlink_msg_##name##_encode_status( \
+                ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &(app)->sending, &frame, &(fields)); \
+        esea_send(app, &frame); \
+    } while (0)
 void esea_send_heartbeat(esea_app_t *app);
 void esea_send_info(esea_app_t *app);
 void esea_send_clock(esea_app_t *app);

@@ -37,7 +37,6 @@ bool esea_key_send(esea_app_t *app)
     esea_key_t *const key = &app->key;
     const uint32_t left = ESEA_LINK_KEY_WORDS - key->sent;
     mavlink_esea_key_t fields;
-    mavlink_message_t message;
 
     if (!key->waits)
         return false;
@@ -47,8 +46,7 @@ bool esea_key_send(esea_app_t *app)
     fields.total = ESEA_LINK_KEY_WORDS;
     memcpy(fields.words, &key->words[key->sent],
             (left < ESEA_LINK_KEY_PART ? left : ESEA_LINK_KEY_PART) * sizeof fields.words[0]);
-    (void)mavlink_msg_esea_key_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, esea_key, fields);
     key->sent += ESEA_LINK_KEY_PART;
     if (key->sent >= ESEA_LINK_KEY_WORDS)
         key->waits = false;

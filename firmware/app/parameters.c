@@ -256,7 +256,6 @@ static void tell(esea_app_t *app, uint32_t index)
 {
     const esea_link_parameter_t *const parameter = esea_link_parameter(index);
     mavlink_param_value_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     memcpy(fields.param_id, parameter->id, sizeof fields.param_id);
@@ -264,14 +263,12 @@ static void tell(esea_app_t *app, uint32_t index)
     fields.param_type = MAV_PARAM_TYPE_REAL32;
     fields.param_count = (uint16_t)ESEA_LINK_PARAMETERS;
     fields.param_index = (uint16_t)index;
-    (void)mavlink_msg_param_value_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, param_value, fields);
 }
 
 void esea_parameters_error(esea_app_t *app, const mavlink_message_t *to, const char *id, int16_t index, uint8_t error)
 {
     mavlink_param_error_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     fields.target_system = to->sysid;
@@ -279,8 +276,7 @@ void esea_parameters_error(esea_app_t *app, const mavlink_message_t *to, const c
     memcpy(fields.param_id, id, sizeof fields.param_id);
     fields.param_index = index;
     fields.error = error;
-    (void)mavlink_msg_param_error_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, param_error, fields);
 }
 
 /* Index of an id of 16 characters; the number of parameters when there is none. */

@@ -47,7 +47,6 @@ void esea_send_heartbeat(esea_app_t *app)
         [ESEA_STATE_REPLAY] = MAV_STATE_ACTIVE,
     };
     mavlink_heartbeat_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     fields.type = MAV_TYPE_GENERIC;
@@ -59,14 +58,12 @@ void esea_send_heartbeat(esea_app_t *app)
     fields.system_status = esea_state_known(app->state) ? states[app->state] : (uint8_t)MAV_STATE_CRITICAL;
     if (app->fault == ESEA_FAULT_PROCESSOR)
         fields.system_status = MAV_STATE_EMERGENCY;
-    (void)mavlink_msg_heartbeat_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, heartbeat, fields);
 }
 
 void esea_send_info(esea_app_t *app)
 {
     mavlink_esea_info_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     fields.tick_us = ESEA_LINK_TICK_US;
@@ -83,15 +80,13 @@ void esea_send_info(esea_app_t *app)
     put_text(fields.content_hash, sizeof fields.content_hash, ESEA_LINK_CONTENT_HASH);
     put_text(fields.device, sizeof fields.device, ESEA_LINK_DEVICE);
     put_text(fields.board, sizeof fields.board, app->port->name);
-    (void)mavlink_msg_esea_info_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, esea_info, fields);
 }
 
 void esea_send_clock(esea_app_t *app)
 {
     const esea_motion_t *const motion = &app->motion;
     mavlink_esea_clock_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     fields.tick = app->clock.tick;
@@ -102,15 +97,13 @@ void esea_send_clock(esea_app_t *app)
     fields.refused = motion->refused;
     fields.deadline_left = motion->deadline_left;
     fields.state = (uint32_t)app->state;
-    (void)mavlink_msg_esea_clock_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, esea_clock, fields);
 }
 
 void esea_send_kept(esea_app_t *app, uint8_t result)
 {
     const esea_store_t *const store = app->port->store;
     mavlink_esea_kept_t fields;
-    mavlink_message_t message;
     uint32_t i;
 
     memset(&fields, 0, sizeof fields);
@@ -133,8 +126,7 @@ void esea_send_kept(esea_app_t *app, uint8_t result)
     fields.encoders = ESEA_LINK_ENCODERS;
     fields.zero = app->zero;
     fields.result = result;
-    (void)mavlink_msg_esea_kept_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, esea_kept, fields);
 }
 
 /* What is kept is sent whole. */
@@ -146,7 +138,6 @@ void esea_send_life(esea_app_t *app, uint32_t number, uint8_t result)
     const esea_store_t *const store = app->port->store;
     esea_store_life_t life;
     mavlink_esea_life_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     memset(&life, 0, sizeof life);
@@ -168,8 +159,7 @@ void esea_send_life(esea_app_t *app, uint32_t number, uint8_t result)
     fields.couplings = (uint8_t)couplings;
     fields.records = (uint8_t)(couplings + (store != NULL ? ESEA_STORE_LIVES : 0u));
     fields.result = result;
-    (void)mavlink_msg_esea_life_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, esea_life, fields);
 }
 
 void esea_send_blackbox(esea_app_t *app, uint32_t first)
@@ -177,7 +167,6 @@ void esea_send_blackbox(esea_app_t *app, uint32_t first)
     const esea_blackbox_t *const box = app->port->blackbox;
     esea_blackbox_record_t record;
     mavlink_esea_blackbox_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     fields.first = first;
@@ -194,15 +183,12 @@ void esea_send_blackbox(esea_app_t *app, uint32_t first)
         ++fields.records;
         ++first;
     }
-    (void)mavlink_msg_esea_blackbox_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message,
-            &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, esea_blackbox, fields);
 }
 
 void esea_send_traffic(esea_app_t *app)
 {
     mavlink_esea_traffic_t fields;
-    mavlink_message_t message;
     uint32_t i;
 
     memset(&fields, 0, sizeof fields);
@@ -216,14 +202,12 @@ void esea_send_traffic(esea_app_t *app)
     fields.replayed = app->signing.replayed;
     fields.parameters_refused = app->parameters.refused;
     fields.expired = app->expired;
-    (void)mavlink_msg_esea_traffic_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, esea_traffic, fields);
 }
 
 void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t command, uint8_t result, bool late)
 {
     mavlink_command_ack_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     fields.command = command;
@@ -231,23 +215,20 @@ void esea_send_ack(esea_app_t *app, const mavlink_message_t *to, uint16_t comman
     fields.result_param2 = late ? 1 : 0;
     fields.target_system = to->sysid;
     fields.target_component = to->compid;
-    (void)mavlink_msg_command_ack_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, command_ack, fields);
 }
 
 void esea_send_text(esea_app_t *app, uint8_t severity, const char *first, const char *second)
 {
     const size_t length = strlen(first);
     mavlink_statustext_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     fields.severity = severity;
     put_text(fields.text, sizeof fields.text, first);
     if (length < sizeof fields.text)
         put_text(fields.text + length, sizeof fields.text - length, second);
-    (void)mavlink_msg_statustext_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, statustext, fields);
 }
 
 /* The device clock; between two base ticks by the counter, where there is one. */
@@ -280,26 +261,22 @@ uint32_t esea_now_ms(const esea_app_t *app)
 void esea_send_stamp(esea_app_t *app)
 {
     mavlink_esea_stamp_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     fields.signature = app->signing.key.timestamp;
     fields.boot = app->boot;
     fields.time_ms = esea_now_ms(app);
-    (void)mavlink_msg_esea_stamp_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, esea_stamp, fields);
 }
 
 void esea_send_time(esea_app_t *app, int64_t asked_ns)
 {
     mavlink_timesync_t fields;
-    mavlink_message_t message;
 
     memset(&fields, 0, sizeof fields);
     fields.tc1 = (int64_t)now_ns(app) + 1; /* 0 would be a request; the nanosecond does not matter */
     fields.ts1 = asked_ns;
-    (void)mavlink_msg_timesync_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, timesync, fields);
 }
 
 bool esea_send_runs(esea_app_t *app)

@@ -88,7 +88,6 @@ bool esea_streams_send(esea_app_t *app, uint32_t number)
     esea_stream_t *const stream = &app->streams[number];
     const esea_block_t *const block = block_at(stream, stream->tail);
     mavlink_esea_data_t fields;
-    mavlink_message_t message;
 
     if (stream->tail == stream->head)
         return false;
@@ -101,8 +100,7 @@ bool esea_streams_send(esea_app_t *app, uint32_t number)
     fields.count = (uint8_t)block->count;
     memcpy(fields.data, block->words, block->count * stream->width * sizeof block->words[0]);
     publish(&stream->tail, stream->tail + 1u);
-    (void)mavlink_msg_esea_data_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &message, &fields);
-    esea_send(app, &message);
+    ESEA_SEND(app, esea_data, fields);
     return true;
 }
 
@@ -155,13 +153,11 @@ static void choose(esea_app_t *app, mavlink_esea_stream_t *fields)
 void esea_streams_choose(esea_app_t *app, const mavlink_message_t *message)
 {
     mavlink_esea_stream_t fields;
-    mavlink_message_t answer;
 
     mavlink_msg_esea_stream_decode(message, &fields);
     fields.samples = 0u;
     fields.result = (uint8_t)(valid(&fields) ? MAV_RESULT_ACCEPTED : MAV_RESULT_DENIED);
     if (fields.result == MAV_RESULT_ACCEPTED)
         choose(app, &fields);
-    (void)mavlink_msg_esea_stream_encode_status(ESEA_LINK_SYSTEM, ESEA_LINK_COMPONENT, &app->sending, &answer, &fields);
-    esea_send(app, &answer);
+    ESEA_SEND(app, esea_stream, fields);
 }

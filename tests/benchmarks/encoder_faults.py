@@ -147,7 +147,6 @@ def fault_rows(faults: Sequence[str], seeds: int, jobs: int) -> list[dict[str, A
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """As lines of Markdown."""
     heads = (
         "fault", "found", "after, ticks", "torque then, Nm", "peak, Nm", "energy, J",
         "not found: peak, Nm", "energy, J",

@@ -59,58 +59,21 @@ void esea_board_drivers(esea_port_t *port)
 
 @dataclass(frozen=True)
 class WholeTick:
-    """Instructions of a board's share of a base tick; of each the median and the largest.
-
-    tick: drivers, release, sensing, limits, motor, all values into streams.
-    control: a run of the slower task, all values into streams.
-    message: making one of a stream, and handing it to a line that is always ready, byte by byte.
-    share: of the processor at one instruction a cycle, the largest of everything: every tick, its
-        share of control, and its messages.
-    latency_ticks: from a reading to the first motor command that depends on it, by the phase of
-        control at which it comes; limits: the limits' own.
-    """
+    """Instructions of a board's share of a base tick: of each the median and the largest."""
 
     device: str
-    tick: tuple[int, int]
-    control: tuple[int, int]
-    message: tuple[int, int]
+    tick: tuple[int, int]  # drivers, release, sensing, limits, motor, all values into streams
+    control: tuple[int, int]  # a run of the slower task, all values into streams
+    message: tuple[int, int]  # made of a stream, handed to a line that is always ready
     messages_a_tick: float
-    share: float
+    share: float  # of the processor at one instruction a cycle, the largest of everything
     flash_bytes: int
     ram_bytes: int
     blackbox_bytes: int
     stack_bytes: int
     stack_bound_bytes: int
-    latency_ticks: tuple[int, ...]
-    limits_ticks: int
-
-    def table(self) -> list[str]:
-        """As Markdown."""
-
-        def counted(figures: tuple[int, int]) -> str:
-            return f"{figures[0]}, at most {figures[1]} instructions"
-
-        often = f"{self.messages_a_tick:g} a tick"
-        bound = f"{self.stack_bound_bytes}, {self.stack_bytes} B"
-        latency = ", ".join(map(str, self.latency_ticks))
-        rows = [
-            ("tick with drivers, everything streamed", counted(self.tick)),
-            ("run of control, everything streamed", counted(self.control)),
-            (f"a message, {often}, to a line that is always ready", counted(self.message)),
-            ("waiting for the encoders' buses", f"{BUS_US:.0f} us of each tick, by their clock"),
-            (
-                f"all of it, of {find_board(BOARD).clock_Hz / 1e6:g} MHz at 1 instruction a cycle, "
-                f"aim {AIM:.0%}",
-                f"{self.share:.1%}; with the buses {self.share + BUS_US / 1000:.1%}",
-            ),
-            ("flash", f"{self.flash_bytes} B"),
-            ("RAM without stack and black box", f"{self.ram_bytes} B"),
-            ("black box", f"{self.blackbox_bytes} B"),
-            ("stack: bound with preemption, size", bound),
-            ("reading to motor command, by control's phase", f"{latency} ticks"),
-            ("reading to motor off by the limits", f"{self.limits_ticks} ticks"),
-        ]
-        return ["| what | simulated, emulated |", "|---|---|", *(f"| {a} | {b} |" for a, b in rows)]
+    latency_ticks: tuple[int, ...]  # from a reading to its motor command, by control's phase
+    limits_ticks: int  # and to the motor off by the limits
 
 
 def _asked(device: Device) -> bytes:
@@ -233,7 +196,10 @@ def whole_tick(device: Device, runs: int = RUNS) -> WholeTick:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.whole_tick")
     parser.add_argument("device", nargs="?", default="elbow_drive")
-    print("\n".join(whole_tick(load_device(parser.parse_args().device)).table()))
+    found = whole_tick(load_device(parser.parse_args().device))
+    for name, value in vars(found).items():
+        print(f"{name:20} {value}")
+    print(f"waiting for buses    {BUS_US:.0f} us a tick; aim of the share {AIM:.0%}")
 
 
 if __name__ == "__main__":

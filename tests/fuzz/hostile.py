@@ -30,7 +30,7 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.identify.recording.mapping import parse_mapping
 from esea_gen.link.messenger import Messenger
-from esea_gen.link.received import file_name, shown
+from esea_gen.link.received import shown
 from esea_gen.link.transport import LinkError
 from esea_host import open_log
 from esea_host.cli import logs
@@ -409,17 +409,12 @@ def mavlink_target(rng: Rng, folder: Path) -> Callable[[], None]:
 
 
 def strings_target(rng: Rng, folder: Path) -> Callable[[], None]:
-    """Names and texts: nothing hidden is printed, and a file stays in its folder."""
+    """Texts: nothing hidden is printed."""
     text = text_of(rng)
 
     def use() -> None:
-        said, name = shown(text), file_name(text)
+        said = shown(text)
         assert all(c.isprintable() for c in said.replace(" ", "").replace("\u3000", "")), repr(said)
-        path = folder / name
-        path.write_text("")
-        assert path.resolve().parent == folder.resolve(), name
-        assert not name.startswith((".", "-")), name
-        path.unlink()
 
     return use
 
@@ -438,8 +433,8 @@ def plant(target: str) -> None:
     places: dict[str, tuple[object, str, object]] = {
         "mcap": (records, "unpack", lambda kind, data, size: bytes(2 * MOST_BYTES)),
         "toml": (toml_file, "parse_toml", lambda *_: 1 / 0),
-        "mavlink": (decoder.TelemetryDecoder, "_any_frame", lambda *_: 1 / 0),
-        "strings": (sys.modules[__name__], "file_name", lambda text: text.replace("\0", "")),
+        "mavlink": (decoder.TelemetryDecoder, "feed", lambda *_: 1 / 0),
+        "strings": (sys.modules[__name__], "shown", lambda text: text),
     }
     if target == "tables":
         from esea_gen import tables

@@ -21,7 +21,6 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--all-tests", dest="independent", action="store_false")
     parser.add_argument("--widen", type=int, default=0, help="test files more, for survivors")
     parser.add_argument("--limit-s", type=float, help="of a test file; default: from its own time")
-    parser.add_argument("--entered", type=Path, help="keep here which functions a test enters")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--json", type=Path)
     given = vars(parser.parse_args(arguments))

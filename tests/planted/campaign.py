@@ -1,4 +1,9 @@
-"""Mutation of this program's own sources, to see whether its tests notice."""
+"""Mutation of this program's own sources, to see whether its tests notice.
+
+A copy of the checkout gets one fault at a time, and child processes run the nearest test files
+against it until one fails.  Left out by default are tests that only compare with committed output:
+whoever made the fault would accept its output too.
+"""
 
 from __future__ import annotations
 
@@ -13,34 +18,25 @@ from collections.abc import Callable, Iterator, Sequence
 from compileall import compile_dir
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
 from random import Random
+from time import monotonic
 from typing import Any, Literal
 
 from esea_gen.errors import UserError
 
 from .edits import PythonFaults, PythonMutant
-from .near import (
-    COMMITTED_TEST,
-    PACKAGE,
-    Entered,
-    Importers,
-    near_tests,
-    usable_tests,
-)
+from .near import PACKAGE, Importers, near_tests
 
 NOT_COPIED = (".git", ".venv", "out", "dist", "build", "__pycache__", ".*_cache", ".hypothesis")
+COMMITTED_TEST = "committed"  # in the name of a test that compares with committed output
 NO_TESTS = 5  # what pytest gives where nothing is left to run
-# A test gets so many times its time without a fault, and this: nothing is kept from one fault to
+# Tests get so many times their time without a fault, and this: nothing is kept from one fault to
 # the next, so what a sound run had compiled already is compiled again.
 SPARE_S, TIMES = 60.0, 6.0
-QUICK_S = 8.0  # so much time for the tests that enter the function, before whole files
-SLOW_S = 60.0  # and after them, for those that enter it in all other files
-PLUGIN = "esea_entered"
-# A test that fails without a fault: so many are set aside before the file is given up.
-BROKEN_MOST = 5
+BROKEN_MOST = 5  # so many tests that fail without a fault are set aside before a file is given up
 # A test's name in pytest's summary; its parameters may hold a dash, as may what follows it.
 FAILED = re.compile(
     r"^(?:FAILED|ERROR) (\S+?(?:::[^\n\[]*?(?:\[[^\n]*?\])?)?)(?: - .*)?$", re.MULTILINE
@@ -52,22 +48,11 @@ Fate = Literal["killed", "survived", "no end"]
 class Found:
     """What became of one fault: who noticed it, or the test files that did not."""
 
-    what: str
+    of: str
     mutant: PythonMutant
     fate: Fate
     noticed_by: str
-    asked: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
-        m = self.mutant
-        row = {"of": self.what, "file": m.path, "line": m.line, "kind": m.kind, "edit": m.edit}
-        row |= {"fate": self.fate}
-        if self.fate != "survived":
-            return row | {"noticed_by": self.noticed_by}
-        if m.suspect:
-            row |= {"equivalent_suspect": m.suspect}
-        return row | {"tests": list(self.asked)}
+    tests: tuple[str, ...]
 
     def __str__(self) -> str:
         told = {"survived": "survived", "no end": f"no end in {self.noticed_by}"}
@@ -76,12 +61,12 @@ class Found:
 
 @dataclass
 class PythonReport:
-    """What became of the faults."""
+    """What became of the faults; a test that does not end counts as one that fails."""
 
     seed: int
     found: list[Found] = field(default_factory=list)
-    broken: set[str] = field(default_factory=set)
-    left_out: tuple[int, int] = (0, 0)
+    broken: set[str] = field(default_factory=set)  # they fail without a fault: they prove nothing
+    left_out: tuple[int, int] = (0, 0)  # places that give no wrong result by rule, of so many
 
     @property
     def survivors(self) -> list[PythonMutant]:
@@ -94,29 +79,24 @@ class PythonReport:
         return 1 - len(self.survivors) / len(self.found) if self.found else 1.0
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
-        told = {"seed": self.seed, "tried": len(self.found), "score": self.score}
-        told |= dict(zip(("left_out_by_rule", "places"), self.left_out, strict=True))
-        rows = [f.to_dict() for f in self.found]
-        return told | {"fails_without_fault": sorted(self.broken), "mutants": rows}
+        """JSON-ready content, without the mutants' whole files."""
+        rows = [asdict(f) for f in self.found]
+        for row in rows:
+            del row["mutant"]["text"]
+        told = {"seed": self.seed, "score": self.score, "left_out_by_rule": self.left_out}
+        return told | {"fails_without_fault": sorted(self.broken), "faults": rows}
 
     def table(self) -> list[str]:
         """Lines for the terminal: survivors, then what came of all."""
-        lines = [f"{m}" + f"  ({m.suspect})" * bool(m.suspect) for m in self.survivors]
         suspects = sum(bool(m.suspect) for m in self.survivors)
-        whats = list(dict.fromkeys(f.what for f in self.found))
-        fates = {w: [f.fate for f in self.found if f.what == w] for w in whats}
-        killed = len(self.found) - len(self.survivors)
+        whats = list(dict.fromkeys(f.of for f in self.found))
+        fates = {w: [f.fate for f in self.found if f.of == w] for w in whats}
         return [
-            *(f"survived: {line}" for line in lines),
+            *(f"survived: {m}" + f"  ({m.suspect})" * bool(m.suspect) for m in self.survivors),
             *(f"fails without a fault, set aside: {name}" for name in sorted(self.broken)),
-            *(
-                f"{w}: {len(all_) - all_.count('survived')} of {len(all_)}"
-                for w, all_ in fates.items()
-                if len(whats) > 1
-            ),
-            f"{killed} of {len(self.found)} faults noticed, {len(self.survivors)} survived "
-            f"({suspects} of these may do nothing at all)",
+            *(f"{w}: {len(x) - x.count('survived')} of {len(x)}" for w, x in fates.items()),
+            f"{len(self.found) - len(self.survivors)} of {len(self.found)} faults noticed, "
+            f"{len(self.survivors)} survived ({suspects} of these may do nothing at all)",
             "{} of {} places left out by rule: no wrong result".format(*self.left_out),
         ]
 
@@ -137,23 +117,15 @@ def sources_of(root: Path, what: str) -> list[Path]:
 
 class _Copy:
     # A copy of the checkout, and its tests in child processes of one that is ready for them.
-    # What is known of the tests, broken or sound, copies share.
+    # What is known of the tests, broken, sound or their time, copies share.
 
     def __init__(
-        self,
-        root: Path,
-        folder: Path,
-        independent: bool,
-        entered: Path,
-        broken: set[str],
-        sound: set[str],
+        self, root: Path, folder: Path, independent: bool, broken: set[str], times: dict[str, float]
     ) -> None:
         self.root = folder / "checkout"
         shutil.copytree(root, self.root, ignore=shutil.ignore_patterns(*NOT_COPIED))
         # Plans and libraries of faulty code are nothing to keep.
-        (folder / "plugin").mkdir()
-        shutil.copy(Path(__file__).with_name("entered.py"), folder / "plugin" / f"{PLUGIN}.py")
-        paths = os.pathsep.join(map(str, (self.root, self.root / "host", folder / "plugin")))
+        paths = os.pathsep.join(map(str, (self.root, self.root / "host")))
         fixed = {"PYTHONPATH": paths, "PYTHONHASHSEED": "0", "XDG_CACHE_HOME": str(folder)}
         # Bytecode of the sound sources; a fault must not meet that of another one.
         compile_dir(self.root / PACKAGE, quiet=2)
@@ -169,14 +141,11 @@ class _Copy:
         self.select = ["-m", "not slow"]
         if independent:
             self.select += ["-k", f"not {COMMITTED_TEST}"]
-        self.broken, self.sound = broken, sound
-        self.entered = Entered(self.root, entered)
+        self.broken, self.times = broken, times
 
-    def run(
-        self, tests: Sequence[str], limit_s: float | None, *more: str, **env: str
-    ) -> tuple[int | None, str]:
-        arguments = ["-q", "-rfE", *(more or ["-x"])]
-        arguments += ["-p", "no:cacheprovider", "-p", "no:xdist", *self.select]
+    def run(self, tests: Sequence[str], limit_s: float | None, **env: str) -> tuple[Any, str]:
+        """pytest's exit code, None where the time was not enough, and what it said."""
+        arguments = ["-q", "-rfE", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", *self.select]
         arguments += [f"--deselect={name}" for name in sorted(self.broken)]
         request = {
             "arguments": [*arguments, *tests],
@@ -188,7 +157,7 @@ class _Copy:
         assert self.ready.stdout is not None
         self.ready.stdin.write(json.dumps(request) + "\n")
         self.ready.stdin.flush()
-        code: int | None = json.loads(self.ready.stdout.readline())
+        code = json.loads(self.ready.stdout.readline())
         return code, self.said.read_text(encoding="utf-8", errors="replace")
 
     def close(self) -> None:
@@ -197,57 +166,43 @@ class _Copy:
             self.ready.stdin.close()
         self.ready.wait()
 
-    def limit_of(self, test: str) -> float:
-        """Time that a test file may take, from a run without a fault that tells what it enters."""
-        record = self.entered.file(test)
-        if not record.is_file():
-            self.run([test], None, "-p", PLUGIN, ESEA_ENTERED=str(record))
-        return SPARE_S + TIMES * float(sum(t["time_s"] for t in self.entered.of(test).values()))
+    def sound_s(self, test: str) -> float:
+        """Time of a test file, or of one test, without a fault; what fails there is set aside."""
+        for _ in range(BROKEN_MOST):
+            if test in self.times or test in self.broken:
+                break
+            start = monotonic()
+            code, said = self.run([test], None)
+            if code in (0, NO_TESTS):
+                self.times[test] = monotonic() - start
+                break
+            failed = FAILED.search(said)
+            self.broken.add(failed[1] if failed else test)
+        else:
+            self.broken.add(test)
+        return self.times.get(test, 0.0)
 
     def fate_of(
-        self, mutant: PythonMutant, near: Sequence[str], all_: Sequence[str], limit_s: float | None
+        self, mutant: PythonMutant, tests: Sequence[str], limit_s: float | None
     ) -> tuple[Fate, str]:
-        """Who notices: a test known to enter the function, one of the nearest files, the rest."""
-        quick, time_s = self.entered.quick(all_, mutant.path, mutant.function, QUICK_S)
-        if quick:
-            found = self.who_notices(mutant, quick, limit_s or SPARE_S + TIMES * time_s)
-            if found[0] != "survived":
-                return found
-        # Limits first: finding them runs the files without the fault.
-        found = self.who_notices(mutant, near, limit_s or sum(map(self.limit_of, near)))
-        far = [t for t in all_ if t not in near]
-        slow, time_s = self.entered.quick(far, mutant.path, mutant.function, SLOW_S)
-        if found[0] != "survived" or not slow:
-            return found
-        return self.who_notices(mutant, slow, limit_s or SPARE_S + TIMES * time_s)
-
-    def who_notices(
-        self, mutant: PythonMutant, tests: Sequence[str], limit_s: float
-    ) -> tuple[Fate, str]:
-        """The first of some tests, or of a file's, that fails with the fault and passes without."""
+        """Who notices: the first test that fails with the fault, and passes without."""
+        limit = limit_s or SPARE_S + TIMES * sum(map(self.sound_s, tests))
         for _ in range(BROKEN_MOST):
+            usable = [t for t in tests if t not in self.broken]
             with self.fault(mutant):
-                code, said = self.run(tests, limit_s)
+                code, said = self.run(usable, limit) if usable else (0, "")
             if code in (0, NO_TESTS):
                 return "survived", ""
-            if code is None:
-                return self.without_end(tests, limit_s)
+            if code is None:  # is it the fault that makes tests last so long, or the machine?
+                with tempfile.TemporaryDirectory(dir=self.root.parent) as empty:
+                    sound = self.run(usable, limit, XDG_CACHE_HOME=empty)[0]
+                return ("survived", "") if sound is None else ("no end", usable[0])
             failed = FAILED.search(said)
-            name = failed[1] if failed else tests[0]
-            if name not in self.sound and self.run([name], None)[0] != 0:
-                self.broken.add(name)
-                if [name] == list(tests):
-                    break
-                continue
-            self.sound.add(name)
-            return "killed", name
+            name = failed[1] if failed else usable[0]
+            self.sound_s(name)
+            if name not in self.broken:
+                return "killed", name
         return "survived", ""
-
-    def without_end(self, tests: Sequence[str], limit_s: float) -> tuple[Fate, str]:
-        """Whether it is the fault that makes tests last so long, or the machine."""
-        with tempfile.TemporaryDirectory(dir=self.root.parent) as empty:
-            sound = self.run(tests, limit_s, XDG_CACHE_HOME=empty)[0]
-        return ("survived", "") if sound is None else ("no end", tests[0])
 
     @contextmanager
     def fault(self, mutant: PythonMutant) -> Iterator[None]:
@@ -260,10 +215,6 @@ class _Copy:
             yield
         finally:
             path.write_bytes(sound)
-
-
-def _faults(root: Path, sources: Sequence[Path]) -> list[PythonFaults]:
-    return [PythonFaults(p.as_posix(), (root / p).read_text(encoding="utf-8")) for p in sources]
 
 
 def _drawn(files: Sequence[PythonFaults], sample: int | None, seed: int) -> list[PythonMutant]:
@@ -299,45 +250,44 @@ def mutate_python(
     independent: bool = True,
     widen: int = 0,
     limit_s: float | None = None,
-    entered: Path | None = None,
     jobs: int = 1,
     progress: Callable[[str], None] | None = None,
 ) -> PythonReport:
-    """Plant faults into rooms or files and run tests against each."""
+    """Plant faults into rooms or files of a checkout, which is copied, and run tests against each.
+
+    tests: instead of the nearest by import; limit_s: of all of them, else from their own time.
+    """
     say = progress or (lambda _: None)
     drawn: list[tuple[str, PythonMutant]] = []
     left_out = places = 0
     for what in whats:
         name, number = _asked(what, sample)
-        files = _faults(root, sources_of(root, name))
+        files = [PythonFaults(p.as_posix(), (root / p).read_text()) for p in sources_of(root, name)]
         drawn += [(name, m) for m in _drawn(files, number, seed)]
         left_out += sum(f.left_out for f in files)
         places += sum(f.left_out + len(f) for f in files)
     graph = Importers(root)
-    sound: set[str] = set()
     # Before the first is tried: a file that no test imports is refused at once.
-    asked_of, all_of = {}, {}
-    for path in {m.path for _, m in drawn if not tests}:
-        near = near_tests(graph, Path(path), independent=independent, widen=widen)
-        asked_of[path] = [p.as_posix() for ps in near for p in ps]
-        all_of[path] = usable_tests(graph, Path(path), independent)
+    asked_of = {
+        path: list(tests) or near_tests(graph, Path(path), independent=independent, widen=widen)
+        for path in {m.path for _, m in drawn}
+    }
     report = PythonReport(seed, left_out=(left_out, places))
     with tempfile.TemporaryDirectory(prefix="esea-mutate-") as scratch, ExitStack() as stack:
-        kept = (entered or Path(scratch) / "entered").absolute()
+        times: dict[str, float] = {}
         copies: SimpleQueue[_Copy] = SimpleQueue()
         for k in range(min(jobs, len(drawn))):
             folder = Path(scratch) / str(k)
             folder.mkdir()
-            copy = _Copy(root, folder, independent, kept, report.broken, sound)
+            copy = _Copy(root, folder, independent, report.broken, times)
             copies.put(stack.enter_context(closing(copy)))
 
         def found(one: tuple[str, PythonMutant]) -> Found:
             name, mutant = one
-            asked = [*tests] or asked_of[mutant.path]
+            asked = asked_of[mutant.path]
             copy = copies.get()
             try:
-                all_ = all_of.get(mutant.path, asked)
-                fate, noticed_by = copy.fate_of(mutant, asked, all_, limit_s)
+                fate, noticed_by = copy.fate_of(mutant, asked, limit_s)
             finally:
                 copies.put(copy)
             if report.broken.issuperset(asked):

@@ -35,7 +35,6 @@ _SWAPS: dict[type[ast.AST], type[ast.AST]] = {
 _DELETED = "deleted statement"
 # Where a Block's own inputs for its verification are made.
 _STREAM, _STREAMS = "_events", ("_stream.py", "_streams.py")
-_FUNCTION = (ast.FunctionDef, ast.AsyncFunctionDef)
 SHOWN = 90  # letters of an edit, at most
 # Keywords of any call, or of one, that no result hangs on: looks, guards of lengths, a repr.
 _LOOKS = """
@@ -72,7 +71,6 @@ class PythonMutant:
     edit: str
     suspect: str
     text: str
-    function: int = 0
 
     def __str__(self) -> str:
         return f"{self.path}:{self.line}: {self.kind}: {self.edit}"
@@ -236,15 +234,13 @@ class PythonFaults:
             for x in ast.walk(self.tree)
             if x not in self.silent
         )
-        self.places: list[tuple[ast.AST, ast.AST, Change, str, int]] = []
-        self._visit(self.tree, self.tree, False, path.endswith(_STREAMS), 0)
+        self.places: list[tuple[ast.AST, ast.AST, Change, str]] = []
+        self._visit(self.tree, self.tree, False, path.endswith(_STREAMS))
 
     def __len__(self) -> int:
         return len(self.places)
 
-    def _visit(
-        self, node: ast.AST, statement: ast.AST, in_text: bool, in_stream: bool, function: int
-    ) -> None:
+    def _visit(self, node: ast.AST, statement: ast.AST, in_text: bool, in_stream: bool) -> None:
         if node in self.silent:
             return
         if isinstance(node, ast.stmt):
@@ -253,20 +249,17 @@ class PythonFaults:
         in_stream = in_stream or getattr(node, "name", "") == _STREAM
         # A statement's own body is too long to show: the part that changes is enough.
         shown = node if hasattr(statement, "body") else statement
-        inside = node.body if isinstance(node, _FUNCTION) else []
-        first = min(getattr(n, "lineno", 0) for n in (node, *getattr(node, "decorator_list", [])))
         for change in _changes(node, self.silent):
             why = _suspicion(node, change[0], in_text, in_stream)
             gone = change[3]
             here = (node, shown) if gone is None else (gone, gone)
-            self.places.append((*here, change, why, first if gone in inside else function))
+            self.places.append((*here, change, why))
         for child in ast.iter_child_nodes(node):
-            of = first if child in inside else function
-            self._visit(child, statement, in_text, in_stream, of)
+            self._visit(child, statement, in_text, in_stream)
 
     def make(self, k: int) -> PythonMutant | None:
         """The fault number k; None where it changes nothing that Python sees."""
-        node, shown, (kind, do, undo, _), suspect, function = self.places[k]
+        node, shown, (kind, do, undo, _), suspect = self.places[k]
         before = _line_of(node, shown), _edited(shown)
         do()
         try:
@@ -277,7 +270,7 @@ class PythonFaults:
             return None
         old, new = _pair(before[1], after)
         edit = _pair(before[1], "")[0] if kind == _DELETED else f"{old}  ->  {new}"
-        return PythonMutant(self.path, before[0], kind, edit, suspect, text, function)
+        return PythonMutant(self.path, before[0], kind, edit, suspect, text)
 
 
 def _line_of(node: ast.AST, shown: ast.AST) -> int:

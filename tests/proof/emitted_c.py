@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -11,7 +10,7 @@ from typing import Any
 
 from pycparser import c_ast, c_parser
 
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 
 from .c_values import (
     BASIC,
@@ -43,19 +42,10 @@ Names = dict[str, "str | Pointer"]
 
 def preprocessed(path: Path, defines: Sequence[str] = ()) -> str:
     """The text that the compiler reads."""
-    done = subprocess.run(
-        # Its own <stdint.h>, which has types and no more.
-        [
-            *(find_compiler("gcc", "gcc"), "-E", "-std=c99", "-ffreestanding", f"-I{path.parent}"),
-            *(f"-D{name}" for name in defines),
-            str(path),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode != 0:
-        raise RuntimeError(f"the preprocessor refused {path.name}:\n{done.stderr[-2000:]}")
+    # Its own <stdint.h>, which has types and no more.
+    flags = ["-E", "-std=c99", "-ffreestanding", f"-I{path.parent}", *(f"-D{n}" for n in defines)]
+    command = [find_compiler("gcc", "gcc"), *flags, path]
+    done = run_tool(command, failed=f"the preprocessor refused {path.name}")
     return done.stdout
 
 

@@ -6,7 +6,6 @@ The image is the one that ships; its timer is stopped and every tick made pendin
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,7 +17,7 @@ from esea_gen.board.firmware import FirmwareImage
 from esea_gen.board.gdb import HeldProcessor, addresses
 from esea_gen.device import Device
 from esea_gen.hostlib import compile_device
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.language.system import Task
 from esea_gen.targets import ARM_GCC, find_board, firmware_folder
 
@@ -63,7 +62,7 @@ def instructions_of(image: FirmwareImage, functions: Sequence[str]) -> list[int]
     """Addresses of every instruction of some functions, by the disassembler."""
     tool = find_compiler(*ARM_GCC.tool("objdump"))
     command = [tool, "-d", "--no-show-raw-insn", str(image.elf)]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    said = run_tool(command, failed="objdump failed").stdout
     found: list[int] = []
     name = ""
     for line in said.splitlines():

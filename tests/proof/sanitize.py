@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import struct
-import subprocess
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,7 +18,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
@@ -68,18 +67,6 @@ class SanitizerRun:
     def passed(self) -> bool:
         """Whether nothing was reported and all bits agree."""
         return not self.reports and not self.differences
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
-        return {
-            "sanitizer": self.sanitizer,
-            "format": self.real,
-            "runs": self.runs,
-            "steps": self.steps,
-            "passed": self.passed,
-            "reports": list(self.reports),
-            "differences": list(self.differences),
-        }
 
 
 def tried_streams(block: Any, fmt: Format, steps: int = 1500) -> list[Stream]:
@@ -195,13 +182,8 @@ class ReplayProgram:
             if sanitizer == "memory"
             else find_compiler(*HOST_GCC.gcc)
         )
-        done = subprocess.run(
-            [compiler, *_FLAGS, *SANITIZERS[sanitizer], *_STOP, *sources, "-o", "replay", "-lm"],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        flags = (*_FLAGS, *SANITIZERS[sanitizer], *_STOP)
+        done = run_tool([compiler, *flags, *sources, "-o", "replay", "-lm"], folder)
         if "libclang_rt.msan" in done.stderr:
             raise UserError(
                 "clang's run-time library of the memory sanitizer is not installed.",
@@ -213,14 +195,7 @@ class ReplayProgram:
     def run(self, name: str, stream: bytes, fill: int = -1) -> tuple[bytes, str]:
         """Replay a stream."""
         (self.folder / "stream").write_bytes(stream)
-        done = subprocess.run(
-            ["./replay", name, "stream", "result", str(fill)],
-            cwd=self.folder,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            check=False,
-        )
+        done = run_tool(["./replay", name, "stream", "result", str(fill)], self.folder)
         result = self.folder / "result"
         if done.returncode == 0 and not done.stderr:
             return result.read_bytes(), ""

@@ -3,7 +3,6 @@
 Everything in ``esea_f32_tables.h`` comes from here, computed to 110 digits, so that no constant in
 the C has to be believed. The output is deterministic and a test renders it again and compares.
 
-    python -m esea_gen.emit.elementary.coefficients --check
     python -m esea_gen.emit.elementary.coefficients --write
 
 Notes
@@ -16,9 +15,7 @@ coefficient added after the last shift carries the opposite half unit, at no cos
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -211,10 +208,17 @@ def polynomials() -> list[tuple[str, str, list[int]]]:
     ]
 
 
-def rows(values: Iterable[int], pattern: str, per_line: int) -> list[str]:
+def table(
+    meaning: str, declared: str, values: Sequence[int], pattern: str, per_line: int
+) -> list[str]:
     texts = [pattern.format(value) for value in values]
+    lines = [texts[at : at + per_line] for at in range(0, len(texts), per_line)]
     return [
-        "    " + ", ".join(texts[at : at + per_line]) + "," for at in range(0, len(texts), per_line)
+        f"/* {meaning} */",
+        f"static const {declared}[{len(values)}] = {{",
+        *(f"    {', '.join(line)}," for line in lines),
+        "};",
+        "",
     ]
 
 
@@ -230,27 +234,29 @@ def render() -> str:
             "",
             "#include <stdint.h>",
             "",
-            "/* log2 of the significand at the 64 reference points: Q64 with the low 12 bits",
-            " * replaced by the reciprocal of the point, Q11. */",
-            f"static const uint64_t LOG2_TABLE[{LOG2_INTERVALS}] = {{",
-            *rows(log2_table(), "UINT64_C(0x{:016X})", 3),
-            "};",
-            "",
-            "/* 2^((i + 1/2) / 32), Q31. */",
-            f"static const uint32_t EXP2_TABLE[{EXP2_INTERVALS}] = {{",
-            *rows(exp2_table(), "0x{:08X}u", 6),
-            "};",
-            "",
-            "/* 1 / sqrt((i + 16 + 1/2) / 16), Q16. */",
-            f"static const uint16_t ROOT_TABLE[{len(reciprocal_root_table())}] = {{",
-            *rows(reciprocal_root_table(), "0x{:04X}u", 8),
-            "};",
-            "",
-            "/* 64 zero bits, then 2/pi, most significant word first. */",
-            f"static const uint32_t TWO_OVER_PI[{len(two_over_pi_words())}] = {{",
-            *rows(two_over_pi_words(), "0x{:08X}u", 5),
-            "};",
-            "",
+            *table(
+                "log2 of the significand at the 64 reference points: Q64 with the low 12 bits\n"
+                " * replaced by the reciprocal of the point, Q11.",
+                "uint64_t LOG2_TABLE",
+                log2_table(),
+                "UINT64_C(0x{:016X})",
+                3,
+            ),
+            *table("2^((i + 1/2) / 32), Q31.", "uint32_t EXP2_TABLE", exp2_table(), "0x{:08X}u", 6),
+            *table(
+                "1 / sqrt((i + 16 + 1/2) / 16), Q16.",
+                "uint16_t ROOT_TABLE",
+                reciprocal_root_table(),
+                "0x{:04X}u",
+                8,
+            ),
+            *table(
+                "64 zero bits, then 2/pi, most significant word first.",
+                "uint32_t TWO_OVER_PI",
+                two_over_pi_words(),
+                "0x{:08X}u",
+                5,
+            ),
             "/* log2(e), Q63, two halves. */",
             f"#define LOG2_E_HIGH 0x{fixed(1 / mpmath.log(2), 63) >> 32:08X}u",
             f"#define LOG2_E_LOW 0x{fixed(1 / mpmath.log(2), 63) & 0xFFFFFFFF:08X}u",
@@ -267,24 +273,5 @@ def render() -> str:
         return "\n".join(lines) + "\n"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description="Derive esea_f32_tables.h.")
-    action = parser.add_mutually_exclusive_group(required=True)
-    action.add_argument("--check", action="store_true", help="fail if the committed file differs")
-    action.add_argument("--write", action="store_true", help="write the file")
-    chosen = parser.parse_args(arguments)
-    text = render()
-    if chosen.write:
-        TABLES_PATH.write_text(text, encoding="ascii", newline="\n")
-        return 0
-    if TABLES_PATH.exists() and TABLES_PATH.read_text(encoding="ascii") == text:
-        return 0
-    sys.stderr.write(
-        f"{TABLES_PATH.name} is not what coefficients.py renders; "
-        "run: python -m esea_gen.emit.elementary.coefficients --write\n"
-    )
-    return 1
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+if __name__ == "__main__":  # --write, which a test then compares with what is rendered
+    TABLES_PATH.write_text(render(), encoding="ascii", newline="\n")

@@ -43,7 +43,7 @@ class Arithmetic(LoweringBase):
                 pass
         return finish(f, f, 64)
 
-    def _sum(self, i: int, n: Node) -> Value:
+    def sum(self, i: int, n: Node) -> Value:
         join = ex.add if n.op == "add" else ex.sub
         (al, ah), (bl, bh) = (self._ends(a) for a in n.args)
         low, high = (al + bl, ah + bh) if n.op == "add" else (al - bh, ah - bl)
@@ -76,7 +76,7 @@ class Arithmetic(LoweringBase):
 
         return self._settle(i, min(best_fraction(low, high, self._limit(i)), natural), build)
 
-    def _product(self, i: int, n: Node) -> Value:
+    def product(self, i: int, n: Node) -> Value:
         a, b = (*n.args, *n.args) if n.op == "sq" else n.args
         for one, other in ((a, b), (b, a)):
             c = self._constant(one)
@@ -84,7 +84,7 @@ class Arithmetic(LoweringBase):
                 continue
             # One so small that no sum could take it up is a number like any other.
             if self._value(other).fraction - math.log2(abs(c)) <= SHIFTED_FRACTION_BITS:
-                return self._shifted(other, c)
+                return self.shifted(other, c)
         (al, ah), (bl, bh) = self._ends(a), self._ends(b)
         corners = [p * q for p in (al, ah) for q in (bl, bh)]
         low, high = self._cut(i, min(corners), max(corners))
@@ -116,7 +116,7 @@ class Arithmetic(LoweringBase):
 
         return self._settle(i, min(best_fraction(low, high, self._limit(i)), natural), build)
 
-    def _shifted(self, k: int, factor: Fraction) -> Value:
+    def shifted(self, k: int, factor: Fraction) -> Value:
         # Times a power of two: the same raw number in another format.
         v = self._value(k)
         power = abs(factor).numerator.bit_length() - abs(factor).denominator.bit_length()
@@ -125,8 +125,11 @@ class Arithmetic(LoweringBase):
             expr = ex.neg(expr if expr.low > ex.LIMITS[expr.bits][0] else ex.cast(expr, 64))
         return Value(expr, v.fraction - power)
 
-    def _quotient(self, i: int, n: Node) -> Value:
+    def quotient(self, i: int, n: Node) -> Value:
         dividend_node, divisor_node = n.args
+        by = self._constant(divisor_node)
+        if by is not None:
+            return self._by_constant(i, n, by)
         (nl, nh), (dl, dh) = self._ends(dividend_node), self._ends(divisor_node)
         if dl <= 0 <= dh:
             raise self._fail(
@@ -162,7 +165,7 @@ class Arithmetic(LoweringBase):
 
         return self._settle(i, best_fraction(low, high, self._limit(i)), cut)
 
-    def _extreme(self, i: int, n: Node) -> Value:
+    def extreme(self, i: int, n: Node) -> Value:
         pick = ex.minimum if n.op == "fmin" else ex.maximum
         choose = min if n.op == "fmin" else max
         (al, ah), (bl, bh) = (self._ends(a) for a in n.args)
@@ -216,7 +219,7 @@ class Arithmetic(LoweringBase):
 
         return self._settle(i, min(best, natural), lambda f: self._narrowest(i, finish, natural, f))
 
-    def _select(self, i: int, n: Node) -> Value:
+    def select(self, i: int, n: Node) -> Value:
         test, *arms = n.args
         one, other = arms if n.op == "select" else (*arms, ZERO)
         condition = self._condition(test)
@@ -291,7 +294,13 @@ class Arithmetic(LoweringBase):
             return ex.literal(int(self.kernel.nodes[i].value != 0), 1)
         return ex.truth(v.expr)
 
-    def _comparison(self, i: int, n: Node) -> Value:
+    def logic(self, i: int, n: Node) -> Value:
+        return Value(ex.logic(n.op, *(self._condition(a) for a in n.args)), 0)
+
+    def sign(self, i: int, n: Node) -> Value:
+        return Value(Expr("sign", (self._value(n.args[0]).expr,), 32, -1, 1), 0)
+
+    def comparison(self, i: int, n: Node) -> Value:
         a, b = n.args
         ca, cb = self._constant(a), self._constant(b)
         if ca is not None and cb is not None:
@@ -327,7 +336,7 @@ class Arithmetic(LoweringBase):
             raise self._fail(i, "the divisor is zero", "Divide by another number.")
         inverse = 1 / c
         if is_power(inverse):
-            return self._shifted(n.args[0], inverse)
+            return self.shifted(n.args[0], inverse)
         v = self._value(n.args[0])
         f_c = min(best_fraction(inverse, inverse), MOST_FRACTION_BITS - v.fraction)
         raw = math.floor(inverse * two(f_c) + Fraction(1, 2))
@@ -346,7 +355,7 @@ class Arithmetic(LoweringBase):
         natural = v.fraction + f_c - least
         return self._settle(i, min(best_fraction(low, high, self._limit(i)), natural), build)
 
-    def _magnitude(self, i: int, n: Node) -> Value:
+    def magnitude(self, i: int, n: Node) -> Value:
         v = self._value(n.args[0])
         if v.expr.low > ex.LIMITS[v.expr.bits][0]:
             return Value(ex.absolute(v.expr), v.fraction)

@@ -20,7 +20,7 @@ EXPONENT_ERROR = 2.0 ** -(EXPONENT_FRACTION_BITS + 1)
 class Elementary(Arithmetic):
     """Rules of powers, exponentials, logarithms, roots and the hyperbolic tangent."""
 
-    def _function(self, i: int, n: Node) -> Value:
+    def function(self, i: int, n: Node) -> Value:
         low, high = self._ends(n.args[0])
         v = self._value(n.args[0])
         rule = {

@@ -10,7 +10,7 @@ import numpy as np
 from esea_gen.emit.fixed.elementary import EXPONENT_ERROR
 from esea_gen.emit.fixed.plan import BlockPlan, coefficients_raw
 from esea_gen.emit.fixed.values import LoweredKernel
-from esea_gen.emit.spans import Arithmetic, Known, RangeError, Span, numeric_nodes, span
+from esea_gen.emit.spans import Known, RangeError, Rounding, Span, numeric_nodes, span
 from esea_gen.emit.step_errors import (
     BEYOND,
     Bound,
@@ -24,7 +24,7 @@ from esea_gen.emit.step_errors import (
 from esea_gen.language.block import Solved
 
 
-class FixedArithmetic(Arithmetic):
+class FixedRounding(Rounding):
     """What the lowering recorded of every operation."""
 
     def __init__(self, lowered: LoweredKernel) -> None:
@@ -104,7 +104,7 @@ class Propagation(StepErrors):
         self.plan = plan
         computed = ComputedStep(
             plan.block,
-            FixedArithmetic(plan.step),
+            FixedRounding(plan.step),
             {i: name for i, (name, _) in plan.labels.items()},
             plan.facts,
             lambda: _coefficients(plan),
@@ -182,7 +182,7 @@ def block_bound(
     input_errors: Mapping[str, float] | None = None,
     known: Known | None = None,
 ) -> Bound:
-    """Worst-case error in q31 against exact arithmetic, for any number of steps."""
+    """Worst-case error in q31 against exact rounding, for any number of steps."""
     return bound_of(Propagation(plan, ranges, input_errors, known=known), "q31")
 
 

@@ -70,14 +70,17 @@ def cast(x: Expr, bits: int) -> Expr:
     return _make("cast", (x,), bits, x.low, x.high)
 
 
-def add(x: Expr, y: Expr, bits: int) -> Expr:
-    args = cast(x, bits), cast(y, bits)
-    return _make("add", args, bits, x.low + y.low, x.high + y.high)
+def _pair(op: str, ends: Callable[[Expr, Expr], tuple[int, int]]) -> Callable[..., Expr]:
+    def build(x: Expr, y: Expr, bits: int) -> Expr:
+        return _make(op, (cast(x, bits), cast(y, bits)), bits, *ends(x, y))
+
+    return build
 
 
-def sub(x: Expr, y: Expr, bits: int) -> Expr:
-    args = cast(x, bits), cast(y, bits)
-    return _make("sub", args, bits, x.low - y.high, x.high - y.low)
+add = _pair("add", lambda x, y: (x.low + y.low, x.high + y.high))
+sub = _pair("sub", lambda x, y: (x.low - y.high, x.high - y.low))
+minimum = _pair("min", lambda x, y: (min(x.low, y.low), min(x.high, y.high)))
+maximum = _pair("max", lambda x, y: (max(x.low, y.low), max(x.high, y.high)))
 
 
 def neg(x: Expr) -> Expr:
@@ -161,16 +164,6 @@ def mul(x: Expr, y: Expr, shift: int, bits: int) -> Expr:
             raise OverflowProofError("no room to round a 64-bit product")
         low, high = max(_rounded(low, shift) - 1, least), _rounded(high, shift) + 1
     return cast(_make("mul64", (x, y), 64, low, high, (shift,)), bits)
-
-
-def minimum(x: Expr, y: Expr, bits: int) -> Expr:
-    args = cast(x, bits), cast(y, bits)
-    return _make("min", args, bits, min(x.low, y.low), min(x.high, y.high))
-
-
-def maximum(x: Expr, y: Expr, bits: int) -> Expr:
-    args = cast(x, bits), cast(y, bits)
-    return _make("max", args, bits, max(x.low, y.low), max(x.high, y.high))
 
 
 def clamp(x: Expr, low: int, high: int) -> Expr:

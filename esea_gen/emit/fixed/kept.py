@@ -75,7 +75,7 @@ def _plan(block: Block) -> BlockPlan:
     path = cache_folder() / f"plan-{digest[:32]}.json"
     why = _read(path, len(planner.kernel.nodes))
     if why is not None:
-        return planner.plan(why, why)
+        return planner.plan(why)
     plan = search(planner)
     _write(path, dict(plan.why_wide))
     return plan

@@ -7,10 +7,9 @@ over every bit pattern of the inputs and states, so that nothing can overflow, c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
 
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.elementary import Elementary
@@ -37,53 +36,26 @@ class Kept:
     marks: dict[Hashable, int] = field(default_factory=dict)
 
 
+@dataclass(eq=False)
 class Lowering(Elementary):
-    kept: Kept | None = None
+    """The lowering of one kernel to whole numbers."""
 
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
-        self.marks: list[int] = []
+    # Of earlier ones that differ from this one in ``wide`` alone.
+    kept: Kept | None = None
+    marks: list[int] = field(default_factory=list)
 
     def _lower(self, i: int) -> Value | None:
         n = self.kernel.nodes[i]
-        if i in self.words:
-            bits = tuple((self._condition(c), k) for c, k in self.words[i].flags)
+        if i in self.status:
+            bits = tuple((self._condition(c), k) for c, k in self.status[i].flags)
             return Value(ex.flags(bits), 0)
         if n.op == "const" or i in self.parts:
             return None
         if n.op == "input":
             return self._read(i, self.source(*n.source))
-        if n.op in ("and", "or", "not"):
-            return Value(ex.logic(n.op, *(self._condition(a) for a in n.args)), 0)
-        if n.op in COMPARES:
-            return self._comparison(i, n)
-        if n.op in ("add", "sub"):
-            return self._sum(i, n)
-        if n.op in ("mul", "sq"):
-            return self._product(i, n)
-        if n.op == "twice":
-            return self._shifted(n.args[0], Fraction(2))
-        if n.op == "neg":
-            return self._shifted(n.args[0], Fraction(-1))
-        if n.op == "div":
-            c = self._constant(n.args[1])
-            if c is not None:
-                return self._by_constant(i, n, c)
-            return self._quotient(i, n)
-        if n.op == "inv":
-            raise self._fail(i, "1 / x reached the lowering", "This is a fault of the generator.")
-        if n.op == "fabs":
-            return self._magnitude(i, n)
-        if n.op in ("fmin", "fmax"):
-            return self._extreme(i, n)
-        if n.op in ("select", "if_else_zero"):
-            return self._select(i, n)
-        if n.op == "sign":
-            v = self._value(n.args[0])
-            return Value(Expr("sign", (v.expr,), 32, -1, 1), 0)
-        if n.op in ("pow", "exp", "log", "sqrt", "tanh"):
-            return self._function(i, n)
-        raise self._fail(i, "there is no rule for it", "Express it with the walker's operations.")
+        if n.op not in _RULES:
+            raise self._fail(i, "no rule has it", "Express it with the walker's operations.")
+        return _RULES[n.op](self, i, n)
 
     def _read(self, i: int, s: Source) -> Value:
         if not s.checked:
@@ -124,7 +96,7 @@ class Lowering(Elementary):
         # A search lowers one kernel again and again.  What a node was lowered to comes out the same
         # while it and all that it is made of have the same width and the same name.
         n = self.kernel.nodes[i]
-        if self.kept is None or i in self.words or n.op in ("input", "const") or i in self.parts:
+        if self.kept is None or i in self.status or n.op in ("input", "const") or i in self.parts:
             v = self._named(i, self._lower(i))
             held = self.unchecked.get(i)
             key: Hashable = (i, v and v.expr, held and held.expr)
@@ -162,7 +134,7 @@ class Lowering(Elementary):
             name, comment = self.source(*n.source).name, ""
         else:
             name, comment = label or (self.others.get(i, f"v{i}"), "")
-        if not boolean and i not in self.words:
+        if not boolean and i not in self.status:
             name = local_name(name, v.fraction)
         name = self._unused(name)
         self.steps.append(LoweredStep(name, v.expr, comment, i))
@@ -187,6 +159,22 @@ class Lowering(Elementary):
             e = ex.minimum(e, ex.literal(target.high, e.bits), e.bits)
             e = ex.maximum(e, ex.literal(target.low, e.bits), e.bits)
         return ex.cast(ex.clamp(e, *ex.INT32), 32), rounding + constant
+
+
+_RULES: dict[str, Callable[[Lowering, int, Node], Value]] = {
+    **dict.fromkeys(COMPARES, Lowering.comparison),
+    **dict.fromkeys(("and", "or", "not"), Lowering.logic),
+    **dict.fromkeys(("add", "sub"), Lowering.sum),
+    **dict.fromkeys(("mul", "sq"), Lowering.product),
+    **dict.fromkeys(("fmin", "fmax"), Lowering.extreme),
+    **dict.fromkeys(("select", "if_else_zero"), Lowering.select),
+    **dict.fromkeys(("pow", "exp", "log", "sqrt", "tanh"), Lowering.function),
+    "div": Lowering.quotient,
+    "fabs": Lowering.magnitude,
+    "twice": lambda lowering, i, n: lowering.shifted(n.args[0], Fraction(2)),
+    "neg": lambda lowering, i, n: lowering.shifted(n.args[0], Fraction(-1)),
+    "sign": Lowering.sign,
+}
 
 
 def _needed(
@@ -225,23 +213,3 @@ def rewrite(kernel: Kernel) -> Kernel:
             place.append(add(Node(n.op, args, n.value, n.source)))
     results = tuple(tuple(place[i] for i in r) for r in kernel.results)
     return Kernel(kernel.name, tuple(nodes), results)
-
-
-def lower(
-    kernel: Kernel,
-    source: Callable[[int, int], Source],
-    targets: Sequence[Sequence[Target]],
-    *,
-    labels: Mapping[int, tuple[str, str]] | None = None,
-    facts: Mapping[int, tuple[float, float]] | None = None,
-    wide: Collection[int] = (),
-    words: Sequence[int] = (),
-    checks: Collection[int] = (),
-    block: str = "",
-    others: Mapping[int, str] | None = None,
-    kept: Kept | None = None,
-) -> LoweredKernel:
-    known = labels or {}, facts or {}
-    lowering = Lowering(kernel, source, *known, wide, words, checks, block, others or {})
-    lowering.kept = kept
-    return lowering.run(targets)

@@ -10,11 +10,40 @@ import numpy.typing as npt
 
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import FieldPlan
-from esea_gen.emit.fixed.render import field_text, format_text
 from esea_gen.emit.naming import Naming
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, Signal, System, Task
+
+
+def quantity(value: float, unit: str) -> str:
+    return f"{value:.3g}" + ("" if unit == "1" else f" {unit}")
+
+
+def format_text(f: FieldPlan) -> str:
+    """Format of a field, and what one unit of its raw numbers is."""
+    form = "whole number" if f.fraction == 0 else f"Q{31 - f.fraction}.{f.fraction}"
+    return f"{form}, one unit is {quantity(f.lsb, f.port.unit)}"
+
+
+def field_text(f: FieldPlan, group: str) -> str:
+    """What a header says of a field's numbers: raw range, unit, what happens outside."""
+    if getattr(f.port, "flags", ()):
+        return ""
+    text = f"raw {f.low} to {f.high}, {format_text(f)}"
+    behaviour = {
+        "params": "outside: refused",
+        "coeffs": "cut to it by prepare",
+        "state": "cannot overflow",
+        "in": "",
+        "out": "cannot overflow",
+    }[group]
+    if f.checked:
+        low, high = f.port_range
+        behaviour += f"; outside {low} to {high}: found by the step"
+    if group == "state" and isinstance(f.port, Port) and f.port.size == 1:
+        behaviour += "; outside: corrupt"
+    return text + (f"; {behaviour}" if behaviour else "")
 
 
 class FixedNaming(Naming):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from esea_gen.emit.checks import coefficient_checks
 from esea_gen.emit.fixed import expression as ex
-from esea_gen.emit.fixed.lowering import Kept, lower, rewrite
+from esea_gen.emit.fixed.lowering import Kept, Lowering, rewrite
 from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
 from esea_gen.emit.local_names import meanings
 from esea_gen.emit.spans import Known
@@ -71,9 +71,12 @@ class BlockPlan:
     init: LoweredKernel
     step: LoweredKernel
     facts: Mapping[int, tuple[float, float]]  # algebraic ranges of nodes of the step
-    wide: frozenset[int]  # nodes of the step held in 64 bits
-    why_wide: Mapping[int, str] = field(default_factory=dict)
-    labels: Mapping[int, tuple[str, str]] = field(default_factory=dict)
+    why_wide: Mapping[int, str]  # nodes of the step held in 64 bits
+    labels: Mapping[int, tuple[str, str]]
+
+    @property
+    def wide(self) -> frozenset[int]:
+        return frozenset(self.why_wide)
 
     def field(self, group: str, name: str) -> FieldPlan:
         return next(f for f in self.fields[group] if f.port.name == name)
@@ -132,7 +135,8 @@ def _prepare(
     source = _sources(("params", params))
     # It runs only when a tunable changes: 64 bits throughout.
     wide = range(len(kernel.nodes))
-    ranges = lower(Kernel(kernel.name, kernel.nodes, ()), source, (), wide=wide, block=block.name)
+    nodes = Kernel(kernel.name, kernel.nodes, ())
+    ranges = Lowering(nodes, source, wide=wide, block=block.name).run(())
     fields = []
     for p, r in zip(block.coefficients, kernel.results, strict=True):
         low, high = Fraction(p.high), Fraction(p.low)
@@ -148,7 +152,7 @@ def _prepare(
         fields.append(FieldPlan(p, fraction, max(f.low, least), min(f.high, most)))
     others = meanings(block, "prepare", kernel, {}, stem)
     targets = _targets(fields, True)
-    made = lower(kernel, source, targets, wide=wide, block=block.name, others=others)
+    made = Lowering(kernel, source, wide=wide, block=block.name, others=others).run(targets)
     return made, tuple(fields)
 
 
@@ -164,8 +168,9 @@ class Planner:
 
     def __init__(self, block: Block) -> None:
         self.block = block
-        fused, facts, labels = _labelled(block)
-        self.kernel, self.facts, self.labels = _rewritten(fused, facts, labels)
+        self.kernel, labels = labelled_kernel(block, lambda k: rewrite(fuse_selects(k)))
+        self.labels = {node: (name, comment) for node, name, comment in labels}
+        self.facts = {node: block.facts[n] for node, n, _ in labels if n in block.facts}
         self.kept = Kept()
         self.known = {room: Known() for room in (0.0, BEYOND)}
         self.others = meanings(block, "step", self.kernel, self.labels, stem)
@@ -184,59 +189,29 @@ class Planner:
             "in": _fields(block.inputs, {}),
             "out": _fields(block.outputs, out),
         }
-        self.init = lower(
-            rewrite(fuse_selects(walk(block.init))),
-            _sources(("coeffs", coeffs)),
-            _targets(self.fields["state"], False),
-            block=block.name,
+        init = rewrite(fuse_selects(walk(block.init)))
+        self.init = Lowering(init, _sources(("coeffs", coeffs)), block=block.name).run(
+            _targets(self.fields["state"], False)
         )
 
-    def plan(self, wide: Iterable[int] = (), why: Mapping[int, str] | None = None) -> BlockPlan:
-        chosen = frozenset(wide)
-        step = lower(
+    def plan(self, why: Mapping[int, str] | None = None) -> BlockPlan:
+        """Lower the step with a set of wide values, and why each is wide."""
+        wide, block = dict(why or {}), self.block
+        lowering = Lowering(
             self.kernel,
             _sources(*((g, self.fields[g]) for g in ("coeffs", "state", "in"))),
-            _targets((*self.fields["state"], *self.fields["out"]), False),
-            labels=self.labels,
-            facts=self.facts,
-            wide=chosen,
-            words=self.block.flag_results,
-            checks=self.checks,
-            block=self.block.name,
-            others=self.others,
-            kept=self.kept,
-        )
-        return BlockPlan(
-            self.block,
-            self.fields,
-            self.prepare,
-            self.init,
-            step,
-            self.facts,
-            chosen,
-            dict(why or {}),
             self.labels,
+            self.facts,
+            frozenset(wide),
+            block.flag_results,
+            self.checks,
+            block.name,
+            self.others,
+            self.kept,
         )
-
-
-def _labelled(block: Block) -> tuple[Kernel, dict[int, Any], dict[int, Any]]:
-    # The fused step with the facts and names of its nodes.
-    kernel, labels = labelled_kernel(block, fuse_selects)
-    names = {node: (name, comment) for node, name, comment in labels}
-    return kernel, {node: block.facts[n] for node, n, _ in labels if n in block.facts}, names
-
-
-def _rewritten(
-    kernel: Kernel, facts: Mapping[int, Any], labels: Mapping[int, Any]
-) -> tuple[Kernel, dict[int, Any], dict[int, Any]]:
-    # Names and facts stay with their nodes when 1/x becomes two.
-    out = rewrite(kernel)
-    place, at = {}, 0
-    for i, n in enumerate(kernel.nodes):
-        at += n.op == "inv"
-        place[i] = at
-        at += 1
-    return out, {place[i]: f for i, f in facts.items()}, {place[i]: x for i, x in labels.items()}
+        step = lowering.run(_targets((*self.fields["state"], *self.fields["out"]), False))
+        made = self.prepare, self.init, step
+        return BlockPlan(block, self.fields, *made, self.facts, wide, self.labels)
 
 
 # -- running a plan --------------------------------------------------------------------------------

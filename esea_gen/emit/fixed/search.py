@@ -10,7 +10,7 @@ For a Block that does not forget its errors the aim is that of one step.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -26,7 +26,7 @@ from esea_gen.emit.fixed.plan import (
 )
 from esea_gen.emit.fixed.values import LoweringError, best_fraction
 from esea_gen.emit.spans import RangeError
-from esea_gen.emit.step_errors import BEYOND, Errors, linear_bound
+from esea_gen.emit.step_errors import BEYOND, linear_bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.language.block import Block
 
@@ -66,7 +66,7 @@ class _Tried:
 
 def _try(planner: Planner, wide: Mapping[int, str]) -> _Tried | None:
     try:
-        plan = planner.plan(wide, wide)
+        plan = planner.plan(wide)
     except LoweringError:
         if not wide:
             raise
@@ -82,57 +82,26 @@ def _try(planner: Planner, wide: Mapping[int, str]) -> _Tried | None:
 
 
 def _still_bounded(
-    planner: Planner, wide: Mapping[int, str], errors: Errors, ceiling: float, forgets: bool
+    planner: Planner, wide: Mapping[int, str], found: _Tried, ceiling: float
 ) -> BlockPlan | None:
-    # Whether state errors that are a bound already stay one: a single step tells.
+    # The plan, if its outputs stay below the ceiling: state errors that are a bound already must
+    # stay one, which a single step tells; a linear Block's bound is no induction, but summed.
+    block, room = planner.block, 0.0 if found.forgets else BEYOND
+    errors = [[found.states[p.name] * ceiling / found.score] * p.size for p in block.state]
     try:
-        plan = planner.plan(wide, wide)
-        room = 0.0 if forgets else BEYOND
-        step = Propagation(plan, {}, {}, room, planner.known[room])
+        plan = planner.plan(wide)
+        step = Propagation(plan, room=room, known=planner.known[room])
+        if found.linear:
+            summed = linear_bound(block, step.state_errors(step.once(step.zero)[0]))
+            assert summed is not None
+            errors = summed
         result, _ = step.once(errors)
     except (LoweringError, RangeError):
         return None
     pairs = zip(step.state_errors(result), errors, strict=True)
-    holds = not forgets or all(n <= e for new, old in pairs for n, e in zip(new, old, strict=True))
-    return plan if holds and _shortfall(plan.block, step.outputs(result)) <= ceiling else None
-
-
-def _memory(block: Block) -> list[list[float]]:
-    # What one step's own errors of a linear Block's states sum up to: the errors of all states, per
-    # element whose own error is 1.
-    sizes = [p.size for p in block.state]
-    columns = []
-    for k in range(sum(sizes)):
-        flat = [float(i == k) for i in range(sum(sizes))]
-        found = linear_bound(block, _split(flat, sizes))
-        assert found is not None
-        columns.append([x for row in found for x in row])
-    return columns
-
-
-def _split(flat: Sequence[float], sizes: Sequence[int]) -> Errors:
-    rest = iter(flat)
-    return [[next(rest) for _ in range(n)] for n in sizes]
-
-
-def _narrowed(planner: Planner, plan: BlockPlan, ceiling: float) -> BlockPlan:
-    # A linear Block's bound is no induction: its memory is summed once, for every choice.
-    memory, sizes = _memory(planner.block), [p.size for p in planner.block.state]
-    for i in sorted(plan.wide):
-        fewer = {k: r for k, r in plan.why_wide.items() if k != i}
-        try:
-            tried = planner.plan(fewer, fewer)
-            step = Propagation(tried, {}, {}, known=planner.known[0.0])
-            own = [x for row in step.state_errors(step.once(step.zero)[0]) for x in row]
-            total = [
-                sum(o * m[k] for o, m in zip(own, memory, strict=True)) for k in range(len(own))
-            ]
-            result, _ = step.once(_split(total, sizes))
-        except (LoweringError, RangeError):
-            continue
-        if _shortfall(planner.block, step.outputs(result)) <= ceiling:
-            plan = tried
-    return plan
+    holds = all(n <= e for new, old in pairs for n, e in zip(new, old, strict=True))
+    holds = holds or found.linear or not found.forgets
+    return plan if holds and _shortfall(block, step.outputs(result)) <= ceiling else None
 
 
 def _small_ends(plan: BlockPlan) -> dict[int, int]:
@@ -295,12 +264,12 @@ def _with_way(planner: Planner, plan: BlockPlan) -> BlockPlan:
     share = _probe(plan) if plan.block.solved else 0.0
     if share <= RESIDUAL_SHARE:
         return plan
-    followed = Propagation(plan, {}, {}).followed
+    followed = Propagation(plan).followed
     why = dict(plan.why_wide)
     for i, n in enumerate(planner.kernel.nodes):
         if i not in followed and n.op not in ("input", "const", "sign") and not n.boolean:
             why[i] = f"leads to a solved value whose residual would fill {100 * share:.0f} %"
-    return planner.plan(why, why)
+    return planner.plan(why)
 
 
 def search(planner: Planner) -> BlockPlan:
@@ -308,7 +277,6 @@ def search(planner: Planner) -> BlockPlan:
 
 
 def _searched(planner: Planner) -> BlockPlan:
-    block = planner.block
     first = _try(planner, {})
     assert first is not None
     plan = first.plan
@@ -322,7 +290,7 @@ def _searched(planner: Planner) -> BlockPlan:
     halves = clipped | _clipped(plan, inner=True)
     coarse = {i: f"would be {why}" for i, why in coarse_values(plan).items()}
     # What merely leads to a solved value is judged by its residual: 64 bits there gain no bound.
-    followed = Propagation(plan, {}, {}).followed
+    followed = Propagation(plan).followed
     levels = [
         {i: why for i, why in level.items() if i in followed}
         for level in (
@@ -348,10 +316,7 @@ def _searched(planner: Planner) -> BlockPlan:
     if not best.wide or not math.isfinite(score):
         return best
     ceiling = max(1.0, 1.02 * score)
-    if found.linear:
-        return _narrowed(planner, best, ceiling)
-    errors = [[found.states[p.name] * ceiling / score] * p.size for p in block.state]
     for i in sorted(best.wide):
         fewer = {k: r for k, r in best.why_wide.items() if k != i}
-        best = _still_bounded(planner, fewer, errors, ceiling, found.forgets) or best
+        best = _still_bounded(planner, fewer, found, ceiling) or best
     return best

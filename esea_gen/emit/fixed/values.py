@@ -11,7 +11,7 @@ from functools import cache, cached_property
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
 from esea_gen.emit.spans import COMPARES
-from esea_gen.emit.walker import Kernel, UnsupportedOperationError, status_words
+from esea_gen.emit.walker import Kernel, UnsupportedOperationError, status_words, use_counts
 from esea_gen.language.ports import UNIT_SUFFIXES
 
 NARROW_LIMIT = 2**31 - 1
@@ -121,37 +121,31 @@ def local_name(name: str, fraction: int) -> str:
     return f"{base}_q{fraction}" if fraction >= 0 else f"{base}_qm{-fraction}"
 
 
+@dataclass(eq=False)
 class LoweringBase:
     """What all rules share: operands in a format, ranges, messages."""
 
-    def __init__(
-        self,
-        kernel: Kernel,
-        source: Callable[[int, int], Source],
-        labels: Mapping[int, tuple[str, str]],
-        facts: Mapping[int, tuple[float, float]],
-        wide: Collection[int],
-        words: Sequence[int],
-        checks: Collection[int],
-        block: str,
-        others: Mapping[int, str],
-    ) -> None:
-        self.others = others
-        self.kernel, self.source, self.labels = kernel, source, labels
-        self.facts, self.wide, self.block = facts, wide, block
-        self.checks, self.unchecked, self.checking = checks, dict[int, Value](), False
+    kernel: Kernel
+    source: Callable[[int, int], Source]  # of an argument's element
+    labels: Mapping[int, tuple[str, str]] = field(default_factory=dict)  # name, comment
+    facts: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    wide: Collection[int] = ()  # values that are held in 64 bits
+    words: Sequence[int] = ()  # results that are status words
+    checks: Collection[int] = ()  # nodes by which the step checks its own coefficients
+    block: str = ""  # for messages
+    others: Mapping[int, str] = field(default_factory=dict)  # names of values without a label
+
+    def __post_init__(self) -> None:
+        self.unchecked, self.checking = dict[int, Value](), False
         self.steps: list[LoweredStep] = []
         self.values: list[Value | None] = []
         self.names: set[str] = set()
-        self.uses = [0] * len(kernel.nodes)
-        for n in kernel.nodes:
-            for a in n.args:
-                self.uses[a] += 1
-        for r in kernel.results:
+        self.uses = use_counts(self.kernel)
+        for r in self.kernel.results:
             for i in r:
                 self.uses[i] += 1
-        self.words = status_words(kernel, words, self.uses)
-        self.parts = {i for w in self.words.values() for i in w.parts}
+        self.status = status_words(self.kernel, self.words, self.uses)
+        self.parts = {i for w in self.status.values() for i in w.parts}
         self.compared = self._only_compared()
         self.caps: dict[int, int] = {}
 

@@ -29,9 +29,6 @@ class Format(ABC):
     compiler_flags: ClassVar[str]  # what a compiler's command line needs beside ``-std=c99 -O2``
     libraries: ClassVar[str]
     header: ClassVar[str]  # support header with its conversions; empty where none are needed
-    operations: ClassVar[str]  # what ``esea_<device>_real.h`` holds
-    # What a device's header says of compiling and of its numbers, one string a line.
-    notes: ClassVar[tuple[str, ...]]
     # Of an output's range: what the example program takes for rounding.
     example_share: ClassVar[float]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from esea_gen.emit.elementary import exponent_q27, source_paths
-from esea_gen.emit.formats.floating import FloatingFormat, float_operations
+from esea_gen.emit.formats.floating import FloatingFormat
 from esea_gen.emit.walker import (
     Kernel,
     Node,
@@ -34,31 +34,6 @@ class F32(FloatingFormat):
     needs_libm = False
     libraries = ""
     joins_words = True
-    notes = (
-        *FloatingFormat.notes,
-        "   Single precision only: no double arithmetic, no libm; elementary functions are in "
-        "esea_f32.c.",
-    )
-    operations = float_operations(
-        "f32",
-        "float",
-        "#include <stdint.h>\n"
-        "\n"
-        '#include "esea_f32.h"\n'
-        "\n"
-        "#if defined(__GNUC__)\n"
-        "#define esea_fabs(x) __builtin_fabsf(x) /* one instruction, never a call */\n"
-        "#else\n"
-        "static inline float esea_fabs(float x) { return x < 0.0f ? -x : x; }\n"
-        "#endif\n"
-        "static inline float esea_fmin(float x, float y) { return y < x ? y : x; }\n"
-        "static inline float esea_fmax(float x, float y) { return y > x ? y : x; }\n"
-        "/* Bit ``at`` of a status word, where it is set. */\n"
-        "static inline uint32_t esea_bit(bool set, uint32_t at)\n"
-        "{\n"
-        "    return set ? ((uint32_t)1 << at) : (uint32_t)0;\n"
-        "}\n",
-    )
 
     def passes(self, kernel: Kernel) -> Kernel:
         return calls_first(fuse_selects(kernel))

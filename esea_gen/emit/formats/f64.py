@@ -10,7 +10,7 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-from esea_gen.emit.formats.floating import FloatingFormat, float_operations
+from esea_gen.emit.formats.floating import FloatingFormat
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.system import System
 
@@ -25,16 +25,6 @@ class F64(FloatingFormat):
     needs_libm = True
     libraries = " -lm"
     joins_words = False  # CasADi adds them up as numbers
-    operations = float_operations(
-        "f64",
-        "double",
-        "#include <math.h>\n"
-        "\n"
-        "#define esea_fabs(x) fabs(x)\n"
-        "/* Which zero fmin(0, -0) is, C leaves open; a comparison does not. */\n"
-        "static inline double esea_fmin(double x, double y) { return x < y ? x : y; }\n"
-        "static inline double esea_fmax(double x, double y) { return x > y ? x : y; }\n",
-    )
 
     def passes(self, kernel: Kernel) -> Kernel:
         return kernel

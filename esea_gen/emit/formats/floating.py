@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.local_names import LocalNames, meanings
+from esea_gen.emit.local_names import meanings, namer
 from esea_gen.emit.naming import Naming
 from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, early_stores
 from esea_gen.emit.walker import (
@@ -31,82 +31,12 @@ SELECTING = frozenset({"if_else_zero", "select"})
 _CHAINS = frozenset({"and", "or", "add"})  # read from the left, brackets or none
 
 
-# A compiler that changes the arithmetic is rejected: by its macros, and clang, which has none for
-# -funsafe-math-optimizations and -fassociative-math, by what its optimiser folds (from -O1 on).
-_REFUSED = """\
-#include <float.h>
-#include <stdbool.h>
-
-/* The checks for NaN and infinity, and the last bits, are those of IEEE 754 in this very precision.
- * A compiler that was told to do without is refused. */
-typedef char esea_needs_{c_type}_of_ieee_754_binary{bits}
-        [{type_test} ? 1 : -1];
-#if defined(__FAST_MATH__) || defined(_M_FP_FAST)
-#error "esea: do not compile with -ffast-math: it takes the checks for NaN away"
-#endif
-#if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0
-#error "esea: do not compile with -ffinite-math-only: it takes the checks for NaN away"
-#endif
-#if defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)
-#error "esea: do not compile with -funsafe-math-optimizations or a part of it: results would differ"
-#endif
-#if (defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0) \\
-    || (defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0)
-#error "esea: intermediate results carry excess precision; on 32-bit x86: -msse2 -mfpmath=sse"
-#endif
-#if defined(__clang__) || !(defined(__GNUC__) || defined(_MSC_VER))
-#pragma STDC FP_CONTRACT OFF /* gcc and MSVC do not know it: -ffp-contract=off, /fp:strict */
-#endif
-#if defined(__clang__)
-#if __has_attribute(error)
-__attribute__((error("esea: do not compile with -funsafe-math-optimizations")))
-#endif
-void esea_refused_unsafe_math_optimizations(void);
-/* Empty, unless the optimizer may regroup a sum. */
-__attribute__((used)) static void esea_refuse_regrouping(float x)
-{{
-    if (__builtin_constant_p((x + 1.0f) - x))
-        esea_refused_unsafe_math_optimizations();
-}}
-#endif
-
-"""
-
-
-def float_operations(name: str, c_type: str, own: str) -> str:
-    """Text of a device's ``_real.h``: a format's own operations, and those of every format."""
-    zero, one = ("0.0f", "1.0f") if c_type == "float" else ("0.0", "1.0")
-    kind, mantissa, exponent = ("FLT", 24, 128) if c_type == "float" else ("DBL", 53, 1024)
-    bits = {24: 32, 53: 64}[mantissa]
-    test = f"sizeof({c_type}) == {bits // 8} && FLT_RADIX == 2 && {kind}_MANT_DIG == {mantissa}"
-    test += f" && {kind}_MAX_EXP == {exponent}"
-    refused = _REFUSED.format(type_test=test, c_type=c_type, bits=bits)
-    return (
-        f"{refused}"
-        f"/* Small operations of the {name} format.  Every value that reaches a minimum or maximum "
-        "has\n"
-        " * passed its port's check, so none of them is NaN; a NaN in the first operand would pass "
-        "through\n"
-        " * and not turn into a limit. */\n"
-        f"{own}"
-        f"static inline {c_type} esea_sign({c_type} x)\n"
-        "{\n"
-        f"    return (x > {zero}) ? {one} : ((x < {zero}) ? -{one} : {zero});\n"
-        "}"
-    )
-
-
 class FloatingFormat(Format):
     default = True
     floating = True
     verified_by = "esea-gen verify"
     compiler_flags = " -ffp-contract=off"
     header = ""
-    notes: ClassVar[tuple[str, ...]] = (
-        "   Without -ffp-contract=off (or a -std=c.. option of gcc) a compiler may fuse multiply "
-        "and add:",
-        "   results then differ in the last bits from those that were verified.",
-    )
     example_share = 1e-5
     joins_words: ClassVar[bool]  # whether a status word is put together as an integer
 
@@ -197,7 +127,7 @@ def print_kernel(
     statements: list[Statement] = []
     arguments = set()
     reads = {access(*n.source)[0] for n in kernel.nodes if n.op == "input"}
-    names = LocalNames(reads, labels, others or {})
+    name_of = namer(reads, labels, others or {})
     chained: dict[int, str] = {}  # operations that stand where they are used, without brackets
 
     def number(atom: str) -> str:
@@ -206,7 +136,7 @@ def print_kernel(
     for i, n in enumerate(kernel.nodes):
         if i in bits:
             flags = (f"esea_bit({bare(atoms[c])}, {k}u)" for c, k in bits[i].flags)
-            statements.append(Statement("uint32_t", names.define(i), " | ".join(flags)))
+            statements.append(Statement("uint32_t", name_of(i), " | ".join(flags)))
             atoms.append(statements[-1].name)
             continue
         if i in parts:
@@ -248,7 +178,7 @@ def print_kernel(
                 chained[i] = n.op
             continue
         c_type = "bool" if n.boolean else fmt.c_type
-        statements.append(Statement(c_type, names.define(i), text, named[1] if named else ""))
+        statements.append(Statement(c_type, name_of(i), text, named[1] if named else ""))
         atoms.append(statements[-1].name)
     results = tuple(
         tuple(number(atoms[i]) if kernel.nodes[i].boolean else atoms[i] for i in r)

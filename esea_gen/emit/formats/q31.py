@@ -6,16 +6,35 @@ from pathlib import Path
 
 import numpy as np
 
+from esea_gen.emit.fixed.expression import C_TYPES, Expr, bare_text, c_text
 from esea_gen.emit.fixed.functions import source_files
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.lowering import rewrite
 from esea_gen.emit.fixed.naming import FixedNaming
-from esea_gen.emit.fixed.render import print_lowered
+from esea_gen.emit.fixed.values import LoweredKernel
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.printed import EmittedBlock, early_stores
+from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, early_stores
 from esea_gen.emit.walker import Kernel, fuse_selects
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
+
+
+def _pointers(e: Expr) -> set[str]:
+    if e.op == "read":
+        return {e.name.removeprefix("(int32_t)").split("->")[0]}
+    return {p for a in e.args for p in _pointers(a)}
+
+
+def print_lowered(lowered: LoweredKernel) -> PrintedKernel:
+    statements = tuple(
+        Statement(C_TYPES[s.expr.bits], s.name, bare_text(s.expr), s.comment) for s in lowered.steps
+    )
+    used = {p for s in lowered.steps for p in _pointers(s.expr)}
+    return PrintedKernel(
+        statements,
+        tuple(tuple(c_text(e) for e in r) for r in lowered.results),
+        frozenset(range(len(used))),
+    )
 
 
 class Q31(Format):
@@ -30,22 +49,6 @@ class Q31(Format):
     compiler_flags = ""
     libraries = ""
     header = "esea_q31.h"
-    operations = '/* Arithmetic of the q31 format. */\n#include "esea_q31.h"'
-    notes = (
-        "   Whole numbers only: no float operation, no library but, on a Cortex-M0, the compiler's "
-        "own for",
-        "   64-bit products and shifts.",
-        "",
-        " NUMBERS",
-        "   A field is a whole number of units of 2^-n.  Its name does not tell n, which goes with",
-        "   the range: the macro ..._<FIELD>_FRACTION behind its struct does.  Its comment has the",
-        "   raw range, the value of one unit and what happens outside (Qm.n: m integer and n",
-        "   fraction bits).  Rounding is to the nearest unit.  No operation can overflow, whatever",
-        "   bit pattern an input or a state has.",
-        "   ESEA_Q31_FROM(x, n) and ESEA_Q31_TO(raw, n) of esea_q31.h convert, for hosts with "
-        "double;",
-        "   esea_q31_from_float and esea_q31_to_float of esea_q31_units.h in single precision.",
-    )
     example_share = 5e-5
 
     def passes(self, kernel: Kernel) -> Kernel:

@@ -32,6 +32,7 @@ class PushRun:
     generated_J: float = 0.0
     exchanged_J: float = 0.0
     absorbed_J: float = 0.0
+    # Of hand, springs and wall: mean over the second and the last third after the push.
     held_J: float = 0.0
     held_end_J: float = 0.0
     limited_share: float = 0.0

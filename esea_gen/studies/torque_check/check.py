@@ -122,11 +122,6 @@ class TorqueCheck:
         Loads in each direction.
     settle_s, record_s : float
         How long each phase is left to settle, and then recorded.
-
-    Raises
-    ------
-    UserError
-        For a load outside the identified domain, too small to tell anything, or known too badly.
     """
 
     def __init__(
@@ -184,11 +179,6 @@ class TorqueCheck:
         ----------
         name : str
             Criterion.
-
-        Returns
-        -------
-        float
-            Nm, before any uncertainty is taken off.
         """
         limit = next(x for x in LIMITS if x.name == name)
         return limit.torque_Nm(self.device.tau_full_scale_Nm, self.known.torque_Nm)
@@ -219,17 +209,6 @@ class TorqueCheck:
             Samples, shape (n,).
         source : str
             Where they come from.
-
-        Returns
-        -------
-        Measurement
-            What is kept of it.
-
-        Raises
-        ------
-        UserError
-            For another step than the next, NaN or infinity, times that do not rise, or too little
-            to judge.
         """
         expected = self.next_step
         if expected is None or label != expected.label:
@@ -390,17 +369,6 @@ class TorqueCheck:
             The device, unchanged since.
         content : mapping
             From :meth:`to_dict`.
-
-        Returns
-        -------
-        TorqueCheck
-            With the phases that were recorded.
-
-        Raises
-        ------
-        UserError
-            For something else than an earlier check, one of another device or device file, or
-            values that no check can have.
         """
         fresh = "Start a new check."
         if not isinstance(content, Mapping) or content.get("kind") != KIND:

@@ -27,12 +27,12 @@ class Trial:
     value: float
     rms_Nm: float
     overshoot_percent: float
-    reach_percent: float
+    reach_percent: float  # 100: the desired amplitude, at the extremes on average
     roughness_Nm_s: float
     surface_rad_s: float
-    outside_share: float
+    outside_share: float  # of the time with abs(s) > phi; NaN without a surface
     limited_share: float
-    unusable: str = ""
+    unusable: str = ""  # why the value cannot be taken
 
 
 def extremes(case: Case, run: ClosedLoopRun) -> tuple[float, float]:

@@ -32,23 +32,11 @@ Say = Callable[[str], None]
 class Therapist(Protocol):
     """A simulated therapist, who makes the movements that the session proposes."""
 
-    def follow(self, asked: ProbingMovement) -> None:
-        """Make this movement."""
-        ...
+    def follow(self, asked: ProbingMovement) -> None: ...
 
 
 class KneeBoard:
-    """Takes the samples of a board that measures a knee.
-
-    device: passive, with both encoders.
-    comfort: limits that are warned of.
-    session_file: the recording is written beside it: ``session-1.mcap``; without it nothing is
-        recorded.
-    advance: moves the clock of a board whose clock stands still.
-    paced: such a clock follows the time of the day; otherwise it is as fast as can be.
-    therapist: a simulated one.
-    kept_s: so much of the stream stays in ``rows``.
-    """
+    """Takes the samples of a board that measures a knee."""
 
     def __init__(
         self,
@@ -94,7 +82,6 @@ class KneeBoard:
 
     @property
     def recorded(self) -> str | None:
-        """Name of the recording's file."""
         return None if self.recording is None else self.recording.recorder.path.name
 
     # -- before the first movement -----------------------------------------------------------------
@@ -147,7 +134,6 @@ class KneeBoard:
             self.therapist.follow(asked)
 
     def start_anew(self) -> None:
-        """Forget what came while nobody looked."""
         self._queue.take(0.0)
         self.watch.end("")
 
@@ -197,7 +183,6 @@ class KneeBoard:
         return self.watch.end(reason)
 
     def note(self, topic: str, **content: Any) -> None:
-        """An event into the recording."""
         if self.recording is not None:
             self.recording.event(topic, **content)
 
@@ -219,7 +204,6 @@ def _new_file(session_file: Path) -> Path:
 
 
 def await_state(board: KneeBoard) -> None:
-    """Until the board's first heartbeat and samples have come."""
     until_s = board.clock_s() + KNOWN_S
     while board.clock_s() < until_s and (board.state() == "UNKNOWN" or board.trouble()):
         board.poll(FRAME_S)

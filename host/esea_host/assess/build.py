@@ -39,12 +39,10 @@ FITTING = ("build", "hypotheses", "probing", "session")
 Say = Callable[[str], None]
 
 
-def _nothing(_: str) -> None:
-    """Told to nobody."""
+def _nothing(_: str) -> None: ...
 
 
 def draw_many(root: int, per_category: int, names: Sequence[str] = CATEGORIES) -> list[KneePatient]:
-    """So many patients of each category, category by category."""
     return [
         draw_category(c, np.random.default_rng([root, i, k]))
         for i, c in enumerate(names)

@@ -41,7 +41,6 @@ class LocationGrid:
     def spanning(
         cls, angle_rad: tuple[float, float], rate_rad_s: tuple[float, float], shape: tuple[int, int]
     ) -> LocationGrid:
-        """Equal cells between limits."""
         edges = (
             np.linspace(*x, n + 1) for x, n in zip((angle_rad, rate_rad_s), shape, strict=True)
         )
@@ -225,12 +224,10 @@ class ResponseDataBase:
 
     @property
     def notice(self) -> str:
-        """What this is not: said of all that is made with it."""
         return MEASURED_NOTICE if self.provenance.get("source") == RECORDINGS else NOTICE
 
     @cached_property
     def digest(self) -> str:
-        """Of all that its file holds."""
         return _digest(*self._content())
 
     def _content(self) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -77,7 +77,6 @@ def unit_of(measure: str) -> str:
 
 
 def strength(p: float) -> str:
-    """How sure, in a word."""
     words = ((0.95, "very likely"), (0.8, "likely"), (0.5, "more likely than not"))
     return next((w for least, w in words if p >= least), "possible")
 
@@ -114,17 +113,7 @@ def conclusion(session: Assessment) -> list[str]:
 
 
 class ClinicDesk:
-    """Proposes, takes in, remembers; after every step the session is in its file.
-
-    session: what is known.
-    comfort: reach and speed.
-    height_m, mass_kg: of the body.
-    patient: A simulated one, whose leg can be moved.
-    file: where the session is written after every step.
-    seed: of the simulated hands.
-    measure: by which movements are chosen: ``expected``, ``thesis`` or ``inherent``.
-    board: that measures the leg.
-    """
+    """Proposes, takes in, remembers; after every step the session is in its file."""
 
     def __init__(
         self,
@@ -163,12 +152,10 @@ class ClinicDesk:
 
     @property
     def simulated(self) -> bool:
-        """Whether the patient, or the board that measures, is simulated."""
         return self.patient is not None or (self.board is not None and self.board.simulated)
 
     @property
     def comfort(self) -> Comfort:
-        """Reach and comfortable speed."""
         return self._comfort
 
     @comfort.setter
@@ -188,7 +175,6 @@ class ClinicDesk:
 
     @property
     def proposed(self) -> ProbingMovement:
-        """The movement that would tell most."""
         if self._proposed is None:
             self._proposed = next_movement(self.session, self._comfort, self.value)
         return self._proposed
@@ -312,7 +298,6 @@ class ClinicDesk:
         self._keep()
 
     def undo(self) -> bool:
-        """Take back the last step."""
         done = self.session.undo()
         self._keep()
         return done
@@ -327,7 +312,6 @@ class ClinicDesk:
         return f"SIMULATED PATIENT {who}".strip() if self.simulated else who
 
     def now(self) -> str:
-        """The most probable answer in a line."""
         name, p = max(self.session.by_name().items(), key=lambda x: x[1])
         settled = "; probabilities have stopped changing" if self.session.settled else ""
         return f"Now: {long_name(name)} {p:.0%}{settled}"

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -51,11 +50,7 @@ CHUNK = 40  # patients stepped together, whatever the number of workers: the sam
 
 @dataclass(frozen=True)
 class Met:
-    """One patient met in one way.
-
-    steps: probabilities after each movement, shape (movements + 1, hypotheses).
-    severity: of each disorder, at the last movement looked at.
-    """
+    """One patient met in one way."""
 
     group: str
     truth: str
@@ -136,8 +131,6 @@ def _levels(names: Sequence[str]) -> dict[str, list[float]]:
 
 
 class _Lane:
-    """One patient in one way."""
-
     def __init__(
         self, way: str, session: Assessment, rng: np.random.Generator, inside: bool
     ) -> None:
@@ -221,11 +214,7 @@ def evaluate(
     ways: Sequence[str] = WAYS,
     say: Callable[[str], None] | None = None,
 ) -> tuple[list[Met], list[Met]]:
-    """Meet patients drawn anew; the same for any number of workers.
-
-    return: all met with the data base's categories; those with two disorders once more, with
-        mixtures as categories.
-    """
+    """Meet patients drawn anew; the same for any number of workers."""
     if patients < len(data.diagnoses):
         raise UserError(f"patients: {patients}.", f"Give at least {len(data.diagnoses)}.")
     if (jobs < 1 and jobs != -1) or seed < 0:
@@ -248,19 +237,3 @@ def evaluate(
         if say:
             say(f"{len(results)} of {len(work)} groups of patients")
     return [m for part in results[:-1] for m in part], results[-1]
-
-
-def hypothesis_names(data: ResponseDataBase) -> tuple[str, ...]:
-    """Names of the columns of ``Met.steps`` without mixtures."""
-    return assessed_hypotheses(data).names
-
-
-def as_result(value: Any) -> Any:
-    """JSON's own numbers."""
-    if isinstance(value, dict):
-        return {str(k): as_result(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [as_result(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return as_result(value.tolist())
-    return value.item() if isinstance(value, np.generic) else value

@@ -126,11 +126,7 @@ def read_recording(
 
 
 def from_recordings(folder: Path, told: Callable[[str], None] = lambda _: None) -> ResponseDataBase:
-    """A data base from recordings: a folder for each category, files of people in it.
-
-    A line ``# height_m=1.7 mass_kg=70`` at the top of a CSV gives its body's size; a note of the
-    same words does in an MCAP file.  told: takes how each table was read and what was left out.
-    """
+    """A data base from recordings: a folder for each category, files of people in it."""
     people = []
     found = [p for p in folder.glob("*/*") if p.suffix.lower() in KINDS] if folder.is_dir() else []
     for path in sorted(found):

@@ -98,7 +98,6 @@ class Hypotheses:
         return dataclasses.replace(self, covariance=covariance, noise_Nm=noise)
 
     def only(self, names: Sequence[str]) -> Hypotheses:
-        """Some of them."""
         at = [self.names.index(n) for n in names]
         return dataclasses.replace(
             self,
@@ -109,7 +108,6 @@ class Hypotheses:
         )
 
     def joined(self, other: Hypotheses) -> Hypotheses:
-        """Both, one after the other."""
         return dataclasses.replace(
             self,
             names=self.names + other.names,
@@ -119,10 +117,7 @@ class Hypotheses:
         )
 
     def readings(self, weights: Array, error: Array) -> tuple[Array, Array]:
-        """Mean (hypotheses, k) and covariance (hypotheses, k, k) of readings to come.
-
-        weights: of the cells at each reading, (k, cells); error: their common errors, (k, k).
-        """
+        """Mean (hypotheses, k) and covariance (hypotheses, k, k) of readings to come."""
         at = np.flatnonzero(weights.any(axis=0))
         w = weights[:, at]
         between = w @ self.covariance[:, at[:, None], at] @ w.T + error
@@ -132,11 +127,7 @@ class Hypotheses:
 
 
 def summarised(data: ResponseDataBase, kind: str = "people") -> Hypotheses:
-    """The categories of a data base as hypotheses, the reference among them.
-
-    kind: ``people`` (joint distribution), ``distributions`` and ``centroids`` (thesis), ``kernel``
-        (Gaussian process: its uncertainty grows away from data).
-    """
+    """The categories of a data base as hypotheses, the reference among them."""
     if kind not in KINDS:
         raise UserError(f"summary: {kind!r}.", "people, distributions, centroids or kernel.")
     known, cells = data.common, data.grid.cells
@@ -322,7 +313,6 @@ class Evidence:
         return np.concatenate([np.empty((0, self.h.grid.cells)), *weights]) @ self.h.grid.centres
 
     def undo(self) -> None:
-        """Forget the last movement."""
         self._movements.pop()
         self._start()
         for m in self._movements:
@@ -334,7 +324,6 @@ class Evidence:
 
 
 def normalised(log_weights: Array | Mapping[str, float]) -> Array:
-    """Probabilities from logs, whatever their size."""
     x = np.asarray(list(log_weights.values()) if isinstance(log_weights, Mapping) else log_weights)
     p = np.exp(x - np.max(x))
     return np.asarray(p / p.sum())

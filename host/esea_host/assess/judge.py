@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.files import plain
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.evaluation import (
     CONFIDENT,
@@ -15,11 +16,10 @@ from esea_host.assess.evaluation import (
     MOVEMENTS,
     WAYS,
     Met,
-    as_result,
-    hypothesis_names,
 )
 from esea_host.assess.hypotheses import NONE, disorder_of
 from esea_host.assess.patients import OUTSIDE_KINDS, Array
+from esea_host.assess.session import assessed_hypotheses
 
 Index = npt.NDArray[np.int64]
 DRAWS = 1000
@@ -62,12 +62,10 @@ def interval(statistic: Callable[[Index], float], people: int, seed: int = 0) ->
 
 def share_interval(hits: int, of: int) -> list[float]:
     """Wilson's 95 % interval of a share."""
-    if of == 0:
-        return [0.0, 1.0]
-    z, p = 1.959963984540054, hits / of
-    middle = (p + z**2 / (2 * of)) / (1 + z**2 / of)
-    half = z / (1 + z**2 / of) * np.sqrt(p * (1 - p) / of + z**2 / (4 * of**2))
-    return [float(max(0.0, middle - half)), float(min(1.0, middle + half))]
+    from statsmodels.stats.proportion import proportion_confint
+
+    ends = proportion_confint(hits, of, method="wilson") if of else (0.0, 1.0)
+    return [float(x) for x in np.clip(ends, 0.0, 1.0)]
 
 
 def motions_to_confidence(m: Met) -> int:
@@ -82,8 +80,7 @@ def final(m: Met) -> Array:
 
 
 def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> dict[str, Any]:
-    """All numbers of the evaluation, with intervals."""
-    names = hypothesis_names(data)
+    names = assessed_hypotheses(data).names
     ways = [w for w in WAYS if any(m.way == w for m in met)]
     inside = {w: [m for m in met if m.group == "inside" and m.way == w] for w in ways}
     out: dict[str, Any] = {
@@ -120,7 +117,7 @@ def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> d
     out["severity"] = _severity(inside["expected"])
     alone = [m for m in met if m.group == "mixed" and m.way == "expected"]
     out["mixed"] = _mixed(alone, [m for m in mixed if m.group == "mixed"], names, data)
-    found: dict[str, Any] = as_result(out)
+    found: dict[str, Any] = plain(out)
     return found
 
 
@@ -257,8 +254,6 @@ def _between(met: list[Met], names: tuple[str, ...]) -> dict[str, Any]:
 def _mixed(
     alone: list[Met], pairs: list[Met], names: tuple[str, ...], data: ResponseDataBase
 ) -> dict[str, Any]:
-    from esea_host.assess.session import assessed_hypotheses
-
     with_pairs = assessed_hypotheses(data, mixed=True).names
     said = [names[int(final(m).argmax())] for m in alone]
     found = [with_pairs[int(final(m).argmax())] for m in pairs]
@@ -289,8 +284,6 @@ def _mixed(
 
 
 def table(result: dict[str, Any]) -> list[str]:
-    """As lines of text."""
-
     def ends(key: str, form: str = "{:.2f}") -> str:
         low, high = result[f"{key}_interval"]
         return f"{form.format(result[key])} ({form.format(low)} to {form.format(high)})"

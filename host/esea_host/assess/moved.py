@@ -36,10 +36,7 @@ Wish = tuple[float, float] | None  # angle and rate that the hands want; None: t
 
 
 class MovedKnee:
-    """Moves as it is asked to; until then the straight leg lies on its support.
-
-    error: whether the coupling differs from its model, by as much as published.
-    """
+    """Moves as it is asked to; until then the straight leg lies on its support."""
 
     def __init__(
         self, patient: KneePatient, device: DeviceData, seed: int = 1, *, error: bool = True
@@ -66,7 +63,6 @@ class MovedKnee:
         self._wishes = self._chain(made.start_rad, made)
 
     def let_fall(self, start_rad: float = 0.0) -> None:
-        """Hold the leg at an angle, and let go."""
         self._wishes = self._chain(start_rad, None)
 
     def sweep(self, low_rad: float, high_rad: float, period_s: float) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,6 @@ def dated(session: Assessment, who: str) -> str:
 
 
 def allowed(c: Comfort) -> str:
-    """Reach and comfort in words."""
     return (
         f"Moved only between {c.low_rad / DEG:.0f}° and {c.high_rad / DEG:.0f}° of bending, at up "
         f"to {c.rate_rad_s / DEG:.0f}°/s."
@@ -111,9 +111,7 @@ def _history(ax: Axes, session: Assessment) -> None:
         )
     ax.set_ylim(-3, 103)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.set_xlabel("step")
-    ax.set_ylabel("probability [%]")
-    ax.set_title("How it came to that")
+    ax.set(xlabel="step", ylabel="probability [%]", title="How it came to that")
     ax.legend(ncol=2, fontsize=7.5, loc="upper center", bbox_to_anchor=(0.45, -0.2))
 
 
@@ -141,13 +139,14 @@ def _map(ax: Axes, session: Assessment, comfort: Comfort, measure: str) -> None:
     best = move.location
     ax.plot(best.angle_rad / DEG, best.rate_rad_s / DEG, "*", ms=11, color=MEASURED)
     ax.legend(ncol=2, loc="upper right", bbox_to_anchor=(1.0, -0.2))
-    ax.set_xlabel("bending of the knee [°]")
-    ax.set_ylabel("speed [°/s], + bending")
-    ax.set_title("Which movement would tell most: dark. White: out of reach, comfort or data")
+    ax.set(
+        xlabel="bending of the knee [°]",
+        ylabel="speed [°/s], + bending",
+        title="Which movement would tell most: dark. White: out of reach, comfort or data",
+    )
 
 
 def step_text(entry: AuditEntry) -> str:
-    """A step of the trail in words."""
     d = entry.details
     said = {
         "begin": "begun, all equally likely",
@@ -206,13 +205,17 @@ def write_session_page(
     write_whole(path, buffer.getvalue())
 
 
+@contextmanager
+def drawn(width: float, height: float) -> Iterator[tuple[Figure, Axes]]:
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure, figure.add_subplot()
+
+
 def confusion_picture(result: Mapping[str, Any]) -> Figure:
-    """Truth against what was said."""
     counts = np.array(result["confusion"])
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 4.7), layout="constrained")
-        ax = figure.add_subplot()
+    with drawn(6.4, 4.7) as (figure, ax):
         ax.imshow(share, cmap="Blues", vmin=0, vmax=1)
         ax.grid(False)
         for (i, j), n in np.ndenumerate(counts):
@@ -229,19 +232,18 @@ def confusion_picture(result: Mapping[str, Any]) -> Figure:
                 )
         ax.set_xticks(range(counts.shape[1]), result["answers"], rotation=45, ha="right")
         ax.set_yticks(range(counts.shape[0]), result["categories"])
-        ax.set_xlabel("most probable after 12 movements")
-        ax.set_ylabel("simulated patient")
-        ax.set_title("Patients by what they have and what is said of them")
+        ax.set(
+            xlabel="most probable after 12 movements",
+            ylabel="simulated patient",
+            title="Patients by what they have and what is said of them",
+        )
     return figure
 
 
 def calibration_picture(result: Mapping[str, Any]) -> Figure:
-    """Confidence against how often it was right."""
     curve = {k: np.array(v) for k, v in result["calibration_curve"].items()}
     seen = curve["count"] > 0
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.7, 4.2), layout="constrained")
-        ax = figure.add_subplot()
+    with drawn(4.7, 4.2) as (figure, ax):
         ax.plot([0, 100], [0, 100], color=INK, lw=0.8, ls="--", label="as it should be")
         size = 12 + 160 * curve["count"][seen] / curve["count"].max()
         ax.scatter(
@@ -255,15 +257,16 @@ def calibration_picture(result: Mapping[str, Any]) -> Figure:
         )
         ax.set_xlim(0, 102)
         ax.set_ylim(0, 102)
-        ax.set_xlabel("probability that was shown [%]")
-        ax.set_ylabel("how often it was right [%]")
-        ax.set_title(f"Calibration: mean distance {result['calibration_error']:.3f}")
+        ax.set(
+            xlabel="probability that was shown [%]",
+            ylabel="how often it was right [%]",
+            title=f"Calibration: mean distance {result['calibration_error']:.3f}",
+        )
         ax.legend(loc="upper left")
     return figure
 
 
 def motions_picture(result: Mapping[str, Any]) -> Figure:
-    """Movements to 95 %."""
     names = {
         "expected": "expected\ninformation",
         "thesis": "thesis'\nmeasure",
@@ -273,9 +276,7 @@ def motions_picture(result: Mapping[str, Any]) -> Figure:
     rows = [(names[w], r) for w, r in result["motions"].items()]
     mean = np.array([r["mean"] for _, r in rows])
     ends: Array = np.array([r["interval"] for _, r in rows]).T
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.7, 4.2), layout="constrained")
-        ax = figure.add_subplot()
+    with drawn(4.7, 4.2) as (figure, ax):
         ax.bar(range(len(rows)), mean, color=HELD_OUT, edgecolor=MODEL)
         ax.errorbar(range(len(rows)), mean, np.abs(ends - mean), fmt="none", color=INK, capsize=4)
         ax.set_xticks(range(len(rows)), [n for n, _ in rows])
@@ -285,18 +286,12 @@ def motions_picture(result: Mapping[str, Any]) -> Figure:
 
 
 def loop_picture(found: Any) -> Figure:
-    """Torque over angle, both ways."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 4.2), layout="constrained")
-        ax = figure.add_subplot()
-        ax.plot(found.angle_rad / DEG, found.bending_Nm, color=MODEL, label="bending")
-        ax.plot(
-            found.angle_rad / DEG,
-            found.straightening_Nm,
-            color=MEASURED,
-            ls="--",
-            label="straightening",
-        )
+    with drawn(6.4, 4.2) as (figure, ax):
+        for torque_Nm, colour, style, label in (
+            (found.bending_Nm, MODEL, "-", "bending"),
+            (found.straightening_Nm, MEASURED, "--", "straightening"),
+        ):
+            ax.plot(found.angle_rad / DEG, torque_Nm, color=colour, ls=style, label=label)
         ax.set_xlabel("bending of the knee [°]")
         ax.set_ylabel("torque beyond the leg's weight [Nm]")
         ax.legend()
@@ -310,8 +305,6 @@ def _render(template: str, notice: str, **context: Any) -> str:
 
 
 def evaluation_page(result: Mapping[str, Any]) -> str:
-    """The evaluation as a page."""
-
     def row(text: str, key: str, aim: str, form: str = "{:.2f}") -> tuple[str, str, str, str]:
         low, high = result[f"{key}_interval"]
         ends = f"{form.format(low)} to {form.format(high)}"

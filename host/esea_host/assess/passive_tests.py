@@ -28,11 +28,7 @@ FALLING_rad_s = 30 * DEG  # the most severe simulated legs pass 320
 
 @dataclass(frozen=True)
 class PendulumResult:
-    """Figures of one test; angles in flexion from full extension.
-
-    relaxation_index: first swing over start to rest; decay: damping ratio from the logarithmic
-    decrement of successive extremes, None with fewer than three.
-    """
+    """Figures of one test; angles in flexion from full extension."""
 
     start_rad: float
     rest_rad: float
@@ -45,7 +41,6 @@ class PendulumResult:
     reached_rest: bool
 
     def sentences(self) -> list[str]:
-        """In words."""
         sure = "" if self.reached_rest else ", which is not sure"
         out = [
             f"The leg fell by {self.first_swing_rad / DEG:.0f}° on its first swing and came to "
@@ -65,10 +60,7 @@ class PendulumResult:
 
 
 def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
-    """Figures of a pendulum test from angle over time; the release may come later than the start.
-
-    Raises UserError where the leg does not fall.
-    """
+    """Figures of a pendulum test; the release may come later than the start."""
     t, x = np.asarray(time_s, dtype=float), np.asarray(angle_rad, dtype=float)
     if len(t) < 50 or np.any(np.diff(t) <= 0) or not np.all(np.isfinite(x)):
         raise UserError(
@@ -153,12 +145,7 @@ SLOW_rad_s = 30 * DEG  # above it a reflex may answer: the test is no passive on
 
 @dataclass(frozen=True)
 class MotionRange:
-    """Figures of one test.
-
-    loop_J: work lost in a whole cycle; stiffness_Nm_rad: of the middle third, mean of both ways,
-        None where it was not passed both ways.
-    bending_Nm, straightening_Nm: torque over ``angle_rad``, NaN where not passed.
-    """
+    """Figures of one test."""
 
     low_rad: float
     high_rad: float
@@ -175,7 +162,6 @@ class MotionRange:
         return self.fastest_rad_s <= SLOW_rad_s
 
     def sentences(self) -> list[str]:
-        """In words."""
         out = [
             f"The knee moved from {self.low_rad / DEG:.0f}° to {self.high_rad / DEG:.0f}° of "
             f"bending ({(self.high_rad - self.low_rad) / DEG:.0f}° in all), {self.cycles} times "

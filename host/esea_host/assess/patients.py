@@ -74,10 +74,7 @@ STRETCHED_s, STRETCHED_MOST = 0.12, 1.4
 
 @dataclass(frozen=True)
 class KneePatient:
-    """One simulated person: leg, passive knee, and what is wrong with it.
-
-    Angles are flexion from full extension; the thigh is level, so the shank hangs at 90 deg.
-    """
+    """One simulated person: leg, passive knee, and what is wrong with it."""
 
     category: str
     spastic: float = 0.0
@@ -140,10 +137,7 @@ def passive_torque_Nm(angle_rad: Array | float) -> Array:
 
 
 def afflicted(person: KneePatient, spastic: float, dystonic: float) -> KneePatient:
-    """The person at two severities, 0 (none) to 5; values assumed, their direction [He1997].
-
-    Tone grows by the same factor from severity to severity.
-    """
+    """The person at two severities, 0 (none) to 5; values assumed, their direction [He1997]."""
     found = dataclasses.replace(person, spastic=spastic, dystonic=dystonic)
     if spastic > 0:
         threshold = (100 - 15 * spastic) * DEG
@@ -175,10 +169,7 @@ def someone(rng: np.random.Generator, category: str) -> KneePatient:
 def draw(
     spastic: float, dystonic: float, rng: np.random.Generator, category: str = ""
 ) -> KneePatient:
-    """A patient of given severities, every parameter jittered; spread assumed.
-
-    10 % on strength, as in (8.4); thresholds by 3 deg and 3 deg/s; delay by 3 ms.
-    """
+    """A patient of given severities, every parameter jittered; spread assumed."""
     p = afflicted(someone(rng, category), spastic, dystonic)
     gain, tone = np.exp(rng.normal(0, 0.1, 2))
     shift = rng.normal(0, 3 * DEG, 2)
@@ -219,7 +210,6 @@ def draw_outside(kind: str, rng: np.random.Generator) -> KneePatient:
 
 
 def nominal(category: str) -> KneePatient:
-    """The patient in the middle of a category."""
     if category == RELAXED:
         return KneePatient(RELAXED)
     level = float(category[1:])
@@ -240,10 +230,7 @@ def stretched(rate_rad_s: Array) -> Array:
 
 @dataclass(frozen=True)
 class KneeMotion:
-    """What happened: arrays of shape (steps, patients).
-
-    torque_Nm: of the hands on the leg, positive towards flexion.
-    """
+    """What happened: arrays of shape (steps, patients)."""
 
     time_s: Array
     angle_rad: Array
@@ -252,8 +239,6 @@ class KneeMotion:
 
 
 class Knees:
-    """Several simulated knees, stepped together."""
-
     def __init__(self, patients: Sequence[KneePatient]) -> None:
         self.patients = tuple(patients)
         c = self.columns = columns(patients)
@@ -291,11 +276,7 @@ class Knees:
         return np.asarray(self.size * held + self.weight * np.cos(angle))
 
     def move(self, path: Array, rate: Array, seeds: Sequence[Sequence[int]]) -> KneeMotion:
-        """Follow a path with the hands; without hands: see :meth:`release`.
-
-        path, rate: what the hands want, shape (steps, patients).
-        seeds: one per patient, for what wanders.
-        """
+        """Follow a path with the hands; without hands: see :meth:`release`."""
         return self._run(len(path), path[0], path, rate, seeds)
 
     def release(
@@ -353,10 +334,7 @@ class Knees:
 
 
 class MovedLegs:
-    """Several legs and their reflexes, a step at a time; angles and rates have shape (patients,).
-
-    Each step: :meth:`own_Nm`, then :meth:`move`.
-    """
+    """Several legs and their reflexes, a step at a time; arrays have shape (patients,)."""
 
     def __init__(self, knees: Knees, start_rad: Array, step_s: float = STEP_S) -> None:
         self._knees, self._step_s = knees, step_s

@@ -57,10 +57,7 @@ def expected_information(mean_Nm: Array, covariance_Nm2: Array, probabilities: A
 
 @dataclass(frozen=True)
 class Comfort:
-    """What the leg may be asked to do: reach, speed, and how a movement may be made.
-
-    low_rad, high_rad: how far it may be straightened and bent.
-    """
+    """What the leg may be asked to do: reach, speed, and how a movement may be made."""
 
     low_rad: float = 0.0
     high_rad: float = RANGE_RAD
@@ -118,10 +115,7 @@ def probing_movement(where: Location, comfort: Comfort) -> ProbingMovement | Non
 
 @dataclass(frozen=True)
 class PlannedMovement:
-    """A comfortable movement through a cell of the map, and what it would read on its way.
-
-    weights: of the cells at each reading, shape (k, cells); error_Nm2: covariance, shape (k, k).
-    """
+    """A comfortable movement through a cell of the map, and what it would read on its way."""
 
     cell: int
     movement: ProbingMovement
@@ -166,12 +160,7 @@ def plans(hypotheses: Hypotheses, comfort: Comfort | None = None) -> tuple[Plann
 def informative(
     session: Assessment, comfort: Comfort | None = None, measure: str = "expected"
 ) -> Array:
-    """How much a movement through each cell would tell now, shape (cells,).
-
-    measure: ``expected`` information of all its readings; the thesis' own: ``thesis`` (contextual)
-        and ``inherent``.
-    return: NaN where no comfortable movement passes.
-    """
+    """How much a movement through each cell would tell now, shape (cells,)."""
     if measure not in MEASURES:
         raise UserError(f"measure: {measure!r}.", f"One of {', '.join(MEASURES)}.")
     h, p = session.evidence.now, session.probabilities
@@ -195,10 +184,7 @@ def informative(
 def next_movement(
     session: Assessment, comfort: Comfort | None = None, value: Array | None = None
 ) -> ProbingMovement:
-    """The movement that would tell most, within reach and comfort.
-
-    value: of each cell, from :func:`informative`; by default what is expected now.
-    """
+    """The movement that would tell most, within reach and comfort."""
     made = plans(session.hypotheses, comfort)
     worth = informative(session, comfort) if value is None else value
     left = [p for p in made if p.movement.location not in session.avoided]

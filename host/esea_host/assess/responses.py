@@ -48,10 +48,7 @@ def check_body(height_m: float, mass_kg: float) -> None:
 
 @dataclass(frozen=True)
 class LegRecording:
-    """A moved leg.  angle_rad: flexion from full extension; torque_Nm: hands on leg, to flexion.
-
-    read: how its file was read, and what was left out.
-    """
+    """A moved leg.  angle_rad: flexion from full extension; torque_Nm: hands on leg, to flexion."""
 
     time_s: Array
     angle_rad: Array

@@ -46,16 +46,12 @@ class Segment:
     def recording(
         self, height_m: float = MEAN_HEIGHT_M, mass_kg: float = MEAN_MASS_KG
     ) -> LegRecording:
-        """As a recording of a leg."""
         return LegRecording(self.time_s, self.angle_rad, self.torque_Nm, height_m, mass_kg)
 
 
 @dataclass(frozen=True)
 class MovementEvent:
-    """What a sample brought about; segment: of ``moved``.
-
-    ``broken``: a movement ended without rest; ``lost``: the same of a leg that did not move.
-    """
+    """What a sample brought about; segment: of ``moved``."""
 
     kind: Literal["started", "moved", "broken", "lost", "warning"]
     time_s: float
@@ -64,10 +60,7 @@ class MovementEvent:
 
 
 class MovementWatch:
-    """Takes samples one by one at 50 Hz to 1 kHz.
-
-    comfort: its reach and speed are warned of; may be replaced at any time.
-    """
+    """Takes samples one by one at 50 Hz to 1 kHz."""
 
     def __init__(self, comfort: Comfort) -> None:
         self.comfort = comfort
@@ -85,7 +78,6 @@ class MovementWatch:
 
     @property
     def moving(self) -> bool:
-        """Whether a movement is under way."""
         return self._begin is not None and self._far
 
     def end(self, reason: str) -> list[MovementEvent]:
@@ -198,11 +190,7 @@ class MovementWatch:
 
 @dataclass(frozen=True)
 class MovementVerdict:
-    """How a movement met what was asked.
-
-    tried: whether it was an attempt at all, and not the way to its start.  angle_rad, rate_rad_s:
-    nearest point to the location asked for; distance: in tolerances.
-    """
+    """How a movement met what was asked."""
 
     passage: Passage | None
     tried: bool

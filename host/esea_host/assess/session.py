@@ -104,15 +104,7 @@ class _Before:
 
 
 class Assessment:
-    """Probabilities of the categories of a data base, after each movement.
-
-    data: whose categories, any number of them.
-    kind: its summary: ``people``, ``distributions``, ``centroids`` or ``kernel``.
-    mixed: whether pairs of disorders are categories too.
-    prior: probabilities to begin with; equal by default.
-    hypotheses: as made of the data base before.
-    clock: gives the time of a step, for the trail.
-    """
+    """Probabilities of the categories of a data base, after each movement."""
 
     def __init__(
         self,
@@ -152,7 +144,6 @@ class Assessment:
         return out
 
     def by_name(self) -> dict[str, float]:
-        """Probability of each hypothesis."""
         return {n: float(p) for n, p in zip(self.names, self.probabilities, strict=True)}
 
     def _note(self, what: str, details: Mapping[str, Any]) -> None:
@@ -182,10 +173,7 @@ class Assessment:
     def observe_movement(
         self, readings: MovementReadings, source: Mapping[str, Any] | None = None
     ) -> bool:
-        """All that one movement passed; False where the map does not reach.
-
-        source: where it is recorded, for the trail.
-        """
+        """All that one movement passed; False where the map does not reach."""
         where, first = readings.locations[0], float(readings.responses_Nm[0])
         about = {"response_Nm": round(first, 3), "readings": len(readings.locations)}
         taken = self.evidence.add_movement(readings)
@@ -232,7 +220,6 @@ class Assessment:
         self._note("left out", {"location": where.text()})
 
     def skip(self, why: str = "") -> None:
-        """A movement without a result."""
         self._step("skipped")
         self._note("skipped", {"why": why})
 
@@ -314,7 +301,6 @@ class Assessment:
         return out
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it, for a file."""
         return {
             "notice": self.data.notice,
             "database": {**self.data.provenance, "digest": self.data.digest},
@@ -333,10 +319,7 @@ def take(
     wanted: Location,
     source: Mapping[str, Any] | None = None,
 ) -> bool:
-    """Take in a movement that was to pass a location; False where it missed it.
-
-    A missed location is not asked for again; what was passed instead counts all the same.
-    """
+    """Take in a movement that was to pass a location; False where it missed it."""
     found = along(passed, wanted)
     counted = found is not None and session.observe_movement(found, source)
     if found is not None and counted and found.passed:

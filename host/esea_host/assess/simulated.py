@@ -52,10 +52,7 @@ class KneeSensor:
     def read(
         self, time_s: Array, torque_Nm: Array, angle_rad: Array, seed: list[int]
     ) -> tuple[Array, Array]:
-        """Torque and angle as read, at the times given.
-
-        torque_Nm: of the hands; angle_rad: of the joint.
-        """
+        """Torque and angle as read, at the times given."""
         rng = np.random.default_rng(seed)
         h = float(time_s[1] - time_s[0])
         keep = float(np.exp(-h / ERROR_STAYS_S))
@@ -71,7 +68,6 @@ class KneeSensor:
 
 @cache
 def knee_sensor() -> KneeSensor:
-    """The shipped device ``knee``."""
     return KneeSensor(load_device("knee"))
 
 
@@ -116,10 +112,7 @@ def probed(
     movements: Sequence[ProbingMovement],
     seeds: Sequence[Sequence[int]],
 ) -> list[Passage]:
-    """One probing movement for each patient, made by hands that are not perfect.
-
-    It is simulated until shortly after its end.
-    """
+    """One probing movement for each patient, made by hands that are not perfect."""
     made = [
         as_made(m, np.random.default_rng([*seed, 2]))
         for m, seed in zip(movements, seeds, strict=True)
@@ -150,10 +143,7 @@ def moved_by_hands(
 
 
 def patient_named(name: str, body: tuple[float, float] | None = None, seed: int = 1) -> KneePatient:
-    """A simulated patient: a category (S3), two (S2+D4), of no category (rigid), or drawn: any.
-
-    body: height in m and mass in kg; by default drawn, too.
-    """
+    """A simulated patient: a category (S3), two (S2+D4), of no category (rigid), or drawn: any."""
     rng = np.random.default_rng([SOMEBODY, seed])
     if name == "any":
         name = str(rng.choice([*CATEGORIES, *OUTSIDE_KINDS]))
@@ -194,7 +184,6 @@ class PlayedLeg(Actor):
         self._samples, self._next = samples, 0
 
     def react(self, scene: Scene, requests: Any) -> tuple[float, Inputs]:
-        """The next one, whatever is shown."""
         k = min(self._next, len(self._samples) - 1)
         late_s = (self._next - k) * SAMPLE_S
         self._next += 1
@@ -234,7 +223,6 @@ def probing_actor(
 
 
 def falling_actor(given: Any, seconds: float, rng: np.random.Generator) -> Actor:
-    """Let go from a straight knee."""
     seed = _seed(rng)
     m = Knees([_patient(given)]).release(0.0, seconds, [seed])
     angle = m.angle_rad[:, 0]

@@ -81,8 +81,6 @@ def leg_scene(
 
 
 class KneeParameters(TaskParameters):
-    """What every task of the knee is told."""
-
     height_m: float = Field(MEAN_HEIGHT_M, ge=1.0, le=2.3, description="body height")
     mass_kg: float = Field(MEAN_MASS_KG, ge=15, le=250, description="body mass")
     low_deg: float = Field(0.0, ge=0, le=160, description="reach: least bending")
@@ -91,16 +89,12 @@ class KneeParameters(TaskParameters):
     simulated: str = Field("S3", description="who a simulated session has, such as S3 or rigid")
 
     def comfort(self) -> Comfort:
-        """Reach and speed."""
         return Comfort(self.low_deg * DEG, self.high_deg * DEG, self.fastest_deg_s * DEG)
 
 
 @dataclass(frozen=True)
 class KneeState:
-    """All that a step of these tasks remembers.
-
-    phase: show or follow.  began_s: of the phase.
-    """
+    """All that a step of these tasks remembers."""
 
     parameters: Any
     past: tuple[Row, ...] = ()
@@ -111,12 +105,10 @@ class KneeState:
     samples: tuple[Sample, ...] = ()
 
     def with_sample(self, time_s: float, inputs: Inputs) -> KneeState:
-        """One more."""
         sample = (time_s, float(inputs["angle_rad"]), float(inputs.get("torque_Nm", 0.0)))
         return replace(self, samples=(*self.samples, sample))
 
     def recording(self) -> LegRecording:
-        """What was sampled."""
         t, angle, torque = np.array(self.samples).T
         return LegRecording(t, angle, torque, self.parameters.height_m, self.parameters.mass_kg)
 
@@ -133,8 +125,6 @@ class _KneeTask(StudyTask):
 
 
 class ProbeParameters(KneeParameters):
-    """Of a probing movement."""
-
     database: str = Field("", description="data base file; none: of the simulated knee")
     mixed: bool = Field(False, description="two disorders at once, too")
     summary: Summary = Field("people", description="of the data base")
@@ -190,7 +180,6 @@ class ProbeTask(_KneeTask):
     )
 
     def longest_s(self, parameters: Any) -> float:
-        """Shown and tried as often as can be."""
         return float((SHOWN + TRIES) * (parameters.comfort().longest_s + PAUSE_S) + 1)
 
     def begin(self, situation: Situation) -> KneeState:
@@ -202,7 +191,6 @@ class ProbeTask(_KneeTask):
         return replace(state, movement=next_movement(session, given.comfort(), value))
 
     def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
-        """Show, follow, judge."""
         move = state.movement
         period_s = move.duration_s + PAUSE_S
         if state.phase == "show" and time_s - state.began_s >= SHOWN * period_s:
@@ -265,8 +253,6 @@ def _probe_scene(state: KneeState, inside_s: float, inputs: Inputs) -> Scene:
 
 
 class PendulumParameters(KneeParameters):
-    """Of the pendulum test."""
-
     seconds: float = Field(12.0, ge=4, le=60, description="how long the leg is watched")
 
 
@@ -289,11 +275,9 @@ class PendulumTask(_KneeTask):
     )
 
     def longest_s(self, parameters: Any) -> float:
-        """As long as it is watched."""
         return float(parameters.seconds) + 1
 
     def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
-        """Watch the leg."""
         scene = leg_scene(("knee_let_fall",), state.parameters.comfort(), inputs["angle_rad"])
         state = state.with_sample(time_s, inputs)
         if time_s < state.parameters.seconds:
@@ -307,15 +291,12 @@ class PendulumTask(_KneeTask):
         return TaskStep(state, scene, outcome=TrialOutcome(row))
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
-        """The leg of a simulated patient that falls."""
         from esea_host.assess.simulated import falling_actor
 
         return falling_actor(situation.parameters, situation.parameters.seconds + 0.5, rng)
 
 
 class LoopParameters(KneeParameters):
-    """Of the passive range of motion."""
-
     seconds: float = Field(48.0, ge=10, le=600, description="how long it is moved")
     period_s: float = Field(16.0, ge=6, le=120, description="of one bending and straightening")
 
@@ -338,11 +319,9 @@ class RangeTask(_KneeTask):
     )
 
     def longest_s(self, parameters: Any) -> float:
-        """As long as it is moved."""
         return float(parameters.seconds) + 1
 
     def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
-        """Show a slow target, and take the loop."""
         given = state.parameters
         target = _slow(given, np.array(time_s))[0]
         scene = leg_scene(("knee_slowly",), given.comfort(), inputs["angle_rad"], float(target))
@@ -357,7 +336,6 @@ class RangeTask(_KneeTask):
         return TaskStep(state, scene, outcome=TrialOutcome(row))
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
-        """The leg of a simulated patient, and hands that follow slowly."""
         from esea_host.assess.simulated import following_actor
 
         given = situation.parameters

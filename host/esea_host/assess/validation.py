@@ -70,10 +70,7 @@ def ramp_torque(
     most_Nm: float,
     lag_s: float | None = None,
 ) -> Array:
-    """Reflex torque of the model at angles of a stretch of constant speed, with delay and lags.
-
-    lag_s: each of the two lags; None: the knee's.
-    """
+    """Reflex torque of the model at angles of a stretch of constant speed, with delay and lags."""
     p = KneePatient("")
     t = np.arange(0, (float(angle_rad[-1]) - float(angle_rad[0])) / rate_rad_s + 0.3, FINE_S)
     angle = float(angle_rad[0]) + rate_rad_s * (t - p.delay_s)
@@ -172,7 +169,6 @@ def against_elbow(folder: Path) -> dict[str, Any]:
 
 
 def table(found: dict[str, Any]) -> list[str]:
-    """As lines of text."""
     out = ["pendulum   index  first swing  rest  swings  damping  1/s"]
     for r in found["pendulum"]:
         damping = "-" if r["damping_ratio"] is None else f"{r['damping_ratio']:.2f}"

@@ -59,7 +59,7 @@ def shown_interaction(folder: Path, json_file: Path | None, report: Path | None)
     _say(lines(found))
     write_json(json_file, "host-interaction", found.to_dict())
     if report is not None:
-        from esea_host.interaction.page import render_report
+        from esea_host.interaction.figures import render_report
 
         write_whole(report, render_report(found))
 

@@ -9,8 +9,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from esea_gen.errors import UserError
-from esea_gen.link.transport import LinkError
-from esea_host.connection.device import ConnectedDevice, RunSample, run_samples
+from esea_host.connection.device import ConnectedDevice, RunSample
 from esea_host.connection.opening import open_device
 
 
@@ -74,19 +73,13 @@ class AsyncDevice:
         timeout_s : float
             Longest silence.
         """
-        device = self._connected
-        stream, wanted = await asyncio.to_thread(device.chosen, names)
-        subscription = device.receiver.subscribe([stream])
+        batches = self._connected.sample_batches(names, timeout_s)
         try:
             while True:
-                batches = await asyncio.to_thread(subscription.take, timeout_s)
-                if not batches:
-                    raise LinkError(f"no {stream} came within {timeout_s:g} s", "Does it run?")
-                for batch in batches:
-                    for sample in run_samples(batch, wanted):
-                        yield sample
+                for sample in await asyncio.to_thread(next, batches):
+                    yield sample
         finally:
-            device.receiver.unsubscribe(subscription)
+            batches.close()
 
 
 def connect(address: str, device: str | None = None, key: Path | None = None) -> AsyncDevice:

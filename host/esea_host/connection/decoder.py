@@ -142,7 +142,7 @@ class TelemetryDecoder(FrameScanner):
 
     def _in_order(self, buffer: bytes, at: int) -> int:
         # Nearly all that comes: runs of who spoke last, one behind the other.
-        # Written for speed; whatever else comes is for _any_frame.
+        # Written for speed; whatever else comes is for _frame_at.
         if not self._runs:
             return at
         head, body_of, runs = HEAD.unpack_from, _WHOLE, self._runs

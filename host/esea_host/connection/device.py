@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import threading
 import time
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Generator, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
@@ -61,8 +61,7 @@ class RunSample:
         return self.values[name]
 
 
-def run_samples(batch: Batch, wanted: tuple[str, ...]) -> Iterator[RunSample]:
-    """A batch's rows one by one."""
+def _run_samples(batch: Batch, wanted: tuple[str, ...]) -> Iterator[RunSample]:
     columns = {n: batch.rows[n].tolist() for n in wanted}
     ticks, times = batch.rows[TICK].tolist(), (batch.board_ns * 1e-9).tolist()
     for i, (tick, time_s) in enumerate(zip(ticks, times, strict=True)):
@@ -324,7 +323,22 @@ class ConnectedDevice:
         LinkError
             When the board is silent for longer, or the link has gone.
         """
-        stream, wanted = self.chosen(names)
+        for batch in self.sample_batches(names, timeout_s):
+            yield from batch
+
+    def sample_batches(
+        self, names: tuple[str, ...], timeout_s: float
+    ) -> Generator[list[RunSample]]:
+        """Runs of one stream, those that came together at a time; see :meth:`samples`.
+
+        Parameters
+        ----------
+        names : tuple of str
+            A stream, or signals of one stream.
+        timeout_s : float
+            Longest silence.
+        """
+        stream, wanted = self._chosen(names)
         subscription = self.receiver.subscribe([stream])
         try:
             while True:
@@ -332,19 +346,12 @@ class ConnectedDevice:
                 if not batches:
                     what = f"no {stream} came within {timeout_s:g} s"
                     raise LinkError(what, "Does the board run?")
-                for batch in batches:
-                    yield from run_samples(batch, wanted)
+                yield [sample for batch in batches for sample in _run_samples(batch, wanted)]
         finally:
             self.receiver.unsubscribe(subscription)
 
-    def chosen(self, names: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
-        """The stream that signals are of, asked for, and the signals; all where it is named.
-
-        Parameters
-        ----------
-        names : tuple of str
-            A stream, or signals of one.
-        """
+    def _chosen(self, names: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+        # The stream that signals are of, asked for, and the signals; all where it is named.
         if not names:
             raise UserError("No signal is named.", "Name one, such as tau_Nm.")
         if len(found := {self._stream_of(n) for n in names}) > 1:

@@ -12,7 +12,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.link.received import shown
-from esea_gen.link.transport import LinkError
+from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.device import ConnectedDevice
 from esea_host.connection.identity import Identity
 from esea_host.connection.receiver import Batch
@@ -25,19 +25,14 @@ STEP_S = 0.03  # of whoever watches
 SLOWEST, FASTEST = 0.001, 1000.0
 
 
-class NobodyListens:
+class NobodyListens(Transport):
     """The link of a recording: nothing comes, nothing can be said."""
 
     def read(self, timeout_s: float) -> bytes:
         return b""
 
     def write(self, data: bytes, timeout_s: float) -> None:
-        raise LinkError("This is a recording: there is no board to command", "")
-
-    def close(self) -> None: ...
-
-    def said(self) -> str:
-        return ""
+        raise LinkError("This is a recording: there is no board to command")
 
 
 class PlayedBoard(ConnectedDevice):

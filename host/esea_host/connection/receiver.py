@@ -96,7 +96,7 @@ class Subscription:
             return found
 
 
-class SessionTransport:
+class SessionTransport(Transport):
     """The session's side of a link: it reads what is no telemetry, and writes straight out."""
 
     def __init__(self, receiver: Receiver) -> None:

@@ -42,6 +42,7 @@ from esea_host.statistics import (
     signed_rank,
     standardised_difference,
 )
+from esea_host.statistics.checks import StatisticResult
 
 Array = npt.NDArray[np.float64]
 
@@ -58,7 +59,7 @@ class Sensitivity:
 
 
 @dataclass(frozen=True)
-class ElementComparison:
+class ElementComparison(StatisticResult):
     """One metric of one task.
 
     values: shape (people, 2), spring and elastomer.  device: signed ranks of spring minus
@@ -87,34 +88,13 @@ class ElementComparison:
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        made = replace(self.made, value=0.0).to_dict()
-        del made["value"]
-        simple = {
-            k: getattr(self, k)
-            for k in ("task", "metric", "medians", "thesis_medians", "device_holm", "block_holm")
-        }
-        parts = (
-            "device",
-            "block",
-            "effect",
-            "crossover",
-            "mixed",
-            "bayes",
-            "power",
-            "family_power",
-        )
-        return (
-            simple
-            | {k: None if (v := getattr(self, k)) is None else v.to_dict() for k in parts}
-            | {"made": made, "values": self.values.tolist(), "band": vars(self.band)}
-            | {"notes": list(self.notes)}
-            | {"published": printed(self.task, self.metric)}
-        )
+        out = super().to_dict() | {"published": printed(self.task, self.metric)}
+        del out["made"]["value"]  # of every recording; the values are by person
+        return out
 
 
 @dataclass(frozen=True)
-class InteractionAnalysis:
+class InteractionAnalysis(StatisticResult):
     """A folder's answer.  read: how its recordings were read, and what was left out of them."""
 
     folder: str
@@ -127,16 +107,7 @@ class InteractionAnalysis:
     comments: Comments | None
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "folder": self.folder,
-            "simulated": self.simulated,
-            "people": list(self.people),
-            "left_out": list(self.left_out),
-            "read": list(self.read),
-            "comparisons": [c.to_dict() for c in self.comparisons],
-            "survey": None if self.survey is None else self.survey.to_dict(),
-            "comments": None if self.comments is None else self.comments.to_dict(),
+        return super().to_dict() | {
             "published": {
                 "table_6_2": reread(TABLE_6_2),
                 "table_6_3": reread(TABLE_6_3),
@@ -147,7 +118,6 @@ class InteractionAnalysis:
 
 
 def printed(task: str, metric: str) -> dict[str, Any] | None:
-    """The published rows of a task and metric, if there are any."""
     if task not in TASKS or metric not in METRICS:
         return None
     return {

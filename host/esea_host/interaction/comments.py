@@ -14,12 +14,13 @@ from esea_gen.errors import UserError
 from esea_host.interaction.design import ELEMENTS, read_rows
 from esea_host.interaction.published import TABLE_6_5
 from esea_host.statistics import Agreement, NoStatisticError, cohens_kappa
+from esea_host.statistics.checks import StatisticResult
 
 TONES = ("positive", "negative", "neutral")
 
 
 @dataclass(frozen=True)
-class Comments:
+class Comments(StatisticResult):
     """Counts by element, theme and tone, and how far the two coders agree.
 
     theme_agreement: Cohen's kappa of each theme, given or not, over all comments; tone_agreement:
@@ -37,24 +38,9 @@ class Comments:
     read: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "coders": list(self.coders),
-            "comments": self.comments,
-            "counts": self.counts,
-            "published": published_counts(),
-            "theme_agreement": {
-                k: None if a is None else a.to_dict() for k, a in self.theme_agreement.items()
-            },
-            "tone_agreement": None
-            if self.tone_agreement is None
-            else self.tone_agreement.to_dict(),
-            "disagreed": list(self.disagreed),
-            "read": self.read,
-        }
+        return super().to_dict() | {"published": published_counts()}
 
     def lines(self) -> list[str]:
-        """For a terminal."""
         out = [self.read] if self.read else []
         out += [f"{self.comments} comments, coded by {' and '.join(self.coders)}"]
         for theme, found in self.theme_agreement.items():
@@ -96,7 +82,6 @@ def _said(found: Agreement | None) -> str:
 
 
 def read_comments(path: Path) -> Comments:
-    """Coded comments from their CSV file."""
     codes: dict[str, dict[tuple[str, str], str]] = {}
     elements: dict[str, str] = {}
     table, rows = read_rows(path, ("comment", "element", "coder", "theme", "tone"))

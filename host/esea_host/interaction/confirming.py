@@ -32,8 +32,8 @@ from esea_gen.language.block import Block
 from esea_gen.model.rubber import rubber_sensor
 from esea_gen.studies.torque_check.load import KnownLoad
 from esea_host.interaction.design import ELASTOMER, SPRING
-from esea_host.interaction.elements import PUBLISHED_NM_DEG, simulated_loading
 from esea_host.interaction.loading import Array
+from esea_host.interaction.rig import PUBLISHED_NM_DEG, simulated_loading
 
 EQUAL = "equal"
 COVERAGE = 2.0  # of an expanded uncertainty, 95 %
@@ -43,10 +43,7 @@ PHASES = ("unloaded", "loaded one way", "unloaded", "loaded the other way", "unl
 
 
 def spring_Nm_rad(device: Device, element: str, stiffness_Nm_deg: float = 0.0) -> float:
-    """Stiffness of a spring for a device; 0 for its own elastomer.
-
-    stiffness_Nm_deg: as the protocol has it; 0: as stiff beside the elastomer as published.
-    """
+    """Stiffness of a spring for a device; 0 for its own elastomer."""
     if element == ELASTOMER:
         return 0.0
     if stiffness_Nm_deg:
@@ -69,10 +66,7 @@ class CouplingNumbers:
 
 
 def expected(device: Device, element: str, load_Nm: float, spring: float) -> CouplingNumbers:
-    """What an element would show under a load; the elastomer by the device's static law.
-
-    spring: stiffness, Nm/rad, as of :func:`spring_Nm_rad`.
-    """
+    """What an element would show under a load; the elastomer by the device's static law."""
     if element != ELASTOMER:
         return CouplingNumbers(spring, 0.0)
     most = float(device.sensor.inputs[0].high)
@@ -112,11 +106,7 @@ def _static_Nm(device: Device, theta_rad: Array) -> Array:
 
 @dataclass(frozen=True)
 class ElementFinding:
-    """What was measured, beside what the protocol says.
-
-    u_stiffness, u_memory: expanded uncertainties (95 %): of the stiffness as a share of it.
-    fits: the elements that the numbers are within the limits of.
-    """
+    """What was measured, beside what the protocol says."""
 
     element: str
     load_Nm: float
@@ -145,7 +135,6 @@ class ElementFinding:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """For the log."""
         limits = {"stiffness_limit": STIFFNESS_LIMIT, "memory_limit": MEMORY_LIMIT}
         return {**asdict(self), **limits, "confirmed": not self.problem}
 

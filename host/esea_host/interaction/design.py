@@ -15,7 +15,6 @@ FIRST = {"A": SPRING, "B": ELASTOMER}
 
 
 def element_of(group: str, block: int) -> str:
-    """Which element a group has in block 1 or 2."""
     return FIRST[group] if block == 1 else ELEMENTS[1 - ELEMENTS.index(FIRST[group])]
 
 
@@ -32,7 +31,6 @@ def read_rows(
 
 
 def checked_group(group: str, where: str) -> str:
-    """A or B."""
     if group not in FIRST:
         raise UserError(f"{where}: group {group!r}.", "A has the spring first, B the elastomer.")
     return group

@@ -1,14 +1,19 @@
-"""Pictures of an analysis."""
+"""Pictures of an analysis, and the report: one HTML file, nothing fetched from anywhere."""
 
 from __future__ import annotations
+
+import math
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, RULE, STYLE
+from esea_gen.pages import environment
+from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, RULE, STYLE, svg
 from esea_host.interaction.analysis import InteractionAnalysis
 from esea_host.interaction.loading import Array, LoadingCurve
+from esea_host.interaction.published import CANNOT, COMMENTS, TABLE_6_2, TABLE_6_3, reread
+from esea_host.interaction.survey import diverging_bars
 
 SPRING_COLOUR, ELASTOMER_COLOUR = MODEL, MEASURED
 
@@ -78,3 +83,31 @@ def loading_figure(theta_rad: Array, tau_Nm: Array, curve: LoadingCurve) -> Figu
         axes.set_ylabel("torque, Nm")
         axes.legend()
     return figure
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    if value is None or not math.isfinite(value):
+        return "-"
+    # A true minus sign; no exponent for what fits in a column.
+    text = f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
+    return text.replace("-", "−", 1) if text.startswith("-") else text
+
+
+def render_report(found: InteractionAnalysis) -> str:
+    env = environment()
+    env.filters["num"] = number
+
+    return env.get_template("interaction/report.html.j2").render(
+        found=found,
+        people=svg(people_figure(found), "people", "Each person under spring and elastomer"),
+        effects=svg(effects_figure(found), "effects", "Effect and interval of each comparison"),
+        bars=None
+        if found.survey is None
+        else svg(diverging_bars(found.survey), "survey", "Answers by level, diverging bars"),
+        tables=[
+            ("6.2, block 1 and 2", reread(TABLE_6_2)),
+            ("6.3, spring and elastomer", reread(TABLE_6_3)),
+        ],
+        cannot=CANNOT,
+        published_comments=COMMENTS,
+    )

@@ -46,10 +46,7 @@ class LoadingProtocol:
 
 @dataclass(frozen=True)
 class Branch:
-    """Samples ``start`` to ``stop`` (not included): loading, from rest to an extreme.
-
-    first: from the start of the record, before the element was ever bent.
-    """
+    """Samples ``start`` to ``stop`` (not included): loading, from rest to an extreme."""
 
     start: int
     stop: int
@@ -88,22 +85,18 @@ class LoadingCurve:
 
     @property
     def area_J(self) -> float:
-        """Mean over the cycles."""
         return float(np.mean(self.areas_J))
 
     def line_Nm(self, theta_rad: ArrayLike) -> Array:
-        """The straight line through the loading branches."""
         return self.at_rest_Nm + self.stiffness_Nm_rad * np.asarray(theta_rad, dtype=np.float64)
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         out: dict[str, Any] = {k: v for k, v in vars(self).items() if k != "branches"}
         out |= {"stiffness_Nm_deg": self.stiffness_Nm_deg, "area_J": self.area_J}
         out["branches"] = [dict(vars(b)) for b in self.branches]
         return out
 
     def lines(self) -> list[str]:
-        """For a terminal."""
         k, low, high, between = (
             np.pi / 180 * v
             for v in (

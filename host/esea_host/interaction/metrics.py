@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +14,12 @@ from esea_host.smoothness import (
     Derivatives,
     SmoothnessResult,
     derivatives,
+    dimensionless_jerk,
     ldlj,
+    peak_speed_ratio,
     rms_acceleration,
     sparc,
+    submovements,
     vdv,
 )
 
@@ -29,61 +33,43 @@ CUTOFFS_HZ = (3.0, 4.0, 6.0)
 THRESHOLDS = (0.02, 0.05, 0.1)
 
 
+# Of a filtered angle, each with the convention and settings that it takes.
+MEASURES: dict[str, Callable[..., SmoothnessResult]] = {
+    "RMS acceleration": lambda d, _, **s: rms_acceleration(d.acceleration, d.fs_Hz, **s),
+    "VDV": lambda d, c, **s: vdv(d.acceleration, d.fs_Hz, c, **s),
+    # Of the velocity with its sign: the speed has a corner wherever that changes.
+    "LDLJ": lambda d, c, **s: ldlj(d.velocity, d.fs_Hz, c, jerk=d.jerk, **s),
+    "dimensionless jerk": lambda d, c, **s: dimensionless_jerk(
+        d.velocity, d.fs_Hz, c, jerk=d.jerk, **s
+    ),
+    "SPARC": lambda d, c, **s: sparc(d.speed, d.fs_Hz, c, **s),
+    "submovements": lambda d, _, **s: submovements(d.speed, d.fs_Hz, **s),
+    "peak-speed ratio": lambda d, _, **s: peak_speed_ratio(d.speed, d.fs_Hz, **s),
+}
+
+
 @dataclass(frozen=True)
 class Metric:
-    """A metric of a filtered angle.
-
-    tuned: settings that it depends on beside the filter.
-    """
+    """A metric of a filtered angle; tuned: settings that it depends on beside the filter."""
 
     name: str
     convention: str
-    measure: Callable[..., SmoothnessResult]
     tuned: tuple[str, ...] = ()
 
-
-def _rms(d: Derivatives) -> SmoothnessResult:
-    return rms_acceleration(d.acceleration, d.fs_Hz, processing=d.processing)
-
-
-def _vdv(convention: str) -> Callable[[Derivatives], SmoothnessResult]:
-    return lambda d: vdv(d.acceleration, d.fs_Hz, convention, processing=d.processing)
-
-
-def _ldlj(convention: str) -> Callable[[Derivatives], SmoothnessResult]:
-    # Of the velocity with its sign: the speed has a corner wherever that changes.
-    return lambda d: ldlj(d.velocity, d.fs_Hz, convention, jerk=d.jerk, processing=d.processing)
-
-
-def _sparc(convention: str) -> Callable[..., SmoothnessResult]:
-    def measure(
-        d: Derivatives, cutoff_Hz: float = CUTOFF_HZ, threshold: float = 0.05
-    ) -> SmoothnessResult:
-        return sparc(
-            d.speed,
-            d.fs_Hz,
-            convention,
-            cutoff_Hz=cutoff_Hz,
-            threshold=threshold,
-            processing=d.processing,
-        )
-
-    return measure
+    def measure(self, d: Derivatives, **settings: Any) -> SmoothnessResult:
+        more = settings | {"processing": d.processing}
+        return MEASURES[self.name](d, self.convention, **more)
 
 
 # The first four are the family that is tested; the others stand beside the published numbers.
+_TUNED = ("cutoff_Hz", "threshold")
 FAMILY = (
-    Metric("RMS acceleration", "thesis", _rms),
-    Metric("VDV", "iso2631", _vdv("iso2631")),
-    Metric("LDLJ", "reference", _ldlj("reference")),
-    Metric("SPARC", "reference", _sparc("reference"), ("cutoff_Hz", "threshold")),
+    Metric("RMS acceleration", "thesis"),
+    Metric("VDV", "iso2631"),
+    Metric("LDLJ", "reference"),
+    Metric("SPARC", "reference", _TUNED),
 )
-AS_PUBLISHED = (
-    FAMILY[0],
-    Metric("VDV", "thesis", _vdv("thesis")),
-    Metric("LDLJ", "thesis", _ldlj("thesis")),
-    Metric("SPARC", "thesis", _sparc("thesis"), ("cutoff_Hz", "threshold")),
-)
+AS_PUBLISHED = tuple(replace(m, convention="thesis") for m in FAMILY)
 
 
 def as_published(metric: Metric) -> Metric:
@@ -101,6 +87,8 @@ class Chains:
 
     def result(self, metric: Metric, stop_Hz: float, **settings: float) -> SmoothnessResult:
         """The metric of every recording in one result."""
+        if metric.name == "SPARC":
+            settings = {"cutoff_Hz": CUTOFF_HZ} | settings
         return metric.measure(self._of(stop_Hz), **settings)
 
     def values(self, metric: Metric, stop_Hz: float, **settings: float) -> Array:

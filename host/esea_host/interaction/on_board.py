@@ -43,21 +43,15 @@ class ElementHands(Protocol):
     def build_in(self, spring_Nm_rad: float) -> None:
         """A spring, or with 0 the device's own elastomer."""
 
-    def hang(self, load_Nm: float) -> None:
-        """A mass on the joint, the motor held."""
+    def hang(self, load_Nm: float) -> None: ...
 
-    def let_go(self) -> None:
-        """The motor, no mass on the joint."""
+    def let_go(self) -> None: ...
 
-    def aim(self, aim_rad: float) -> None:
-        """Where the arm is to be at the end of the next frame."""
+    def aim(self, aim_rad: float) -> None: ...
 
 
 class ProcessHands:
-    """At a simulated board in a process of its own.
-
-    swaps: whether the element of the protocol is built in; else what the address says stays.
-    """
+    """At a simulated board in a process of its own."""
 
     def __init__(self, board: ConnectedDevice) -> None:
         self._board = board
@@ -69,31 +63,21 @@ class ProcessHands:
             process.hand(word, number)
 
     def build_in(self, spring_Nm_rad: float) -> None:
-        """See :class:`ElementHands`."""
         if self.swaps:
             self._do("spring", spring_Nm_rad)
 
     def hang(self, load_Nm: float) -> None:
-        """See :class:`ElementHands`."""
         self._do("hang", load_Nm)
 
     def let_go(self) -> None:
-        """See :class:`ElementHands`."""
         self._do("let-go", 0.0)
 
     def aim(self, aim_rad: float) -> None:
-        """See :class:`ElementHands`."""
         self._do("aim", aim_rad)
 
 
 class ElementBoard(InputSource):
-    """A board with one of the study's elements in its coupling.
-
-    inner: the board.
-    known: the mass that the element is confirmed by.
-    hands: loads the element; default: the operator is asked to.
-    who: plays, by the hands; default: whoever wears the board.
-    """
+    """A board with one of the study's elements in its coupling."""
 
     def __init__(
         self,
@@ -109,7 +93,6 @@ class ElementBoard(InputSource):
         self._confirmed = self._state = ""
 
     def ready(self) -> Mapping[str, Any]:
-        """As the board's."""
         self.inner.listen_to(self)
         return self.inner.ready()
 
@@ -266,15 +249,12 @@ class ElementBoard(InputSource):
         return _Centred(actor, self.middle_rad, player)
 
     def over(self, number: int, state: str) -> None:
-        """As the board's."""
         self.inner.over(number, state)
 
     def rest(self, seconds: float) -> None:
-        """As the board's."""
         self.inner.rest(seconds)
 
     def now_s(self) -> float:
-        """As the board's."""
         return self.inner.now_s()
 
     def status(self) -> str:
@@ -282,15 +262,12 @@ class ElementBoard(InputSource):
         return self._state or self.inner.status()
 
     def broken(self) -> str:
-        """As the board's."""
         return self.inner.broken()
 
     def tick_s(self) -> float | None:
-        """As the board's."""
         return self.inner.tick_s()
 
     def gauges(self) -> tuple[Gauge, ...]:
-        """As the board's."""
         return self.inner.gauges()
 
 
@@ -324,7 +301,6 @@ class _Centred(Actor):
         self._last_s = 0.0
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
-        """The board's angle from the middle."""
         more = {}
         if self._player is not None:
             self._player.time_s = self._last_s

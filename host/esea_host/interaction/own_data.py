@@ -14,6 +14,7 @@ from esea_gen.errors import UserError
 from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.tables import FileTable, read_table
 from esea_gen.tables.form import listed
+from esea_host.interaction.metrics import Metric
 from esea_host.interaction.recordings import Array, is_simulated
 from esea_host.recording.export import SIMULATED, longest_run, says_simulated
 from esea_host.recording.log import TICK
@@ -24,16 +25,9 @@ from esea_host.smoothness import (
     Resampling,
     SmoothnessResult,
     derivatives,
-    dimensionless_jerk,
-    ldlj,
-    peak_speed_ratio,
     resampled,
-    rms_acceleration,
     sensitivity_band,
-    sparc,
     steady_rate,
-    submovements,
-    vdv,
 )
 
 # What a joint's angle is called, the surest first; boards call it ``theta_load_rad``.
@@ -78,12 +72,10 @@ class NamedColumn:
 
     @property
     def is_position(self) -> bool:
-        """Whether its unit is an angle's or a length's."""
         return self.unit in POSITIONS
 
     @property
     def is_speed(self) -> bool:
-        """Whether its unit is a position's per second."""
         return (self.unit or "").removesuffix("/s") in POSITIONS and not self.is_position
 
     def __str__(self) -> str:
@@ -94,10 +86,7 @@ class NamedColumn:
 
 @dataclass(frozen=True)
 class OwnSmoothness:
-    """Results and bands of one file; refused: metrics without an answer, and why.
-
-    read: how the file was read, and what was left out.
-    """
+    """Results and bands of one file; refused: metrics without an answer, and why."""
 
     file: str
     simulated: bool
@@ -109,7 +98,6 @@ class OwnSmoothness:
     refused: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {
             "file": self.file,
             "simulated": self.simulated,
@@ -123,7 +111,6 @@ class OwnSmoothness:
         }
 
     def lines(self) -> list[str]:
-        """For a terminal."""
         first = self.results[0][0]
         whose = f"{self.file}{', SIMULATED' if self.simulated else ''}"
         out = [*self.read]
@@ -153,11 +140,7 @@ def measure_file(
     resample_Hz: float | None = None,
     time_unit: str | None = None,
 ) -> OwnSmoothness:
-    """Metrics of a column of a table.
-
-    column, time: as in the file, with or without a unit in brackets; chosen by name and unit.
-    resample_Hz: new rate for frames at irregular times.  time_unit: of a time whose name has none.
-    """
+    """Metrics of a column of a table."""
     table = read_table(path)
     over = _time(table, time, time_unit)
     moved = _position(table, column, over)
@@ -269,42 +252,34 @@ def _integrated(x: Array, fs_Hz: float, moved: NamedColumn, read: list[str]) -> 
     return cumulative_trapezoid(x, dx=1 / fs_Hz, initial=0.0), moved.unit.removesuffix("/s")
 
 
+# Metric, convention, and its name in the list of refusals.
+WANTED = (
+    *(("RMS acceleration", "", "rms"), ("VDV", "iso2631", "vdv"), ("VDV", "thesis", "vdv")),
+    *(
+        (name, convention, kind)
+        for name, kind in (("LDLJ", "ldlj"), ("dimensionless jerk", "jerk"), ("SPARC", "sparc"))
+        for convention in ("reference", "thesis")
+    ),
+    *(("submovements", "", "submovements"), ("peak-speed ratio", "", "ratio")),
+)
+
+
 def _measured(
     path: Path, chains: dict[float, Derivatives], stop_Hz: float, unit: str
 ) -> tuple[tuple[tuple[SmoothnessResult, Band], ...], tuple[str, ...]]:
-    def of(kind: str, convention: str = "") -> Any:
-        def measure(stop_Hz: float = stop_Hz, **settings: Any) -> SmoothnessResult:
-            d = chains[stop_Hz]
-            more = settings | {"processing": d.processing}
-            match kind:
-                case "rms":
-                    return rms_acceleration(d.acceleration, d.fs_Hz, unit=unit, **more)
-                case "vdv":
-                    return vdv(d.acceleration, d.fs_Hz, convention, unit=unit, **more)
-                case "ldlj":
-                    return ldlj(d.velocity, d.fs_Hz, convention, jerk=d.jerk, **more)
-                case "jerk":
-                    return dimensionless_jerk(d.velocity, d.fs_Hz, convention, jerk=d.jerk, **more)
-                case "sparc":
-                    return sparc(d.speed, d.fs_Hz, convention, **more)
-                case "submovements":
-                    return submovements(d.speed, d.fs_Hz, **more)
-                case _:
-                    return peak_speed_ratio(d.speed, d.fs_Hz, **more)
-
-        return measure
-
-    both = ("reference", "thesis")
-    wanted = [("rms", ""), ("vdv", "iso2631"), ("vdv", "thesis")]
-    wanted += [(kind, c) for kind in ("ldlj", "jerk", "sparc") for c in both]
-    wanted += [("submovements", ""), ("ratio", "")]
     results, refused = [], []
-    for kind, convention in wanted:
-        measure = of(kind, convention)
+    for name, convention, kind in WANTED:
+        metric, more = Metric(name, convention), {"unit": unit} if kind in ("rms", "vdv") else {}
+
+        def measure(
+            stop_Hz: float = stop_Hz, metric: Metric = metric, more: Any = more, **settings: Any
+        ) -> SmoothnessResult:
+            return metric.measure(chains[stop_Hz], **more, **settings)
+
         grid: dict[str, tuple[float, ...]] = {"stop_Hz": tuple(chains)}
         if kind == "sparc":
-            grid |= {"cutoff_Hz": (4.0, 10.0), "threshold": (0.02, 0.05, 0.1)}
-        if kind == "submovements":
+            grid |= {"cutoff_Hz": (4.0, 10.0)}
+        if kind in ("sparc", "submovements"):
             grid |= {"threshold": (0.02, 0.05, 0.1)}
         try:
             results.append((measure(), sensitivity_band(measure, **grid)))

@@ -30,24 +30,11 @@ LOST_S = 3.0
 class MovedRig(Protocol):
     """What a player's hand moves."""
 
-    def advance(self, muscle: Sequence[float]) -> list[float]:
-        """A frame; the angle that is read meanwhile."""
+    def advance(self, muscle: Sequence[float]) -> list[float]: ...
 
 
 class RigPlayer(MovingHand):
-    """A person on the rig, for one trial.
-
-    who: learns how far the hand goes for what it was told.
-    rig: the device.
-    aims: where the hand is held, deg; goes on from trial to trial.
-    situation: what is asked.
-    paused: whether the task is held.
-
-    Attributes
-    ----------
-    read, waited : list
-        What the encoder read, each millisecond, and whether the task was held then.
-    """
+    """A person on the rig, for one trial."""
 
     def __init__(
         self,
@@ -94,7 +81,6 @@ class RigPlayer(MovingHand):
             self._lost_since_s = self.time_s
 
     def plan(self, axis: int, scene: Scene, aims_then: tuple[float, ...]) -> None:
-        """Follow, or stop the ball."""
         if isinstance(self.asked, TrackingParameters):
             self._follow(self.asked, scene, aims_then[0])
         elif isinstance(self.asked, PongParameters):

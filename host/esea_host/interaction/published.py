@@ -80,7 +80,6 @@ COMMENTS = 30
 
 
 def published(table: tuple[PublishedRow, ...], task: str, metric: str) -> PublishedRow:
-    """One row of a table."""
     return next(r for r in table if (r.task, r.metric) == (task, metric))
 
 
@@ -108,18 +107,3 @@ def could_have_seen() -> dict[str, float]:
         "one_test": detectable_effect(PEOPLE),
         "family_of_8": detectable_effect(PEOPLE, alpha=0.05 / family),
     }
-
-
-def kurtosis_of_the_printed() -> dict[str, float]:
-    """Of the acceleration, from the medians of VDV and RMS, with 45 s at 1 kHz and no time step."""
-    samples = 45_000
-    out = {}
-    for table in (TABLE_6_2, TABLE_6_3):
-        for task in TASKS:
-            rms, dose = (published(table, task, m) for m in ("RMS acceleration", "VDV"))
-            for which, a, d in (
-                ("first", rms.first, dose.first),
-                ("second", rms.second, dose.second),
-            ):
-                out[f"{table[0].table} {task} {which}"] = (d / a) ** 4 / samples
-    return out

@@ -48,8 +48,6 @@ SETTLE_S = 3.0
 
 
 class RecordingEntry(BaseModel):
-    """One recording of the manifest."""
-
     model_config = ConfigDict(extra="forbid", frozen=True)
     file: str
     participant: str = Field(min_length=1)
@@ -60,8 +58,6 @@ class RecordingEntry(BaseModel):
 
 
 class Manifest(BaseModel):
-    """What is in the folder, and how it is to be analysed."""
-
     model_config = ConfigDict(extra="forbid", frozen=True)
     simulated: bool
     recording: tuple[RecordingEntry, ...] = Field(min_length=1)
@@ -73,10 +69,7 @@ class Manifest(BaseModel):
 
 @dataclass(frozen=True)
 class TaskRecordings:
-    """All complete recordings of a task: angles in degrees, shape (people, 2, samples).
-
-    The second axis is spring, elastomer.  groups: A or B, one a person.
-    """
+    """All complete recordings of a task: angles in degrees, shape (people, 2, samples)."""
 
     task: str
     people: tuple[str, ...]
@@ -87,11 +80,7 @@ class TaskRecordings:
 
 @dataclass(frozen=True)
 class Recordings:
-    """A folder, read.
-
-    left_out: people without both elements in a task.
-    read: how the files were read, and what was left out of them.
-    """
+    """A folder, read."""
 
     folder: Path
     manifest: Manifest

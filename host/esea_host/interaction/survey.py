@@ -18,6 +18,7 @@ from esea_gen.plotting import INK, STYLE
 from esea_host.interaction.design import FIRST, SPRING, checked_group, read_rows
 from esea_host.interaction.published import TABLE_6_4
 from esea_host.statistics import SignedRank, holm, signed_rank
+from esea_host.statistics.checks import StatisticResult
 
 QUESTIONS = ("comfort", "naturalness", "control", "effort")
 LEVELS = {"much less": -2, "less": -1, "no different": 0, "more": 1, "much more": 2}
@@ -28,10 +29,7 @@ COLOURS = ("#8c510a", "#d8b365", "#d0d4d8", "#5ab4ac", "#01665e")
 
 @dataclass(frozen=True)
 class Question:
-    """Answers to one question as spring against elastomer: negative is "spring less".
-
-    test: against no difference; None where all answered that.  p_holm: over the four questions.
-    """
+    """Answers to one question as spring against elastomer: negative is "spring less"."""
 
     name: str
     answers: tuple[int, ...]
@@ -45,7 +43,6 @@ class Question:
 
     @property
     def mean(self) -> float:
-        """As the published summary has it."""
         return float(np.mean(self.answers))
 
     @property
@@ -54,7 +51,6 @@ class Question:
         return TABLE_6_4[self.name]
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
         return {
             "question": self.name,
             "mean": self.mean,
@@ -68,20 +64,14 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Survey:
+class Survey(StatisticResult):
     """All four questions of all people.  read: how the file was read, and what was left out."""
 
     people: dict[str, str]
     questions: tuple[Question, ...]
     read: str = ""
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        questions = [q.to_dict() for q in self.questions]
-        return {"people": self.people, "questions": questions, "read": self.read}
-
     def lines(self) -> list[str]:
-        """For a terminal."""
         out = [self.read] if self.read else []
         out += [f"survey, {len(self.people)} people, spring against elastomer (-2 to 2)"]
         for q in self.questions:
@@ -96,7 +86,6 @@ class Survey:
 
 
 def answer(word: str, where: str) -> int:
-    """A level by its number or its words."""
     plain = " ".join(word.lower().replace("_", " ").split())
     known = {**LEVELS, **_SYNONYMS}
     if plain in known:
@@ -116,7 +105,6 @@ def spring_against_elastomer(level: int, group: str) -> int:
 
 
 def read_survey(path: Path) -> Survey:
-    """A survey from its CSV file."""
     people: dict[str, str] = {}
     answers: dict[str, list[int]] = {q: [] for q in QUESTIONS}
     table, rows = read_rows(path, ("participant", "group", *QUESTIONS))

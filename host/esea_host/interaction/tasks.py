@@ -8,13 +8,13 @@ for it has no motor: what differs is the element that was built in.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from esea_host.interaction.simple_player import SimplePlayer
 from esea_host.study.scene import Scene, Shape, Text
 from esea_host.study.task import (
     Actor,
@@ -42,8 +42,6 @@ ELEMENT = DataColumn("element", str, "which compliant element was built in")
 
 
 class WithElement(TaskParameters):
-    """What every task is told."""
-
     element: Literal["spring", "elastomer", "equal"] = Field(
         "spring", description="the element in the rig: spring, elastomer or equal"
     )
@@ -53,6 +51,31 @@ class WithElement(TaskParameters):
         description="of a spring; 0: beside the elastomer of the device as published",
     )
     seconds: float = Field(75.0, ge=1, le=600, description="how long, pauses left out")
+
+
+MOST_RAD = 0.2
+
+
+class SimplePlayer(Actor):
+    """The hand goes, with a lag and a little noise, the way from cursor to target."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.rng, self.time_s, self.theta_rad = rng, 0.0, 0.0
+
+    def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
+        self.time_s = round(self.time_s + 0.01, 6)
+        by_role = {s.role: s for s in scene.shapes}
+        if "target" in by_role and "cursor" in by_role:
+            target, cursor = by_role["target"], by_role["cursor"]
+            if cursor.kind == "line":
+                # The angle is a speed of the paddle: a hand that is held where the speed is right.
+                apart = target.y - (cursor.y + cursor.to_y) / 2
+                self.theta_rad += 0.3 * (0.3 * apart - self.theta_rad)
+            else:
+                self.theta_rad += 0.03 * (target.x - cursor.x)
+            self.theta_rad += 1e-4 * float(self.rng.normal())
+        self.theta_rad = min(max(self.theta_rad, -MOST_RAD), MOST_RAD)
+        return self.time_s, {"theta_rad": self.theta_rad}
 
 
 def tracked_rad(time_s: float) -> float:
@@ -81,8 +104,6 @@ class _InteractionTask(StudyTask):
 
 
 class TrackingParameters(WithElement):
-    """Which target."""
-
     target: Literal["four sines", "one sine"] = Field(
         "four sines", description='"four sines" of equation 6.1, or "one sine" to get used to it'
     )
@@ -90,10 +111,7 @@ class TrackingParameters(WithElement):
 
 @dataclass(frozen=True)
 class TrackingState:
-    """The clock of the target stands still in a pause.
-
-    elapsed_s: of the target; squared_rad2_s: integral of the squared error, for the score.
-    """
+    """The clock of the target stands still in a pause."""
 
     parameters: TrackingParameters
     last_s: float = 0.0
@@ -103,13 +121,11 @@ class TrackingState:
 
     @property
     def target_rad(self) -> float:
-        """Where the wrist should be."""
         four = self.parameters.target == "four sines"
         return (tracked_rad if four else familiar_rad)(self.elapsed_s)
 
     @property
     def rms_error_rad(self) -> float:
-        """Score so far: root mean square error."""
         return math.sqrt(self.squared_rad2_s / self.elapsed_s) if self.elapsed_s > 0 else 0.0
 
 
@@ -200,10 +216,7 @@ class PongParameters(WithElement):
 
 @dataclass(frozen=True)
 class PongState:
-    """State of the game: paddle at the left edge, ball, counts, seed of the serves.
-
-    lost: the paddle is off the screen.
-    """
+    """State of the game: paddle at the left edge, ball, counts, seed of the serves."""
 
     parameters: PongParameters
     seed: int

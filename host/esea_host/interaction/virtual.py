@@ -12,10 +12,9 @@ import numpy as np
 
 from esea_gen.files import write_whole
 from esea_host.interaction.design import ELEMENTS, SPRING
-from esea_host.interaction.elements import element_device
 from esea_host.interaction.player import RigPlayer
 from esea_host.interaction.recordings import MANIFEST, is_simulated, recording_name, write_recording
-from esea_host.interaction.rig import ElementRig, law_ends
+from esea_host.interaction.rig import ElementRig, element_device, law_ends
 from esea_host.people.hand import MovingHand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant
 from esea_host.people.rig import compile_rig
@@ -35,12 +34,7 @@ LAST_S = 45.0
 
 
 class RigSource(PersonSource):
-    """A person on the virtual rig, for a session; the encoder is recorded at 1 kHz.
-
-    who: the person.
-    folder: where the recordings of the session go.
-    pointer: somebody real who points moves this person's hand.
-    """
+    """A person on the virtual rig, for a session; the encoder is recorded at 1 kHz."""
 
     def __init__(
         self, who: VirtualParticipant, folder: Path, pointer: Pointer | None = None

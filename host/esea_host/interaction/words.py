@@ -8,7 +8,6 @@ from esea_host.interaction.analysis import ElementComparison, InteractionAnalysi
 
 
 def lines(found: InteractionAnalysis) -> list[str]:
-    """The whole answer."""
     out = [
         f"{found.folder}: {len(found.people)} people"
         + (", SIMULATED: no person took part" if found.simulated else "")
@@ -77,7 +76,6 @@ def answer_lines(found: InteractionAnalysis) -> list[str]:
 
 
 def comparison_lines(c: ElementComparison, simulated: bool) -> list[str]:
-    """One metric of one task."""
     m, d, b = c.medians, c.device, c.block
     unit = "" if c.made.unit == "1" else f" {c.made.unit}"
     out = [

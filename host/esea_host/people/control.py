@@ -181,20 +181,7 @@ def gains(
 
 
 class AxisController:
-    """Who moves one axis of a wrist: muscle, estimates, and the goal; goes on from trial to trial.
-
-    model: delays, noise, strength, bits a second.
-    limb: the wrist, which its owner knows.
-    handle_kgm2: what the hand holds.
-    rng: noise of command and senses.
-
-    Attributes
-    ----------
-    goal_rad, goal_rad_s : float
-        Where the hand is to be, and how fast that moves.
-    resists_Nms_rad : dict
-        Damping that the device is felt to add in either state.
-    """
+    """Who moves one axis of a wrist: muscle, estimates and goal, kept from trial to trial."""
 
     def __init__(
         self, model: PersonModel, limb: Limb, handle_kgm2: float, rng: np.random.Generator
@@ -239,10 +226,7 @@ class AxisController:
         self._gains = gains(load, *args)
 
     def enter(self, state: bool, learns: bool = True) -> None:
-        """Begin a trial in a state of the device: stop pushing, and recall how it resists.
-
-        learns: whether one gets used to it meanwhile, at one's own pace.
-        """
+        """Begin a trial in a state of the device: stop pushing, and recall how it resists."""
         self._learns = learns
         self._state, self.goal_rad, self.goal_rad_s = state, self.angle_rad, 0.0
         self._sums = [0.0] * 5

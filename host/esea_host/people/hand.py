@@ -23,8 +23,6 @@ POINTED_DEG_S = 400.0
 
 @dataclass(frozen=True)
 class Submovement:
-    """One of minimum jerk."""
-
     axis: int
     start_s: float
     length_s: float
@@ -41,12 +39,7 @@ def shape(scene: Scene, role: str) -> Shape | None:
 
 
 class ActingHand(Actor):
-    """A person with a hand in a device, for one trial; frames of 10 ms.
-
-    who: learns by it.
-    aims: where the hand is held on each axis, deg; goes on from trial to trial.
-    handle_kgm2: what the hand holds, which its damping is set for.
-    """
+    """A person with a hand in a device, for one trial; frames of 10 ms."""
 
     def __init__(self, who: VirtualParticipant, aims: list[float], handle_kgm2: float) -> None:
         self.who, self.aims, self._handle_kgm2 = who, aims, handle_kgm2
@@ -55,19 +48,15 @@ class ActingHand(Actor):
         self._first: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
     @abstractmethod
-    def look(self, scene: Scene) -> None:
-        """Take a scene in."""
+    def look(self, scene: Scene) -> None: ...
 
     @abstractmethod
-    def act(self, requests: Mapping[str, float]) -> Sequence[Muscle]:
-        """What the muscles of each axis do in this frame."""
+    def act(self, requests: Mapping[str, float]) -> Sequence[Muscle]: ...
 
     @abstractmethod
-    def move(self, muscles: Sequence[Muscle], requests: Mapping[str, float]) -> Inputs:
-        """A frame of the device with the hand in it."""
+    def move(self, muscles: Sequence[Muscle], requests: Mapping[str, float]) -> Inputs: ...
 
     def react(self, scene: Scene, requests: Mapping[str, float]) -> tuple[float, Inputs]:
-        """One frame."""
         self.time_s = round(self.time_s + FRAME_S, 6)
         self.look(scene)
         if self.pointer is None:
@@ -129,13 +118,11 @@ class MovingHand(ActingHand):
         """Whether to move, from what is seen by now and the aims at the time of that."""
 
     def act(self, requests: Mapping[str, float]) -> Sequence[Muscle]:
-        """Held on the sum of the submovements."""
         before = list(self.aims)
         self._aim()
         return self.hold(before)
 
     def look(self, scene: Scene) -> None:
-        """Take a scene in."""
         self.seen.append((self.time_s, scene, tuple(self.aims)))
         delay = self.who.model.delay_s
         while len(self.seen) > 2 and self.seen[1][0] <= self.time_s - delay:

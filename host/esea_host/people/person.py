@@ -73,10 +73,7 @@ class Limb:
     def torque_Nm(
         self, theta: float, omega: float, muscle: Sequence[float], share: float, frame_s: float
     ) -> float:
-        """Of muscles and passive wrist, at a share of a frame.
-
-        muscle: as :class:`Muscle`; without the torque where there is none.
-        """
+        """Of muscles and passive wrist, at a share of a frame."""
         stiffness, damping, start, end, most = muscle[:5]
         first, last = muscle[5:] or NO_TORQUE
         rate = (end - start) / frame_s
@@ -141,11 +138,7 @@ class PersonModel:
 
 @dataclass
 class VirtualParticipant:
-    """One participant, between trials.
-
-    fast, slow: what is known of how far a target runs away, 1 all of it [5].
-    gain: of the cursor over the hand, as it is felt, per axis.
-    """
+    """One participant, between trials."""
 
     model: PersonModel
     limbs: tuple[Limb, Limb]
@@ -172,8 +165,6 @@ class VirtualParticipant:
 
 
 def person(rng: np.random.Generator, model: PersonModel) -> VirtualParticipant:
-    """Draw a person."""
-
     def about(value: float) -> float:
         return value * (1.0 + model.spread * float(np.clip(rng.normal(), -2, 2)))
 

@@ -35,10 +35,7 @@ def _law(device: Device) -> HostLibrary:
 
 
 class CoupledLimb:
-    """A limb that holds a handle on one side of a coupling; angles from the device's zero.
-
-    tau_Nm: true torque on the limb.
-    """
+    """A limb that holds a handle on one side of a coupling; angles from the device's zero."""
 
     def __init__(self, device: Device, limb: Limb, handle_kgm2: float) -> None:
         library = self._library = _law(device)
@@ -53,7 +50,6 @@ class CoupledLimb:
         self.deflection_rad = self.deflection_rad_s = 0.0
 
     def step(self, muscle: Sequence[float], share: float, other_rad_s: float) -> None:
-        """A millisecond."""
         h, given, theta, omega = self._h, self._in, self.theta_rad, self.omega_rad_s
         given.theta_rad, given.omega_rad_s = self.deflection_rad, self.deflection_rad_s
         self._bend(self._state, given, self._out)
@@ -72,12 +68,7 @@ def compile_rig(device: Device) -> None:
 
 
 class SensedRig(ABC):
-    """A device with a limb on every axis, and its board.
-
-    device: one that senses 1000 times a second.
-    limbs: one an axis.
-    handle_kgm2: what each holds.
-    """
+    """A device with a limb on every axis, and its board."""
 
     def __init__(self, device: Device, limbs: Sequence[Limb], handle_kgm2: float) -> None:
         self.device, self._limbs, self._handle_kgm2 = device, tuple(limbs), handle_kgm2
@@ -92,7 +83,6 @@ class SensedRig(ABC):
         self.board.restart()
 
     def counted(self, angle_rad: float) -> float:
-        """As an encoder reads it: whole counts."""
         return round(angle_rad / self._count_rad) * self._count_rad
 
     @abstractmethod

@@ -14,11 +14,7 @@ from esea_host.study.task import Actor, Situation, StudyTask
 
 
 class PersonSource(InputSource):
-    """A person in a virtual device, for a session.
-
-    who: comes again another day.
-    pointer: somebody real who points moves this person's hand; the device stays simulated.
-    """
+    """A person in a virtual device, for a session."""
 
     def __init__(self, who: VirtualParticipant, pointer: Pointer | None = None) -> None:
         self.who, self.pointer = who, pointer
@@ -26,8 +22,7 @@ class PersonSource(InputSource):
         self._hand: ActingHand | None = None
 
     @abstractmethod
-    def hand(self, task: StudyTask, situation: Situation, number: int) -> ActingHand:
-        """The person, told what to do."""
+    def hand(self, task: StudyTask, situation: Situation, number: int) -> ActingHand: ...
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """The same person in every trial."""
@@ -41,7 +36,6 @@ class PersonSource(InputSource):
         self._past_s, self._hand = self.now_s() + seconds, None
 
     def now_s(self) -> float:
-        """Simulated time."""
         return self._past_s + (self._hand.time_s if self._hand else 0.0)
 
 
@@ -57,7 +51,6 @@ class VirtualPeople(ABC):
         """Where a participant's inputs of a session come from."""
 
     def __call__(self, index: int) -> Callable[[int, float], InputSource]:
-        """Sources of one of them."""
         who = person(generator(self.seed, 4, index), self.model)
 
         def source(number: int, days: float) -> InputSource:

@@ -25,7 +25,7 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError, choose
 from esea_gen.hostlib import HostLibrary, compile_device
-from esea_gen.hostlib.codec import Field
+from esea_gen.hostlib.codec import Field, external_field
 from esea_host.recording.integrity import Integrity
 from esea_host.recording.layout import Array, fits, layout_of
 from esea_host.recording.log import TICK, Log
@@ -156,8 +156,8 @@ class _Task:
         task = system.task(name)
         stem = f"{library.prefix}_{name}"
         self.step = library.function(f"{stem}_step")
-        self.inputs = [library.external_field(x) for x in system.task_inputs(task)]
-        self.outputs = [library.external_field(x) for x in system.task_outputs(task)]
+        self.inputs = [external_field(library.naming, x) for x in system.task_inputs(task)]
+        self.outputs = [external_field(library.naming, x) for x in system.task_outputs(task)]
         self.given: Array | None = None
         self.given_at: Array | None = None
         if self.inputs:

@@ -2,6 +2,5 @@
 
 from esea_host.simulated.drive import SimulatedBoard
 from esea_host.simulated.lockstep import LockstepDevice
-from esea_host.simulated.noise import NoisyTransport
 
-__all__ = ["LockstepDevice", "NoisyTransport", "SimulatedBoard"]
+__all__ = ["LockstepDevice", "SimulatedBoard"]

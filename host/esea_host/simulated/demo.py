@@ -20,14 +20,6 @@ from esea_host.simulated.lockstep import LockstepDevice
 
 TURN_S = 0.005  # from one command to the next, as often as the control task runs
 AMPLITUDE_Nm, WANTED_HZ = 1.7, 0.6  # the tuning case of the published trials
-SHOWN = (
-    "tau_desired_Nm",
-    "tau_Nm",
-    "theta_rad",
-    "theta_load_rad",
-    "u_Nm",
-    "limits_status",
-)  # of the first axis
 SETTLE_S, ZERO_S, ZERO_TRIES = 0.3, 0.4, 5
 
 
@@ -101,65 +93,53 @@ def _follow(device: LockstepDevice, seconds: float) -> None:
     device.advance(1.0)
 
 
-def _flags(log: Log, device: Any, name: str) -> list[tuple[int, str]]:
-    # Bits and names of a status word.
-    port = next(x.port for x in device.system.outputs if x.name == name)
-    return [(1 << i, flag.name) for i, flag in enumerate(port.flags)]
-
-
 def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, STYLE
 
-    axis = device_of(log).axes[0]
-    named = {n: of_axis(n, axis) for n in SHOWN}
+    device = device_of(log)
+    axis = device.axes[0]
     last = list(log[log.first_output].pieces())[-1]
     given = list(log[log.first_output.replace("_out", "_in")].pieces())[-1]
-    t_s = last.time_s
-    on = given["mode"] > 0
-    error = last[named["tau_Nm"]] - given[named["tau_desired_Nm"]]
+    names = ("tau_Nm", "theta_rad", "theta_load_rad", "u_Nm")
+    tau_Nm, theta_rad, load_rad, u_Nm = (last[of_axis(n, axis)] for n in names)
+    desired_Nm, on, t_s = given[of_axis("tau_desired_Nm", axis)], given["mode"] > 0, last.time_s
+    twist_deg, joint_deg = np.degrees(theta_rad), np.degrees(load_rad)
     judged = on & (t_s > t_s[on][0] + 1 / WANTED_HZ if on.any() else on)
-    rms_Nm = float(np.sqrt(np.mean(np.square(error[judged])))) if judged.any() else float("nan")
-    facts = log.facts
+    error_Nm = (tau_Nm - desired_Nm)[judged]
+    rms_Nm = float(np.sqrt(np.mean(np.square(error_Nm)))) if judged.any() else float("nan")
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9, 9.4), layout="constrained")
         torque, bend, command, acts, loop = figure.subplot_mosaic(
             [["a", "a"], ["b", "b"], ["c", "c"], ["d", "e"]], height_ratios=[1.5, 1, 1, 1.4]
         ).values()
-        wanted = np.where(on, given[named["tau_desired_Nm"]], np.nan)
-        torque.plot(t_s, wanted, color=MODEL, lw=1.0, label="wanted")
-        torque.plot(t_s, last[named["tau_Nm"]], color=MEASURED, lw=1.3, label="sensed")
-        torque.set(
-            ylabel="torque [Nm]",
-            title=f"Torque {axis}; error {rms_Nm:.3f} Nm rms".replace(" ;", ";"),
-        )
+        joint = bend.twinx()
+        for panel, x, y, colour, width, label in (
+            (torque, t_s, np.where(on, desired_Nm, np.nan), MODEL, 1.0, "wanted"),
+            (torque, t_s, tau_Nm, MEASURED, 1.3, "sensed"),
+            (bend, t_s, twist_deg, MEASURED, 1.2, "deflection"),
+            (joint, t_s, joint_deg, BOUND, 1.0, "joint"),
+            (command, t_s, u_Nm, INK, 0.7, "command"),
+            (loop, twist_deg, tau_Nm, MEASURED, 0.7, "torque"),
+        ):
+            panel.plot(x, y, color=colour, lw=width, label=label)
+        title = f"Torque {axis}; error {rms_Nm:.3f} Nm rms".replace(" ;", ";")
+        torque.set(ylabel="torque [Nm]", title=title)
         torque.legend(ncols=2, loc="lower left")
-        bend.plot(
-            t_s, np.degrees(last[named["theta_rad"]]), color=MEASURED, lw=1.2, label="deflection"
-        )
-        joint_deg = np.degrees(last[named["theta_load_rad"]])
-        other = bend.twinx()
-        other.plot(t_s, joint_deg, color=BOUND, lw=1.0)
-        other.set_ylabel("joint [deg]", color=BOUND)
-        other.grid(False)
-        bend.set_ylabel("deflection [deg]")
-        bend.set_title("Deflection (left), joint angle (right)")
-        command.plot(t_s, last[named["u_Nm"]], color=INK, lw=0.7)
+        joint.set_ylabel("joint [deg]", color=BOUND)
+        joint.grid(False)
+        bend.set(ylabel="deflection [deg]", title="Deflection (left), joint angle (right)")
         command.set(ylabel="command [Nm]", xlabel="time [s]", title="Motor command")
-        _raster(
-            acts, last, named["limits_status"], _flags(log, device_of(log), named["limits_status"])
-        )
-        loop.plot(
-            np.degrees(last[named["theta_rad"]]), last[named["tau_Nm"]], color=MEASURED, lw=0.7
-        )
-        loop.set(
-            xlabel="deflection [deg]", ylabel="sensed torque [Nm]", title="Torque over deflection"
-        )
+        loop.set(xlabel="deflection [deg]", ylabel="sensed torque [Nm]")
+        loop.set_title("Torque over deflection")
+        word = of_axis("limits_status", axis)
+        port = next(x.port for x in device.system.outputs if x.name == word)
+        _raster(acts, last, word, [(1 << i, flag.name) for i, flag in enumerate(port.flags)])
         said = "every bit is the C's" if verdict.same else "NOT the same bits"
         figure.suptitle(
-            f"Simulated {facts['device']}: {len(last)} ticks recorded, {len(log.gaps)} gaps; "
+            f"Simulated {log.facts['device']}: {len(last)} ticks recorded, {len(log.gaps)} gaps; "
             f"replay of {verdict.values} values: {said}",
             x=0.01, ha="left", color=INK, fontsize=11,
         )  # fmt: skip

@@ -6,6 +6,7 @@ the computer can.
 
 from __future__ import annotations
 
+from esea_gen.link.transport import Transport
 from esea_host.connection.device import ConnectedDevice
 from esea_host.connection.identity import identify
 from esea_host.simulated.drive import SimulatedBoard
@@ -14,7 +15,7 @@ TICKS_A_READ = 20
 BEAT_TICKS = 250
 
 
-class LockstepTransport:
+class LockstepTransport(Transport):
     """The line to a :class:`SimulatedBoard`; waiting for it is what moves its clock."""
 
     def __init__(self, drive: SimulatedBoard) -> None:
@@ -33,9 +34,6 @@ class LockstepTransport:
 
     def close(self) -> None:
         self.drive.close()
-
-    def said(self) -> str:
-        return ""
 
 
 class LockstepDevice(ConnectedDevice):

@@ -28,18 +28,10 @@ class Derivatives:
 
     Parameters
     ----------
-    position : ndarray
-        The filtered angle, in its unit.
-    velocity : ndarray
-        Per s.
-    acceleration : ndarray
-        Per s^2.
-    jerk : ndarray
-        Per s^3.
-    fs_Hz : float
-        Sampling rate.
-    processing : Processing
-        How they were made: give it to the metrics.
+    position, velocity, acceleration, jerk : ndarray
+        The filtered angle in its unit, per s, per s^2 and per s^3.
+    fs_Hz, processing : float and Processing
+        Sampling rate; how they were made: give it to the metrics.
     """
 
     position: Array
@@ -61,16 +53,6 @@ class Derivatives:
         ----------
         duration_s : float
             Seconds to keep.
-
-        Returns
-        -------
-        Derivatives
-            Views of these.
-
-        Raises
-        ------
-        NoAnswerError
-            The record is shorter.
         """
         wanted, there = as_number(duration_s) * self.fs_Hz, self.position.shape[-1]
         if not 0.5 < wanted < there + 0.5:
@@ -105,17 +87,6 @@ def derivatives(
         The stop band starts here: 60 dB less from there on.
     time_s : array_like, optional
         Times of the samples, to find gaps, shape (samples,).
-
-    Returns
-    -------
-    Derivatives
-        The signals, and what made them.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, has gaps, is shorter than two periods of ``stop_Hz``, or that is not
-        below half the sampling rate.
 
     Notes
     -----

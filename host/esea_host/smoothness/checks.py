@@ -72,11 +72,6 @@ def rows(
     """The signal as rows of movements, and whether it came as a stack of them.
 
     magnitude: of its absolute value.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal has no answer, whatever the metric.
     """
     array = as_samples(signal, name)
     if array.ndim not in (1, 2) or array.size == 0:
@@ -164,11 +159,6 @@ def steady_rate(time_s: ArrayLike) -> float:
     float
         In Hz, to six digits; of stamps that are rounded to more than 1 % of a period the roundest
         rate that they allow.
-
-    Raises
-    ------
-    NoAnswerError
-        Fewer than two samples, times that are not finite, or that do not rise.
     """
     time = as_samples(time_s, "The time")
     if time.ndim != 1 or len(time) < 2 or not time[-1] > time[0] or not np.isfinite(time).all():

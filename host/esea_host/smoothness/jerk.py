@@ -43,20 +43,8 @@ def ldlj(
     jerk : array_like, optional
         Jerk in the speed's unit per s^2, of a filter chain; without it second differences of the
         speed.
-    time_s : array_like, optional
-        Times of the samples, to find gaps, shape (samples,).
-    processing : Processing, optional
-        What filtered the signal, to stand beside the number.
-
-    Returns
-    -------
-    SmoothnessResult
-        One value for each movement.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, too short, has gaps, or is aliased.
+    time_s, processing : optional
+        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
 
     Notes
     -----
@@ -70,20 +58,7 @@ def ldlj(
         quantifying movement smoothness", IEEE Trans. Biomed. Eng. 59(8), 2012.
     [2] S. Balasubramanian et al., J. NeuroEng. Rehabil. 12:112, 2015.
     """
-    found, stacked = _dimensionless(speed, fs_Hz, convention, jerk, time_s)
-    thesis = convention == "thesis"
-    return SmoothnessResult(
-        "LDLJ",
-        as_value(np.log(found) if thesis else -np.log(found), stacked),
-        "1",
-        convention,
-        not thesis,
-        float(fs_Hz),
-        np.shape(speed)[-1],
-        f"ln({_THESIS})" if thesis else f"-ln({_REFERENCE})",
-        processing=processing,
-        settings={"jerk": "second differences of the speed" if jerk is None else "given"},
-    )
+    return _measured("LDLJ", speed, fs_Hz, convention, jerk, time_s, processing)
 
 
 def dimensionless_jerk(
@@ -107,32 +82,35 @@ def dimensionless_jerk(
         As in :func:`ldlj`; the reference's is negative, the thesis' positive.
     jerk : array_like, optional
         As in :func:`ldlj`.
-    time_s : array_like, optional
-        Times of the samples, to find gaps, shape (samples,).
-    processing : Processing, optional
-        What filtered the signal, to stand beside the number.
-
-    Returns
-    -------
-    SmoothnessResult
-        One value for each movement.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, too short, has gaps, or is aliased.
+    time_s, processing : optional
+        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
     """
-    found, stacked = _dimensionless(speed, fs_Hz, convention, jerk, time_s)
+    return _measured("dimensionless jerk", speed, fs_Hz, convention, jerk, time_s, processing)
+
+
+def _measured(
+    metric: str,
+    speed: ArrayLike,
+    fs_Hz: float,
+    convention: str,
+    jerk: ArrayLike | None,
+    time_s: ArrayLike | None,
+    processing: Processing | None,
+) -> SmoothnessResult:
+    values, stacked = _dimensionless(speed, fs_Hz, convention, jerk, time_s)
     thesis = convention == "thesis"
+    definition = _THESIS if thesis else _REFERENCE
+    if metric == "LDLJ":
+        values, definition = np.log(values), f"ln({definition})"
     return SmoothnessResult(
-        "dimensionless jerk",
-        as_value(found if thesis else -found, stacked),
+        metric,
+        as_value(values if thesis else -values, stacked),
         "1",
         convention,
         not thesis,
         float(fs_Hz),
         np.shape(speed)[-1],
-        _THESIS if thesis else f"-{_REFERENCE}",
+        definition if thesis else f"-{definition}",
         processing=processing,
         settings={"jerk": "second differences of the speed" if jerk is None else "given"},
     )

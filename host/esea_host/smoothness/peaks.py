@@ -32,20 +32,13 @@ def submovements(
         A peak counts where it rises above the valleys round it by this share of the largest speed.
     apart_s : float
         Of peaks closer than this only the highest counts.
-    time_s : array_like, optional
-        Times of the samples, to find gaps, shape (samples,).
-    processing : Processing, optional
-        What filtered the signal, to stand beside the number.
+    time_s, processing : optional
+        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
 
     Returns
     -------
     SmoothnessResult
         One count for each movement; a plateau is one peak, the ends of the record are none.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, too short, has gaps, or is aliased.
     """
     fs_Hz = checked_rate(fs_Hz)
     if not (0 < as_number(threshold) < 1 and 0 <= as_number(apart_s) < np.inf):
@@ -96,20 +89,8 @@ def peak_speed_ratio(
         absolute value counts.
     fs_Hz : float
         Sampling rate.
-    time_s : array_like, optional
-        Times of the samples, to find gaps, shape (samples,).
-    processing : Processing, optional
-        What filtered the signal, to stand beside the number.
-
-    Returns
-    -------
-    SmoothnessResult
-        One ratio for each movement, at least 1.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, too short, has gaps, or is aliased.
+    time_s, processing : optional
+        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
 
     References
     ----------

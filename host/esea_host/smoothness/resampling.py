@@ -19,48 +19,20 @@ _MOST = 10.0  # times the mean rate
 
 @dataclass(frozen=True)
 class Resampling:
-    """A signal at a steady rate, and what became of its frames.
-
-    Parameters
-    ----------
-    values : ndarray
-        The signal, shape (samples,).
-    time_s : ndarray
-        Its times.
-    fs_Hz : float
-        Its rate.
-    frames : int
-        Frames that were used.
-    missing : int
-        Frames left out because time or value is missing.
-    merged : int
-        Frames left out because they share a time with another; their mean was used.
-    jitter_s : float
-        Standard deviation of the steps between frames.
-    usual_step_s : float
-        Median step.
-    longest_step_s : float
-        Longest step.
-    limit_s : float
-        Longest step that would have been bridged.
-    interpolated : int
-        Samples with no frame within 1 % of a period.
-    bridged : int
-        Samples inside steps longer than 1.5 usual ones.
-    """
+    """A signal at a steady rate, and what became of its frames."""
 
     values: Array
     time_s: Array
     fs_Hz: float
     frames: int
-    missing: int
-    merged: int
+    missing: int  # frames without time or value
+    merged: int  # that share a time with another; their mean was used
     jitter_s: float
     usual_step_s: float
     longest_step_s: float
-    limit_s: float
-    interpolated: int
-    bridged: int
+    limit_s: float  # longest step that would have been bridged
+    interpolated: int  # samples with no frame within 1 % of a period
+    bridged: int  # samples inside steps longer than 1.5 usual ones
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -85,27 +57,8 @@ def resampled(
 ) -> Resampling:
     """Interpolate a signal at a steady rate, unless frames are missing for too long.
 
-    Parameters
-    ----------
-    time_s : array_like
-        Times of the frames, shape (samples,), not falling.
-    values : array_like
-        The signal, shape (samples,).
-    fs_Hz : float
-        New rate: at least nine tenths of the frames' mean rate, at most ten times it.
-    stop_Hz : float
-        Nothing from here on is looked at: a step of half its period or more is not bridged.
-
-    Returns
-    -------
-    Resampling
-        The signal from the first frame on.
-
-    Raises
-    ------
-    NoAnswerError
-        A step is longer than five usual ones or half a period of ``stop_Hz``, times fall, fewer
-        than ten frames are left, or the rate is out of its range.
+    A step longer than five usual ones or half a period of ``stop_Hz`` is refused, and a rate
+    outside nine tenths to ten times the frames' mean rate.
     """
     fs_Hz, stop_Hz = checked_rate(fs_Hz), checked_rate(stop_Hz)
     t, x = as_samples(time_s, "The time"), as_samples(values, "The signal")

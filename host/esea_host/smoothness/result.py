@@ -17,18 +17,13 @@ class Processing:
 
     Parameters
     ----------
-    filter : str
-        Type and order of the filter.
-    stop_Hz : float
-        Edge of its stop band.
-    attenuation_dB : float
-        Least attenuation in the stop band, both passes together.
-    half_power_Hz : float
-        Where both passes together let half of the power by.
+    filter, steps : str and tuple of str
+        Type and order of the filter; the steps in their order.
+    stop_Hz, attenuation_dB, half_power_Hz : float
+        Edge of the stop band and least attenuation in it; where half of the power passes; of both
+        passes together.
     window : str
         What became of the ends of the record.
-    steps : tuple of str
-        The steps in their order.
     """
 
     filter: str
@@ -45,32 +40,20 @@ class SmoothnessResult:
 
     Parameters
     ----------
-    metric : str
-        Which metric.
+    metric, unit, convention, definition : str
+        Which metric, its unit, whose definition, and the formula that was evaluated.
     value : float or ndarray
         A number for a 1-D signal; for a 2-D stack one for each row, shape (movements,).
-    unit : str
-        Unit of the value.
-    convention : str
-        Whose definition.
     larger_is_smoother : bool
         Sign of the metric.
-    fs_Hz : float
-        Sampling rate.
-    samples : int
-        Samples of one movement.
-    definition : str
-        The formula that was evaluated.
-    cutoff_Hz : float, optional
-        Upper end of the band that the metric looks at; without it there is none.
-    threshold : float, optional
-        Share of the maximum below which the metric does not look.
-    window : str
-        Window over the samples.
-    processing : Processing, optional
-        Filter before the metric; without it the samples were taken as given.
+    fs_Hz, samples : float and int
+        Sampling rate, and samples of one movement.
+    cutoff_Hz, threshold : float, optional
+        Upper end of the band and share of the maximum from which on the metric looks.
+    window, processing : str and Processing
+        Window over the samples; filter before the metric; None: taken as given.
     settings : dict
-        What else the metric was told.
+        Other settings of the metric.
     """
 
     metric: str

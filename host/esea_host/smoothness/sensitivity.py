@@ -19,16 +19,10 @@ class Band:
 
     Parameters
     ----------
-    value : float or ndarray
-        With the settings as they are.
-    low : float or ndarray
-        Smallest over the grid, one for each movement.
-    high : float or ndarray
-        Largest over the grid.
-    grid : dict
-        The settings, each with the values it took.
-    refused : tuple of str
-        Settings that have no answer, with the reason.
+    value, low, high : float or ndarray
+        With the settings as they are, and smallest and largest over the grid, by movement.
+    grid, refused : dict and tuple of str
+        The settings with the values that they took; those without an answer, with the reason.
     """
 
     value: Any
@@ -53,16 +47,6 @@ def sensitivity_band(metric: Callable[..., SmoothnessResult], **grid: Sequence[f
         Takes the grid's names as keywords, and works without any of them.
     **grid : sequence of float
         Settings with the values that they take, such as ``cutoff_Hz=(5, 10, 20)``.
-
-    Returns
-    -------
-    Band
-        The band round the value with the settings as they are.
-
-    Raises
-    ------
-    NoAnswerError
-        The metric has no answer as it is.
 
     Examples
     --------

@@ -55,20 +55,8 @@ def sparc(
         The band ends where the normalised magnitude falls below this for good.
     padlevel : int
         Zeros are added up to 2**padlevel times the next power of two.
-    time_s : array_like, optional
-        Times of the samples, to find gaps, shape (samples,).
-    processing : Processing, optional
-        What filtered the signal, to stand beside the number.
-
-    Returns
-    -------
-    SmoothnessResult
-        Dimensionless; one value for each movement.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, too short, has gaps, is aliased, or the cut-off is above Nyquist.
+    time_s, processing : optional
+        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
 
     Notes
     -----

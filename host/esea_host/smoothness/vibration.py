@@ -29,20 +29,8 @@ def rms_acceleration(
         Sampling rate.
     unit : str
         Unit of what is given, and of the value.
-    time_s : array_like, optional
-        Times of the samples, to find gaps, shape (samples,).
-    processing : Processing, optional
-        What filtered the signal, to stand beside the number.
-
-    Returns
-    -------
-    SmoothnessResult
-        One value for each movement.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, too short, or has gaps.
+    time_s, processing : optional
+        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
     """
     fs_Hz = checked_rate(fs_Hz)
     found, stacked = rows(acceleration, "The acceleration", fs_Hz, time_s)
@@ -82,20 +70,8 @@ def vdv(
         with the sampling rate.
     unit : str
         Unit of what is given.
-    time_s : array_like, optional
-        Times of the samples, to find gaps, shape (samples,).
-    processing : Processing, optional
-        What filtered the signal, to stand beside the number.
-
-    Returns
-    -------
-    SmoothnessResult
-        One value for each movement.
-
-    Raises
-    ------
-    NoAnswerError
-        The signal is constant, too short, or has gaps.
+    time_s, processing : optional
+        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
 
     References
     ----------

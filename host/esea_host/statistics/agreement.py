@@ -4,34 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from esea_host.statistics.checks import NoStatisticError, as_dict
+from esea_host.statistics.checks import NoStatisticError, StatisticResult
 
 
 @dataclass(frozen=True)
-class Agreement:
+class Agreement(StatisticResult):
     """Agreement of two coders.
 
     Parameters
     ----------
-    n : int
-        Items that both coded.
-    observed : float
-        Share on which they agree.
-    kappa : float
-        Agreement beyond chance, Cohen's.
-    low : float
-        Lower end of its 95 % interval: Fleiss, Cohen and Everitt's; where they agree on all, which
-        leaves that without a width, from Wilson's of the share on which they agree.
-    high : float
-        Upper end.
-    categories : tuple of str
-        The codes, sorted.
-    table : tuple
-        Counts, first coder's codes in rows.
+    n, observed, kappa : float
+        Items that both coded, the share on which they agree, and Cohen's kappa.
+    low, high : float
+        Its 95 % interval: Fleiss, Cohen and Everitt's; where they agree on all, which leaves that
+        without a width, from Wilson's of the share on which they agree.
+    categories, table : tuple
+        The codes, sorted; counts, first coder's codes in rows.
     """
 
     n: int
@@ -42,30 +33,19 @@ class Agreement:
     categories: tuple[str, ...]
     table: tuple[tuple[int, ...], ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
     """Cohen's kappa of two coders.
 
     Parameters
     ----------
-    one : sequence of str
-        The first coder's code of each item.
-    other : sequence of str
-        The second coder's, in the same order.
+    one, other : sequence of str
+        Both coders' code of each item.
 
     Returns
     -------
     Agreement
         Kappa with its interval; 1 where they agree on all of several codes.
-
-    Raises
-    ------
-    NoStatisticError
-        Different numbers of items, none, or both coders use one single code, which chance explains.
     """
     from statsmodels.stats.inter_rater import cohens_kappa as fitted
     from statsmodels.stats.proportion import proportion_confint

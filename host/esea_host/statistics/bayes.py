@@ -4,37 +4,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import quad
 from scipy.stats import t
 
-from esea_host.statistics.checks import NoStatisticError, as_dict, share
+from esea_host.statistics.checks import NoStatisticError, StatisticResult, share
 from esea_host.statistics.paired_t import standardised_difference
 
 PRIOR_WIDTH = math.sqrt(0.5)  # of the Cauchy prior on d_z: the default of R's BayesFactor
 
 
 @dataclass(frozen=True)
-class BayesPaired:
+class BayesPaired(StatisticResult):
     """Posterior of the mean difference x - y, normal differences, flat prior on mean and log sd.
 
     Parameters
     ----------
-    mean : float
-        Posterior mean, in the data's unit.
-    low : float
-        Lower end of the credible interval.
-    high : float
-        Upper end.
-    probability_positive : float
-        That the mean difference is above 0.
-    equivalence : float
-        Half-width of the range that counts as no difference, in the data's unit.
-    probability_equivalent : float
-        That the mean difference lies within it.
+    mean, low, high, probability_positive : float
+        Posterior mean and credible interval in the data's unit; that the mean is above 0.
+    equivalence, probability_equivalent : float
+        Half-width of the range that counts as no difference; that the mean lies within it.
     bayes_factor_01 : float
         How much more likely the data are under no difference than under d_z ~ Cauchy(0, 0.707).
     """
@@ -46,10 +37,6 @@ class BayesPaired:
     equivalence: float
     probability_equivalent: float
     bayes_factor_01: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
 
 
 def bayes_paired(
@@ -63,25 +50,13 @@ def bayes_paired(
 
     Parameters
     ----------
-    x : array_like
-        One condition, or differences, shape (n,).
-    y : array_like, optional
-        The other condition of the same people, shape (n,).
+    x, y : array_like
+        Both conditions of the same people, shape (n,); without y, x has the differences.
     equivalence : float, optional
         Half-width of the range that counts as no difference; without it 0.2 standard deviations of
         the differences.
     confidence : float
         Of the credible interval.
-
-    Returns
-    -------
-    BayesPaired
-        Probabilities, interval, Bayes factor.
-
-    Raises
-    ------
-    NoStatisticError
-        As :func:`standardised_difference`, or a negative half-width.
 
     References
     ----------

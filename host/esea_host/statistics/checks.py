@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import is_dataclass
 from typing import Any
 
 import numpy as np
@@ -66,20 +67,23 @@ def share(value: float, name: str) -> float:
     return float(value)
 
 
-def as_dict(result: Any) -> dict[str, Any]:
-    """A result's fields for JSON; what is infinite or missing becomes null."""
-    return {k: _plain(v) for k, v in vars(result).items()}
+class StatisticResult:
+    """A result for JSON: what is infinite or missing becomes null."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields by name, in JSON's own types."""
+        return {k: _plain(v) for k, v in vars(self).items()}
 
 
 def _plain(value: Any) -> Any:
     if hasattr(value, "to_dict"):
         return value.to_dict()
+    if is_dataclass(value):
+        return _plain(vars(value))
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(v) for v in value]
-    if isinstance(value, np.integer | np.bool_):
-        return value.item()
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not np.isfinite(value) else value

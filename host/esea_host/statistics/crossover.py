@@ -10,29 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import mannwhitneyu, t
 
-from esea_host.statistics.checks import Array, NoStatisticError, as_dict, numbers, share
+from esea_host.statistics.checks import Array, NoStatisticError, StatisticResult, numbers, share
 
 
 @dataclass(frozen=True)
-class Effect:
+class Effect(StatisticResult):
     """An estimate with its interval and tests.
 
     Parameters
     ----------
-    estimate : float
-        In the data's unit.
-    low : float
-        Lower end of the interval.
-    high : float
-        Upper end.
-    se : float
-        Standard error.
-    df : int
-        Degrees of freedom.
-    p : float
-        Two-sided, Student's t.
-    p_rank : float
-        Two-sided, Wilcoxon-Mann-Whitney (Koch).
+    estimate, low, high, se : float
+        In the data's unit, with interval and standard error.
+    df, p, p_rank : float
+        Degrees of freedom; two-sided p by Student's t and by Wilcoxon-Mann-Whitney (Koch).
     """
 
     estimate: float
@@ -43,13 +33,9 @@ class Effect:
     p: float
     p_rank: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 @dataclass(frozen=True)
-class Crossover:
+class Crossover(StatisticResult):
     """Analysis of a two-period cross-over.
 
     Parameters
@@ -73,10 +59,6 @@ class Crossover:
     period: Effect
     carry_over: Effect
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 def crossover(
     first_period: ArrayLike,
@@ -89,26 +71,12 @@ def crossover(
 
     Parameters
     ----------
-    first_period : array_like
-        Each person's value in the first period, shape (n,).
-    second_period : array_like
-        And in the second, shape (n,).
-    first_treatment : sequence of str
-        Which treatment each had first.
+    first_period, second_period, first_treatment : array_like
+        Each person's values, shape (n,), and which treatment it had first.
     treatments : tuple of str
         Both treatments; the effect is the first's minus the second's.
     confidence : float
         Of the intervals.
-
-    Returns
-    -------
-    Crossover
-        The three effects.
-
-    Raises
-    ------
-    NoStatisticError
-        Values are missing, a treatment is unknown, or a sequence has fewer than 2 people.
 
     References
     ----------

@@ -5,38 +5,28 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from esea_host.statistics.checks import NoStatisticError, as_dict, numbers
+from esea_host.statistics.checks import NoStatisticError, StatisticResult, numbers
 
 
 @dataclass(frozen=True)
-class MixedModel:
+class MixedModel(StatisticResult):
     """Value = mean + treatment + period + person, by restricted maximum likelihood.
 
     Parameters
     ----------
-    treatment : float
-        First treatment minus second, in the data's unit.
-    treatment_se : float
-        Its standard error.
-    treatment_p : float
-        Two-sided, normal: too small where people are few.
-    period : float
-        Second period minus first.
-    period_se : float
-        Its standard error.
-    period_p : float
-        Two-sided, normal.
-    between_sd : float
-        Standard deviation between people.
-    within_sd : float
-        And within.
+    treatment, treatment_se, treatment_p : float
+        First treatment minus second, in the data's unit, its standard error, and a two-sided p of
+        the normal distribution: too small where people are few.
+    period, period_se, period_p : float
+        The same of the second period minus the first.
+    between_sd, within_sd : float
+        Standard deviation between people and within.
     notes : tuple of str
-        What the fit had to say.
+        Warnings of the fit.
     """
 
     treatment: float
@@ -48,10 +38,6 @@ class MixedModel:
     between_sd: float
     within_sd: float
     notes: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
 
 
 def mixed_model(
@@ -65,26 +51,10 @@ def mixed_model(
 
     Parameters
     ----------
-    values : array_like
-        One a recording, shape (m,).
-    people : sequence of str
-        Whose.
-    treatment : sequence of str
-        Under which treatment.
-    period : sequence of int
-        In which period, 1 or 2.
+    values, people, treatment, period : sequence
+        Of each recording: its value, whose it is, under which treatment, in period 1 or 2.
     treatments : tuple of str
         Both treatments; the effect is the first's minus the second's.
-
-    Returns
-    -------
-    MixedModel
-        The estimates.
-
-    Raises
-    ------
-    NoStatisticError
-        Shapes differ, values are missing, or the fit fails.
     """
     from statsmodels.regression.mixed_linear_model import MixedLM
 

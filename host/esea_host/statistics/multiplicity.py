@@ -20,11 +20,6 @@ def holm(p_values: ArrayLike) -> Array:
     -------
     ndarray
         Adjusted, in the same order, shape (m,).
-
-    Raises
-    ------
-    NoStatisticError
-        One is no probability.
     """
     p = numbers(p_values, "The p values")
     if ((p < 0) | (p > 1)).any():

@@ -4,38 +4,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.stats import nct, t
 
-from esea_host.statistics.checks import NoStatisticError, as_dict, differences, share
+from esea_host.statistics.checks import NoStatisticError, StatisticResult, differences, share
 
 
 @dataclass(frozen=True)
-class PairedEffect:
+class PairedEffect(StatisticResult):
     """Mean difference x - y of pairs and its size in standard deviations.
 
     Parameters
     ----------
-    n : int
-        Pairs.
-    mean : float
-        Mean difference, in the data's unit.
-    low : float
-        Lower end of its interval, by Student's t.
-    high : float
-        Upper end.
-    sd : float
-        Standard deviation of the differences.
-    dz : float
-        mean / sd.
-    dz_low : float
-        Lower end of its interval, by the noncentral t.
-    dz_high : float
-        Upper end.
+    n, mean, low, high : float
+        Pairs; mean difference in the data's unit, and its interval by Student's t.
+    sd, dz, dz_low, dz_high : float
+        Standard deviation of the differences; mean / sd, and its interval by the noncentral t.
     p : float
         Two-sided, paired t test.
     """
@@ -50,10 +37,6 @@ class PairedEffect:
     dz_high: float
     p: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 def standardised_difference(
     x: ArrayLike, y: ArrayLike | None = None, confidence: float = 0.95
@@ -62,22 +45,10 @@ def standardised_difference(
 
     Parameters
     ----------
-    x : array_like
-        One condition, or differences, shape (n,).
-    y : array_like, optional
-        The other condition of the same people, shape (n,).
+    x, y : array_like
+        Both conditions of the same people, shape (n,); without y, x has the differences.
     confidence : float
         Of the intervals.
-
-    Returns
-    -------
-    PairedEffect
-        Estimates and intervals.
-
-    Raises
-    ------
-    NoStatisticError
-        Fewer than 2 pairs, missing values, or differences that are all equal.
     """
     share(confidence, "A confidence")
     found = differences(x, y, least=2)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import nct, t
 
-from esea_host.statistics.checks import Array, NoStatisticError, as_dict, share
+from esea_host.statistics.checks import Array, NoStatisticError, StatisticResult, share
 from esea_host.statistics.signed_rank import MOST_EXACT, attainable_p
 
 REPEATS, SEED = 20_000, 1
@@ -20,26 +19,19 @@ _LARGEST_DZ = 20.0
 
 
 @dataclass(frozen=True)
-class PowerStatement:
+class PowerStatement(StatisticResult):
     """What a signed-rank test of n pairs can see.
 
     Parameters
     ----------
-    n : int
-        Pairs.
-    alpha : float
-        Two-sided level, of one test.
-    power : float
-        Wanted.
-    dz : float
+    n, alpha, power : float
+        Pairs, two-sided level of one test, desired power.
+    dz, difference : float
         Smallest mean difference that is found with this power, in standard deviations of the
-        differences; infinite where no difference can be found at this level.
-    difference : float
-        The same in the data's unit; not a number without a standard deviation.
-    powers : dict
-        Power by standardised difference.
-    needed : dict
-        People needed for this power, by standardised difference.
+        differences (infinite where none can be), and in the data's unit (not a number without a
+        standard deviation).
+    powers, needed : dict
+        Power, and people needed for the desired power, by standardised difference.
     """
 
     n: int
@@ -50,10 +42,6 @@ class PowerStatement:
     powers: dict[str, float]
     needed: dict[str, int]
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
     def sentence(self, unit: str = "") -> str:
         """One sentence for a report.
 
@@ -61,11 +49,6 @@ class PowerStatement:
         ----------
         unit : str
             Of the difference.
-
-        Returns
-        -------
-        str
-            In plain words.
         """
         if math.isinf(self.dz):
             return (
@@ -86,22 +69,8 @@ def paired_t_power(n: int, dz: float, alpha: float = 0.05) -> float:
 
     Parameters
     ----------
-    n : int
-        Pairs, at least 2.
-    dz : float
-        Mean difference in standard deviations of the differences.
-    alpha : float
-        Two-sided level.
-
-    Returns
-    -------
-    float
-        Probability of p < alpha.
-
-    Raises
-    ------
-    NoStatisticError
-        Fewer than 2 pairs, or alpha is no probability.
+    n, dz, alpha : float
+        Pairs; mean difference in standard deviations of the differences; two-sided level.
     """
     share(alpha, "An alpha")
     if n < 2:
@@ -124,22 +93,13 @@ def signed_rank_power(n: int, dz: float, alpha: float = 0.05) -> float:
 
     Parameters
     ----------
-    n : int
-        Pairs.
-    dz : float
-        Mean difference in standard deviations of the differences.
-    alpha : float
-        Two-sided level.
+    n, dz, alpha : float
+        Pairs; mean difference in standard deviations of the differences; two-sided level.
 
     Returns
     -------
     float
         Share of 20000 simulated samples with p < alpha: a standard error of at most 0.0035.
-
-    Raises
-    ------
-    NoStatisticError
-        Fewer than 2 pairs, more than 2000, or alpha is no probability.
 
     Notes
     -----
@@ -165,22 +125,13 @@ def detectable_effect(n: int, power: float = 0.8, alpha: float = 0.05) -> float:
 
     Parameters
     ----------
-    n : int
-        Pairs.
-    power : float
-        Wanted.
-    alpha : float
-        Two-sided level.
+    n, power, alpha : float
+        Pairs, desired power, two-sided level.
 
     Returns
     -------
     float
         d_z; infinite where n pairs cannot be significant at this level.
-
-    Raises
-    ------
-    NoStatisticError
-        As :func:`signed_rank_power`.
     """
     share(power, "A power")
     if signed_rank_power(n, _LARGEST_DZ, alpha) < power:
@@ -198,22 +149,13 @@ def participants_needed(dz: float, power: float = 0.8, alpha: float = 0.05) -> i
 
     Parameters
     ----------
-    dz : float
-        Mean difference in standard deviations of the differences.
-    power : float
-        Wanted.
-    alpha : float
-        Two-sided level.
+    dz, power, alpha : float
+        Mean difference in standard deviations, desired power, two-sided level.
 
     Returns
     -------
     int or None
         Pairs; None where 2000 are not enough.
-
-    Raises
-    ------
-    NoStatisticError
-        alpha or power is no probability.
     """
     share(power, "A power")
     low, high = 2, _MOST_PEOPLE
@@ -248,11 +190,6 @@ def power_statement(
     -------
     PowerStatement
         Never of the difference that was observed: the power of that says no more than its p.
-
-    Raises
-    ------
-    NoStatisticError
-        As :func:`signed_rank_power`, or a standard deviation that is none.
     """
     if sd <= 0 or math.isinf(sd):
         raise NoStatisticError(f"A standard deviation of {sd:g}.", "Give more than 0, or none.")

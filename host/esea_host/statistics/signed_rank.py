@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import norm, rankdata
 
-from esea_host.statistics.checks import Array, NoStatisticError, as_dict, differences, share
+from esea_host.statistics.checks import Array, NoStatisticError, StatisticResult, differences, share
 
 # Up to here all 2^n signs are counted: their number is exact in a double.
 MOST_EXACT = 50
@@ -21,43 +20,26 @@ METHODS = ("auto", "exact", "normal")
 
 
 @dataclass(frozen=True)
-class SignedRank:
+class SignedRank(StatisticResult):
     """Two-sided signed-rank test of paired differences, with effects.
 
     Parameters
     ----------
-    n : int
-        Pairs.
-    zeros : int
-        Differences that are 0.
+    n, zeros, ties : int
+        Pairs; differences that are 0; those whose magnitude another one shares, up to 1e-12 of the
+        largest value, which get the mean of their ranks.
     zero_method : str
-        ``"drop"``: they are left out before ranking (Wilcoxon); ``"pratt"``: after ranking.
-    ties : int
-        Differences whose magnitude another one shares, up to 1e-12 of the largest value; they get
-        the mean of their ranks.
-    w_plus : float
-        Sum of the ranks of positive differences.
-    w_minus : float
-        Sum of the ranks of negative ones.
-    p : float
-        Two-sided.
-    method : str
-        ``"exact"``: every assignment of signs to these ranks counted; ``"normal"``: with ties and
-        continuity corrected.
-    hodges_lehmann : float
-        Median of the means of all pairs of differences (zeros too), in the data's unit.
-    low : float
-        Lower end of its interval.
-    high : float
-        Upper end.
-    confidence : float
-        What the interval attains; few people do not allow 95 %.
-    rank_biserial : float
-        (w_plus - w_minus) / (w_plus + w_minus), -1 to 1.
-    rank_biserial_low : float
-        Lower end of its score interval.
-    rank_biserial_high : float
-        Upper end.
+        ``"drop"``: zeros are left out before ranking (Wilcoxon); ``"pratt"``: after ranking.
+    w_plus, w_minus : float
+        Sum of the ranks of positive and of negative differences.
+    p, method : float and str
+        Two-sided; ``"exact"``: every assignment of signs to these ranks counted; ``"normal"``: with
+        ties and continuity corrected.
+    hodges_lehmann, low, high, confidence : float
+        Median of the means of all pairs of differences (zeros too), in the data's unit, its
+        interval, and what that attains; few people do not allow 95 %.
+    rank_biserial, rank_biserial_low, rank_biserial_high : float
+        (w_plus - w_minus) / (w_plus + w_minus), -1 to 1, and its score interval.
     """
 
     n: int
@@ -76,10 +58,6 @@ class SignedRank:
     rank_biserial_low: float
     rank_biserial_high: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
-
 
 def signed_rank(
     x: ArrayLike,
@@ -93,26 +71,14 @@ def signed_rank(
 
     Parameters
     ----------
-    x : array_like
-        One condition, or differences, shape (n,).
-    y : array_like, optional
-        The other condition of the same people, shape (n,).
+    x, y : array_like
+        Both conditions of the same people, shape (n,); without y, x has the differences.
     zeros : str
         ``"drop"`` or ``"pratt"``.
     method : str
         ``"exact"``, ``"normal"``, or ``"auto"``: exact up to 50 pairs, ties and zeros included.
     confidence : float
         Of the intervals.
-
-    Returns
-    -------
-    SignedRank
-        Test, effects, intervals.
-
-    Raises
-    ------
-    NoStatisticError
-        All differences are 0, or a value is missing.
 
     References
     ----------
@@ -229,11 +195,6 @@ def attainable_p(n: int) -> Array:
     -------
     ndarray
         The value at index w is that of a smaller rank sum w.
-
-    Raises
-    ------
-    NoStatisticError
-        More pairs than are counted.
     """
     if not 1 <= n <= MOST_EXACT:
         raise NoStatisticError(f"{n} pairs.", f"Give 1 to {MOST_EXACT}.")
@@ -242,17 +203,13 @@ def attainable_p(n: int) -> Array:
 
 
 @dataclass(frozen=True)
-class ImpliedEffect:
+class ImpliedEffect(StatisticResult):
     """What a printed p value of an exact signed-rank test says about the effect.
 
     Parameters
     ----------
-    rank_sum : int
-        The smaller rank sum whose p is nearest.
-    p : float
-        Its exact p.
-    rank_biserial : float
-        Magnitude of the effect with this rank sum.
+    rank_sum, p, rank_biserial : float
+        The smaller rank sum whose p is nearest, its exact p, and the magnitude of its effect.
     as_printed : bool
         Whether this p rounds to what was printed.
     """
@@ -261,10 +218,6 @@ class ImpliedEffect:
     p: float
     rank_biserial: float
     as_printed: bool
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return as_dict(self)
 
 
 def effect_from_p(p: float, n: int, digits: int = 2) -> ImpliedEffect:
@@ -278,16 +231,6 @@ def effect_from_p(p: float, n: int, digits: int = 2) -> ImpliedEffect:
         Pairs without zeros and ties.
     digits : int
         Significant digits that were printed.
-
-    Returns
-    -------
-    ImpliedEffect
-        Of the nearest attainable p.
-
-    Raises
-    ------
-    NoStatisticError
-        p is no probability, or more pairs than are counted.
     """
     share(p, "A p value")
     known = attainable_p(n)

@@ -1,110 +1,104 @@
-"""Blocks between a wish and a set-point, typed a second time in NumPy: single steps, any memory.
+"""Single steps of what safety rests on, typed a second time in NumPy, from any memory and input.
 
 Every next state, output and flag, at the edges of ranges and beyond, with any tunables; numbers of
-the drive are those of ``elbow_drive.toml``, typed by hand.  What a step of the limits and of the
-trend does is typed in ``limits_model.py`` and ``test_trend.py``.
+the drive are those of ``elbow_drive.toml``, typed by hand.  The limits: ``limits_model.py``.
 """
 
 from __future__ import annotations
 
-from math import exp, factorial, pi
+from math import exp, pi
 
 import numpy as np
+import pytest
 
-from esea_gen.control.adaptation import adaptation
+from esea_gen.control.law_switch import law_switch
+from esea_gen.control.limits.block import command_stamp
+from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.control.passivity import passivity
 from esea_gen.control.reference import reference
 
 from .single_steps import COUNT, Steps, word
 
 where, clip = np.where, np.clip
-H = 1e-3
+H, TS = 1e-3, 5e-3
 TAU, FULL, SPEED, U = 20.0, 4.47, 12.0, 0.221  # largest of each
 N, J, LAG_S = 74.0, 0.663, 0.03488
 
 
-def test_a_step_of_the_adaptation(drive):
-    """[adapt 1] to [adapt 7] with their lags, memories and conditions."""
-    block = adaptation(drive)
+def test_a_step_of_the_switch_between_laws(drive):
+    def together(s, u, rng):
+        u["law"][:] = rng.choice([0.0, 1.0, 2.0, 0.5], COUNT)
+        k = rng.random(COUNT) < 0.5
+        u["law"][k] = s["law_held"][k] = np.rint(s["law_held"][k])
+
+    run = Steps(law_switch(drive, ["one", "other", "third"], ["other", "third"]), together=together)
+    s, u = run.s, run.u
+    keep = np.exp(-TS / run.t.fade_s)
+    np.testing.assert_allclose(run.c.keep, keep)
+    unknown = ~np.isin(u.law, (0, 1, 2))
+    held = where(unknown, s.law_held, u.law)
+    # A place that is none, from a memory that is whole, is the first.
+    at = np.select([held == 1, held == 2], [1, 2], 0)
+    command = np.choose(at, [u.u_one_Nm, u.u_other_Nm, u.u_third_Nm])
+    sound = np.choose(at, [np.ones(COUNT), u.ok_other, u.ok_third])
+    offset = where(held == s.law_held, keep * s.offset_Nm, s.u_last_Nm - command)
+    joined = clip(command + offset, -U, U)
+    run.compare(
+        {
+            "next_law_held": held,
+            "next_offset_Nm": clip(offset, -2 * U, 2 * U),
+            "next_u_last_Nm": joined,
+            "y_u_command_Nm": joined,
+            "y_request_ok": run.ok & (sound == 1),
+            "y_law_held": held,
+            "y_status": word(~run.ok, ~run.whole, unknown, abs(command + offset) > U),
+        },
+        near=abs(abs(command + offset) - U) < 3e-8,
+    )
+
+
+@pytest.mark.parametrize("checked", [False, True])
+def test_a_step_of_the_stamp(drive, checked):
+    run = Steps(command_stamp(drive, checked=checked))
+    s, u = run.s, run.u
+    sound = run.ok & ((u.request_ok == 1) if checked else True)
+    beat = where(s.beats >= 255, 1, s.beats + 1)
+    run.compare(
+        {
+            "next_beats": beat,
+            "y_u_command_Nm": where(sound, u.u_command_Nm, 0),
+            "y_control_beat": where(sound, beat, 0),
+            "y_status": word(~sound, ~run.whole),
+        }
+    )
+
+
+def test_a_step_of_the_comparison(drive):
+    """[red 1] to [red 4]: a cable of 150 Nm/rad, 80 at its softest; rooms of the device file."""
 
     def together(s, u, rng):
-        # A joint near where the mass hangs, and a sensor that nearly shows its torque.
-        k = rng.random(COUNT) < 0.5
-        for name, size in (("theta_load_rad", 2.5), ("tau_Nm", 3.0), ("omega_load_rad_s", 1.0)):
-            u[name][k] = rng.uniform(-size, size, k.sum()) * (name != "theta_load_rad") + (
-                rng.uniform(0, 2.5, k.sum()) * (name == "theta_load_rad")
-            )
-        s["tau_lag_Nm"][k] = rng.uniform(-3, 3, k.sum())
-        s["omega_lag_rad_s"][k] = u["omega_load_rad_s"][k]
-        for name in ("weight_lag_Nm", "stop_known_Nm"):
-            s[name][k] = s["tau_lag_Nm"][k]
+        for name in ("theta_motor_rad", "theta_gear_rad", "d_gear_rad_s2", "moves_rad_s2"):
+            u[name] *= rng.choice([1.0, 0.05], COUNT)
 
-    run = Steps(block, together=together)
-    c, s, u = run.t, run.s, run.u
-    assert all(np.allclose(getattr(run.c, n), x, rtol=1e-6) for n, x in vars(c).items())
-    weighs = run.ok & (u.sensing_ok >= 0.5) & (c.mass_Nm > 0)
-    was, goes_on = s.weighed != 0, weighs & (s.weighed != 0)
-    # The weight by the first four terms of the sine, as far as the horizontal.
-    turned = u.theta_load_rad - c.mass_angle_rad
-    x = clip(turned, -1.6, 1.6)
-    weight = c.mass_Nm * sum((-1) ** k * x ** (2 * k + 1) / factorial(2 * k + 1) for k in range(4))
-    follow = 1 - exp(-2 * pi * 2 * H)
-    lags = {
-        name: where(goes_on, last + follow * (now - last), now)
-        for name, last, now in (
-            ("weight_lag_Nm", s.weight_lag_Nm, weight),
-            ("omega_lag_rad_s", s.omega_lag_rad_s, u.omega_load_rad_s),
-            ("tau_lag_Nm", s.tau_lag_Nm, u.tau_Nm),
-        )
-    }
-    alpha = where(goes_on, (u.omega_load_rad_s - s.omega_lag_rad_s) * follow / H, 0)
-    raw = lags["weight_lag_Nm"] + c.mass_kgm2 * alpha + c.mass_Nms_rad * lags["omega_lag_rad_s"]
-    known = clip(raw, -FULL, FULL)
-    within = (abs(turned) <= 1.6) & (abs(raw) <= FULL)
-    # A stop operator of 0.8 Nm in play form.
-    play = where(was, clip(s.stop_known_Nm, known - 0.8, known + 0.8), known)
-    loss = known - play
-    beside = where(was, known - s.mean_Nm, 0)
-    share = 1 - exp(-H / 5)
-    square = where(was, (1 - share) * s.square_Nm2 + share * beside**2, 0)
-    ends = {"gain": (1 / 1.3, 1 / 0.7), "loss": (-0.4, 0.4), "offset_Nm": (-0.3, 0.3)}
-    now = {n: clip(getattr(c, n) + getattr(s, f"more_{n}"), *ends[n]) for n in ends}
-    missed = lags["tau_lag_Nm"] - now["gain"] * known - now["loss"] * loss - now["offset_Nm"]
-    informed = weighs & within & (square > 0.05)
-    plausible = abs(missed) <= 0.5 + 0.5 * abs(known)
-    learns = informed & plausible
-    step = where(learns, H * 0.5 * missed, 0)
-    beyond, more = np.zeros(COUNT, dtype=bool), {}
-    for name, by in (("gain", 0.5 * known), ("loss", loss), ("offset_Nm", 0.5)):
-        raw = now[name] + step * by
-        kept = clip(raw, *ends[name])
-        beyond |= abs(raw - kept) > 1e-7
-        start, last = getattr(c, name), getattr(s, f"more_{name}")
-        more[f"next_more_{name}"] = where(learns, kept - start, last)
-    fade = 1 - exp(-H / 1.0)
-    wish = {
-        f"wish_{name}": getattr(s, f"wish_{name}")
-        + fade * (neutral + c.share * (now[name] - neutral) - getattr(s, f"wish_{name}"))
-        for name, neutral in (("gain", 1), ("loss", 0), ("offset_Nm", 0))
-    }
-    d = u.tau_desired_Nm
-    held = clip(s.stop_wish_Nm, d - 0.8, d + 0.8)
-    flags = (~run.ok, ~run.whole, learns, beyond, informed & ~plausible)
+    run = Steps(redundancy(drive), together=together)
+    s, u = run.s, run.u
+    ready = run.ok & run.whole & (u.motor_usable >= 0.5) & (u.gear_usable >= 0.5)
+    found = u.theta_gear_rad - u.theta_motor_rad - u.tau_Nm / 150
+    zeroed = s.zeroed > 0.5
+    apart = where(zeroed, found - s.zero_rad, 0)
+    angles = ready & (abs(apart) > 0.06 + abs(u.tau_Nm) * (1 / 80 - 1 / 150))
+    torque = J * u.d_gear_rad_s2
+    most = 2.2 + 0.25 * abs(u.tau_Nm) + 0.35 * J * u.moves_rad_s2
+    torques = ready & (abs(torque) > most)
     run.compare(
-        {f"next_{n}": v for n, v in (lags | wish).items()}
-        | more
-        | {
-            "next_weighed": weighs,
-            "next_stop_known_Nm": play,
-            "next_mean_Nm": where(was, s.mean_Nm + share * beside, known),
-            "next_square_Nm2": square,
-            "next_stop_wish_Nm": where(s.wished != 0, held, d),
-            "next_wished": 1,
-            "y_wish_gain": wish["wish_gain"],
-            "y_wish_shift_Nm": wish["wish_loss"] * (d - held) + wish["wish_offset_Nm"],
-            **{f"y_{n}": x for n, x in now.items()},
-            "y_missed_Nm": where(weighs, missed, 0),
-            "y_status": word(*flags),
+        {
+            "next_zero_rad": where(zeroed | ~ready, s.zero_rad, found),
+            "next_zeroed": ready,
+            "y_agree": ready & ~angles & ~torques,
+            "y_apart_rad": where(ready, apart, 0),
+            "y_apart_Nm": torque,
+            "y_room_Nm": most,
+            "y_status": word(~run.ok, ~run.whole, ~ready, angles, torques),
         }
     )
 
