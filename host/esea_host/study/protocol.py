@@ -208,8 +208,13 @@ def _check_parameters(
 ) -> None:
     wrong: list[Problem] = []
     where = f"parameters of {task.name} in block {block.name}"
+
+    def seen(problem: Problem) -> str:
+        wrong.append(problem)
+        return ""
+
     try:
-        checked(task.Parameters, given, where, lambda p: wrong.append(p) or "")
+        checked(task.Parameters, given, where, seen)
     except UserError as error:
         line = _next_line(protocol.text, first, wrong[0])
         raise UserError(f"{protocol.origin}, line {line}: {error.what}", error.fix) from None
