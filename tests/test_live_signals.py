@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from esea_host.connection.receiver import Batch
-from esea_host.recording.integrity import Gap
+from esea_host.recording import Gap
 from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.windows.history import RowRing, curve, spans
 from esea_host.windows.trigger import SINGLE, Trigger, crossings

@@ -21,7 +21,6 @@ from esea_gen.studies.simulation import ClosedLoopStudy, simulate_case
 from tests.conftest import require_tool
 from tests.test_family_device import EVERY, drive
 from tests.test_predictive import Plain, check_linearisation
-from tests.test_wiring import name_of
 
 LINEAR, CUBIC = Rise("power", 1), Rise("power", 3)
 # The seismic bearing of docs/identify.md, weights rounded.
@@ -251,7 +250,7 @@ def test_what_the_sensor_remembers_is_wired(devices):
     memory = {"reached": 1, "band": 1, "kept": 2, "slip": 5}
     assert inputs.items() >= memory.items()
     assert not inputs.keys() & {"play_rad", "tau_rate_Nm"}
-    wires = {name_of(a): name_of(b) for a, b in system.wires.items()}
+    wires = {f"{a.instance}.{a.port}": f"{b.instance}.{b.port}" for a, b in system.wires.items()}
     for name in ("tau_Nm", *memory):
         assert wires[f"predictive.{name}"] == f"sensor.{name}"
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import struct
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from esea_gen.board.firmware import build_firmware
 from esea_gen.board.gdb import HeldProcessor, addresses
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device
+from esea_gen.emit.render import environment
 
 # Ticks between two looks of the debugger, which does not wait for ever.  A look moves the clock to
 # the next tick at once: at none of these does the host speak.
@@ -72,103 +73,22 @@ class TapedBoard(SimBoard):
         return self.tape
 
 
-_DRIVERS = """
-#include "app.h"
-#include "cortex_m.h"
-
-#include <string.h>
-
-#define TICKS {ticks}u
-
-static const uint32_t measured[TICKS][ESEA_LINK_MEASURED] = {{ {measured} }};
-static const uint8_t bytes[] = {{ {bytes} }};
-static const uint32_t until[TICKS + 1u] = {{ {until} }};
-static const uint8_t troubles[TICKS] = {{ {troubles} }};
-static bool in_tick;
-static uint32_t fed, at;
-static const esea_port_t *own;
-/* By pointer: in the call graph one place alone receives. */
-static void (*volatile receive)(uint8_t) = esea_cortex_m_received;
-uint32_t script_motor[TICKS];
-uint8_t script_on[TICKS];
-uint32_t script_fault;
-void script_mark(void);
-
-__attribute__((noinline)) void script_mark(void)
-{{
-    __asm__ volatile("");
-}}
-
-static void feed(void)
-{{
-    while (fed < until[at])
-        receive(bytes[fed++]);
-}}
-
-static void sample(float *values)
-{{
-    if (at >= TICKS)
-        return;
-    in_tick = true;
-    memcpy(values, measured[at], sizeof measured[at]);
-}}
-
-static uint32_t trouble(void)
-{{
-    return in_tick ? troubles[at] : 0u;
-}}
-
-static bool stop_open(void)
-{{
-    return at >= {stop_from}u;
-}}
-
-static void motor(const float *u_Nm, bool enable)
-{{
-    if (!in_tick)
-        return;
-    in_tick = false;
-    memcpy(&script_motor[at], u_Nm, sizeof *u_Nm);
-    script_on[at] = enable;
-    script_fault = own->blackbox->fault;
-    ++at;
-    feed(); /* the main loop takes it before the next tick */
-    if (at % {mark}u == 0u || at == TICKS)
-        script_mark();
-}}
-
-void esea_board_drivers(esea_port_t *port)
-{{
-    own = port;
-    port->sample = sample;
-    port->motor = motor;
-    port->trouble = trouble;
-    port->stop_open = stop_open;
-}}
-"""
-
-
 def _drivers(tape: BoardTape) -> str:
     ticks = len(tape.measured)
-    rows = (", ".join(f"0x{w:x}u" for w in _words(row)) for row in tape.measured)
-    data, until = b"", []
-    for k in range(ticks + 1):
-        data += tape.frames.get(k, b"")
-        until.append(len(data))
-    stop = tape.stop_from
-    return _DRIVERS.format(
-        ticks=ticks,
-        measured=", ".join(f"{{ {row} }}" for row in rows),
-        bytes=", ".join(map(str, data)),
-        until=", ".join(map(str, until)),
-        troubles=", ".join(str(tape.troubles.get(k, 0)) for k in range(ticks)),
-        stop_from=2**32 - 1 if stop is None else stop,
-        mark=_MARK,
+    frames = [tape.frames.get(k, b"") for k in range(ticks + 1)]
+    return (
+        environment()
+        .get_template("board/scripted.c.j2")
+        .render(
+            ticks=ticks,
+            measured=np.array(tape.measured, np.float32).view(np.uint32).tolist(),
+            bytes=list(b"".join(frames)),
+            until=np.cumsum([len(f) for f in frames]).tolist(),
+            troubles=[tape.troubles.get(k, 0) for k in range(ticks)],
+            stop_from=2**32 - 1 if tape.stop_from is None else tape.stop_from,
+            mark=_MARK,
+        )
     )
-
-
-def _words(row: Sequence[float]) -> tuple[Any, ...]:
-    return struct.unpack(f"<{len(row)}I", struct.pack(f"<{len(row)}f", *row))
 
 
 def play(device: Device, board: str, tape: BoardTape) -> BoardTape:

@@ -22,7 +22,14 @@ from esea_gen.verify.bounds import (
     residual_flag,
 )
 from esea_gen.verify.one_step import StepRule, drift
-from esea_gen.verify.runs import CasadiOracle, Run, run_c, run_symbolic
+from esea_gen.verify.runs import (
+    CasadiOracle,
+    Run,
+    changed_by_restore,
+    not_finite,
+    run_c,
+    run_symbolic,
+)
 from esea_gen.verify.streams import inside
 from esea_gen.verify.verdict import EXACT, LASTING, ONE_STEP, RESIDUAL, Comparison
 
@@ -63,11 +70,8 @@ def compare(
         result.problems.append("the state was judged corrupt although nobody touched it")
     if oracle is not None:
         result.bit_identical = _same_bits(block, oracle, stream, got)
-    again = run_c(library.block(block.name), stream, restore=True)
-    for a, b, ports in zip(got, again, (block.outputs, block.state), strict=True):
-        for p in ports:
-            if a[p.name].tobytes() != b[p.name].tobytes():
-                result.problems.append(f"{p.name}: stop and restore changes it")
+    names = ([p.name for p in ports] for ports in (block.outputs, block.state))
+    result.problems += changed_by_restore(library.block(block.name), stream, got, *names)
     return result
 
 
@@ -110,8 +114,8 @@ def _compare_values(block: Block, wanted: Run, got: Run, result: Comparison) -> 
                 result.status_differences += unexplained(p, expected, found, limits)
                 continue
             c = np.asarray(found[p.name], dtype=np.float64)
-            if not np.all(np.isfinite(c)):
-                result.problems.append(f"{p.name} is not finite")
+            if said := not_finite([p], found):
+                result.problems += said
                 continue
             error = float(np.max(np.abs(c - expected[p.name]), initial=0.0))
             # A state and an output may share a name: keep the worse.
@@ -129,10 +133,8 @@ def _compare_steps(
     for a, b in zip(expected, got, strict=True):
         for name, value in drift(rule.block, a, b).items():
             result.drift[name] = max(value, result.drift.get(name, 0.0))
-    for p in (*rule.block.outputs, *rule.block.state):
-        values = got[0] if p in rule.block.outputs else got[1]
-        if not np.all(np.isfinite(np.asarray(values[p.name], dtype=float))):
-            result.problems.append(f"{p.name} is not finite")
+    for ports, part in zip((rule.block.outputs, rule.block.state), got, strict=True):
+        result.problems += not_finite(ports, part)
 
 
 def _repaired(block: Block, outputs: dict[str, Array]) -> bool:

@@ -36,7 +36,7 @@ from esea_gen.verify.assumed import broken, steps_beyond
 from esea_gen.verify.bounds import full_scales
 from esea_gen.verify.compare import unexplained
 from esea_gen.verify.executor import evaluate, expected_counters
-from esea_gen.verify.runs import run_c, run_symbolic
+from esea_gen.verify.runs import changed_by_restore, run_c, run_symbolic
 
 Raw = np.ndarray[Any, np.dtype[Any]]
 
@@ -324,11 +324,7 @@ def compare_fixed(
     if status:
         result.problems.append(f"{status} steps with an unexplained status word")
     runner.reset()
-    again_y, again_s = run_c(runner, stream, restore=True, raw=True)
-    for name, values in (raw_y | {f"state {n}": v for n, v in raw_s.items()}).items():
-        other = again_s[name[6:]] if name.startswith("state ") else again_y[name]
-        if not np.array_equal(values, other):
-            result.problems.append(f"{name}: stop and restore changes it")
+    result.problems += changed_by_restore(runner, stream, (raw_y, raw_s), raw_y, raw_s, raw=True)
     return result
 
 

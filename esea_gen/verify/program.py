@@ -13,7 +13,7 @@ from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.program import Program
 from esea_gen.language.stream import Stream
 from esea_gen.verify.bounds import full_scales
-from esea_gen.verify.runs import Run, run_c
+from esea_gen.verify.runs import Run, changed_by_restore, not_finite, run_c
 from esea_gen.verify.streams import streams
 from esea_gen.verify.verdict import EXACT_PROGRAM, STATED, Comparison
 
@@ -45,9 +45,7 @@ def compare_program(
         {p.name: 0.0 if exact else CLOSENESS * scale[p.name] for p in judged},
         rule=EXACT_PROGRAM if exact else STATED,
     )
-    for p in (*program.outputs, *program.state):
-        if not np.all(np.isfinite(np.asarray((got[0] | got[1])[p.name], float))):
-            result.problems.append(f"{p.name} is not finite")
+    result.problems += not_finite((*program.outputs, *program.state), got[0] | got[1])
     for p in judged:
         difference = np.abs(np.asarray(got[0][p.name], float) - expected[0][p.name])
         error = float(np.max(difference, initial=0.0))
@@ -72,9 +70,6 @@ def compare_program(
             # written; what a step computes from it is compared all the same.
             if not stream.injections or p in program.outputs or p in program.carried
         )
-    again = run_c(library.block(program.name), stream, restore=True)
-    for a, b, ports in zip(got, again, (program.outputs, program.carried), strict=True):
-        for p in ports:
-            if a[p.name].tobytes() != b[p.name].tobytes():
-                result.problems.append(f"{p.name}: stop and restore changes it")
+    names = ([p.name for p in ports] for ports in (program.outputs, program.carried))
+    result.problems += changed_by_restore(library.block(program.name), stream, got, *names)
     return result

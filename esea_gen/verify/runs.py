@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -192,6 +192,28 @@ def run_c(runner: CRunner, stream: Stream, restore: bool = False, raw: bool = Fa
         piece = {k: v[start:stop] for k, v in stream.inputs.items()}
         parts.append(runner.run(piece, raw=raw))
     return _join(parts)
+
+
+def changed_by_restore(
+    runner: CRunner, stream: Stream, got: Run, *groups: Iterable[str], raw: bool = False
+) -> list[str]:
+    """What is said of outputs and states that a stop and a restored state change."""
+    again = run_c(runner, stream, restore=True, raw=raw)
+    return [
+        f"{name}: stop and restore changes it"
+        for a, b, names in zip(got, again, groups, strict=True)
+        for name in names
+        if a[name].tobytes() != b[name].tobytes()
+    ]
+
+
+def not_finite(ports: Iterable[Port], values: Mapping[str, Array]) -> list[str]:
+    """What is said of values that are no numbers."""
+    return [
+        f"{p.name} is not finite"
+        for p in ports
+        if not np.all(np.isfinite(np.asarray(values[p.name], float)))
+    ]
 
 
 def _put_coefficients(runner: CRunner, prepared: list[bytes], values: Mapping[str, Array]) -> None:

@@ -218,9 +218,9 @@ class StudyFolder:
                 )
         self._washout(code, number, day, early)
         plan = build_plan(self.protocol, index, number)
-        log, done = self.log_of(code, number), self.rows(code, number)
+        log, rows = self.log_of(code, number), self.rows(code, number)
         stopping = self.protocol.file.stopping
-        return StudySession(log, plan, code, source, done, self.durable, stopping)
+        return StudySession(log, plan, code, source, rows, self.durable, stopping)
 
     def _washout(self, code: str, number: int, day: int | None, early: str) -> None:
         if day is None:

@@ -207,14 +207,14 @@ def _check_parameters(
     protocol: Protocol, first: int, block: TrialBlock, task: StudyTask, given: Mapping[str, Any]
 ) -> None:
     wrong: list[Problem] = []
-    where = f"parameters of {task.name} in block {block.name}"
 
-    def seen(problem: Problem) -> str:
+    def noted(problem: Problem) -> str:
         wrong.append(problem)
         return ""
 
+    where = f"parameters of {task.name} in block {block.name}"
     try:
-        checked(task.Parameters, given, where, seen)
+        checked(task.Parameters, given, where, noted)
     except UserError as error:
         line = _next_line(protocol.text, first, wrong[0])
         raise UserError(f"{protocol.origin}, line {line}: {error.what}", error.fix) from None
