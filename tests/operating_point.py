@@ -67,7 +67,7 @@ class PointAnalysis(ProgramSimulator):
         for name, memory in self.program.memory.items():
             if memory.region == "index":
                 continue
-            values = self._arrays[name]
+            values = self.arrays[name]
             stored = memory.values["f32"] if memory.region == "table" else values
             self._at[name] = prepared.get(name) or [
                 line.given(float(v), float(np.float32(s)))
@@ -83,7 +83,7 @@ class PointAnalysis(ProgramSimulator):
         kernel = self._kernels[key]
 
         def places(ref: Ref, env: dict[str, int]) -> range:
-            k = ref.start.value(env, self._tables)
+            k = ref.start.value(env, self.tables)
             return range(k, k + ref.stride * ref.length, ref.stride)
 
         def call(env: dict[str, int]) -> None:

@@ -163,7 +163,7 @@ def test_the_house_does_not_grow_unnoticed():
 
 
 def hidden(name: str) -> bool:
-    return name.startswith("_") and not name.endswith("__")
+    return name.startswith("_") and not name.endswith("__") and name != "_exit"  # of os
 
 
 def private_names(text: str) -> Iterator[str]:

@@ -188,9 +188,9 @@ class ProgramSimulator(Executor):
                 arrays[n] = np.array(m.values["f64"])
             elif m.region == "local":
                 arrays[n] = np.zeros(m.size)
-        self._arrays = arrays
+        self.arrays = arrays
         # Work arrays may hold whole numbers that index others.
-        self._tables: dict[str, Any] = dict(program.index_tables) | arrays
+        self.tables: dict[str, Any] = dict(program.index_tables) | arrays
         self._buffers: dict[int, tuple[list[Array], list[Array], Callable[[], None], Any]] = {}
         self._code = {n: self._compile(p.body) for n, p in program.parts.items()}
         self.passes: dict[str, int] = {}
@@ -198,7 +198,7 @@ class ProgramSimulator(Executor):
 
     def array(self, name: str) -> Array:
         """A copy of an array as the last step left it."""
-        return self._arrays[name].copy()
+        return self.arrays[name].copy()
 
     def _advance(self) -> None:
         self._passed: dict[str, int] = {}
@@ -212,14 +212,14 @@ class ProgramSimulator(Executor):
         return [self._closure(s) for s in body]
 
     def _closure(self, s: Statement) -> Callable[[dict[str, int]], None]:
-        tables = self._tables
+        tables = self.tables
         if isinstance(s, Call):
             return self._call(s)
         if isinstance(s, SetIndex):
             var, value = s.var, s.value
             return lambda env: env.__setitem__(var, value.value(env, tables))
         if isinstance(s, Exit):
-            array, start = self._arrays[s.flag.array], s.flag.start
+            array, start = self.arrays[s.flag.array], s.flag.start
 
             def exit_loop(env: dict[str, int]) -> None:
                 if array[start.value(env, tables)] != 0:
@@ -264,12 +264,12 @@ class ProgramSimulator(Executor):
         return run_loop
 
     def _when(self, s: When) -> Callable[[dict[str, int]], None]:
-        tables, then, other = self._tables, self._compile(s.then), self._compile(s.otherwise)
+        tables, then, other = self.tables, self._compile(s.then), self._compile(s.otherwise)
         flag = s.flag
 
         def true(env: dict[str, int]) -> bool:
             if isinstance(flag, Ref):
-                return bool(self._arrays[flag.array][flag.start.value(env, tables)] != 0)
+                return bool(self.arrays[flag.array][flag.start.value(env, tables)] != 0)
             left, right = flag[0].value(env, tables), flag[2].value(env, tables)
             return left < right if flag[1] == "<" else left == right
 
@@ -294,13 +294,13 @@ class ProgramSimulator(Executor):
             # The buffer must outlive its evaluator: it is kept beside it.
             self._buffers[key] = (a, r, evaluate, hold)
         a, r, go, _ = self._buffers[key]
-        tables = self._tables
+        tables = self.tables
         # The arrays stay where they are: the view of a place serves every later step.
         reads = [(x, f, dict[int, Array]()) for x, f in zip(a, s.args, strict=True) if f.length]
         writes = [(x, f, dict[int, Array]()) for x, f in zip(r, s.results, strict=True) if f.length]
 
         def seen(f: Ref, k: int) -> Array:
-            array, last = self._arrays[f.array], k + f.stride * (f.length - 1)
+            array, last = self.arrays[f.array], k + f.stride * (f.length - 1)
             if not (0 <= k < len(array) and 0 <= last < len(array)):
                 raise ProgramError(f"{s.kernel.name()}: {f.array}[{k}..{last}] of {len(array)}")
             return array[k : last + 1 : f.stride]

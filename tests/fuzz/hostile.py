@@ -381,7 +381,7 @@ def _frames(rng: Rng) -> bytes:
         head = struct.pack("<BBBBBB", len(payload), 0, 0, sender.seq, 1, 1) + cls.id.to_bytes(
             3, "little"
         )
-        crc = decoder._checksum(head + payload + bytes([cls.crc_extra]))
+        crc = decoder.checksum(head + payload + bytes([cls.crc_extra]))
         found.append(b"\xfd" + head + payload + struct.pack("<H", crc))
         sender.seq = (sender.seq + rng.choice((1, 1, 1, 7))) % 256
     data = b"".join(found)

@@ -41,7 +41,7 @@ def _slow_checksum(data: bytes) -> int:
     return int(mavcrc.x25crc(data).crc)
 
 
-_checksum: Callable[[bytes], int] = _FAST or _slow_checksum
+checksum: Callable[[bytes], int] = _FAST or _slow_checksum
 
 
 class Decoded(NamedTuple):
@@ -155,7 +155,7 @@ class TelemetryDecoder(FrameScanner):
                 end = at + length + more
                 if start != START or length > full or end > there:
                     break
-                if _checksum(body + extra) != told:
+                if checksum(body + extra) != told:
                     break
                 keep(body.ljust(size, b"\0"))
                 expected = expected + _ONE & SEQUENCE
