@@ -77,17 +77,11 @@ class CRunner:
 
     def _prepare(self, params: Any, tunables: Mapping[str, Any]) -> int:
         library, owner = self.library, self.owner
-        call, naming = getattr(library.lib, f"{self.prefix}_prepare"), library.naming
         if isinstance(owner, System):
-            getattr(library.lib, f"{self.prefix}_default_params")(params)
-            for instance, values in tunables.items():
-                for key, value in values.items():
-                    number = naming.tunable(owner.blocks[instance], key, value)
-                    setattr(getattr(params, instance), key, number)
-            return int(call(params, *self._coeffs))
+            return _prepared(library, params, self._coeffs[0], tunables)
         for key, value in (owner.default_tunables() | dict(tunables)).items():
-            setattr(params, key, naming.tunable(owner, key, value))
-        call(params, *self._coeffs)
+            setattr(params, key, library.naming.tunable(owner, key, value))
+        getattr(library.lib, f"{self.prefix}_prepare")(params, *self._coeffs)
         return 0
 
     def reset(self) -> None:
@@ -179,6 +173,21 @@ class CRunner:
         return {k: v[0] for k, v in outputs.items()}
 
 
+def _prepared(
+    library: HostLibrary, params: Any, coeffs: Any, tunables: Mapping[str, Mapping[str, float]]
+) -> int:
+    # Set a System's tunables, the others at their defaults: 0, or the number of one refused.
+    system, prefix = library.system, library.prefix
+    known = {(i, t.name): t for i, t in system.tunables}
+    library.function(f"{prefix}_default_params")(params)
+    for instance, values in tunables.items():
+        for key, value in values.items():
+            taken = known[instance, key].taken(value) if (instance, key) in known else value
+            number = library.naming.tunable(system.blocks[instance], key, taken)
+            setattr(getattr(params, instance), key, number)
+    return int(library.function(f"{prefix}_prepare")(params, coeffs))
+
+
 class CBoard:
     """A System's compiled C, called as firmware calls it: one state, shared by all tasks.
 
@@ -213,9 +222,7 @@ class CBoard:
         self.coeffs: tuple[Any, ...] = ()
         if system.tunables:
             params, coeffs = self._new("params"), self._new("coeffs")
-            self.call("default_params", params)
-            self._set(params, tunables or {})
-            refused = int(self.call("prepare", params, coeffs))
+            refused = _prepared(library, params, coeffs, tunables or {})
             if refused:
                 instance, tunable = system.tunables[refused - 1]
                 raise ValueError(
@@ -223,14 +230,6 @@ class CBoard:
                 )
             self.coeffs = (coeffs,)
         self.call("init", *self.coeffs, self.state)
-
-    def _set(self, params: Any, tunables: Mapping[str, Mapping[str, float]]) -> None:
-        known = {(i, t.name): t for i, t in self.system.tunables}
-        for instance, values in tunables.items():
-            for key, value in values.items():
-                taken = known[instance, key].taken(value) if (instance, key) in known else value
-                number = self.library.naming.tunable(self.system.blocks[instance], key, taken)
-                setattr(getattr(params, instance), key, number)
 
     def _new(self, kind: str, values: Mapping[str, Any] | None = None) -> Any:
         return self.library.ffi.new(f"{self.library.prefix}_{kind}_t *", values or {})
