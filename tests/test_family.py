@@ -169,7 +169,7 @@ def every_term():
     back=st.booleans(),
     each=st.sampled_from([400, 1500]),
 )
-@settings(max_examples=80)
+@settings(max_examples=30)
 def test_no_path_gives_energy(every_term, turns, back, each):
     """From rest, unloaded: at no time has more come out than was put in; closed paths included."""
     x = path_of([*turns, 0.0] if back else turns, each)
