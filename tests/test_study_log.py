@@ -53,7 +53,7 @@ def killed_at(study: StudyFolder, write: int, share: float) -> None:
         try:
             study.session("P01", 0, SimulatedSource(3)).run()
         finally:
-            os._exit(0)
+            os.kill(os.getpid(), signal.SIGABRT)
     _, status = os.waitpid(child, 0)
     assert os.WIFSIGNALED(status)
     assert os.WTERMSIG(status) == signal.SIGKILL

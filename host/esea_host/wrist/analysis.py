@@ -25,7 +25,7 @@ Values = Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
-class Comparison:
+class TableComparison:
     """A line of a published table: names of either side's value, their medians, and p."""
 
     metric: str
@@ -41,7 +41,7 @@ class StudyTable:
     """A published table; rms: its RMS speed error, which has one side."""
 
     sides: tuple[str, str]
-    lines: tuple[Comparison, ...]
+    lines: tuple[TableComparison, ...]
     rms: float | None = None
 
 
@@ -65,9 +65,9 @@ LEARNED = tuple(
 
 def _lines(
     measured: Sequence[tuple[str, str, str, str]], *published: tuple[float, float, float]
-) -> tuple[Comparison, ...]:
+) -> tuple[TableComparison, ...]:
     each = zip(measured, published, strict=True)
-    return tuple(Comparison(*m, (first, second), p) for m, (first, second, p) in each)
+    return tuple(TableComparison(*m, (first, second), p) for m, (first, second, p) in each)
 
 
 # Thesis tables 7.1 to 7.4: medians of either side, and the p values in its text.
@@ -194,7 +194,7 @@ def _tested(table: StudyTable, values: Mapping[str, Values]) -> tuple[TableLine,
     return tuple(found)
 
 
-def _line(w: Comparison, values: Mapping[str, Values]) -> TableLine:
+def _line(w: TableComparison, values: Mapping[str, Values]) -> TableLine:
     pairs = [(v.get(w.first), v.get(w.second)) for v in values.values()]
     both = np.array([(a, b) for a, b in pairs if a is not None and b is not None], np.float64)
     known = TableLine(w.metric, w.unit, len(both), published=w.medians, published_p=w.p)
