@@ -1,4 +1,4 @@
-"""Models of a board's chips, its black box and its tape: words and bits typed by hand."""
+"""Models of a board's chips: words and bits typed by hand from their data sheets."""
 
 from __future__ import annotations
 
@@ -96,12 +96,3 @@ def test_a_motors_current_and_its_converter():
         assert motor.counts == counts
     motor.stuck_counts = 0
     assert motor.counts == 0
-
-
-# -- the black box ---------------------------------------------------------------------------------
-
-
-# -- the tape --------------------------------------------------------------------------------------
-
-
-# -- the board in this process ---------------------------------------------------------------------

@@ -13,8 +13,9 @@ from esea_gen.control.predictive.drive import predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import load_device
 from esea_gen.emit import render
-from esea_gen.emit.fixed.errors import any_bound
+from esea_gen.emit.fixed.errors import Propagation, any_bound
 from esea_gen.emit.fixed.kept import plan_block
+from esea_gen.emit.fixed.plan import FieldPlan
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, content_hash
 from esea_gen.hostlib.library import HostLibrary
@@ -24,7 +25,7 @@ from esea_gen.language.stream import Stream
 from esea_gen.language.system import System, Task
 from esea_gen.verify.bounds import derive_bounds
 from esea_gen.verify.compare import compare, unexplained
-from esea_gen.verify.fixed import compare_fixed
+from esea_gen.verify.fixed import compare_fixed, single_steps, states_before
 from esea_gen.verify.one_step import StepRule
 from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import CasadiOracle, run_c, run_executor
@@ -266,6 +267,40 @@ def test_a_turned_decision_is_explained_by_its_own_error_alone(share, passes):
     assert (found.problems == []) == passes
 
 
+def beside_the_edge(plan, memory: FieldPlan, count: int = 600) -> tuple[np.ndarray, np.ndarray]:
+    """Whole units x and z of which 0.7 x + z lies within a unit of x of the edge."""
+    x_unit, z_unit = 2.0 ** -plan.fields["in"][0].fraction, 2.0**-memory.fraction
+    rng = np.random.default_rng(5)
+    z = np.round(rng.uniform(-0.3, 0.9, count) / z_unit) * z_unit
+    x = np.round((EDGE - z) / 0.7 / x_unit) * x_unit
+    assert np.max(np.abs(0.7 * x + z - EDGE)) < x_unit
+    return x, z
+
+
+@pytest.mark.parametrize(("share", "passes"), SHARES)
+def test_a_turned_q31_decision_is_explained_by_its_error_alone(elbow, monkeypatch, share, passes):
+    block = chooser()
+    plan = plan_block(block)
+    (memory,) = plan.fields["state"]
+    x, z = beside_the_edge(plan, memory)
+    stream = Stream("edge", {"x_rad": x}, {k: {"kept_rad": v} for k, v in enumerate(z)})
+    runner, bound = library(block, "q31").block(block.name), any_bound(plan)
+    found = compare_fixed(elbow, plan, runner, stream, bound)
+    assert found.passed
+    assert found.turned > 3
+    _, states = run_c(runner, stream, raw=True)
+    turned = single_steps(plan, stream, states_before(plan, stream, states)).turned
+    # Derived errors of which the largest distance from the edge is that share.
+    apart = np.max(np.abs(0.7 * x + z - EDGE)[turned])
+    assert apart > 1e-12
+    count = len(plan.step.kernel.nodes)
+    monkeypatch.setattr(Propagation, "node_errors", lambda *_: [0.5 * apart / share] * count)
+    found = compare_fixed(elbow, plan, runner, stream, bound)
+    assert found.turned == turned.sum()
+    assert found.passed == passes
+    assert all("that rounding does not explain" in p for p in found.problems)
+
+
 FLAGGED = Port("status", 0, 3, "word", flags=(
     Flag("INVALID", "an input", False), Flag("BEYOND", "too large", False, ("y_rad",), 2.0),
 ))  # fmt: skip
@@ -305,6 +340,3 @@ def test_the_content_hash_sees_the_device_file_and_every_version(elbow, monkeypa
         monkeypatch.setattr(render, "versions", lambda n=name: known | {n: "0.0.1"})
         seen.add(hashed(elbow))
     assert len(seen) == 4
-
-
-# -- gates -----------------------------------------------------------------------------------------

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import casadi as ca
-import numpy as np
 import pytest
 
 from esea_gen.emit.formats import FORMATS
@@ -107,15 +106,6 @@ def test_of_what_nothing_is_known_is_said_so():
     assert (found.low, found.high, found.nan) == (1, 7, True)
     assert ends(interval(ca.sign(X), x=nan)) == (0, 1)
     assert ends(interval(ca.sign(-X), x=nan)) == (-1, 0)
-
-
-def test_ends_are_rounded_as_the_format_rounds():
-    for name, kind in (("f32", np.float32), ("f64", np.float64)):
-        a, b = kind(0.1), kind(0.7)
-        found = interval(X + Y, FORMATS[name], x=(float(a), 1.0), y=(float(b), 1.0))
-        assert found.low == float(a + b)
-        found = interval(X * Y, FORMATS[name], x=(float(a), 1.0), y=(float(b), 1.0))
-        assert found.low == float(a * b)
 
 
 @pytest.mark.parametrize(

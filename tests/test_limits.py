@@ -11,12 +11,9 @@ from esea_gen.control.limits.block import command_stamp, limits
 from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import compile_system
 from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.stream import SPECIAL, single
-from esea_gen.language.system import System, Task
 
-from .conftest import require_tool
 from .limits_model import (
     AT,
     BIT,
@@ -31,7 +28,6 @@ from .limits_model import (
     TIES,
     above,
     against_plain_limits,
-    alone,
     calm,
     changed,
     compiled,
@@ -441,65 +437,6 @@ def test_every_flag_and_every_fault_is_reached(drive, brisk_runners):
 
 
 # -- the C is the symbols --------------------------------------------------------------------------
-
-
-# -- the stamp, and both through the latches -------------------------------------------------------
-
-
-@pytest.mark.parametrize("real", REALS)
-def test_stamp(drive, real):
-    require_tool("gcc")
-    runner = compile_system(alone(drive, command_stamp(drive)), real).block("stamp")
-    u = single(np.random.default_rng(1).uniform(-0.2, 0.2, 600))
-    y, _ = runner.run({"u_command_Nm": u})
-    assert np.array_equal(y["u_command_Nm"], u)
-    assert np.array_equal(y["control_beat"], 1 + np.arange(600) % 255)
-    assert not np.any(y["status"])
-    for bad in (*SPECIAL, 1.0):
-        y = runner.step(u_command_Nm=bad)
-        assert (y["u_command_Nm"], y["control_beat"], y["status"]) == (0, 0, 1)
-    state = runner.state
-    state["beats"] = np.nan
-    runner.state = state
-    assert runner.step(u_command_Nm=0.1)["status"] == 2
-
-
-def two_tasks(device: Device) -> System:
-    guard, stamp = limits(device), command_stamp(device)
-    names = [p.name for p in guard.inputs if p.name not in ("u_command_Nm", "control_beat")]
-    return System(
-        "elbow_guarded",
-        device.period_s,
-        {"limits": guard, "stamp": stamp},
-        (Task("sense", ("limits",)), Task("control", ("stamp",), 5, 0, 1)),
-        {
-            "limits.u_command_Nm": "stamp.u_command_Nm",
-            "limits.control_beat": "stamp.control_beat",
-        },
-        {n: (f"limits.{n}",) for n in names} | {"u_command_Nm": ("stamp.u_command_Nm",)},
-        {"u_Nm": "limits.u_Nm", "fault": "limits.fault", "status": "limits.status"},
-    )
-
-
-@pytest.mark.parametrize("dies", [None, "silent", "nan"])
-def test_through_the_latches_of_two_tasks(drive, dies):
-    system = two_tasks(drive)
-    simulator, x = system.simulator(), calm()
-    names = [e.name for e in system.task_inputs(system.task("sense"))]
-    faults = []
-    for k in range(200):
-        simulator.release(k)
-        y = simulator.step("sense", **{n: float(x[n][k]) for n in names})
-        faults.append(y["fault"])
-        if k % 5 == 0 and not (dies == "silent" and k >= 100):
-            wrong = dies == "nan" and k >= 100
-            simulator.step("control", u_command_Nm=np.nan if wrong else float(x["u_command_Nm"][k]))
-    if dies is None:
-        assert not any(faults[3:])
-    else:
-        # Silent: the run of tick 95 is seen at 96, stale 25 later.  NaN: seen at 101.
-        assert faults[100] == 0
-        assert faults.index(Fault.CONTROL_STALE) == (121 if dies == "silent" else 101)
 
 
 # -- bad devices -----------------------------------------------------------------------------------

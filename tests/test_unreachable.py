@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,10 +13,10 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable
 from esea_gen.verify.coverage import SIDES
 from esea_gen.verify.executor import emitted_kernel, evaluate
-from esea_gen.verify.intervals import ANYTHING, Interval, computed_intervals
+from esea_gen.verify.intervals import Interval, computed_intervals
 from esea_gen.verify.unreachable import guarded_ranges, imply, why_impossible
 
-from .kernel_trees import INPUTS, built, kernel_of, trees
+from .kernel_trees import INPUTS, built, trees
 
 F32 = FORMATS["f32"]
 ENDS = {"x": (-2.0, 3.0), "y": (-1.0, 1.0), "z": (0.0, 4.0), "n": (0.0, 3.0)}
@@ -271,61 +269,3 @@ def test_what_the_guard_lets_pass():
     assert found[gain] == Interval(0.5, 2.0)
     assert not found[at["inputs_ok"]].settled
     assert not found[at["state_ok"]].settled
-
-
-@pytest.mark.parametrize(
-    ("tree", "expected"),
-    [
-        (("fmin", "x", "y"), Interval(-2, 1)),
-        (("fmin", "y", "x"), Interval(-2, 1)),
-        (("fmax", "y", "x"), Interval(-1, 3)),
-        (("div", "x", "z"), ANYTHING),
-        (("div", "x", ("neg", "z")), ANYTHING),
-        (("log", "z"), ANYTHING),
-        (("inv", ("sub", "z", 5)), Interval(-1, -0.2)),
-        (("mul", "x", ("mul", 3, "x")), Interval(0, 27)),
-        (("mul", ("mul", "x", 3), "x"), Interval(0, 27)),
-        (("mul", "x", ("mul", -3, "x")), Interval(-27, 18)),
-        (("mul", "y", ("mul", 3, "x")), Interval(-9, 9)),
-        (("pow", "z", 2), Interval(0, 16)),
-        (("pow", "z", -2), ANYTHING),
-        (("pow", "z", "y"), ANYTHING),
-        (("sign", "z"), Interval(0, 1)),
-        (("sign", ("neg", "z")), Interval(-1, 0)),
-        (("select", "n", "x", "z"), Interval(-2, 4)),
-        (("select", ("add", "n", 1), "x", "z"), Interval(-2, 4)),
-        (("select", 2, "x", "z"), Interval(-2, 3)),
-        (("if_else_zero", 2, "x"), Interval(-2, 3)),
-        (("if_else_zero", "n", ("add", "z", 1)), Interval(0, 5)),
-        (("if_else_zero", "n", ("sub", "y", 5)), Interval(-6, 0)),
-        (("not", ("add", "n", 1)), Interval(0, 0)),
-        (("and", ("add", "n", 1), ("sub", "z", 9)), Interval(1, 1)),
-        (("or", 0, 0), Interval(0, 0)),
-        (("or", "n", 0), Interval(0, 1)),
-        (("eq", 2, 2), Interval(1, 1)),
-        (("ne", 2, 2), Interval(0, 0)),
-        (("eq", "x", ("add", "z", 3)), Interval(0, 1)),
-        (("ne", "x", ("add", "z", 3.5)), Interval(1, 1)),
-    ],
-    ids=str,
-)
-def test_intervals_of_what_is_computed(tree, expected):
-    kernel = kernel_of(tree)
-    found = computed_intervals(kernel, F32, [[Interval(*ENDS[n]) for n in INPUTS]])
-    (at,) = kernel.results[0]
-    assert found[at].nan == expected.nan
-    ends = (expected.low, expected.high)
-    assert (found[at].low, found[at].high) == pytest.approx(ends, rel=1e-5)
-
-
-def test_an_interval_without_end_is_not_settled_and_may_be_no_number():
-    assert Interval(-math.inf, math.inf, nan=True) == ANYTHING
-    assert Interval(2, 2).settled
-    assert not Interval(2, 2, True).settled
-    assert not Interval(2, 3).settled
-    # A boolean that may be either stays so, whatever its operands' ranges say.
-    kernel = kernel_of(("lt", "z", 9))
-    (at,) = kernel.results[0]
-    given_ = [[Interval(*ENDS[n]) for n in INPUTS]]
-    assert computed_intervals(kernel, F32, given_)[at] == Interval(1, 1)
-    assert computed_intervals(kernel, F32, given_, {at})[at] == Interval(0, 1)

@@ -10,7 +10,6 @@ from esea_gen.device import Device
 from esea_gen.emit.roles import board_roles
 from esea_gen.emit.states import STATES
 
-SECONDS = 2.0
 _PACKED = ("mode", "stop", "rearm")
 
 
@@ -45,12 +44,6 @@ def record_bytes(device: Device) -> int:
     """Size of a record."""
     floats = sum(size for _, size in _desired(device)) + len(board_roles(device.system).measured)
     return _head(device).size + 4 * floats
-
-
-def blackbox_records(device: Device, most_bytes: int | None = None) -> int:
-    """How many ticks a black box holds: two seconds, or what the board has memory for."""
-    whole = int(SECONDS / device.system.base_period_s)
-    return whole if most_bytes is None else min(whole, most_bytes // record_bytes(device))
 
 
 def read_record(device: Device, data: bytes) -> BlackboxRecord:

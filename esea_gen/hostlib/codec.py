@@ -83,7 +83,7 @@ def struct_dtype(ffi: Any, c_type: str) -> np.dtype[Any]:
             return np.dtype(primitive[ctype.cname])
         if ctype.kind == "array":
             return np.dtype((converted(ctype.item), (ctype.length,)))
-        fields = dict(ctype.fields)  # none of a Block without state
+        fields = dict(ctype.fields)  # of a System without state there is none
         return np.dtype(
             {
                 "names": list(fields),

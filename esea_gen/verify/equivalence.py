@@ -4,22 +4,15 @@ In float64 the C must be the symbolic Block to rounding, and CasADi's own C bit 
 it must stay within a derived bound.  Three rules, in this order:
 
 ``residual``
-    The exact inverse picks a segment by comparisons and takes a root, so that intervals of its
-    values mean nothing.  It is judged by what it is for: the torque that the model gives at its
-    set-point, less the request.  The Block itself says what it allows there, in the flag
-    NOT_CONVERGED on its output ``residual_Nm``; verification holds both formats to that limit, once
-    by the Block's own residual and once by the symbolic sensor in float64, run on the Block's
-    set-points (:func:`~esea_gen.verify.bounds.forward_residual`).
+    Of the exact inverse, whose comparisons and root give intervals no meaning: the model's torque
+    at its set-point, less the request, by the Block's own output and by the symbolic sensor
+    (:func:`~esea_gen.verify.bounds.forward_residual`), within the limit of its NOT_CONVERGED.
 ``any number of steps``
-    The derived bound of a Block that forgets its errors
-    (:func:`~esea_gen.verify.bounds.derive_bounds`).
-    That of a linear Block assumes that no clip of a state acts and no invalid input is bridged.
-    Every run is held against that (:mod:`esea_gen.verify.assumed`): one that breaks it fails,
-    unless its stream is declared rough; its steps are then judged by the next rule.
+    The bound of a Block that forgets its errors.  Where a run breaks what a linear Block's assumes
+    (:mod:`esea_gen.verify.assumed`), it fails, or, if its stream is declared rough, is judged by:
 ``one step, from the same memory``
-    For a Block that does not forget them: what each step adds is held to the bound of one step
-    (:mod:`esea_gen.verify.one_step`).  How far C and symbolic Block come apart in a free run is
-    told beside it, and not bounded.
+    What each step adds (:mod:`esea_gen.verify.one_step`).  How far a free run comes apart is told
+    beside it, and not bounded.
 """
 
 from __future__ import annotations
@@ -44,24 +37,14 @@ from esea_gen.verify.verdict import Comparison, Verification
 
 
 def chosen_blocks(device: Device, names: Sequence[str] | None) -> list[Any]:
-    """Blocks of a device by name.
+    """Blocks of a device by name, in the System's order; a name that none has is refused.
 
     Parameters
     ----------
     device : Device
-        The device.
+        Whose.
     names : sequence of str or None
-        Their names; all without any.
-
-    Returns
-    -------
-    list of Block or Program
-        In the System's order.
-
-    Raises
-    ------
-    UserError
-        For a name that none of them has.
+        All without any.
     """
     known = {b.name: b for b in device.system.kinds}
     for name in names or ():

@@ -110,17 +110,12 @@ class Verification:
         return all(c.passed for c in self.comparisons)
 
     def telling_nothing(self, block: str) -> dict[str, float]:
-        """Outputs of a Block whose derived bound is as wide as the output itself, or wider.
+        """Outputs whose narrowest derived bound, in per cent of full scale, is 100 or more.
 
         Parameters
         ----------
         block : str
             Name of the Block.
-
-        Returns
-        -------
-        dict of str to float
-            The narrowest bound of each, in per cent of full scale: an error within it says nothing.
         """
         scale, domains = self.full_scales[block], self.bounds.get(block, {}).values()
         names = {k for b in domains for k in b.outputs if scale.get(k)}
@@ -136,11 +131,6 @@ class Verification:
             Number format.
         block : str
             Name of the Block.
-
-        Returns
-        -------
-        dict of str to float
-            Error by output port.
         """
         out: dict[str, float] = {}
         for c in self.comparisons:

@@ -73,7 +73,6 @@ def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, 
     chosen, fmt, hand = BARE_BOARDS[board], FORMATS[real], program == "hand"
     renderer = renderer_of(device, device.system, real)
     naming, block = renderer.naming, device.velocity
-    port = {p.name: p for p in (*block.inputs, *block.outputs)}
     tunable = block.tunables[0]
 
     def text(group: str, name: str, value: float) -> str:
@@ -93,10 +92,10 @@ def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, 
         "c_type": fmt.c_type,
         "rows": rows,
         "names": {
-            "theta": naming.field(block, "in", port["theta_rad"]),
-            "omega": naming.field(block, "out", port["omega_rad_s"]),
-            "omega_mid": naming.field(block, "out", port["omega_mid_rad_s"]),
-            "bandwidth": naming.field(block, "params", tunable),
+            "theta": "theta_rad",
+            "omega": "omega_rad_s",
+            "omega_mid": "omega_mid_rad_s",
+            "bandwidth": tunable.name,
         },
         "bandwidth": text("params", tunable.name, tunable.default),
         "stack_top": 0x20000000 + chosen.ram_bytes,

@@ -114,9 +114,8 @@ class Step:
 
     def _place(self, group: str, name: str, index: int | None) -> str:
         port = self._port(group, name)
-        field = self.c.renderer.naming.field(self.block, group, port)
         at = "" if port.size == 1 else f"[{index or 0}]"
-        return f"{group}.{field}{at}"
+        return f"{group}.{name}{at}"
 
     def _number(self, group: str, name: str, index: int | None, term: str | None) -> Number:
         place = self._place(group, name, index)

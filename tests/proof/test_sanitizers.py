@@ -33,7 +33,7 @@ def test_no_undefined_behaviour(elbow, real):
     found = undefined_behaviour(elbow, real)
     assert found.reports == ()
     assert found.runs >= 19
-    assert found.to_dict()["passed"] is True
+    assert found.passed
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 
 from esea_gen.analysis.campaign import Workers, run_cases
@@ -17,14 +19,32 @@ from esea_gen.device import Device, load_device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
+from esea_gen.plotting import BOUND, INK, STYLE
 from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks, envelope
 from esea_gen.verify.faults.driven import below_the_inputs, driven_rig_of, driver_faults
 from esea_gen.verify.faults.emulated import EmulatedFault, emulated_sample
-from esea_gen.verify.faults.kinds import BoardFault, all_faults, words
-from esea_gen.verify.faults.picture import FaultRow, fault_picture
+from esea_gen.verify.faults.kinds import INPUT_KINDS, BoardFault, all_faults, words
 from esea_gen.verify.faults.rig import EARLIEST, LATEST, SCENES, rig_of
 
 DEFAULT_RUNS = 2000
+
+
+@dataclass(frozen=True)
+class FaultRow:
+    """All runs of a place and kind."""
+
+    place: str
+    kind: str
+    runs: int
+    found: int
+    bound_ticks: int | None
+    latest_ticks: int | None
+    torque_then_Nm: float
+    peak_torque_Nm: float
+    energy_J: float
+    unfound_torque_Nm: float | None
+    unfound_energy_J: float | None
+    outside: int
 
 
 @dataclass(frozen=True)
@@ -193,14 +213,8 @@ def run_one(
     fault = BoardFault(place, kind, amount, word, byte)
     chosen = next(s for s in SCENES if s.name == scene)
     rig = driven_rig_of if below_the_inputs(fault) else rig_of
-    felt = rig(loaded(device)).run(chosen, fault, at, seed)
-    return {
-        "found_ticks": -1 if felt.found_ticks is None else felt.found_ticks,
-        "reason": felt.reason,
-        "torque_then_Nm": felt.torque_then_Nm,
-        "peak_torque_Nm": felt.peak_torque_Nm,
-        "energy_J": felt.energy_J,
-    }
+    felt = asdict(rig(loaded(device)).run(chosen, fault, at, seed))
+    return felt | {"found_ticks": -1 if felt["found_ticks"] is None else felt["found_ticks"]}
 
 
 def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[dict[str, Any]]:
@@ -212,13 +226,9 @@ def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[di
     faults = all_faults(device, memory[0], memory[1], seed, runs, below)
     rng = random.Random(seed)
     return [
-        {
+        asdict(f)
+        | {
             "device": origin,
-            "place": f.place,
-            "kind": f.kind,
-            "amount": f.amount,
-            "word": f.word,
-            "byte": f.byte,
             "scene": rng.choice(SCENES).name,
             "at": rng.randrange(EARLIEST, LATEST),
             "seed": k,
@@ -288,19 +298,57 @@ def _judged(
         and values["peak_torque_Nm"] <= limits.run_out_Nm
         and values["energy_J"] <= limits.energy_J
     )
+    told = {k: values[k] for k in ("torque_then_Nm", "peak_torque_Nm", "energy_J")}
     return FaultRun(
-        fault.input,
-        fault.kind,
-        fault.amount,
-        case["scene"],
-        case["at"],
-        case["seed"],
-        found is not None,
-        bound,
-        found,
-        int(values["reason"]),
-        values["torque_then_Nm"],
-        values["peak_torque_Nm"],
-        values["energy_J"],
-        inside,
+        input=fault.input,
+        kind=fault.kind,
+        amount=fault.amount,
+        scene=case["scene"],
+        at_tick=case["at"],
+        seed=case["seed"],
+        detected=found is not None,
+        bound_ticks=bound,
+        found_ticks=found,
+        reason=int(values["reason"]),
+        inside=inside,
+        **told,
     )
+
+
+def fault_picture(device: str, rows: Sequence[FaultRow], torque_Nm: float) -> Figure:
+    """Inputs by kinds, then what else may break: worst torque, and ticks until found."""
+    inputs = [r for r in rows if r.kind in INPUT_KINDS and " of " not in r.place]
+    others = [r for r in rows if r not in inputs]
+    places = list(dict.fromkeys(r.place for r in inputs))
+    heights = [0.45 * len(places) + 1.0, 0.19 * len(others) + 0.5]
+    with mpl.rc_context(STYLE):
+        figure = Figure((10.5, sum(heights) + 0.6), layout="constrained")
+        above, below = figure.subplots(2, 1, height_ratios=heights)
+        worst = np.full((len(places), len(INPUT_KINDS)), np.nan)
+        for r in inputs:
+            at = places.index(r.place), INPUT_KINDS.index(r.kind)
+            worst[at] = r.peak_torque_Nm
+            text = f"{_found(r)}\n{r.peak_torque_Nm:.1f} Nm"
+            above.text(at[1], at[0], text, ha="center", va="center", fontsize=7.5, color=INK)
+        above.imshow(worst, cmap="YlOrBr", vmin=0.0, vmax=1.6 * torque_Nm, aspect="auto")
+        above.set_xticks(range(len(INPUT_KINDS)), INPUT_KINDS)
+        above.set_yticks(range(len(places)), places)
+        above.set_title(
+            f"{device}, simulated. Ticks until the motor followed no more (in how many runs),\n"
+            f"and largest torque on the limb (envelope {torque_Nm:g} Nm)"
+        )
+        below.barh(range(len(others)), [r.peak_torque_Nm for r in others], color="#f6c667")
+        for k, r in enumerate(others):
+            below.text(r.peak_torque_Nm + 0.05, k, _found(r), va="center", fontsize=7.5, color=INK)
+        below.axvline(torque_Nm, color=BOUND, linewidth=1.2)
+        below.set_yticks(range(len(others)), [f"{r.place}, {r.kind}" for r in others], fontsize=7.5)
+        below.set_ylim(len(others) - 0.4, -0.6)
+        below.set_xlim(0.0, 1.06 * torque_Nm)
+        below.set_xlabel("largest torque on the limb (Nm); line: envelope")
+        above.grid(visible=False)
+        above.tick_params(length=0)
+    return figure
+
+
+def _found(r: FaultRow) -> str:
+    return "not found" if not r.found else f"{r.latest_ticks} ({r.found}/{r.runs})"
