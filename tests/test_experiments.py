@@ -224,8 +224,9 @@ def test_step_frequency_and_output_impedance():
     assert response.gain[0] == pytest.approx(1, abs=0.07)
     (port,) = simulate("output-impedance", Setting("smc", "ideal", "ideal")).kept.values()
     # Transparent: far below the drive's own inertia where it follows, and rising with frequency.
-    inertia = np.abs(port.per_angle) / (2 * np.pi * port.frequency_Hz) ** 2
-    assert inertia[port.frequency_Hz < 2].max() < 0.2 * 0.663
+    frequency_Hz = port.angle.frequency_Hz
+    inertia = port.angle.gain / (2 * np.pi * frequency_Hz) ** 2
+    assert inertia[frequency_Hz < 2].max() < 0.2 * 0.663
 
 
 @pytest.mark.parametrize(
