@@ -29,15 +29,21 @@ INSIDE = "ESEA_C_MUTANTS"
 LIMIT_S = 60  # of the processor, or ten times that by the clock: a fault without end
 
 # By file, the tests that hold it, first those that tell soonest.
-DRIVERS = ("test_drivers.py",)
+DRIVERS = ("test_drivers.py", "test_motor_driver.py")
 TESTS = {
-    "app/machine.c": ("test_states.py",),
+    "app/machine.c": ("test_states.py", "test_states_any_order.py"),
     "app/keep.c": ("test_kept.py", "test_wire.py", "test_life.py"),
     "app/life.c": ("test_life.py",),
     "app/schedule.c": ("test_states.py", "test_blackbox_flown.py", "test_wire.py", "test_kept.py"),
-    "app/link.c": ("test_expiry.py", "test_wire.py", "test_states.py", "test_kept.py"),
-    "app/reader.c": ("test_expiry.py", "test_wire.py"),
-    "app/signing.c": ("test_wire.py", "test_expiry.py"),
+    "app/link.c": (
+        "test_expiry.py",
+        "test_wire.py",
+        "test_paired.py",
+        "test_states.py",
+        "test_kept.py",
+    ),
+    "app/reader.c": ("test_expiry.py", "test_paired.py"),
+    "app/signing.c": ("test_paired.py", "test_expiry.py"),
     "drivers/as5048a.c": DRIVERS,
     "drivers/biss.c": DRIVERS,
     "drivers/escon.c": DRIVERS,

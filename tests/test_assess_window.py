@@ -110,6 +110,7 @@ def test_limits_are_shown_and_kept_and_impossible_ones_refused(opened):
 @pytest.mark.parametrize("locale", ["C", "de_DE", "fr_FR"])
 def test_a_typed_number_is_the_same_in_every_locale(qtbot, data, locale):
     from PySide6.QtCore import QLocale
+    from PySide6.QtWidgets import QPushButton
 
     from esea_host.windows.assess import AssessWindow
 
@@ -120,6 +121,7 @@ def test_a_typed_number_is_the_same_in_every_locale(qtbot, data, locale):
         window.timer.stop()
         qtbot.addWidget(window)
         c = window.controls
+        take = next(b for b in c.findChildren(QPushButton) if b.text() == "Take")
         for text, taken in (("62.5", True), ("412,5", False), ("1.062,5", False), ("62,5", True)):
             c.fastest.clear()
             qtbot.keyClicks(c.fastest, text + "\r")
@@ -128,7 +130,7 @@ def test_a_typed_number_is_the_same_in_every_locale(qtbot, data, locale):
         for text in ("2 500", "", "2,5"):
             c.torque.clear()
             qtbot.keyClicks(c.torque, text)
-            c._take_torque()
+            take.click()
         assert steps(window) == ["begin", "measured"]
         assert "2.5 Nm" in window.trail.item(1).text()
     finally:
@@ -142,7 +144,6 @@ def test_a_recording_and_the_page(opened, tmp_path):
     np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,torque_Nm", comments="")
     opened.open_recording(path)
     assert opened.said.text().startswith("r.csv: ")
-    assert len(opened.map._been.getData()[0]) > 5
     opened.open_recording(tmp_path / "none.csv")
     assert "cannot be read" in opened.said.text()
     page = tmp_path / "page.pdf"

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.control.predictive.box_qp import iteration_cap
-from esea_gen.control.predictive.box_qp_program import FLAGS, box_qp
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.hostlib.runner import CRunner
+from tests.box_qp_program import FLAGS, box_qp
 
 from .conftest import require_tool
 from .rendered_program import render_program

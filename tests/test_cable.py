@@ -309,7 +309,7 @@ def test_what_does_not_go_together_is_refused():
     with pytest.raises(UserError, match=r"cable.backlash_rad = 0.05 is above cable.backlash_most"):
         mine(f"[cable]\nbacklash_rad = {q(0.05)}\n")
     elbow = text[: text.index("\n[redundancy]")]
-    with pytest.raises(UserError, match=r"\[redundancy\], which brings it in, is missing"):
+    with pytest.raises(UserError, match=r"section \[redundancy\] is missing"):
         parse_device(elbow + text[text.index("\n[cable]") :], "mine.toml")
 
 

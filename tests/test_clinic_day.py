@@ -76,6 +76,7 @@ def test_the_fit_finds_what_a_day_was_made_with(monkeypatch):
     assert found.recovery_s == pytest.approx(true.recovery_s, rel=0.02)
 
 
+@pytest.mark.ci
 def test_the_command_says_what_was_published_and_that_it_is_simulated(
     tmp_path, monkeypatch, capsys
 ):

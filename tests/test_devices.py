@@ -221,7 +221,7 @@ def test_the_dead_zone_is_checked(elbow):
     # A dead zone of 0 is none.
     zero = parse_device(key.sub("dead_zone_rad = { value = 0.0", text), "x.toml").sensor
     without = parse_device(re.sub(r"\ndead_zone_rad.*", "", text), "x.toml").sensor
-    assert walk(zero.step).listing() == walk(without.step).listing()
+    assert walk(zero.step) == walk(without.step)
 
 
 # -- wrist -------------------------------------------------------------------------------------
@@ -235,7 +235,7 @@ def test_wrist_is_two_elbows_and_says_so(elbow):
         assert q.status == "assumed"
         assert "nothing is published for the wrist" in q.source
     assert [b.name for b in wrist.system.kinds] == ["velocity", "smoothing", "sensor"]
-    assert walk(wrist.sensor.step).listing() == walk(elbow.sensor.step).listing()
+    assert walk(wrist.sensor.step) == walk(elbow.sensor.step)
 
 
 def test_wrist_axes_are_independent_elbows(elbow):
@@ -329,7 +329,7 @@ def test_new_refuses_and_leaves_nothing(tmp_path, arguments, words):
 def test_copies_change_no_number(device):
     copy = copy_device(device, "copy")
     assert parse_device(copy.toml(), "copy.toml").digest == copy.digest
-    assert walk(copy.sensor.step).listing() == walk(device.sensor.step).listing()
+    assert walk(copy.sensor.step) == walk(device.sensor.step)
     assert device_hash(copy) != device_hash(device)
     assert copy.axes == device.axes
 

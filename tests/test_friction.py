@@ -147,16 +147,6 @@ def test_too_few_runs_are_refused():
             fit_friction(runs)
 
 
-def test_the_rise_is_looked_for_between_half_of_the_slowest_and_half_of_the_fastest_speed():
-    """Beyond, it is no rise at low speed: an end is what the search says."""
-    for true_rad_s, found_rad_s in ((9.0, 9.0), (14.0, 10.0), (0.3, 0.3)):
-        runs = []
-        for w in [way * s for s in SPEEDS for way in (1, -1)]:
-            tau = 3e-4 + np.sign(w) * (2.4e-3 + 8e-3 * np.exp(-abs(w) / true_rad_s)) + 5e-5 * w
-            runs.append(SteadyRun(f"{w:g}", np.full(50, w), np.full(50, tau)))
-        assert fit_friction(runs).vs_rad_s.value == pytest.approx(found_rad_s, rel=3e-3)
-
-
 def test_behind_a_gear_torques_grow_speeds_fall_and_damping_grows_twice():
     found = fit_friction(drawn(1))
     at = found.at_joint(4.0)

@@ -405,7 +405,7 @@ def test_a_recording_of_a_board_that_goes_away_is_kept_and_says_so(
     proxy, path = Proxy(server), tmp_path / "a.mcap"
 
     def pull() -> None:
-        until(lambda: path.exists() and path.stat().st_size > 600_000)
+        until(lambda: path.exists() and path.stat().st_size > 2_000_000)
         proxy.close()
         proxy.pull()
 

@@ -222,30 +222,6 @@ def test_the_devices_own_torque_is_fitted_without_error(elbow):
     assert plant.evaluations == 1
 
 
-@pytest.mark.ci
-@pytest.mark.parametrize("every", [2, 4, 10])
-def test_the_rate_of_a_coarse_step_is_that_of_its_middle(elbow, every):
-    require_tool("gcc")
-    # At a constant acceleration every step has its own rate, and the estimate's lag is constant:
-    # the coarse step's middle lies (every - 1) / 2 fine steps before that of its last fine step.
-    acceleration = 0.4
-    t = np.arange(801) * elbow.period_s
-    recording = replayed(elbow, 0.5 * acceleration * t**2)
-    fine, coarse = (
-        FittedPlant(elbow, [recording], 1 / (n * elbow.period_s)).streams[0] for n in (1, every)
-    )
-    # Both grids reach from the first sample to the last, and every sample of them trains.
-    assert [len(x.theta_rad) for x in (fine, coarse)] == [801, 800 // every + 1]
-    assert fine.theta_rad[-1] == pytest.approx(recording.theta_rad[-1], rel=1e-12)
-    for x in (fine, coarse):
-        np.testing.assert_array_equal(x.training[0], np.arange(len(x.theta_rad)))
-    np.testing.assert_allclose(coarse.theta_rad, fine.theta_rad[::every], rtol=0, atol=1e-15)
-    settled = slice(600 // every, None)
-    earlier = (fine.omega_rad_s[::every] - coarse.omega_rad_s)[settled]
-    expected = acceleration * elbow.period_s * (every - 1) / 2
-    np.testing.assert_allclose(earlier, expected, rtol=1e-4)
-
-
 # -- how sure it is --------------------------------------------------------------------------------
 
 

@@ -22,9 +22,9 @@ from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import TORQUE, Setting
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.hand_plant import twin_system
 from esea_gen.twin.off import chosen_families, deviation, off_families
 from esea_gen.twin.people import ideal_plant
-from esea_gen.twin.plant import plant_system
 from esea_gen.twin.run import compiled_loop, plant_variant, run_case, told
 
 from .conftest import require_tool
@@ -94,7 +94,7 @@ def test_a_second_relaxation_time(device, rigid, constant_s):
 @pytest.mark.parametrize(("name", "deg"), [("encoder-0.26deg", 0.26), ("encoder-1deg", 1.0)])
 def test_an_encoder_that_is_wrong_once_a_turn(device, name, deg):
     values = dict(deviation(name, device, 3).values)
-    runner = compile_system(plant_system(device), "f64").task("encode")
+    runner = compile_system(twin_system(device), "f64").task("encode")
     assert runner.prepare({"encoders": values}) == 0
     n = 40_009  # no divisor in common with the counts of a turn
     theta = 2 * np.pi * (np.arange(n) + 0.5) / n

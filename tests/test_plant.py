@@ -17,9 +17,10 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.twin.encoders import ENCODERS, encoder_block, sine_of_turns
+from esea_gen.twin.hand_plant import twin_system
 from esea_gen.twin.parameters import STEP_S
 from esea_gen.twin.people import ideal_plant, random_plant, real_plant
-from esea_gen.twin.plant import plant_block, plant_system, start_state
+from esea_gen.twin.plant import plant_block, start_state
 
 from .conftest import require_tool
 
@@ -32,7 +33,7 @@ class Rig:
 
     def __init__(self, device: Device, cable: bool, step_s: float = H) -> None:
         require_tool("gcc")
-        self.system = plant_system(device, cable, step_s)
+        self.system = twin_system(device, cable, step_s)
         self.step_s = step_s
         self.block = self.system.blocks["plant"]
         self.library = compile_system(self.system, "f64")
@@ -481,12 +482,12 @@ def test_counts(encoders, angles, bits, motor_bits, errors):
 
 def test_a_device_without_a_drive_is_refused():
     with pytest.raises(UserError, match=r"section \[actuator\] is missing"):
-        plant_system(esea_gen.load_device("elbow"))
+        twin_system(esea_gen.load_device("elbow"))
 
 
 def test_a_step_that_does_not_divide_the_tick_is_refused(device):
     with pytest.raises(UserError, match="does not divide"):
-        plant_system(device, step_s=3e-4)
+        twin_system(device, step_s=3e-4)
 
 
 def test_wrong_starts_are_refused(rigid):

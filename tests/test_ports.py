@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.language.block import Block, Simulator, Solved
+from esea_gen.language.component import check_ports
 from esea_gen.language.ports import (
     Constant,
     Flag,
@@ -24,7 +25,6 @@ from esea_gen.language.ports import (
     threshold,
     unit_of,
 )
-from esea_gen.language.start import check_ports
 
 UNITS = {
     "rad": "rad",

@@ -7,7 +7,6 @@ import pytest
 
 from esea_gen.board.bound import BoundError, blocks_of, disassemble
 from esea_gen.control.predictive.box_qp import packed
-from esea_gen.control.predictive.box_qp_program import box_qp
 from esea_gen.control.predictive.drive import drive_model, predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.hostlib.library import HostLibrary
@@ -30,6 +29,7 @@ from tests.benchmarks.predictive import (
 )
 from tests.benchmarks.predictive_loop import recorded_rows
 from tests.benchmarks.predictive_peer import flat_residuals
+from tests.box_qp_program import box_qp
 
 from .conftest import require_tool
 from .rendered_program import render_program

@@ -12,7 +12,7 @@ import pytest
 from esea_gen.identify import identification as identification_file
 from esea_gen.identify import identify, load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
-from esea_gen.identify.recording.quality import Finding, after_gaps, jumps
+from esea_gen.identify.recording.quality import Finding, jumps
 from esea_gen.identify.recording.quality_gate import gate_notes
 from tests.conftest import require_tool
 
@@ -122,19 +122,6 @@ def test_a_motion_that_turns_or_a_sensor_that_flickers_does_not_jump():
     assert not np.any(jumps(np.sin(2 * np.pi * k / 12.3)))
     assert not np.any(jumps(k / 2000 + 0.01 * (k % 2)))
     assert not np.any(jumps(np.zeros(50)))
-
-
-def test_the_cycle_of_a_gap_and_the_next_one_are_left_out():
-    cycles = [SimpleNamespace(start=a, stop=a + 10) for a in (5, 15, 25, 35)]
-    for gap, left_out in (
-        (14, range(5, 25)),
-        (17, range(15, 35)),
-        (37, range(35, 45)),
-        (2, range(15)),
-    ):
-        assert np.flatnonzero(after_gaps(45, [gap], cycles)).tolist() == list(left_out)
-    both = after_gaps(45, [14, 37], cycles)
-    assert np.flatnonzero(both).tolist() == [*range(5, 25), *range(35, 45)]
 
 
 def test_a_force_that_stands_still_shuts_the_gate(clean, tmp_path):

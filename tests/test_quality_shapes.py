@@ -10,7 +10,7 @@ import pytest
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.recording.cycles import Cycle
-from esea_gen.identify.recording.quality import backlash_rad, offset_Nm, runs, spikes, still, stuck
+from esea_gen.identify.recording.quality import backlash_rad, offset_Nm, runs, spikes, stuck
 from tests.conftest import require_tool
 from tests.rigs import rig, written
 from tests.test_quality import DATA, found, held_out
@@ -98,21 +98,6 @@ def test_a_force_that_stands_still_but_for_its_last_digit_is_frozen(tmp_path, di
     told = found(written(tmp_path, t, x, y))
     assert list(told) == ["frozen"]
     assert "for 60 samples from sample 700" in told["frozen"]
-
-
-def test_how_near_and_how_long_a_channel_stands_still():
-    """The band is 2e-4 of the range; the other one moves by 0.04 of its own in 41 samples."""
-    k = np.arange(1001)
-    for size, seen in ((0.9e-4, [(200, 260)]), (1.1e-4, [])):
-        y = k / 1000
-        y[200:260] = 0.5 + size * (-1) ** k[200:260]
-        assert list(still(k / 1000, y)) == seen
-    for count in (40, 43):
-        y = k / 1000
-        y[200 : 200 + count] = 0.5
-        assert list(still(k / 1000, y)) == ([(200, 243)] if count == 43 else [])
-    # What drifts out of the band goes on: a slow recording, a thousandth of the band a sample.
-    assert list(still(np.sin(k), np.arange(1001.0))) == []
 
 
 def test_an_encoder_that_is_stuck_is_named_and_its_cycles_left_out(tmp_path):

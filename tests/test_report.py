@@ -415,19 +415,3 @@ def test_per_cent_of_full_scale_of_the_sensing_page(chirped, chirped_page):
     assert len(said) >= 4
     for r in said:
         close(r["% FS"], 100 * figure(r["bound"]) / full[r["output"]])
-    for name, w in chirped.to_dict()["worst"].items():
-        by_stream = [
-            100 * c.errors[k] / full[k]
-            for c in chirped.verification.comparisons
-            for k in c.errors
-            if c.real == name and k == w["output"]
-        ]
-        assert w["percent"] == pytest.approx(max(by_stream))
-        assert f"{number(w['percent'])} % FS" in chirped_page
-        assert w["percent"] == pytest.approx(100 * w["error"] / full[w["output"]])
-        torque = [
-            c.errors["tau_Nm"]
-            for c in chirped.verification.comparisons
-            if c.real == name and c.block == "sensor"
-        ]
-        assert w["torque_percent"] == pytest.approx(100 * max(torque) / full["tau_Nm"])

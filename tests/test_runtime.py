@@ -126,7 +126,7 @@ def test_the_watch_counts(library, given):
     run.tick(203, data=200)  # three lost
     for tick in (204, 206, 207):
         run.tick(tick, data=200, control=False)  # the run of 205 was lost with its tick
-    watch = board._state.watch
+    watch = board.state.watch
     assert (watch.n_clock, watch.tick, watch.known) == (2, 207, 1)
     assert watch.n_sense_late == 0
     run.tick(208, data=200)
@@ -147,7 +147,7 @@ def test_a_state_that_is_put_back_does_not_undo_a_stop(library, given, ticks):
     require_tool("gcc")
     board = library("f32").board()
     run = Run(board, given).until(AT)
-    memory = board.library.ffi.buffer(board._state)
+    memory = board.library.ffi.buffer(board.state)
     kept = bytes(memory)
     for k in range(ticks):
         run.tick(AT + k, stop=True)
@@ -163,17 +163,17 @@ def test_resume_starts_latched_and_keeps_the_estimates(library, given, real):
     require_tool("gcc")
     board = library(real).board()
     run = Run(board, given).until(AT)
-    kept = bytes(board.library.ffi.buffer(board._state))
-    velocity = board.library.ffi.buffer(board.library.ffi.addressof(board._state, "velocity"))
+    kept = bytes(board.library.ffi.buffer(board.state))
+    velocity = board.library.ffi.buffer(board.library.ffi.addressof(board.state, "velocity"))
     before = bytes(velocity)
     run.tick(AT, stop=True)
-    board.library.ffi.buffer(board._state)[:] = kept
+    board.library.ffi.buffer(board.state)[:] = kept
     assert bytes(velocity) == before
-    board._call("resume", *board._coeffs, board._state)
+    board.call("resume", *board.coeffs, board.state)
     assert bytes(velocity) == before
     for k in range(5):
         assert run.tick(9000 + k, data=AT) == (0.0, Fault.NOT_ARMED)
-    assert board._state.watch.n_clock == 0
+    assert board.state.watch.n_clock == 0
 
 
 # -- coefficients ----------------------------------------------------------------------------------
@@ -186,15 +186,15 @@ def test_a_changed_word_of_the_coefficients_latches(library, given, real):
     board = library(real).board()
     run = Run(board, given).until(AT)
     ffi = board.library.ffi
-    (coeffs,) = board._coeffs
+    (coeffs,) = board.coeffs
     # Not the limits' own: those latch at once, with their own reason.
     members = [n for n in dir(coeffs) if n not in ("limits", "check")]
-    state = bytes(ffi.buffer(board._state))
+    state = bytes(ffi.buffer(board.state))
     for name in members:
         part = ffi.buffer(ffi.addressof(coeffs, name))
         for at in range(len(part)):
             held = part[at]
-            ffi.buffer(board._state)[:] = state
+            ffi.buffer(board.state)[:] = state
             part[at] = bytes([held[0] ^ 0x10])
             for k in range(6):
                 u, fault = run.tick(AT + k)
@@ -208,7 +208,7 @@ def test_a_change_that_no_block_notices_has_a_name(library, given):
     board = library("f32").board()
     run = Run(board, given).until(AT)
     # The checksum itself: nothing else reads it.
-    board._coeffs[0].check ^= 1
+    board.coeffs[0].check ^= 1
     found = [run.tick(AT + k)[1] for k in range(7)]
     # Control runs at 205, its word is released at 206.
     assert found == [0, 0, 0, 0, 0, Fault.COEFFICIENTS, Fault.COEFFICIENTS]

@@ -497,12 +497,3 @@ def test_in_whole_numbers_it_is_zeroed_and_armed_alike(drive):
     assert board.motor[1] != 0
     assert abs(told.theta_load_rad) < np.pi / 4096
     board.close()
-
-
-def test_what_cannot_be_wanted_or_measured_is_refused(board):
-    with pytest.raises(ValueError, match="tau_Nm"):
-        board.want(mode=1.0, tau_Nm=0.1)
-    with pytest.raises(ValueError, match="theta_rad"):
-        board.measure(theta_rad=0.1)
-    with pytest.raises(LinkError, match="does not tell ESEA_SENSE_IN"):
-        board.tell("ESEA_SENSE_IN", float("nan"))

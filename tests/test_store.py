@@ -156,11 +156,6 @@ def a_set(number: int, count: int = 4) -> dict[int, float]:
     return {0x1000 * k + 7: number + k / 4 for k in range(count)}
 
 
-def test_nothing_was_saved(library):
-    store = Store(Flash(library))
-    assert (store.status, store.load()) == (EMPTY, {})
-
-
 @pytest.mark.parametrize("saves", range(1, 12))
 @pytest.mark.parametrize(
     ("slots", "unit"), [(1, 4), (2, 1), (2, 4), (3, 4), (2, 8), (3, 16), (2, 32)]

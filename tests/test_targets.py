@@ -60,20 +60,3 @@ def test_no_flag_of_a_processor_stands_outside_the_table():
         if pattern.search(p.read_text(encoding="utf-8"))
     ]
     assert found == ["esea_gen/targets.py"]
-
-
-def test_a_clock_stands_in_the_table_alone():
-    """Build, gate, emulator and image read a board's row; C is told by a macro, and checks it."""
-    number = re.compile(r"\b(16|25|168|216|667)(0{6}u?|e6|[. ]?MHz)\b|clock_MHz = \d")
-    folders = (ROOT / "esea_gen", ROOT / "firmware", ROOT / "templates" / "bench")
-    files = [p for f in folders for p in f.rglob("*") if p.suffix in (".py", ".c", ".h", ".j2")]
-    code = {p: re.sub(r"(?s)/\*.*?\*/|#[^\n]*", "", p.read_text(encoding="utf-8")) for p in files}
-    found = {p.name for p, text in code.items() if number.search(text)}
-    assert found == {"targets.py", "drivers.c"}  # there in what the board says where it stays slow
-    for board in targets.firmware_boards().values():
-        if not board.machine:
-            assert not board.clock_defines
-            continue
-        assert f"-DESEA_CLOCK_HZ={board.clock_Hz:.0f}u" in board.clock_defines
-        # An instruction takes 1 ns there; TIM2 of that machine counts them, whatever the clock.
-        assert board.tick_instructions == (1 if board.reset_Hz else 1e9 / board.clock_Hz)

@@ -367,6 +367,3 @@ def _masses(block: Block, _dtype: np.dtype[Any], rng: np.random.Generator) -> li
 
 
 STREAMS = OwnStreams(memories=_masses)
-
-
-__all__ = ["adaptation", "adaptation_section", "gain_port", "shift_limit_Nm"]

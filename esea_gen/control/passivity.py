@@ -382,6 +382,3 @@ def _bad_coefficients(block: Block, dtype: np.dtype[Any], rng: np.random.Generat
 
 
 STREAMS = OwnStreams(memories=_bad_coefficients)
-
-
-__all__ = ["passivity", "passivity_section"]

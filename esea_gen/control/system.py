@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from esea_gen.control.adaptation import adaptation
 from esea_gen.control.impairment import has_wall, impairment
@@ -76,59 +77,67 @@ INPUTS = {
     "theta_desired_rad": ("reference.theta_desired_rad",),
     "omega_desired_rad_s": ("reference.omega_desired_rad_s",),
 }
-# What a device with [redundancy] has besides.
-SIGNALS_REDUNDANT = {
-    "theta_gear_rad": "encoder_gear.theta_gear_rad",
-    "omega_gear_rad_s": "encoder_gear.omega_gear_rad_s",
-    "gear_usable": "encoder_gear.gear_usable",
-    "d_gear_rad_s2": "gear.d_gear_rad_s2",
-    "moves_rad_s2": "gear.moves_rad_s2",
-    "agree": "redundancy.agree",
+
+
+class _Extra(NamedTuple):
+    """What a device has besides that has the Block of an optional section."""
+
+    signals: Mapping[str, str]
+    wires: Mapping[str, str] = {}
+    inputs: Mapping[str, tuple[str, ...]] = {}
+    outputs: Mapping[str, str] = {}
+
+
+EXTRAS = {
+    "redundancy": _Extra(
+        {
+            "theta_gear_rad": "encoder_gear.theta_gear_rad",
+            "omega_gear_rad_s": "encoder_gear.omega_gear_rad_s",
+            "gear_usable": "encoder_gear.gear_usable",
+            "d_gear_rad_s2": "gear.d_gear_rad_s2",
+            "moves_rad_s2": "gear.moves_rad_s2",
+            "agree": "redundancy.agree",
+        },
+        inputs={
+            "count_gear": ("encoder_gear.count",),
+            "frame_error_gear": ("encoder_gear.frame_error",),
+        },
+        outputs={n: f"redundancy.{n}" for n in ("apart_rad", "apart_Nm", "room_Nm")},
+    ),
+    # It stands between set torque and law, and between command and limits.
+    "passivity": _Extra(
+        {n: f"passivity.{n}" for n in ("tau_set_Nm", "request_ok")},
+        {
+            "passivity.tau_set_Nm": "reference.tau_set_Nm",
+            "passivity.request_ok": "reference.request_ok",
+            "passivity.Kp_Nm_rad": "reference.stiffness_Nm_rad",
+            "passivity.Kd_Nms_rad": "reference.damping_Nms_rad",
+            "passivity.u_command_Nm": "stamp.u_command_Nm",
+            "limits.u_command_Nm": "passivity.u_command_Nm",
+        },
+        outputs={n: f"passivity.{n}" for n in ("damping_Nms_rad", "given_J", "held_J")},
+    ),
+    # What is wanted, turned for the rubber at hand.
+    "adaptation": _Extra(
+        {n: f"adaptation.{n}" for n in ("wish_gain", "wish_shift_Nm")},
+        inputs={"tau_desired_Nm": ("reference.tau_desired_Nm", "adaptation.tau_desired_Nm")},
+        outputs={f"adapted_{n}": f"adaptation.{n}" for n in ("gain", "loss", "offset_Nm")},
+    ),
+    # Wall and resistance are added to what is wanted.
+    "impairment": _Extra(
+        {
+            "constrained": "impairment.constrained",
+            "tau_impairment_Nm": "impairment.tau_set_Nm",
+            "impairment_ok": "impairment.usable",
+        },
+        {
+            "impairment.theta_rad": "encoder_load.theta_rad",
+            "impairment.omega_rad_s": "load_rate.omega_rad_s",
+        },
+        {"constrained": ("impairment.constrained",)},
+        {"acts": "impairment.acts", "tau_impairment_Nm": "impairment.tau_set_Nm"},
+    ),
 }
-INPUTS_REDUNDANT = {
-    "count_gear": ("encoder_gear.count",),
-    "frame_error_gear": ("encoder_gear.frame_error",),
-}
-# What a device with [passivity] has besides: the Block stands between set torque and law, and
-# between command and limits.
-SIGNALS_PASSIVE = {
-    "tau_set_Nm": "passivity.tau_set_Nm",
-    "request_ok": "passivity.request_ok",
-}
-WIRES_PASSIVE = {
-    "passivity.tau_set_Nm": "reference.tau_set_Nm",
-    "passivity.request_ok": "reference.request_ok",
-    "passivity.Kp_Nm_rad": "reference.stiffness_Nm_rad",
-    "passivity.Kd_Nms_rad": "reference.damping_Nms_rad",
-    "passivity.u_command_Nm": "stamp.u_command_Nm",
-    "limits.u_command_Nm": "passivity.u_command_Nm",
-}
-# What a device with [adaptation] has besides: what is wanted, turned for the rubber at hand.
-ADAPTED = {n: f"adaptation.{n}" for n in ("wish_gain", "wish_shift_Nm")}
-INPUTS_ADAPTED = {"tau_desired_Nm": ("reference.tau_desired_Nm", "adaptation.tau_desired_Nm")}
-LEARNT = {
-    "adapted_gain": "adaptation.gain",
-    "adapted_loss": "adaptation.loss",
-    "adapted_offset_Nm": "adaptation.offset_Nm",
-}
-GIVEN = {
-    "damping_Nms_rad": "passivity.damping_Nms_rad",
-    "given_J": "passivity.given_J",
-    "held_J": "passivity.held_J",
-}
-COMPARED = {n: f"redundancy.{n}" for n in ("apart_rad", "apart_Nm", "room_Nm")}
-# What a device with [impairment] has besides: its wall and resistance are added to what is wanted.
-SIGNALS_IMPAIRED = {
-    "constrained": "impairment.constrained",
-    "tau_impairment_Nm": "impairment.tau_set_Nm",
-    "impairment_ok": "impairment.usable",
-}
-WIRES_IMPAIRED = {
-    "impairment.theta_rad": "encoder_load.theta_rad",
-    "impairment.omega_rad_s": "load_rate.omega_rad_s",
-}
-INPUTS_IMPAIRED = {"constrained": ("impairment.constrained",)}
-IMPAIRED = {"acts": "impairment.acts", "tau_impairment_Nm": "impairment.tau_set_Nm"}
 # What ends the control task, whatever the law.
 LAST = ("redundancy", "stamp")
 # One for all axes: the machine is stopped, armed, driven and impaired as a whole.
@@ -241,19 +250,12 @@ def _wired(
 ) -> _Axis:
     sense, control = blocks
     every = sense | control
-    redundant = "redundancy" in control
-    inputs = INPUTS | (INPUTS_REDUNDANT if redundant else {})
-    passive = "passivity" in sense
-    wires = WIRES | (WIRES_PASSIVE if passive else {})
-    adapted = "adaptation" in sense
-    inputs |= INPUTS_ADAPTED if adapted else {}
-    impaired = "impairment" in sense
-    inputs |= INPUTS_IMPAIRED if impaired else {}
-    wires |= WIRES_IMPAIRED if impaired else {}
-    known = SIGNALS | (SIGNALS_REDUNDANT if redundant else {})
-    known |= SIGNALS_PASSIVE if passive else {}
-    known |= ADAPTED if adapted else {}
-    known |= SIGNALS_IMPAIRED if impaired else {}
+    extras = [extra for name, extra in EXTRAS.items() if name in every]
+    inputs, wires, known = dict(INPUTS), dict(WIRES), dict(SIGNALS)
+    for extra in extras:
+        inputs |= extra.inputs
+        wires |= extra.wires
+        known |= extra.signals
     signals = dict.fromkeys(every, known)
     for part in parts:
         wires |= part.wires
@@ -271,17 +273,16 @@ def _wired(
                 if port.name not in signals[name]:
                     raise ValueError(f"no wire for {sink}; signals are {sorted(signals[name])}")
                 wires[sink] = signals[name][port.name]
-    if passive:
+    if "passivity" in every:
         # A law that names the reference itself is damped as well.
         bare, damped = "reference.tau_set_Nm", "passivity.tau_set_Nm"
         wires |= {r: damped for r, w in wires.items() if w == bare and r != damped}
     outputs = dict(MEASURED)
     for part in parts:
         outputs |= part.setpoints
-    outputs |= ESTIMATED | told | (COMPARED if redundant else {})
-    outputs |= GIVEN if passive else {}
-    outputs |= LEARNT if adapted else {}
-    outputs |= IMPAIRED if impaired else {}
+    outputs |= ESTIMATED | told
+    for extra in extras:
+        outputs |= extra.outputs
     for part in parts:
         outputs |= part.outputs
     outputs |= {f"{n}_status": f"{n}.status" for n, b in every.items() if b.status_port}

@@ -94,7 +94,7 @@ def _asks(name: str, comment: str, states: list[BoardState]) -> Iterator[str]:
 def states_header() -> str:
     lines = [
         "/* States of the board and what moves it: written by `python -m esea_gen.emit.states`",
-        " * from the table in esea_gen/emit/states.py; do not edit.",
+        " * from the table in esea_gen/emit/states.toml; do not edit.",
         " *",
         " * License: MIT. */",
         "#ifndef ESEA_STATES_H",

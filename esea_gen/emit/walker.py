@@ -80,17 +80,6 @@ class Kernel:
     def cost(self) -> Counter[str]:
         return Counter(n.op for n in self.nodes if n.op not in ("input", "const"))
 
-    def listing(self) -> str:
-        """Exact, readable text of the kernel: what the content hash covers."""
-        lines = [self.name]
-        for i, n in enumerate(self.nodes):
-            detail = n.value.hex() if n.op == "const" else " ".join(map(str, n.args))
-            if n.op == "input":
-                detail = f"{n.source[0]}[{n.source[1]}]"
-            lines.append(f"v{i} = {n.op} {detail}")
-        lines += [f"result {k} = {' '.join(map(str, r))}" for k, r in enumerate(self.results)]
-        return "\n".join(lines)
-
 
 _WALKED: WeakKeyDictionary[ca.Function, Kernel] = WeakKeyDictionary()
 

@@ -10,14 +10,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from esea_gen.device import Device
+from esea_gen.devices.file import DeviceData
 from esea_gen.emit.build import build_command, format_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, content_hash
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Port, Tunable
 from esea_gen.language.system import External, System
+from esea_gen.twin.hand_plant import twin_system
 from esea_gen.twin.people import PlantVariant
-from esea_gen.twin.plant import plant_system
 
 Role = Literal["input", "tunable", "fixed", "output"]
 ANGLES = ("theta_g_rad", "theta_m_rad", "theta_l_rad")
@@ -208,7 +209,9 @@ def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
 
 def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) -> ExportedModel:
     """The virtual exoskeleton: simulated drive, cable, elastomer, load, person and encoders."""
-    system = plant_system(variant.device, variant.cable, variant.step_s, tick_s)
+    # Of a device with several axes the plant of one.
+    one = DeviceData(variant.device.file.model_copy(update={"axes": ()}), variant.device.origin)
+    system = twin_system(one, variant.cable, variant.step_s, tick_s)
     fmt = FORMATS["f64"]
     content = content_hash(system, digest, title, [fmt])
     command = f"esea-gen export fmu {variant.device.name} --plant NAME"

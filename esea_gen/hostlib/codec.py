@@ -83,12 +83,12 @@ def struct_dtype(ffi: Any, c_type: str) -> np.dtype[Any]:
             return np.dtype(primitive[ctype.cname])
         if ctype.kind == "array":
             return np.dtype((converted(ctype.item), (ctype.length,)))
-        names, fields = zip(*ctype.fields, strict=True)
+        fields = dict(ctype.fields)  # of a System without state there is none
         return np.dtype(
             {
-                "names": names,
-                "formats": [converted(f.type) for f in fields],
-                "offsets": [f.offset for f in fields],
+                "names": list(fields),
+                "formats": [converted(f.type) for f in fields.values()],
+                "offsets": [f.offset for f in fields.values()],
                 "itemsize": ffi.sizeof(ctype),
             }
         )

@@ -77,17 +77,11 @@ class CRunner:
 
     def _prepare(self, params: Any, tunables: Mapping[str, Any]) -> int:
         library, owner = self.library, self.owner
-        call, naming = getattr(library.lib, f"{self.prefix}_prepare"), library.naming
         if isinstance(owner, System):
-            getattr(library.lib, f"{self.prefix}_default_params")(params)
-            for instance, values in tunables.items():
-                for key, value in values.items():
-                    number = naming.tunable(owner.blocks[instance], key, value)
-                    setattr(getattr(params, instance), key, number)
-            return int(call(params, *self._coeffs))
+            return _prepared(library, params, self._coeffs[0], tunables)
         for key, value in (owner.default_tunables() | dict(tunables)).items():
-            setattr(params, key, naming.tunable(owner, key, value))
-        call(params, *self._coeffs)
+            setattr(params, key, library.naming.tunable(owner, key, value))
+        getattr(library.lib, f"{self.prefix}_prepare")(params, *self._coeffs)
         return 0
 
     def reset(self) -> None:
@@ -179,6 +173,21 @@ class CRunner:
         return {k: v[0] for k, v in outputs.items()}
 
 
+def _prepared(
+    library: HostLibrary, params: Any, coeffs: Any, tunables: Mapping[str, Mapping[str, float]]
+) -> int:
+    # Set a System's tunables, the others at their defaults: 0, or the number of one refused.
+    system, prefix = library.system, library.prefix
+    known = {(i, t.name): t for i, t in system.tunables}
+    library.function(f"{prefix}_default_params")(params)
+    for instance, values in tunables.items():
+        for key, value in values.items():
+            taken = known[instance, key].taken(value) if (instance, key) in known else value
+            number = library.naming.tunable(system.blocks[instance], key, taken)
+            setattr(getattr(params, instance), key, number)
+    return int(library.function(f"{prefix}_prepare")(params, coeffs))
+
+
 class CBoard:
     """A System's compiled C, called as firmware calls it: one state, shared by all tasks.
 
@@ -209,33 +218,31 @@ class CBoard:
             )
             for t in system.tasks
         }
-        self._state = self._new("state")
-        self._coeffs: tuple[Any, ...] = ()
+        self.state = self._new("state")
+        self.coeffs: tuple[Any, ...] = ()
         if system.tunables:
             params, coeffs = self._new("params"), self._new("coeffs")
-            self._call("default_params", params)
-            self._set(params, tunables or {})
-            refused = int(self._call("prepare", params, coeffs))
+            refused = _prepared(library, params, coeffs, tunables or {})
             if refused:
                 instance, tunable = system.tunables[refused - 1]
                 raise ValueError(
                     f"{instance}.{tunable.name} is outside [{tunable.low}, {tunable.high}]"
                 )
-            self._coeffs = (coeffs,)
-        self._call("init", *self._coeffs, self._state)
-
-    def _set(self, params: Any, tunables: Mapping[str, Mapping[str, float]]) -> None:
-        known = {(i, t.name): t for i, t in self.system.tunables}
-        for instance, values in tunables.items():
-            for key, value in values.items():
-                taken = known[instance, key].taken(value) if (instance, key) in known else value
-                number = self.library.naming.tunable(self.system.blocks[instance], key, taken)
-                setattr(getattr(params, instance), key, number)
+            self.coeffs = (coeffs,)
+        self.call("init", *self.coeffs, self.state)
 
     def _new(self, kind: str, values: Mapping[str, Any] | None = None) -> Any:
         return self.library.ffi.new(f"{self.library.prefix}_{kind}_t *", values or {})
 
-    def _call(self, verb: str, *arguments: Any) -> Any:
+    def call(self, verb: str, *arguments: Any) -> Any:
+        """Call a function of the System: ``release``, ``resume``, ``sense_step``.
+
+        Parameters
+        ----------
+        verb : str
+            Its name, without the prefix.
+        *arguments : cffi structs or numbers
+        """
         return self.library.function(f"{self.library.prefix}_{verb}")(*arguments)
 
     def release(self, tick: int) -> None:
@@ -246,12 +253,12 @@ class CBoard:
         tick : int
         """
         if self.system.latches:
-            self._call("release", self._state, tick)
+            self.call("release", self.state, tick)
 
     @property
     def memory(self) -> dict[str, Any]:
         """Bytes of ``coeffs`` and ``state`` as the C has them."""
-        held = {"state": self._state} | ({"coeffs": self._coeffs[0]} if self._coeffs else {})
+        held = {"state": self.state} | ({"coeffs": self.coeffs[0]} if self.coeffs else {})
         return {name: self.library.ffi.buffer(struct) for name, struct in held.items()}
 
     def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
@@ -284,7 +291,7 @@ class CBoard:
         given = {f.name: _held(f, inputs[f.name]) for f in taken}
         out = self._new(f"{task_name}_out")
         values = self._new(f"{task_name}_in", given)
-        self._call(f"{task_name}_step", *self._coeffs, self._state, values, out)
+        self.call(f"{task_name}_step", *self.coeffs, self.state, values, out)
         return out
 
 

@@ -23,7 +23,15 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.language.component import Component, Executor, in_a_row
+from esea_gen.language.component import (
+    Component,
+    Executor,
+    PrepareFn,
+    check_ports,
+    collect,
+    in_a_row,
+    start_functions,
+)
 from esea_gen.language.ports import (
     Constant,
     Equation,
@@ -33,7 +41,6 @@ from esea_gen.language.ports import (
     port_ok,
     symbols_of,
 )
-from esea_gen.language.start import PrepareFn, check_ports, collect, start_functions
 from esea_gen.language.stream import OwnStreams
 
 

@@ -27,9 +27,8 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.language.builder import Builder, array_name
-from esea_gen.language.component import Component, Executor
+from esea_gen.language.component import Component, Executor, PrepareFn, check_ports, start_functions
 from esea_gen.language.ports import Array, Constant, Equation, Port, Tunable
-from esea_gen.language.start import PrepareFn, check_ports, start_functions
 from esea_gen.language.statements import (
     WORK_RANGE,
     Call,

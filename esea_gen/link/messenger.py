@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import islice
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, FrameReader, LinkHealth
@@ -62,16 +61,12 @@ class Messenger:
     A command that may move something carries the board's time, which is asked for before it.
     """
 
+    board = BOARD
+
     def __init__(
-        self,
-        transport: Transport,
-        dialect: Any,
-        timeout_s: float = 10.0,
-        host: Address = HOST,
-        board: Address = BOARD,
+        self, transport: Transport, dialect: Any, timeout_s: float = 10.0, host: Address = HOST
     ) -> None:
         self.transport, self.dialect, self.timeout_s = transport, dialect, timeout_s
-        self.board = board
         self.heartbeat: Any = None
         self._classes = {c.msgname: c for c in dialect.mavlink_map.values()}
         self._encoder = dialect.MAVLink(None, *host)
@@ -93,12 +88,7 @@ class Messenger:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

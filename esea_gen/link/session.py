@@ -29,14 +29,9 @@ class TimeSync(NamedTuple):
 
 class Session(Messenger):
     def __init__(
-        self,
-        transport: Transport,
-        dialect: Any,
-        timeout_s: float = 10.0,
-        host: Address = HOST,
-        board: Address = BOARD,
+        self, transport: Transport, dialect: Any, timeout_s: float = 10.0, host: Address = HOST
     ) -> None:
-        super().__init__(transport, dialect, timeout_s, host, board)
+        super().__init__(transport, dialect, timeout_s, host)
         self._streams: dict[int, BoardStream] = {}
         self._choice = time.monotonic_ns() % 256  # so that samples for a session before are known
 

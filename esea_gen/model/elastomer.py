@@ -23,7 +23,6 @@ import sympy as sp
 
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Constant,
     Flag,
     Port,
     Tunable,
@@ -373,6 +372,3 @@ def _equations(rate_terms: bool, dead_zone: bool) -> tuple[Any, ...]:
         equation("[step]", "x", DT * KV / sp.Symbol("eta"), "step over time constant"),
         equation("(3.4)", "eta", eta, "viscosity, from mid-step deflection and rate"),
     )
-
-
-__all__ = ["MODEL_KEYS", "RATE_KEYS", "Constant", "stop_grid", "torque_sensor"]

@@ -454,6 +454,3 @@ def _edges(block: Block, dtype: np.dtype[Any], _rng: np.random.Generator) -> lis
 
 
 STREAMS = OwnStreams(_events, _edges)
-
-
-__all__ = ["FrameError", "correction", "encoder", "step_max_counts"]

@@ -173,6 +173,3 @@ def family_inverse(
         solved=inverse.solved(fitted),
         **temperature_parts(device, fitted),
     )
-
-
-__all__ = ["family_inverse"]

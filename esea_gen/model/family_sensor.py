@@ -225,14 +225,3 @@ def _equations(fitted: FittedMember) -> tuple[Any, ...]:
         equation("[path]", "d", sp.exp(-moved / length), "s: path before this step"),
         *warm,
     )
-
-
-__all__ = [
-    "factor_in",
-    "family_constants",
-    "family_sensor",
-    "family_step",
-    "temperature_parts",
-    "torque_limit",
-    "unit_terms",
-]

@@ -328,13 +328,3 @@ class FamilyStep:
             limit = max(e.number for e in self.of["slip"])
             ports.append(around("slip", limit, text, size, repair="block"))
         return tuple(ports)
-
-
-__all__ = [
-    "ROOM",
-    "FamilyElement",
-    "FamilyStep",
-    "maxwell_shares",
-    "merged_elements",
-    "unit_elements",
-]

@@ -205,6 +205,3 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
         hit = rng.random(len(inputs["count"])) < 0.04
         broken[p.name][hit] = rng.choice([*SPECIAL, p.high + 1.0], int(hit.sum()))
     return [Stream("turns, gaps and jumps", inputs), Stream("with invalid inputs", broken)]
-
-
-__all__ = ["gear_encoder"]

@@ -70,6 +70,3 @@ def stiffness_range_Nm_rad(device: DeviceData) -> tuple[float, float]:
     weights = stop_grid(values, round(e.stops.value))[1]
     soft = e.k1_Nm_rad.value
     return soft, soft + sum(float(w) for w in weights) + values.get("kv_Nm_rad", 0.0)
-
-
-__all__ = ["fitted_of", "rubber_inverse", "rubber_sensor", "stiffness_range_Nm_rad"]

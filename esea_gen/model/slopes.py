@@ -144,6 +144,3 @@ def _pattern(values: ca.SX, symbols: ca.SX) -> np.ndarray[Any, np.dtype[np.intp]
         moved = ca.densify(ca.jtimes(values, symbols, ca.DM(unit)))
         columns.append([not moved[i].is_zero() for i in range(moved.shape[0])])
     return np.array(columns).T.astype(np.intp)
-
-
-__all__ = ["sloped"]

@@ -32,6 +32,3 @@ class TemperatureFactor:
     def ends(self) -> tuple[float, float]:
         low, high = sorted((self.at(self.low_C), self.at(self.high_C)))
         return low, high
-
-
-__all__ = ["TemperatureFactor"]

@@ -228,6 +228,3 @@ def _equations() -> tuple[Equation, ...]:
         ),
         equation("[cable 4]", "w", end - (high + low) / 2 + tau / k, "winding"),
     )
-
-
-__all__ = ["cable_observer", "cable_of", "wound_range_rad"]

@@ -106,6 +106,3 @@ class _Parabola:
                 Flag("CLIPPED", clipped, True, fit, self.tau_lim),
             ),
         )
-
-
-__all__ = ["SPACING_S", "VALUES", "parabola", "parabola_weights"]

@@ -17,7 +17,7 @@ Every number is assumed; what is published gives the order and the shape:
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -234,10 +234,5 @@ class SteppedHand(SteppedTwin):
                 values[of_axis("clamped", axis)] = float(one)
         return values
 
-    def step(self, u_Nm: Sequence[float]) -> dict[str, int]:
-        """Hold one command an axis for a tick; the counts at its end, by the board's input."""
-        return self.advance(u_Nm)
-
-    def intend(self, paths: Sequence[Mapping[str, float]]) -> None:
-        """What the hand intends: as :meth:`SteppedTwin.follow`."""
-        self.follow(paths)
+    step = SteppedTwin.advance
+    intend = SteppedTwin.follow

@@ -42,9 +42,9 @@ from esea_gen.twin.plant import (
     axis_step,
     input_ports,
     output_ports,
+    plant_block,
     plant_equations,
     plant_status,
-    plant_system,
     state_ports,
     steps_a_tick,
 )
@@ -244,12 +244,14 @@ def _port(t: Tunable) -> Port:
     return Port(t.name, t.low, t.high, t.meaning)
 
 
-def hand_system(
+def twin_system(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> System:
+    """The plant of a device with one axis or two, and the encoders of each axis."""
     every = steps_a_tick(step_s, tick_s)
-    plant, encoders = hand_block(device, cable, step_s, tick_s), encoder_block(device, tick_s)
-    by_axis = {f"encoders_{a}": a for a in device.axes}
+    make = plant_block if len(device.axes) == 1 else hand_block
+    plant, encoders = make(device, cable, step_s, tick_s), encoder_block(device, tick_s)
+    by_axis = {of_axis("encoders", a): a for a in device.axes}
 
     def ends(of_plant: tuple[Port, ...], of_encoder: tuple[Port, ...]) -> dict[str, str]:
         return {p.name: f"plant.{p.name}" for p in of_plant} | {
@@ -265,11 +267,6 @@ def hand_system(
         {n: (end,) for n, end in ends(plant.inputs, encoders.inputs).items()},
         ends(plant.outputs, encoders.outputs),
     )
-
-
-def twin_system(device: DeviceData, cable: bool, step_s: float, tick_s: float) -> System:
-    made = plant_system if len(device.axes) == 1 else hand_system
-    return made(device, cable, step_s, tick_s)
 
 
 def tunable_places(system: System) -> dict[str, tuple[str, str]]:

@@ -39,11 +39,10 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Flag, Port, clip, flag_word
-from esea_gen.language.system import System, Task
 from esea_gen.model.rubber import rubber_sensor
 from esea_gen.model.sensing import of_axis
 from esea_gen.model.symbolic import equation
-from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
+from esea_gen.twin.encoders import ANGLE_RAD
 from esea_gen.twin.mechanics import (
     WORKS,
     Coupling,
@@ -354,24 +353,6 @@ def steps_a_tick(step_s: float, tick_s: float) -> int:
             f"Give a step such as {tick_s / max(every, 1):g} s.",
         )
     return every
-
-
-def plant_system(
-    device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
-) -> System:
-    every = steps_a_tick(step_s, tick_s)
-    plant, encoders = plant_block(device, cable, step_s, tick_s), encoder_block(device, tick_s)
-    return System(
-        NAME,
-        step_s,
-        {"plant": plant, "encoders": encoders},
-        (Task("move", ("plant",)), Task("encode", ("encoders",), every)),
-        {},
-        {p.name: (f"plant.{p.name}",) for p in plant.inputs}
-        | {p.name: (f"encoders.{p.name}",) for p in encoders.inputs},
-        {p.name: f"plant.{p.name}" for p in plant.outputs}
-        | {p.name: f"encoders.{p.name}" for p in encoders.outputs},
-    )
 
 
 def _spring_Nm(plant: Block, delta: float) -> float:

@@ -109,7 +109,7 @@ class _Aim:
 
     def digest(self, tried: Sequence[Stream], more: str) -> str:
         # Of all that the search reads.
-        said = hashlib.sha256(f"{self.fmt.name} {more}\n{self.kernel.listing()}".encode())
+        said = hashlib.sha256(f"{self.fmt.name} {more}\n{self.kernel}".encode())
         double = FORMATS["f64"]
         exact = coefficients_of(self.block, double, {})
         memory = (*self.coefficients, *exact, *initial_state(self.block, double, exact))

@@ -1,5 +1,5 @@
 /* States of the board and what moves it: written by `python -m esea_gen.emit.states`
- * from the table in esea_gen/emit/states.py; do not edit.
+ * from the table in esea_gen/emit/states.toml; do not edit.
  *
  * License: MIT. */
 #ifndef ESEA_STATES_H

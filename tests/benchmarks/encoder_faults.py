@@ -20,7 +20,6 @@ from scipy import stats
 
 from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, rooms_digest
-from esea_gen.control.limits.redundancy import shares_of_room
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate_case
 from esea_gen.twin.case import Setting
@@ -59,7 +58,11 @@ def nearness(study: str, case: str, seed: int, controller: str) -> dict[str, flo
         return {"ran_away": 1.0}
     device = controller_device(controller)
     first = round(SETTLED_S / (run.time_s[1] - run.time_s[0]))
-    angle, torque = shares_of_room(device, run.controller)
+    own, shown = device.file.redundancy, run.controller
+    softer = 1 / own.cable_least_Nm_rad.value - 1 / own.cable_Nm_rad.value
+    angle = np.abs(shown["apart_rad"]) / (own.apart_rad.value + softer * np.abs(shown["tau_Nm"]))
+    # The room is 0 before the first run.
+    torque = np.abs(shown["apart_Nm"]) / np.maximum(shown["room_Nm"], own.torque_Nm.value)
     return {
         "angle": float(np.max(angle[first:])),
         "torque": float(np.max(torque[first:])),

@@ -188,6 +188,17 @@ def in_turns(ours: Any, peer: Any, per_pass: float, pairs: int) -> dict[str, flo
     return {"ours": a, "peer": b, "ratio": ratio, "low": low, "high": high, "unit": "ns"}
 
 
+def medians_us(runs: dict[Any, Any], rounds: int, per_run: float) -> dict[Any, float]:
+    """Median thread time of each in turns, in us over ``per_run``."""
+    taken: dict[Any, list[float]] = {k: [] for k in runs}
+    for _ in range(rounds):
+        for key, run in runs.items():
+            start = time.thread_time()
+            run()
+            taken[key].append(time.thread_time() - start)
+    return {k: 1e6 * float(np.median(v)) / per_run for k, v in taken.items()}
+
+
 def exact(ours: float, peer: float, unit: str) -> dict[str, Any]:
     """Two figures that do not scatter."""
     return {"ours": ours, "peer": peer, "ratio": peer / ours, "unit": unit}

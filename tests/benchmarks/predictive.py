@@ -13,7 +13,6 @@ import json
 import re
 import subprocess
 import tempfile
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +24,6 @@ import numpy as np
 from esea_gen.board.bound import InstructionBound, step_bound
 from esea_gen.board.emulator import qemu_command
 from esea_gen.control.laws.predictive import device_horizon, drive_train
-from esea_gen.control.predictive.box_qp_program import box_qp
 from esea_gen.control.predictive.drive import predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.emit.program_c import loop_lines
@@ -37,9 +35,10 @@ from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, boards_for
 from esea_gen.twin.controllers import controller_device
+from tests.box_qp_program import box_qp
 from tests.rendered_program import ProgramRenderer, render_program
 
-from .peers import with_templates
+from .peers import medians_us, with_templates
 from .predictive_loop import recorded_rows
 from .predictive_peer import step_times
 
@@ -210,13 +209,7 @@ def qp_rows(n: int = 10, count: int = 200, rounds: int = 15) -> dict[str, dict[s
         runs[name] = lambda solver=solver: np.array(solver(**given)["x"]).T
     found = {name: run() for name, run in runs.items()}
     best = np.array([_dense_minimum(h, f) for h, f in problems])
-    taken: dict[str, list[float]] = {k: [] for k in runs}
-    for _ in range(rounds):
-        for name, run in runs.items():
-            start = time.thread_time()
-            run()
-            taken[name].append(time.thread_time() - start)
-    us = {k: 1e6 * float(np.median(v)) / count for k, v in taken.items()}
+    us = medians_us(runs, rounds, count)
     return {
         name: {
             "problem_us": us[name],

@@ -8,7 +8,6 @@ QP are not in it, so that the comparison favours it.
 from __future__ import annotations
 
 import re
-import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,6 +26,7 @@ from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.controllers import controller_device
 from tests.rendered_program import render_program
 
+from .peers import medians_us
 from .predictive_loop import recorded_rows
 
 
@@ -147,13 +147,7 @@ def step_times(controller: str, steps: int = 200, rounds: int = 25) -> dict[str,
         runs["ours", real] = lambda runner=runner: runner.run(stream, trace=False)
         run, size = _peer(flat, rows, coefficients, n, real)
         runs["peer", real] = run
-    seen: dict[tuple[str, str], list[float]] = {k: [] for k in runs}
-    for _ in range(rounds):
-        for key, run in runs.items():
-            begin = time.thread_time()
-            run()
-            seen[key].append(1e6 * (time.thread_time() - begin) / steps)
-    times = {k: float(np.median(v)) for k, v in seen.items()}
+    times = medians_us(runs, rounds, steps)
     return {
         "ours_us": {r: times["ours", r] for r in ("f64", "f32")},
         "peer_us": {r: times["peer", r] for r in ("f64", "f32")},

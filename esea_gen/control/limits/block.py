@@ -240,6 +240,3 @@ def _equations() -> tuple[Any, ...]:
         equation("[lim 2]", "u_-", down, "largest push towards smaller angles"),
         equation("[lim 3]", "E", given, window),
     )
-
-
-__all__ = ["command_stamp", "limits"]

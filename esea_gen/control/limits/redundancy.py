@@ -6,16 +6,14 @@ coupling shows with what the motor must be giving, which finds a wrong load-side
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
-import numpy as np
 import sympy as sp
 
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Array, Flag, Port, around, status_port
+from esea_gen.language.ports import Flag, Port, around, status_port
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 
@@ -140,15 +138,6 @@ class _Redundancy:
         )
 
 
-def shares_of_room(device: DeviceData, shown: Mapping[str, Array]) -> tuple[Array, Array]:
-    """How near a run came to an alarm."""
-    law = _Redundancy(device)
-    tau = np.abs(shown["tau_Nm"])
-    angle = np.abs(shown["apart_rad"]) / (law.own.apart_rad.value + law.softer * tau)
-    room_Nm = np.maximum(shown["room_Nm"], law.own.torque_Nm.value)  # 0 before the first run
-    return np.asarray(angle), np.asarray(np.abs(shown["apart_Nm"]) / room_Nm)
-
-
 def _equations() -> tuple[Any, ...]:
     g, m, tau, zero = sp.symbols("theta_g theta_m tau_e theta_0")
     k, least, room, share = sp.symbols("k_c k_min theta_a c_tau")
@@ -168,6 +157,3 @@ def _equations() -> tuple[Any, ...]:
             "its room",
         ),
     )
-
-
-__all__ = ["redundancy", "shares_of_room"]

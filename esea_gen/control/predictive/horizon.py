@@ -16,8 +16,8 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.errors import UserError
+from esea_gen.language.component import PrepareFn
 from esea_gen.language.ports import Constant, Equation, Port, Tunable
-from esea_gen.language.start import PrepareFn
 
 INTERVALS = (2, 100)
 SUBSTEPS = (1, 50)

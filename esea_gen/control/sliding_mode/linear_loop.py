@@ -211,6 +211,3 @@ class LoopPeriod:
         law = equivalent + self.layer * surface
         x["integral"] += self.control_s * self.slope**2 * error
         x["u_pending"] = law + (self.lead - 1) * (law - x["u_a_model"])
-
-
-__all__ = ["LEAST_DAMPING", "Mode", "check_loop", "least_damped", "slope_range"]

@@ -97,6 +97,3 @@ class SwingSoftening:
             equation("[soft 2]", "lambda", slope * (1 - SLOPE_FALLS * last), "slope, softened"),
             equation("[soft 3]", "kappa", kappa * (1 + LEAD_RISES * last), "lead, at most 4"),
         )
-
-
-__all__ = ["SwingSoftening"]

@@ -16,6 +16,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -240,7 +241,7 @@ def _fitted_rows(
     rows = rows_of([(r, s) for r, s, _ in sets], ways)
     if fitted.temperature is not None:
         if rests_on_one(recordings, tells_none):
-            rows = rows.cycles_alone
+            rows = replace(rows, alone=True)
         warmed = every @ (weights * scaled_terms(fitted.member))
         basis = np.column_stack([basis, warmed * (at_C - fitted.temperature.reference_C)])
     return used, basis, residual, weight, rows

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from esea_gen.identify.published.parameters import at_bound, bounds_of
-from esea_gen.identify.recording.resampling import FitRows, LeftOut, autocorrelation, resampled
+from esea_gen.identify.published.plant import FittedPlant
+from esea_gen.identify.recording.resampling import LeftOut, autocorrelation, resampled
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
@@ -40,25 +41,13 @@ class Uncertainty:
     resampled: LeftOut | None = None  # None: no parameter is free
 
 
-class Fitted(Protocol):
-    """What is asked of a plant: the torque that it gives, and what was measured."""
-
-    measured: Array
-    weight: Array
-    rows: FitRows
-    whole: bool
-
-    def torque(self, values: Mapping[str, float], /) -> Array:
-        """Torque with these parameters, at the measured rows."""
-
-
 def free_keys(values: Mapping[str, float]) -> list[str]:
     """Parameters that a fit can move: neither fixed nor at a bound."""
     keys = (k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2")
     return [k for k in keys if at_bound(k, values[k]) is None]
 
 
-def uncertainty(plant: Fitted, values: Mapping[str, float]) -> Uncertainty:
+def uncertainty(plant: FittedPlant, values: Mapping[str, float]) -> Uncertainty:
     """Standard deviations from blocks left out (:mod:`esea_gen.identify.recording.resampling`)."""
     # The Jacobian says which parameters the torque does not depend on, and in which direction the
     # fit is weakest.

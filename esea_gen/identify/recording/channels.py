@@ -289,7 +289,7 @@ def _sharpened(
         )
         columns.append((up - down) / (ends[1] - ends[0]))
     if LAG in numbers and rests_on_one(recordings, lambda left: _one_rate(_trained(left))):
-        rows = rows.cycles_alone
+        rows = replace(rows, alone=True)
     whole = np.column_stack([jacobian, *columns])
     found = resampled(whole, residual, weight, rows, whole_conditions(recordings))
     first = jacobian.shape[1]

@@ -70,11 +70,6 @@ class FitRows:
             np.concatenate(cycle).astype(np.intp), np.concatenate(condition).astype(np.intp), ways
         )
 
-    @property
-    def cycles_alone(self) -> FitRows:
-        """The same, of which conditions judge the torque but no parameter."""
-        return replace(self, alone=True)
-
 
 def rows_of(sets: Sequence[tuple[Recording, DataSet]], ways: Sequence[Array]) -> FitRows:
     """Of data sets that train, with the direction of the deflection at their rows."""

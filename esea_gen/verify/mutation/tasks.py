@@ -101,7 +101,7 @@ def _board_run(library: HostLibrary, board: CBoard) -> list[bytes]:
     system = library.system
     ticks = 1200
     inputs = {t.name: working_inputs(system, t, ticks // t.every + 1) for t in system.tasks}
-    digest, out = hashlib.sha256(bytes(library.ffi.buffer(board._state))), []
+    digest, out = hashlib.sha256(bytes(library.ffi.buffer(board.state))), []
     for tick in range(ticks):
         board.release(tick)
         for task in system.tasks:
@@ -111,7 +111,7 @@ def _board_run(library: HostLibrary, board: CBoard) -> list[bytes]:
             given = {name: v[k] for name, v in inputs[task.name].items()}
             for value in board.step(task.name, **given).values():
                 digest.update(np.asarray(value, dtype=np.float64).tobytes())
-        digest.update(bytes(library.ffi.buffer(board._state)))
+        digest.update(bytes(library.ffi.buffer(board.state)))
         if tick % 100 == 99:
             out.append(digest.digest())
     return out

@@ -44,8 +44,8 @@ class KneeBoard:
         comfort: Comfort,
         session_file: Path | None = None,
         *,
-        advance: Callable[[float], None] | None = None,
-        paced: bool = False,
+        advance: Callable[[float], None] | None = None,  # moves a clock that stands still
+        paced: bool = False,  # such a clock follows the time of the day
         therapist: Therapist | None = None,
         kept_s: float = KEPT_S,
     ) -> None:

@@ -57,7 +57,7 @@ class Met:
     spastic: float
     dystonic: float
     way: str
-    steps: Array
+    steps: Array  # probabilities after each movement, shape (movements + 1, hypotheses)
     severity: dict[str, dict[str, float]]
     asked_again: int
 

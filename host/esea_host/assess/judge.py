@@ -100,17 +100,8 @@ def judge(met: Sequence[Met], mixed: Sequence[Met], data: ResponseDataBase) -> d
     out |= _motions(inside)
     out["ways"] = {w: _way(inside[w], names, len(data.diagnoses)) for w in ways}
     main = out["ways"]["expected"]
-    out |= {
-        k: main[k]
-        for k in (
-            "confusion",
-            "calibration_error",
-            "calibration_error_interval",
-            "calibration_curve",
-            "accuracy",
-            "log_score",
-        )
-    }
+    shown = ("confusion", "accuracy", "log_score", "calibration_curve")
+    out |= {k: main[k] for k in (*shown, "calibration_error", "calibration_error_interval")}
     out |= _none([m for m in met if m.way == "expected"], names, data.reference)
     between = [m for m in met if m.group == "between" and m.way == "expected"]
     out["between"] = _between(between, names)
@@ -133,10 +124,10 @@ def _motions(inside: dict[str, list[Met]]) -> dict[str, Any]:
     out: dict[str, Any] = {
         "motions": {
             w: {
-                "mean": float(c.mean()),
+                "mean": c.mean(),
                 "interval": interval(_ratio(c, np.ones(len(c))), len(c)),
-                "median": float(np.median(c)),
-                "never": float(np.mean(c >= MOST)),
+                "median": np.median(c),
+                "never": np.mean(c >= MOST),
             }
             for w, c in counts.items()
         }
@@ -176,13 +167,13 @@ def _way(met: list[Met], names: tuple[str, ...], rows: int) -> dict[str, Any]:
         if motions_to_confidence(m) < min(MOST, len(m.steps))
     ]
     return {
-        "accuracy": float(right.mean()),
+        "accuracy": right.mean(),
         "accuracy_interval": share_interval(int(right.sum()), len(right)),
-        "right_disorder": float(np.mean([bool(x) for x in same])),
-        "within_one_severity": float(np.mean(near)),
-        "right_when_95": float(np.mean(sure)) if sure else None,
-        "log_score": float(score.mean()),
-        "log_score_interval": interval(lambda i: float(score[i].mean()), len(score)),
+        "right_disorder": np.mean(same),
+        "within_one_severity": np.mean(near),
+        "right_when_95": np.mean(sure) if sure else None,
+        "log_score": score.mean(),
+        "log_score_interval": interval(lambda i: score[i].mean(), len(score)),
         "confusion": confusion(truth, said, rows, len(names)),
         "calibration_error": calibration_error(confidence.ravel(), hit.ravel()),
         "calibration_error_interval": interval(
@@ -190,7 +181,7 @@ def _way(met: list[Met], names: tuple[str, ...], rows: int) -> dict[str, Any]:
         ),
         "calibration_error_final": calibration_error(confidence[:, -1], hit[:, -1]),
         "calibration_curve": dict(zip(("confidence", "right", "count"), curve, strict=True)),
-        "asked_again": float(np.mean([m.asked_again / (len(m.steps) - 1) for m in met])),
+        "asked_again": np.mean([m.asked_again / (len(m.steps) - 1) for m in met]),
     }
 
 
@@ -226,29 +217,25 @@ def _severity(met: list[Met]) -> dict[str, Any]:
     errors = np.array([s["mean"] - t for t, s in rows])
     inside = [s["low"] - 1e-9 <= t <= s["high"] + 1e-9 for t, s in rows]
     return {
-        "rms_error": float(np.sqrt(np.mean(errors**2))),
-        "bias": float(errors.mean()),
-        "in_90_interval": float(np.mean(inside)),
+        "rms_error": np.sqrt(np.mean(errors**2)),
+        "bias": errors.mean(),
+        "in_90_interval": np.mean(inside),
         "patients": len(rows),
     }
 
 
 def _between(met: list[Met], names: tuple[str, ...]) -> dict[str, Any]:
     out = _severity(met)
-    neighbours = []
+    rows = []
     for m in met:
         level = m.spastic or m.dystonic
         what, p = ("S" if m.spastic else "D"), final(m)
         rungs = [d[1] for d in map(disorder_of, names) if d is not None and d[0] == what]
         low, high = max(x for x in rungs if x <= level), min(x for x in rungs if x >= level)
         on = sum(float(p[names.index(f"{what}{x:g}")]) for x in {low, high})
-        neighbours.append((on, float(p.max()), float(p[-1])))
-    n = np.array(neighbours)
-    return out | {
-        "on_both_neighbours": float(n[:, 0].mean()),
-        "highest": float(n[:, 1].mean()),
-        "none": float(n[:, 2].mean()),
-    }
+        rows.append((on, p.max(), p[-1]))
+    means = np.mean(rows, axis=0)
+    return out | dict(zip(("on_both_neighbours", "highest", "none"), means, strict=True))
 
 
 def _mixed(
@@ -256,30 +243,20 @@ def _mixed(
 ) -> dict[str, Any]:
     with_pairs = assessed_hypotheses(data, mixed=True).names
     said = [names[int(final(m).argmax())] for m in alone]
-    found = [with_pairs[int(final(m).argmax())] for m in pairs]
-
-    def near(name: str, m: Met) -> bool:
-        if "+" not in name:
-            return False
-        s, d = sorted(name.split("+"), reverse=True)
-        return abs(float(s[1:]) - m.spastic) <= 1 and abs(float(d[1:]) - m.dystonic) <= 1
-
+    found = [with_pairs[int(final(m).argmax())].split("+") for m in pairs]
+    exact, near = [], []
+    for f, m in zip(found, pairs, strict=True):
+        exact.append(sorted(f) == sorted(m.truth.split("+")))
+        levels = {x[0]: float(x[1:]) for x in f} if len(f) == 2 else {}
+        off = abs(levels.get("S", np.inf) - m.spastic), abs(levels.get("D", np.inf) - m.dystonic)
+        near.append(max(off) <= 1)
     return {
         "patients": len(alone),
-        "without_mixtures_none": float(np.mean([s == NONE for s in said])),
-        "without_mixtures_spastic": float(np.mean([s[0] == "S" for s in said])),
-        "with_mixtures_both": float(np.mean(["+" in f for f in found])),
-        "with_mixtures_exact": float(
-            np.mean(
-                [
-                    sorted(f.split("+")) == sorted(m.truth.split("+"))
-                    for f, m in zip(found, pairs, strict=True)
-                ]
-            )
-        ),
-        "with_mixtures_both_within_one": float(
-            np.mean([near(f, m) for f, m in zip(found, pairs, strict=True)])
-        ),
+        "without_mixtures_none": np.mean([s == NONE for s in said]),
+        "without_mixtures_spastic": np.mean([s[0] == "S" for s in said]),
+        "with_mixtures_both": np.mean([len(f) == 2 for f in found]),
+        "with_mixtures_exact": np.mean(exact),
+        "with_mixtures_both_within_one": np.mean(near),
     }
 
 

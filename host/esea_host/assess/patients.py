@@ -235,7 +235,7 @@ class KneeMotion:
     time_s: Array
     angle_rad: Array
     rate_rad_s: Array
-    torque_Nm: Array
+    torque_Nm: Array  # of the hands on the leg, positive towards flexion
 
 
 class Knees:

@@ -119,8 +119,8 @@ class PlannedMovement:
 
     cell: int
     movement: ProbingMovement
-    weights: Array
-    error_Nm2: Array
+    weights: Array  # of the cells at each reading, shape (k, cells)
+    error_Nm2: Array  # covariance, shape (k, k)
 
 
 @lru_cache(maxsize=32)

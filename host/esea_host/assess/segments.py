@@ -193,9 +193,9 @@ class MovementVerdict:
     """How a movement met what was asked."""
 
     passage: Passage | None
-    tried: bool
+    tried: bool  # an attempt at all, and not the way to its start
     passed: bool
-    distance: float
+    distance: float  # of the nearest point from the location, in tolerances
     angle_rad: float
     rate_rad_s: float
     text: str

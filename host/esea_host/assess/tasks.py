@@ -20,7 +20,12 @@ from esea_gen.errors import UserError
 from esea_host.assess import Measure, Summary
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.hypotheses import Hypotheses
-from esea_host.assess.passive_tests import motion_range, pendulum_test
+from esea_host.assess.passive_tests import (
+    MotionRange,
+    PendulumResult,
+    motion_range,
+    pendulum_test,
+)
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, Array
 from esea_host.assess.probing import Comfort, ProbingMovement, informative, next_movement
 from esea_host.assess.responses import (
@@ -252,12 +257,37 @@ def _probe_scene(state: KneeState, inside_s: float, inputs: Inputs) -> Scene:
 # -- tests of the first day -----------------------------------------------------------------------
 
 
+class _FirstDayTask(_KneeTask):
+    # The leg is watched for so many seconds; then one figure comes of all samples.
+
+    def scene(self, given: Any, time_s: float, angle_rad: float) -> Scene:
+        raise NotImplementedError
+
+    def measured(self, state: KneeState) -> Any:
+        raise NotImplementedError
+
+    def longest_s(self, parameters: Any) -> float:
+        return float(parameters.seconds) + 1
+
+    def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
+        scene = self.scene(state.parameters, time_s, inputs["angle_rad"])
+        state = state.with_sample(time_s, inputs)
+        if time_s < state.parameters.seconds:
+            return TaskStep(state, scene)
+        try:
+            found = self.measured(state)
+        except UserError as error:
+            return TaskStep(state, scene, outcome=TrialOutcome(None, str(error)))
+        row = {c.name: getattr(found, c.name) for c in self.columns}
+        return TaskStep(state, scene, outcome=TrialOutcome(row))
+
+
 class PendulumParameters(KneeParameters):
     seconds: float = Field(12.0, ge=4, le=60, description="how long the leg is watched")
 
 
 @register
-class PendulumTask(_KneeTask):
+class PendulumTask(_FirstDayTask):
     """Wartenberg's pendulum test: the leg is let go from a straight knee."""
 
     name = "knee-pendulum"
@@ -274,21 +304,12 @@ class PendulumTask(_KneeTask):
         DataColumn("reached_rest", bool, "whether it had come to rest"),
     )
 
-    def longest_s(self, parameters: Any) -> float:
-        return float(parameters.seconds) + 1
+    def scene(self, given: Any, time_s: float, angle_rad: float) -> Scene:
+        return leg_scene(("knee_let_fall",), given.comfort(), angle_rad)
 
-    def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
-        scene = leg_scene(("knee_let_fall",), state.parameters.comfort(), inputs["angle_rad"])
-        state = state.with_sample(time_s, inputs)
-        if time_s < state.parameters.seconds:
-            return TaskStep(state, scene)
+    def measured(self, state: KneeState) -> PendulumResult:
         t, angle, _ = np.array(state.samples).T
-        try:
-            found = pendulum_test(t, angle)
-        except UserError as error:
-            return TaskStep(state, scene, outcome=TrialOutcome(None, str(error)))
-        row = {c.name: getattr(found, c.name) for c in self.columns}
-        return TaskStep(state, scene, outcome=TrialOutcome(row))
+        return pendulum_test(t, angle)
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         from esea_host.assess.simulated import falling_actor
@@ -302,7 +323,7 @@ class LoopParameters(KneeParameters):
 
 
 @register
-class RangeTask(_KneeTask):
+class RangeTask(_FirstDayTask):
     """Passive range of motion: bent and straightened slowly, torque over angle."""
 
     name = "knee-range"
@@ -318,22 +339,12 @@ class RangeTask(_KneeTask):
         DataColumn("loop_J", float, "work lost in a cycle"),
     )
 
-    def longest_s(self, parameters: Any) -> float:
-        return float(parameters.seconds) + 1
+    def scene(self, given: Any, time_s: float, angle_rad: float) -> Scene:
+        target = float(_slow(given, np.array(time_s))[0])
+        return leg_scene(("knee_slowly",), given.comfort(), angle_rad, target)
 
-    def step(self, state: Any, time_s: float, inputs: Inputs) -> TaskStep:
-        given = state.parameters
-        target = _slow(given, np.array(time_s))[0]
-        scene = leg_scene(("knee_slowly",), given.comfort(), inputs["angle_rad"], float(target))
-        state = state.with_sample(time_s, inputs)
-        if time_s < given.seconds:
-            return TaskStep(state, scene)
-        try:
-            found = motion_range(state.recording())
-        except UserError as error:
-            return TaskStep(state, scene, outcome=TrialOutcome(None, str(error)))
-        row = {c.name: getattr(found, c.name) for c in self.columns}
-        return TaskStep(state, scene, outcome=TrialOutcome(row))
+    def measured(self, state: KneeState) -> MotionRange:
+        return motion_range(state.recording())
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
         from esea_host.assess.simulated import following_actor

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Collection
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -39,17 +38,16 @@ class LiveRecording:
     ) -> None:
         self.recorder, self._receiver = recorder, receiver
         self._health, self._ended = health, ended
-        for layout in receiver.decoder.layouts.values():
-            if streams is None or layout.name in streams:
-                self.recorder.declare(layout)
+        known = receiver.decoder.layouts.values()
+        layouts = [x for x in known if streams is None or x.name in streams]
+        for layout in layouts:
+            self.recorder.declare(layout)
         self.subscription = receiver.subscribe(streams, MOST_ROWS)
         self.rows, self.gaps = 0, 0
         self.error: Exception | None = None
         self._lock = threading.Lock()
         self._start: tuple[int, int] | None = None
-        layouts = receiver.decoder.layouts.values()
-        names = [x.name for x in layouts if streams is None or x.name in streams]
-        self._last = dict.fromkeys(names, (-1, -1))  # tick, and the board's time
+        self._last = {x.name: (-1, -1) for x in layouts}  # tick, and the board's time
         self._clock_s = 0.0
         self._stopped = threading.Event()
         self._thread: threading.Thread | None = None
@@ -60,12 +58,7 @@ class LiveRecording:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def note(self, text: str, **facts: Any) -> None:

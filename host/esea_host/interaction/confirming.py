@@ -112,8 +112,8 @@ class ElementFinding:
     load_Nm: float
     deflections_rad: tuple[float, ...]
     measured: CouplingNumbers
-    u_stiffness: float
-    u_memory: float
+    u_stiffness: float  # expanded (95 %), a share of the stiffness
+    u_memory: float  # expanded (95 %)
     expected: Mapping[str, CouplingNumbers]
     fits: tuple[str, ...]
 

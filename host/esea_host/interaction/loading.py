@@ -51,7 +51,7 @@ class Branch:
     start: int
     stop: int
     positive: bool
-    first: bool
+    first: bool  # from the start of the record, before the element was ever bent
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,7 @@ class ProcessHands:
 
     def __init__(self, board: ConnectedDevice) -> None:
         self._board = board
+        # Else what the address says stays in.
         self.swaps = board.address is None or "spring=" not in board.address.place
 
     def _do(self, word: str, number: float) -> None:

@@ -74,7 +74,7 @@ class TaskRecordings:
     task: str
     people: tuple[str, ...]
     groups: tuple[str, ...]
-    theta_deg: Array
+    theta_deg: Array  # second axis: spring, elastomer
     fs_Hz: float
 
 

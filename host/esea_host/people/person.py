@@ -143,8 +143,9 @@ class VirtualParticipant:
     model: PersonModel
     limbs: tuple[Limb, Limb]
     rng: np.random.Generator
-    fast: float = 0.0
+    fast: float = 0.0  # what is known of how far a target runs away, 1 all of it [5]
     slow: float = 0.0
+    # Of the cursor over the hand, as it is felt, per axis.
     gain: list[float] = field(default_factory=lambda: [1.0, 1.0])
 
     @property

@@ -71,11 +71,11 @@ class _Guests:
         self._here: dict[int, tuple[_Socket, float, int]] = {}
 
     def attend(self, host: _Socket, commander: str) -> None:
-        self._listener.setblocking(False)
         for _ in range(self._drive.board.guests):
             if host.leaves():
                 break
             try:
+                self._listener.setblocking(False)
                 line = _Socket(self._listener.accept()[0])
             except OSError:
                 break

@@ -74,16 +74,8 @@ def dimensionless_jerk(
 
     Parameters
     ----------
-    speed : array_like
-        Speed in any unit, shape (samples,), or a stack, shape (movements, samples).
-    fs_Hz : float
-        Sampling rate.
-    convention : str
-        As in :func:`ldlj`; the reference's is negative, the thesis' positive.
-    jerk : array_like, optional
-        As in :func:`ldlj`.
-    time_s, processing : optional
-        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
+    speed, fs_Hz, convention, jerk, time_s, processing
+        As in :func:`ldlj`; the reference's value is negative, the thesis' positive.
     """
     return _measured("dimensionless jerk", speed, fs_Hz, convention, jerk, time_s, processing)
 

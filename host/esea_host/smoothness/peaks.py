@@ -84,13 +84,8 @@ def peak_speed_ratio(
 
     Parameters
     ----------
-    speed : array_like
-        Speed, shape (samples,), or a stack, shape (movements, samples); of a signed velocity its
-        absolute value counts.
-    fs_Hz : float
-        Sampling rate.
-    time_s, processing : optional
-        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
+    speed, fs_Hz, time_s, processing
+        As in :func:`submovements`.
 
     References
     ----------

@@ -60,18 +60,12 @@ def vdv(
 
     Parameters
     ----------
-    acceleration : array_like
-        Shape (samples,), or a stack, shape (movements, samples).
-    fs_Hz : float
-        Sampling rate.
+    acceleration, fs_Hz, unit, time_s, processing
+        As in :func:`rms_acceleration`.
     convention : str
         ``"iso2631"``: :math:`(\int a^4 dt)^{1/4}`, in the given unit times s^0.25.  ``"thesis"``:
         :math:`(\sum a^4)^{1/4}` over the samples, which its published values have, and which grows
         with the sampling rate.
-    unit : str
-        Unit of what is given.
-    time_s, processing : optional
-        Times of the samples, to find gaps, shape (samples,); what filtered the signal.
 
     References
     ----------

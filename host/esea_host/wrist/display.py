@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -51,18 +51,6 @@ class DisplayPicture:
     normalised: Scene
 
 
-@dataclass
-class _Pending:
-    # Rows of one axis that have come and are not used yet.
-    time_s: Floats = field(default_factory=lambda: np.empty(0))
-    theta_deg: Floats = field(default_factory=lambda: np.empty(0))
-    acts: Floats = field(default_factory=lambda: np.empty(0))
-
-    def keep(self, part: slice) -> None:
-        self.time_s, self.theta_deg = self.time_s[part], self.theta_deg[part]
-        self.acts = self.acts[part]
-
-
 class WristDisplay:
     """Takes telemetry, gives pictures; a guide takes the same frames."""
 
@@ -74,7 +62,8 @@ class WristDisplay:
         self.streams = {taps[n].stream: a for a, n in INPUTS.items()}
         self._angles = {a: taps[n] for a, n in INPUTS.items()}
         self._acting = {a: acting[n].column for a, n in names.items()} if self.can_constrain else {}
-        self._pending = {a: _Pending() for a in AXES}
+        # Of each axis its rows that are not used yet: time_s, theta_deg, acts.
+        self._pending = {a: np.empty((0, 3)) for a in AXES}
         self._due_s = -math.inf
         self.time_s, self.angles_deg, self.acts = 0.0, (0.0, 0.0), False
         self.guide: CalibrationGuide | None = None
@@ -95,33 +84,27 @@ class WristDisplay:
             pass
 
     def _take(self, axis: str, batch: Batch) -> None:
-        old = self._pending[axis]
         tap, rows = self._angles[axis], batch.rows
         acts = rows[self._acting[axis]] if self.can_constrain else np.zeros(len(rows))
-        new = _Pending(
-            np.concatenate([old.time_s, batch.board_ns * 1e-9]),
-            np.concatenate([old.theta_deg, tap.factor * rows[tap.column].astype(np.float64)]),
-            np.concatenate([old.acts, acts]),
-        )
-        new.keep(slice(-MOST_ROWS, None))
-        self._pending[axis] = new
+        theta_deg = tap.factor * rows[tap.column].astype(np.float64)
+        new = np.column_stack([batch.board_ns * 1e-9, theta_deg, acts])
+        self._pending[axis] = np.concatenate([self._pending[axis], new])[-MOST_ROWS:]
 
     def _frame(self) -> bool:
         # The first row of FE that is due, with the newest one of RU by then.
         fe, ru = (self._pending[a] for a in AXES)
-        i = int(np.searchsorted(fe.time_s, self._due_s - SAME_S))
-        if i == len(fe.time_s) or not len(ru.time_s) or fe.time_s[i] > ru.time_s[-1] + SAME_S:
+        i = int(np.searchsorted(fe[:, 0], self._due_s - SAME_S))
+        if i == len(fe) or not len(ru) or fe[i, 0] > ru[-1, 0] + SAME_S:
             return False
-        j = int(np.searchsorted(ru.time_s, fe.time_s[i] + SAME_S)) - 1
+        j = int(np.searchsorted(ru[:, 0], fe[i, 0] + SAME_S)) - 1
         if j < 0:  # RU has only begun
-            self._due_s = float(ru.time_s[0])
+            self._due_s = float(ru[0, 0])
             return True
-        self.time_s = float(fe.time_s[i])
-        self.angles_deg = float(fe.theta_deg[i]), float(ru.theta_deg[j])
-        self.acts = bool(min(fe.acts[i], ru.acts[j]) > 0.5)
+        self.time_s = float(fe[i, 0])
+        self.angles_deg = float(fe[i, 1]), float(ru[j, 1])
+        self.acts = bool(min(fe[i, 2], ru[j, 2]) > 0.5)
         self._due_s = self.time_s + FRAME_S
-        fe.keep(slice(i + 1, None))
-        ru.keep(slice(j, None))
+        self._pending = {"FE": fe[i + 1 :], "RU": ru[j:]}
         if self.guide is not None:
             inputs = {"fe_deg": self.angles_deg[0], "ru_deg": self.angles_deg[1]}
             self.guide.step(self.time_s, inputs, self.acts)
