@@ -180,6 +180,7 @@ def run(
     A board measures with --device, and its recording goes beside the session (--json).  Works
     without a sensor: say in a word how the leg resists, or skip.
     """
+    # Long: an option a line.
     # Long: an option a line
     from esea_host.assess.desk import ClinicDesk, assess_unattended, converse
     from esea_host.assess.files import read_recording
